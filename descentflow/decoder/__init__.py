@@ -1,0 +1,1 @@
+"""From weights to trajectories: drag and CAS, then batched total-energy integration."""

@@ -1,0 +1,1 @@
+"""Gappy functional principal component analysis of drag and of CAS."""

@@ -1,0 +1,1 @@
+"""Distances between samples and held-out flights, each beside its real-against-real floor."""

@@ -1,0 +1,1 @@
+"""Latent densities over the weights: Gaussian, Gaussian mixture and masked affine flow."""

@@ -1,0 +1,1 @@
+"""Plausibility bounds and rejection sampling, with an account of every draw."""

@@ -1,0 +1,1 @@
+"""From surveillance rows to cleaned free descents; this part never imports torch."""

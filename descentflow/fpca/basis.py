@@ -1,5 +1,6 @@
 """A fitted functional basis as torch buffers: encodes gappy profiles to weights and decodes weights to profiles."""
 
+from math import sqrt
 from typing import Any
 
 import torch
@@ -24,6 +25,7 @@ class FunctionalBasis(nn.Module):
         >>> basis.decode(weights)  # (n, L)
     """
 
+    spacing_m: float
     mean: Tensor
     components: Tensor
     loadings: Tensor
@@ -79,8 +81,8 @@ class FunctionalBasis(nn.Module):
         """
         values = values.to(torch.float64)
         if self.loadings.shape[1] == 0:
-            modes = self.components.T * self.spacing_m**0.5
-            return modewise_weights(values - self.mean, mask, modes) * self.spacing_m**0.5
+            root = sqrt(self.spacing_m)
+            return modewise_weights(values - self.mean, mask, self.components.T * root) * root
         if not bool(mask.all()):
             values = self.complete(values, mask)
         weights: Tensor = (values - self.mean) @ self.components.T * self.spacing_m

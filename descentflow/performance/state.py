@@ -1,0 +1,43 @@
+"""What BADA says of an aircraft descending at a given CAS and pressure altitude: used by inference and by decoding."""
+
+from typing import NamedTuple
+
+from torch import Tensor
+
+from descentflow.performance.aircraft import Aircraft, Number
+from descentflow.performance.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.performance.energy import energy_share_factor
+from descentflow.performance.forces import descent_thrust_n
+from descentflow.performance.transition import transition_altitude_m
+
+
+class DescentState(NamedTuple):
+    """Mach, true airspeed, idle thrust and energy share factor, each broadcast to the batch."""
+
+    mach: Tensor
+    tas_mps: Tensor
+    thrust_n: Tensor
+    energy_share: Tensor
+
+
+def descent_state(aircraft: Aircraft, cas_mps: Tensor, altitude_m: Tensor, deviation_k: Number = 0.0) -> DescentState:
+    """State of a clean descent at idle (paper, section 2.1: BADA's formulae unchanged but for drag and CAS).
+
+    Above the type's transition altitude the energy share factor is BADA's for constant Mach, below it the one
+    for constant CAS (BADA 3 user manual, section 3.2), whatever the given CAS does between levels.
+
+    Args:
+        aircraft: Coefficients.
+        cas_mps: (..., L) calibrated airspeed.
+        altitude_m: (L,) pressure altitude.
+        deviation_k: ISA temperature deviation.
+    """
+    mach = cas_to_mach(cas_mps, altitude_m)
+    tas_mps = mach_to_tas_mps(mach, altitude_m, deviation_k)
+    above = altitude_m > transition_altitude_m(aircraft)
+    return DescentState(
+        mach,
+        tas_mps,
+        descent_thrust_n(aircraft, altitude_m, tas_mps, deviation_k),
+        energy_share_factor(mach, altitude_m, above, deviation_k),
+    )

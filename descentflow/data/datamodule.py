@@ -1,0 +1,243 @@
+"""The one DataModule: splits by flight, fits the representation on the train part, serves standardised weights."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import polars as pl
+import torch
+from jsonargparse.typing import OpenUnitInterval, PositiveFloat, PositiveInt
+from lightning.pytorch import LightningDataModule
+from lightning.pytorch.utilities import rank_zero_info
+from torch import Tensor
+from torch.utils.data import DataLoader, TensorDataset
+
+from descentflow.data.representation import Representation, Split, fit_representation
+from descentflow.data.splitting import SplitBy, split_flights
+from descentflow.errors import ConfigError, DataError
+from descentflow.fpca.gappy import Method
+from descentflow.models.checkpoint import load_representation
+from descentflow.performance.aircraft import Aircraft
+from descentflow.performance.registry import aircraft as find_aircraft
+from descentflow.profiles.profiles import Profiles, profiles_from_frame
+from descentflow.surveillance.descents import Descents, read_descents
+
+Part = Literal["train", "validation", "test"]
+REACHED_BY = 0.25
+"""The grid ends at the highest level that this share of the training flights reach (paper, appendix A)."""
+
+
+class DescentDataModule(LightningDataModule):
+    """Prepared descents as standardised weights, split by flight before anything is fitted.
+
+    ``setup`` reads the descents, infers their drag, splits them, fits bases, scaler and bounds on the train part
+    alone and encodes every part. With ``checkpoint`` nothing is fitted: the checkpoint's representation encodes
+    the descents, its train and validation flights keep their part, and every other flight is a test flight.
+
+    Example:
+        >>> data = DescentDataModule("a320.parquet", aircraft="A320")
+        >>> data.setup()
+        >>> data.weights("train").shape
+        torch.Size([1440, 12])
+    """
+
+    def __init__(
+        self,
+        descents: Path,
+        aircraft: str | None = None,
+        bada_dir: Path | None = None,
+        typecodes: list[str] | None = None,
+        bottom_fl: int | None = None,
+        mass_kg: PositiveFloat | None = None,
+        test_fraction: OpenUnitInterval = 0.2,
+        validation_fraction: OpenUnitInterval = 0.1,
+        split_by: SplitBy = "flight",
+        seed: int = 0,
+        explained_variance: OpenUnitInterval = 0.8,
+        fpca: Method = "ppca",
+        batch_size: PositiveInt = 512,
+        checkpoint: Path | None = None,
+    ) -> None:
+        """Set the options; nothing is read before ``setup``.
+
+        Args:
+            descents: Parquet that ``descentflow prepare`` wrote.
+            aircraft: Type whose coefficients infer and fly the drag; the descents' own type if they have only one.
+            bada_dir: Folder of BADA 3 OPF and APF files; the embedded open aircraft if absent.
+            typecodes: Keep these types of the descents; all if absent.
+            bottom_fl: Lowest level of the grid; the one that the descents were prepared with if absent.
+            mass_kg: Mass that infers and flies the drag; the type's reference mass if absent.
+            test_fraction: Share of the flights held out for test.
+            validation_fraction: Share of the other flights held out for validation.
+            split_by: What the split never tears apart: a flight, or an aircraft with all its flights.
+            seed: Of the split.
+            explained_variance: Share of variance that the components of drag, and of CAS, explain.
+            fpca: Gappy fPCA algorithm: ``ppca`` or the paper's ``iterative``.
+            batch_size: Flights in a training batch.
+            checkpoint: Encode with this checkpoint's representation instead of fitting one.
+        """
+        super().__init__()
+        self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
+        self.bottom_fl, self.mass_kg = bottom_fl, mass_kg
+        self.test_fraction, self.validation_fraction = test_fraction, validation_fraction
+        self.split_by, self.seed = split_by, seed
+        self.explained_variance, self.fpca = explained_variance, fpca
+        self.batch_size, self.checkpoint = batch_size, checkpoint
+        self._representation: Representation | None = None
+
+    def setup(self, stage: str | None = None) -> None:
+        """Read, split, fit and encode, once (Lightning calls this with a stage).
+
+        Raises:
+            DataError: If the descents cannot be read or are too few.
+            ConfigError: If they hold several types and no aircraft is named.
+        """
+        if self._representation is not None:
+            return
+        source = read_descents(self.descents)
+        frame = self._chosen(source)
+        if self.checkpoint is not None:
+            representation = load_representation(self.checkpoint)
+            profiles = self._on_grid(frame, representation)
+            split = rest_is_test(profiles.flight_ids, representation.split)
+        else:
+            profiles, split = self._fresh(frame, source)
+            representation = self._fit(profiles, split, source)
+        self._profiles = _parts(profiles, split)
+        self._weights = {part: representation.decoder.encode(self._profiles[part]) for part in self._profiles}
+        self._representation = representation
+        rank_zero_info(self._summary())
+
+    @property
+    def representation(self) -> Representation:
+        """What was fitted on the train part."""
+        if self._representation is None:
+            raise ConfigError("a DataModule before setup", expected="setup() first", mend="call data.setup()")
+        return self._representation
+
+    def profiles(self, part: Part) -> Profiles:
+        """Profiles of a part, on the grid."""
+        self.representation  # noqa: B018 - raises before setup
+        return self._profiles[part]
+
+    def weights(self, part: Part) -> Tensor:
+        """Standardised weights (n, d) of a part, float64."""
+        self.representation  # noqa: B018 - raises before setup
+        return self._weights[part]
+
+    def train_dataloader(self) -> DataLoader[Any]:
+        """Training weights, shuffled by Lightning's seed."""
+        return self._loader("train", shuffle=True)
+
+    def val_dataloader(self) -> DataLoader[Any]:
+        """Validation weights."""
+        return self._loader("validation")
+
+    def test_dataloader(self) -> DataLoader[Any]:
+        """Test weights."""
+        return self._loader("test")
+
+    def predict_dataloader(self) -> DataLoader[Any]:
+        """Test weights, for their log density flight by flight."""
+        return self._loader("test")
+
+    def _loader(self, part: Part, *, shuffle: bool = False) -> DataLoader[Any]:
+        # The weights are in memory and a batch is one slice: worker processes would only cost.
+        return DataLoader(TensorDataset(self.weights(part)), self.batch_size, shuffle=shuffle)
+
+    def _chosen(self, source: Descents) -> pl.DataFrame:
+        if self.typecodes is None:
+            return source.frame
+        frame = source.frame.filter(pl.col("typecode").is_in(self.typecodes))
+        if frame.is_empty():
+            raise DataError(
+                f"no descent of {', '.join(self.typecodes)} in {self.descents}",
+                expected=f"some of {', '.join(sorted(source.frame['typecode'].unique()))}",
+                mend="change data.typecodes",
+            )
+        return frame
+
+    def _aircraft(self, frame: pl.DataFrame) -> Aircraft:
+        if self.aircraft is not None:
+            return find_aircraft(self.aircraft, self.bada_dir)
+        types = sorted(frame["typecode"].unique())
+        if len(types) != 1:
+            raise ConfigError(
+                f"descents of {len(types)} types ({', '.join(types[:8])})",
+                expected="one type, or the aircraft whose coefficients stand for all of them",
+                mend="set data.aircraft (pooling) or data.typecodes (choosing)",
+            )
+        return find_aircraft(types[0], self.bada_dir)
+
+    def _fresh(self, frame: pl.DataFrame, source: Descents) -> tuple[Profiles, Split]:
+        """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
+        bottom = self.bottom_fl if self.bottom_fl is not None else source.bottom_fl
+        profiles = profiles_from_frame(frame, self._aircraft(frame), bottom, mass_kg=self.mass_kg)
+        owner = dict(frame.select("flight_id", "icao24").unique("flight_id").iter_rows())
+        groups = profiles.flight_ids if self.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
+        split = split_flights(
+            profiles.flight_ids,
+            groups,
+            test_fraction=self.test_fraction,
+            validation_fraction=self.validation_fraction,
+            seed=self.seed,
+        )
+        top = top_level(_parts(profiles, split)["train"])
+        return _with_levels(profiles.up_to(top)), split
+
+    def _fit(self, profiles: Profiles, split: Split, source: Descents) -> Representation:
+        return fit_representation(
+            _parts(profiles, split)["train"],
+            self._aircraft(self._chosen(source)),
+            split,
+            explained_variance=self.explained_variance,
+            method=self.fpca,
+            mass_kg=self.mass_kg,
+            provenance={"descents": Path(self.descents).name, "typecodes": sorted(source.frame["typecode"].unique())},
+        )
+
+    def _on_grid(self, frame: pl.DataFrame, representation: Representation) -> Profiles:
+        decoder = representation.decoder
+        bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
+        return _with_levels(profiles_from_frame(frame, decoder.aircraft, bottom, top))
+
+    def _summary(self) -> str:
+        decoder = self.representation.decoder
+        counts = ", ".join(f"{len(self._profiles[part])} {part}" for part in ("train", "validation", "test"))
+        return (
+            f"flights: {counts}; grid FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}; components: "
+            f"{decoder.drag_basis.n_components} of drag, {decoder.cas_basis.n_components} of CAS"
+        )
+
+
+def top_level(train: Profiles) -> int:
+    """Highest flight level that at least a quarter of the training flights reach (paper, appendix A)."""
+    entries = train.levels_fl[train.entry_level].sort(descending=True).values
+    needed = -(-len(entries) * int(REACHED_BY * 100) // 100)
+    return int(entries[needed - 1])
+
+
+def rest_is_test(flight_ids: tuple[str, ...], split: Split) -> Split:
+    """The parts of a checkpoint's split that are among these flights; every flight it never saw is a test flight."""
+    train, validation = set(split.train), set(split.validation)
+    return Split(
+        tuple(f for f in flight_ids if f in train),
+        tuple(f for f in flight_ids if f in validation),
+        tuple(f for f in flight_ids if f not in train and f not in validation),
+    )
+
+
+def _with_levels(profiles: Profiles) -> Profiles:
+    """Without the flights that have no two levels on the grid; says how many those were."""
+    enough = profiles.mask.sum(1) >= 2
+    if not bool(enough.all()):
+        rank_zero_info(f"left out {int((~enough).sum())} flight(s) with fewer than two levels on the grid")
+    return profiles.subset(torch.nonzero(enough)[:, 0])
+
+
+def _parts(profiles: Profiles, split: Split) -> dict[Part, Profiles]:
+    position = {flight: i for i, flight in enumerate(profiles.flight_ids)}
+    return {
+        "train": profiles.subset([position[f] for f in split.train if f in position]),
+        "validation": profiles.subset([position[f] for f in split.validation if f in position]),
+        "test": profiles.subset([position[f] for f in split.test if f in position]),
+    }

@@ -1,0 +1,47 @@
+"""`descentflow sample`: draw plausible descents from a checkpoint."""
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.description = (
+        "Draw plausible descents from a fitted model and write them as one long table: a row per sample and flight "
+        "level, with time since entry, altitude, CAS, Mach, TAS, vertical rate and drag."
+    )
+    parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
+    parser.add_argument("-n", "--number", type=int, default=10_000, help="descents wanted (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same descents (default: 0)")
+    parser.add_argument("--out", type=Path, required=True, help="output: .parquet, .csv or .nc (NetCDF)")
+    parser.add_argument(
+        "--draw-budget", type=int, help="most draws before giving up (default: 100 for each descent wanted)"
+    )
+
+
+def run(args: argparse.Namespace) -> None:
+    """Load, sample, write, and say what was rejected."""
+    from tqdm import tqdm
+
+    from descentflow.errors import ConfigError
+    from descentflow.models.checkpoint import load_model
+    from descentflow.sampling.rejection import sample_descents
+    from descentflow.sampling.tables import write_samples
+
+    if args.number < 1:
+        raise ConfigError(f"-n {args.number}", expected="at least one descent", mend="pass a positive number")
+    model = load_model(args.checkpoint)
+    parts = model.representation
+    with tqdm(total=args.number, desc="descents", delay=2) as bar:
+        samples = sample_descents(
+            model,
+            parts.decoder,
+            parts.plausibility,
+            args.number,
+            args.seed,
+            draw_budget=args.draw_budget,
+            progress=lambda n: bar.update(n) and None,
+        )
+    write_samples(samples.trajectories, args.out)
+    print(samples.report)
+    print(f"wrote {args.out}")

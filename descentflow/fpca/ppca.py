@@ -8,6 +8,7 @@ times larger.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import log, pi
 
 import torch
 from torch import Tensor
@@ -160,4 +161,4 @@ def _log_likelihood(
     n_levels = groups.masks.sum(1)[groups.group]
     quadratic = (energy - ((centred @ loadings) * means).sum(1)) / noise
     log_det_full = (n_levels - q) * noise.log() + log_det[groups.group]
-    return -0.5 * (n_levels * torch.log(torch.tensor(2 * torch.pi)) + log_det_full + quadratic).sum()
+    return -0.5 * (n_levels * log(2 * pi) + log_det_full + quadratic).sum()

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from descentflow.performance.aircraft import Aircraft, Number
 from descentflow.performance.energy import descent_rate_mps
-from descentflow.performance.state import descent_state
+from descentflow.performance.state import idle_state
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def integrate(
         The trajectories. A rate that is not negative gives times that are not finite or not increasing: it is
         the sampler that rejects those.
     """
-    state = descent_state(aircraft, cas_mps, altitude_m, deviation_k)
+    state = idle_state(aircraft, cas_mps, altitude_m, deviation_k)
     rate_mps = descent_rate_mps(
         aircraft, drag_n, state.thrust_n, state.tas_mps, state.energy_share, altitude_m, deviation_k, mass_kg
     )

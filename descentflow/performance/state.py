@@ -11,7 +11,7 @@ from descentflow.performance.forces import descent_thrust_n
 from descentflow.performance.transition import transition_altitude_m
 
 
-class DescentState(NamedTuple):
+class IdleState(NamedTuple):
     """Mach, true airspeed, idle thrust and energy share factor, each broadcast to the batch."""
 
     mach: Tensor
@@ -20,7 +20,7 @@ class DescentState(NamedTuple):
     energy_share: Tensor
 
 
-def descent_state(aircraft: Aircraft, cas_mps: Tensor, altitude_m: Tensor, deviation_k: Number = 0.0) -> DescentState:
+def idle_state(aircraft: Aircraft, cas_mps: Tensor, altitude_m: Tensor, deviation_k: Number = 0.0) -> IdleState:
     """State of a clean descent at idle (paper, section 2.1: BADA's formulae unchanged but for drag and CAS).
 
     Above the type's transition altitude the energy share factor is BADA's for constant Mach, below it the one
@@ -35,7 +35,7 @@ def descent_state(aircraft: Aircraft, cas_mps: Tensor, altitude_m: Tensor, devia
     mach = cas_to_mach(cas_mps, altitude_m)
     tas_mps = mach_to_tas_mps(mach, altitude_m, deviation_k)
     above = altitude_m > transition_altitude_m(aircraft)
-    return DescentState(
+    return IdleState(
         mach,
         tas_mps,
         descent_thrust_n(aircraft, altitude_m, tas_mps, deviation_k),

@@ -11,7 +11,7 @@ from torch import Tensor
 from descentflow.errors import DataError
 from descentflow.performance.aircraft import Aircraft, Number
 from descentflow.performance.energy import inferred_drag_n
-from descentflow.performance.state import descent_state
+from descentflow.performance.state import idle_state
 from descentflow.units import FL_M, FPM_MPS, KT_MPS
 
 
@@ -92,7 +92,7 @@ def infer_drag_n(
     Example:
         >>> drag_n = infer_drag_n(aircraft("A320"), cas_mps, rate_mps, altitude_m)
     """
-    state = descent_state(aircraft, cas_mps, altitude_m, deviation_k)
+    state = idle_state(aircraft, cas_mps, altitude_m, deviation_k)
     return inferred_drag_n(
         aircraft, rate_mps, state.thrust_n, state.tas_mps, state.energy_share, altitude_m, deviation_k, mass_kg
     )

@@ -67,7 +67,7 @@ def test_gappy_likelihood_equals_direct_gaussian() -> None:
     mean = ppca.observed_mean(values, mask)
     centred = torch.where(mask, values - mean, 0.0)
     start = ppca.closed_form(ppca.pairwise_covariance(centred, mask), 3)
-    covariance = start[0] @ start[0].T + start[1] * torch.eye(12)
+    covariance = start[0] @ start[0].T + start[1] * torch.eye(12, dtype=torch.float64)
     direct = 0.0
     for row, seen in zip(centred, mask, strict=True):
         normal = torch.distributions.MultivariateNormal(
@@ -91,7 +91,7 @@ def test_completion_is_the_conditional_expectation() -> None:
     values = curves(200, n_levels=20)
     mask = top_gaps(200, 20)
     basis = GappyFPCA(0.9).fit(values, mask, SPACING_M).basis_
-    covariance = basis.loadings @ basis.loadings.T + basis.noise_variance * torch.eye(20)
+    covariance = basis.loadings @ basis.loadings.T + basis.noise_variance * torch.eye(20, dtype=torch.float64)
     completed = basis.complete(values, mask)
     for i in range(20):
         seen = mask[i]
@@ -162,6 +162,8 @@ def test_factor_analysis_agrees_on_isotropic_noise() -> None:
     """Another EM (scikit-learn's factor analysis) finds the same covariance within sampling error of its own noise."""
     values = curves(4000, n_levels=12, noise=0.3)
     fitted = GappyFPCA(0.9, latent_dimension=6).fit(values, torch.ones_like(values, dtype=torch.bool), SPACING_M)
-    ours = fitted.basis_.loadings @ fitted.basis_.loadings.T + fitted.basis_.noise_variance * torch.eye(12)
+    ours = fitted.basis_.loadings @ fitted.basis_.loadings.T + fitted.basis_.noise_variance * torch.eye(
+        12, dtype=torch.float64
+    )
     theirs = torch.from_numpy(FactorAnalysis(6, max_iter=2000, tol=1e-6).fit(values.numpy()).get_covariance())
     assert (ours - theirs).norm() / theirs.norm() < 0.02

@@ -1,0 +1,30 @@
+"""One door to aircraft: the embedded open ones, or a licence holder's BADA directory."""
+
+from pathlib import Path
+
+from descentflow.performance.aircraft import Aircraft
+from descentflow.performance.bada_files import load_aircraft
+
+
+def aircraft(typecode: str, bada_dir: str | Path | None = None) -> Aircraft:
+    """Return the aircraft of a type.
+
+    Args:
+        typecode: ICAO type designator, in any case.
+        bada_dir: BADA 3 directory; None for the embedded open aircraft, which are not EUROCONTROL's.
+
+    Returns:
+        Its coefficients.
+
+    Raises:
+        AircraftError: If the type is not known there, or a file of the directory is missing or malformed.
+
+    Example:
+        >>> aircraft("A320").engine
+        'jet'
+    """
+    if bada_dir is not None:
+        return load_aircraft(typecode, bada_dir)
+    from descentflow.performance.open_aircraft import open_aircraft  # the data file is read only where it is wanted
+
+    return open_aircraft(typecode)

@@ -9,6 +9,7 @@ from descentflow.errors import AircraftError
 from descentflow.performance.aircraft import Aircraft, Number
 from descentflow.performance.global_parameters import STANDARD, GlobalParameters
 from descentflow.performance.tensors import as_tensors
+from descentflow.performance.thresholds import is_below
 from descentflow.units import FT_M, KT_MPS
 
 CLEAN, APPROACH, LANDING = 0, 1, 2
@@ -119,6 +120,6 @@ def descent_configuration(
     """
     altitude, cas, clean, approach = as_tensors(altitude_m, cas_mps, minimum_clean_mps, minimum_approach_mps)
     margin = 10 * KT_MPS
-    lands = (altitude < limits.landing_ceiling_ft * FT_M) & (cas < approach + margin - _EQUAL_MPS)
-    approaches = (altitude < limits.approach_ceiling_ft * FT_M) & (cas < clean + margin + _EQUAL_MPS)
+    lands = is_below(altitude, limits.landing_ceiling_ft * FT_M) & (cas < approach + margin - _EQUAL_MPS)
+    approaches = is_below(altitude, limits.approach_ceiling_ft * FT_M) & (cas < clean + margin + _EQUAL_MPS)
     return torch.where(lands, LANDING, torch.where(approaches, APPROACH, CLEAN))

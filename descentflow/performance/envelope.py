@@ -10,6 +10,7 @@ from descentflow.performance.configuration import Configuration, stall_cas_mps
 from descentflow.performance.constants import G0_MPS2, KAPPA
 from descentflow.performance.global_parameters import STANDARD, GlobalParameters
 from descentflow.performance.tensors import as_tensors, safe_sqrt
+from descentflow.performance.thresholds import is_below
 from descentflow.units import FT_M, KT_MPS
 
 BUFFET_FLOOR_M = 15000 * FT_M
@@ -68,7 +69,7 @@ def minimum_cas_mps(
     if aircraft.engine == "piston":
         return stall + 0.0 * altitude
     buffet = buffet_mach(aircraft, altitude, mass_kg)
-    known = (altitude >= BUFFET_FLOOR_M) & (buffet > 0)
+    known = ~is_below(altitude, BUFFET_FLOOR_M) & (buffet > 0)
     return torch.where(known, torch.maximum(stall, mach_to_cas_mps(buffet, altitude)), stall)
 
 

@@ -9,6 +9,7 @@ from descentflow.performance.configuration import Configuration, by_configuratio
 from descentflow.performance.constants import G0_MPS2
 from descentflow.performance.global_parameters import STANDARD, GlobalParameters
 from descentflow.performance.tensors import as_tensors
+from descentflow.performance.thresholds import is_above
 from descentflow.units import FT_M, KT_MPS
 
 MAX_TEMPERATURE_LOSS = 0.4
@@ -104,7 +105,7 @@ def descent_thrust_n(
     high, low, approach, landing = as_tensors(
         aircraft.ct_des_high, aircraft.ct_des_low, aircraft.ct_des_app, aircraft.ct_des_ld
     )
-    is_high = altitude > descent_thrust_floor_ft(aircraft, limits) * FT_M
+    is_high = is_above(altitude, descent_thrust_floor_ft(aircraft, limits) * FT_M)
     fraction = torch.where(is_high, high, by_configuration(configuration, low, approach, landing))
     return fraction * max_climb_thrust_n(aircraft, altitude, tas, deviation)
 

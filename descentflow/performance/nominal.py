@@ -70,8 +70,7 @@ def nominal_state(
 ) -> NominalState:
     """Speeds, forces and rate of the nominal descent at any pressure altitudes.
 
-    Pistons keep clean idle thrust whatever the configuration, as in EUROCONTROL's own tables. The schedule's steps in
-    speed are taken at once, without the energy they set free: BADA's tables do the same.
+    The schedule's steps in speed are taken at once, without the energy they set free: BADA's own tables do the same.
 
     Args:
         aircraft: Coefficients of the type; tensor coefficients must broadcast against ``altitude_m``.
@@ -95,11 +94,10 @@ def nominal_state(
     esf = energy_share_factor(mach, altitude, holds_mach(aircraft, altitude), deviation)
     minimum = [minimum_cas_mps(aircraft, altitude, mass_kg, c, limits) for c in ("CR", "AP")]
     configuration = descent_configuration(altitude, cas, minimum[0], minimum[1], limits)
-    powered = torch.zeros_like(configuration) if aircraft.engine == "piston" else configuration
-    thrust = descent_thrust_n(aircraft, altitude, tas, deviation, powered, limits)
+    thrust = descent_thrust_n(aircraft, altitude, tas, deviation, configuration, limits)
     drag = drag_n(aircraft, tas, altitude, deviation, mass_kg, configuration)
     rate = descent_rate_mps(aircraft, drag, thrust, tas, esf, altitude, deviation, mass_kg)
-    fuel = descent_fuel_flow_kg_s(aircraft, altitude, tas, thrust, powered)
+    fuel = descent_fuel_flow_kg_s(aircraft, altitude, tas, thrust, configuration)
     fields = broadcast(cas, mach, tas, esf, configuration, thrust, drag, rate, fuel)
     return NominalState(*fields)
 

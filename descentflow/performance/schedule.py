@@ -8,6 +8,7 @@ from descentflow.performance.airspeed import mach_to_cas_mps
 from descentflow.performance.configuration import stall_cas_mps
 from descentflow.performance.global_parameters import STANDARD, GlobalParameters
 from descentflow.performance.tensors import as_tensors
+from descentflow.performance.thresholds import is_below
 from descentflow.performance.transition import transition_altitude_m
 from descentflow.units import FT_M, KT_MPS
 
@@ -52,10 +53,9 @@ def descent_cas_mps(
     speeds = _low_speeds_mps(aircraft, mass_kg, limits)
     cas = speeds[0]
     for ceiling_ft, lower in zip(ceilings_ft(aircraft), speeds[1:], strict=True):
-        speeds_limit = torch.minimum(lower, cas)
-        cas = torch.where(altitude < ceiling_ft * FT_M, speeds_limit, cas)
+        cas = torch.where(is_below(altitude, ceiling_ft * FT_M), torch.minimum(lower, cas), cas)
     upper = torch.where(holds_mach(aircraft, altitude), mach_to_cas_mps(mach, altitude), high * KT_MPS)
-    return torch.where(altitude < HIGH_SCHEDULE_M, cas, upper)
+    return torch.where(is_below(altitude, HIGH_SCHEDULE_M), cas, upper)
 
 
 def ceilings_ft(aircraft: Aircraft) -> tuple[float, ...]:
@@ -78,7 +78,7 @@ def holds_mach(aircraft: Aircraft, altitude_m: Number) -> Tensor:
         [False, True]
     """
     (altitude,) = as_tensors(altitude_m)
-    return (altitude >= transition_altitude_m(aircraft)) & (altitude >= HIGH_SCHEDULE_M)
+    return (altitude >= transition_altitude_m(aircraft)) & ~is_below(altitude, HIGH_SCHEDULE_M)
 
 
 def _low_speeds_mps(aircraft: Aircraft, mass_kg: Number | None, limits: GlobalParameters) -> list[Tensor]:

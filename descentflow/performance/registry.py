@@ -4,6 +4,7 @@ from pathlib import Path
 
 from descentflow.performance.aircraft import Aircraft
 from descentflow.performance.bada_files import load_aircraft
+from descentflow.performance.open_aircraft import open_aircraft
 
 
 def aircraft(typecode: str, bada_dir: str | Path | None = None) -> Aircraft:
@@ -23,8 +24,4 @@ def aircraft(typecode: str, bada_dir: str | Path | None = None) -> Aircraft:
         >>> aircraft("A320").engine
         'jet'
     """
-    if bada_dir is not None:
-        return load_aircraft(typecode, bada_dir)
-    from descentflow.performance.open_aircraft import open_aircraft  # the data file is read only where it is wanted
-
-    return open_aircraft(typecode)
+    return open_aircraft(typecode) if bada_dir is None else load_aircraft(typecode, bada_dir)

@@ -4,19 +4,21 @@ The log density of a Gaussian is linear in the quadratic features ``(x x', x, 1)
 one matrix product each. All of it runs in float64: in float32 the covariances stop being positive definite.
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import log, pi
 
 import torch
-from sklearn.cluster import kmeans_plusplus
+from sklearn.cluster import KMeans
+from sklearn.exceptions import ConvergenceWarning
 from torch import Tensor
 
 JITTER = 1e-6
 """Added to the variances, as scikit-learn's ``reg_covar``."""
 SCREENING_ITERATIONS = 30
 """EM steps after which restarts are compared."""
-FINALISTS = 2
+FINALISTS = 4
 """Restarts that go on to convergence."""
 FLIGHTS_PER_PARAMETER = 15
 """The paper's cap: 15 n_p <= n_train (appendix C)."""
@@ -87,15 +89,33 @@ def maximisation(features: Tensor, responsibilities: Tensor) -> Mixture:
     covariance = covariance + JITTER * torch.eye(d, dtype=covariance.dtype, device=covariance.device)
     factor, failed = torch.linalg.cholesky_ex(covariance)
     # A cluster that has lost its flights becomes round and small instead of stopping the fit.
-    factor = torch.where(failed[:, None, None] > 0, JITTER**0.5 * torch.eye(d, dtype=factor.dtype), factor)
+    factor = torch.where(failed[:, None, None] > 0, JITTER**0.5 * torch.eye(d).to(factor), factor)
     return Mixture(count / count.sum(), locs, factor)
 
 
 def start(weights: Tensor, features: Tensor, n_clusters: int, seed: int) -> Mixture:
-    """A first mixture: k-means++ centres (Arthur and Vassilvitskii 2007), each flight given to the nearest."""
-    centres, _ = kmeans_plusplus(weights.cpu().numpy(), n_clusters, random_state=seed)
-    nearest = torch.cdist(weights, torch.as_tensor(centres, device=weights.device)).argmin(1)
+    """A first mixture: even seeds give flights to k-means++ centres, odd ones go on to k-means itself.
+
+    Neither kind wins always; four of each reached the likelihood of scikit-learn's best of three seeds in every
+    of eight data sets, either kind alone did not (Arthur and Vassilvitskii 2007 for k-means++).
+    """
+    lloyd_steps = 20 if seed % 2 else 1
+    with warnings.catch_warnings():
+        # One step is what is wanted of an even seed, and duplicate flights are what a user may have.
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        labels = KMeans(n_clusters, n_init=1, max_iter=lloyd_steps, random_state=seed).fit_predict(
+            weights.cpu().numpy()
+        )
+    nearest = torch.as_tensor(labels, dtype=torch.long, device=weights.device)
     return maximisation(features, torch.nn.functional.one_hot(nearest, n_clusters).to(torch.float64))
+
+
+def best_start(weights: Tensor, n_clusters: int, *, seed: int, n_restarts: int) -> Mixture:
+    """The likeliest of several first mixtures."""
+    weights = weights.to(torch.float64)
+    features = quadratic_features(weights)
+    starts = [start(weights, features, n_clusters, seed + i) for i in range(n_restarts)]
+    return max(starts, key=lambda mixture: float(expectation(features, mixture)[1]))
 
 
 def converge(features: Tensor, mixture: Mixture, *, iterations: int, tolerance: float) -> tuple[Mixture, float]:

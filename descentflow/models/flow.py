@@ -7,6 +7,7 @@ from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
 from descentflow.models.base import LatentModel
+from descentflow.models.optimizers import adam_with_cosine
 
 
 class MaskedAffineFlow(LatentModel):
@@ -71,7 +72,4 @@ class MaskedAffineFlow(LatentModel):
 
     def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
         """AdamW with a cosine that ends with the last epoch."""
-        optimizer = torch.optim.AdamW(self.parameters(), lr=self.learning_rate, weight_decay=self.weight_decay)
-        epochs = self.trainer.max_epochs or 1
-        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, T_max=max(epochs, 1))
-        return {"optimizer": optimizer, "lr_scheduler": schedule}
+        return adam_with_cosine(self, self.learning_rate, self.weight_decay)

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.models.base import LatentModel
-from descentflow.models.closed_form import ClosedForm
+from descentflow.models.optimizers import ClosedForm
 
 
 class Gaussian(LatentModel):

@@ -1,9 +1,11 @@
-"""An optimizer whose step is somebody else's closed form, so that Lightning counts and checkpoints it."""
+"""How parameters are set: by somebody's closed form, or by Adam with a cosine."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import torch
+from lightning.pytorch import LightningModule
+from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import nn
 
 
@@ -26,3 +28,12 @@ class ClosedForm(torch.optim.Optimizer):
         """
         if closure is not None:
             closure()
+
+
+def adam_with_cosine(
+    module: LightningModule, learning_rate: float, weight_decay: float = 0.0
+) -> OptimizerLRSchedulerConfig:
+    """AdamW whose learning rate falls to zero by a cosine that ends with ``trainer.max_epochs``."""
+    optimizer = torch.optim.AdamW(module.parameters(), lr=learning_rate, weight_decay=weight_decay)
+    epochs = max(module.trainer.max_epochs or 1, 1)
+    return {"optimizer": optimizer, "lr_scheduler": torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, T_max=epochs)}

@@ -1,0 +1,116 @@
+"""Small known things that several tests need: an aircraft, a representation, weights of known density."""
+
+from collections.abc import Callable
+
+import torch
+from lightning.pytorch import LightningDataModule, Trainer
+from torch import Tensor
+from torch.utils.data import DataLoader, TensorDataset
+
+from descentflow.data.representation import Representation, Split, fit_representation
+from descentflow.decoder.decoder import DescentDecoder
+from descentflow.fpca.basis import FunctionalBasis
+from descentflow.models import LatentModel
+from descentflow.performance.aircraft import Aircraft
+from descentflow.performance.airspeed import mach_to_cas_mps
+from descentflow.profiles.profiles import Profiles, infer_drag_n
+from descentflow.sampling.plausibility import Plausibility
+from descentflow.units import FL_M, FPM_MPS, KT_MPS
+
+AIRCRAFT = Aircraft(
+    typecode="TOY", engine="jet", n_engines=2, wake_category="M", source="invented for tests",
+    mass_reference_kg=64000.0, mass_minimum_kg=45000.0, mass_maximum_kg=78000.0, mass_payload_kg=18000.0,
+    vmo_kt=350.0, mmo=0.82, altitude_maximum_ft=39000.0, altitude_mtow_ft=35000.0,
+    altitude_mass_gradient_ft_kg=0.4, altitude_temperature_gradient_ft_k=-100.0,
+    wing_area_m2=122.6, buffet_clbo=1.4, buffet_k=0.6,
+    cd0_cr=0.024, cd2_cr=0.038, cd0_ic=0.025, cd2_ic=0.04, cd0_to=0.038, cd2_to=0.042, cd0_ap=0.038, cd2_ap=0.042,
+    cd0_ld=0.096, cd2_ld=0.037, cd0_gear=0.031,
+    vstall_cr_kt=140.0, vstall_ic_kt=115.0, vstall_to_kt=110.0, vstall_ap_kt=110.0, vstall_ld_kt=105.0,
+    ct1=136000.0, ct2=52000.0, ct3=2.6e-11, ct4=10.0, ct5=0.008,
+    ct_des_low=0.04, ct_des_high=0.045, altitude_des_ft=10000.0, ct_des_app=0.13, ct_des_ld=0.33,
+    cf1=0.75, cf2=1000.0, cf3=14.0, cf4=50000.0, cf_cr=0.95,
+    des_cas_low_kt=250.0, des_cas_high_kt=300.0, des_mach=0.78,
+)  # fmt: skip
+
+
+def flights(n: int, seed: int = 0, *, bottom_fl: int = 150, top_fl: int = 370, gappy: bool = True) -> Profiles:
+    """Plausible descents: Mach then CAS near one of two schedules, a smooth rate, random entry levels."""
+    generator = torch.Generator().manual_seed(seed)
+    levels = torch.arange(bottom_fl, top_fl + 1, dtype=torch.float64)
+    altitude_m = levels * FL_M
+
+    def normal(*shape: int) -> Tensor:
+        return torch.randn(shape, generator=generator, dtype=torch.float64)
+
+    fast = torch.rand((n, 1), generator=generator) < 0.4
+    cas = (torch.where(fast, 305.0, 275.0) + 5 * normal(n, 1)) * KT_MPS
+    mach = 0.77 + 0.01 * normal(n, 1)
+    cas = torch.minimum(cas.expand(n, len(levels)), mach_to_cas_mps(mach, altitude_m))
+    position = (levels - bottom_fl) / (top_fl - bottom_fl)
+    shape = 1 + 0.08 * normal(n, 1) + 0.05 * normal(n, 1) * position + 0.03 * normal(n, 1) * torch.sin(6 * position)
+    rate = -(1800 + 500 * position) * shape * (cas / (290 * KT_MPS)) * FPM_MPS
+    low = len(levels) // 2
+    top = torch.randint(low, 2 * len(levels) - low, (n,), generator=generator).clamp(max=len(levels) - 1)
+    mask = torch.arange(len(levels)) <= (top if gappy else torch.full_like(top, len(levels) - 1))[:, None]
+    legs = -(altitude_m.diff() * 0.5 * (1 / rate[:, 1:] + 1 / rate[:, :-1]))
+    time = torch.nn.functional.pad(legs.flip(1).cumsum(1).flip(1), (0, 1))
+    drag = infer_drag_n(AIRCRAFT, cas, rate, altitude_m)
+    return Profiles(tuple(f"toy-{seed}-{i:05d}" for i in range(n)), levels, time, cas, rate, drag, mask)
+
+
+def representation(n: int = 300, seed: int = 0) -> Representation:
+    """A representation fitted to toy flights, all of them called training flights."""
+    train = flights(n, seed)
+    return fit_representation(train, AIRCRAFT, Split(train.flight_ids, (), ()))
+
+
+def representation_of(dimension: int) -> Representation:
+    """A representation of exactly ``dimension`` weights, for densities that are tested on their own."""
+    levels = torch.arange(150.0, 350.0, dtype=torch.float64)
+    modes = torch.linalg.qr(torch.eye(len(levels), dtype=torch.float64)[:, :dimension]).Q.T / FL_M**0.5
+    empty, zero = torch.zeros(len(levels), 0), torch.zeros(())
+
+    def basis(mean: float, components: Tensor) -> FunctionalBasis:
+        share = torch.full((len(components),), 1 / len(components))
+        return FunctionalBasis(torch.full((len(levels),), mean), components, empty, zero, share, FL_M)
+
+    drag, cas = basis(40_000.0, modes[:-1]), basis(140.0, modes[-1:])
+    ones = torch.ones(dimension)
+    decoder = DescentDecoder(AIRCRAFT, levels, drag, cas, 0 * ones, ones)
+    return Representation(decoder, Plausibility.from_profiles(flights(60)), Split((), (), ()), {})
+
+
+class WeightsModule(LightningDataModule):
+    """Weights of known density in place of a DescentDataModule."""
+
+    def __init__(self, train: Tensor, validation: Tensor, batch_size: int = 512) -> None:
+        super().__init__()
+        self.parts = {"train": train, "validation": validation}
+        self.batch_size = batch_size
+        self.representation = representation_of(train.shape[1])
+
+    def weights(self, part: str) -> Tensor:
+        return self.parts[part]
+
+    def train_dataloader(self) -> DataLoader:
+        return DataLoader(TensorDataset(self.parts["train"]), self.batch_size, shuffle=True)
+
+    def val_dataloader(self) -> DataLoader:
+        return DataLoader(TensorDataset(self.parts["validation"]), 4096)
+
+
+def fit(model: LatentModel, data: LightningDataModule, max_epochs: int, **settings: object) -> LatentModel:
+    """Fit on the CPU without files or noise on the terminal."""
+    data.representation.train()  # an earlier fit on the same data may have left it in evaluation mode
+    quiet = {"logger": False, "enable_checkpointing": False, "enable_progress_bar": False, "accelerator": "cpu"}
+    trainer = Trainer(
+        max_epochs=max_epochs, num_sanity_val_steps=0, enable_model_summary=False, **{**quiet, **settings}
+    )
+    trainer.fit(model, datamodule=data)
+    return model.eval()
+
+
+def mean_nll(log_prob: Callable[[Tensor], Tensor], weights: Tensor) -> float:
+    """Mean negative log-likelihood (nats a flight)."""
+    with torch.no_grad():
+        return -float(log_prob(weights).mean())

@@ -1,0 +1,86 @@
+import math
+
+import pytest
+import torch
+
+from descentflow.performance.atmosphere import (
+    density_kg_m3,
+    geometric_altitude_m,
+    isa_fraction,
+    pressure_altitude_m,
+    pressure_pa,
+    speed_of_sound_mps,
+    temperature_k,
+)
+
+# ICAO Doc 7488/3, table 1: altitude m, temperature K, pressure hPa, density kg/m3, speed of sound m/s, as printed.
+ICAO = [
+    (0.0, 288.150, 1013.250, 1.22500, 340.294),
+    (5000.0, 255.650, 540.200, 0.736116, 320.529),
+    (10000.0, 223.150, 264.363, 0.412707, 299.463),
+    (11000.0, 216.650, 226.321, 0.363918, 295.069),
+    (15000.0, 216.650, 120.446, 0.193673, 295.069),
+]
+
+
+@pytest.mark.parametrize(("altitude", "temperature", "pressure", "density", "sound"), ICAO)
+def test_standard_atmosphere_is_icao_s(altitude, temperature, pressure, density, sound):
+    # Tolerances: half a unit of the last printed digit, a whole one for sound (printed with another R).
+    assert temperature_k(altitude).item() == pytest.approx(temperature, abs=5e-4)
+    assert pressure_pa(altitude).item() / 100 == pytest.approx(pressure, abs=1.5e-3)
+    assert density_kg_m3(altitude).item() == pytest.approx(density, rel=5e-6)
+    assert speed_of_sound_mps(altitude).item() == pytest.approx(sound, abs=1e-3)
+
+
+def test_exactly_11000_m_counts_as_below_the_tropopause():
+    altitude = torch.tensor([11000.0, 11000.0 + 1e-9], dtype=torch.float64, requires_grad=True)
+    (slope,) = torch.autograd.grad(temperature_k(altitude).sum(), altitude)
+    assert slope.tolist() == [-0.0065, 0.0]
+
+
+def test_pressure_slope_is_hydrostatic_on_both_sides_and_at_the_tropopause():
+    altitude = torch.tensor([3000.0, 11000.0, 11000.1, 14000.0], dtype=torch.float64, requires_grad=True)
+    pressure = pressure_pa(altitude)
+    (slope,) = torch.autograd.grad(pressure.sum(), altitude)
+    # dp/dHp = -rho g0 in ISA; a doubled gradient at 11,000 m would show here.
+    torch.testing.assert_close(slope, -9.80665 * density_kg_m3(altitude.detach()), rtol=1e-12, atol=0)
+
+
+def test_pressure_takes_no_deviation_and_density_does():
+    assert density_kg_m3(6000.0, 15.0) < density_kg_m3(6000.0)
+    product = density_kg_m3(6000.0, 15.0) * temperature_k(6000.0, 15.0)
+    torch.testing.assert_close(product, density_kg_m3(6000.0) * temperature_k(6000.0), rtol=1e-14, atol=0)
+
+
+def test_pressure_altitude_inverts_pressure_across_the_tropopause():
+    altitude = torch.linspace(-500.0, 20000.0, 400, dtype=torch.float64)
+    torch.testing.assert_close(pressure_altitude_m(pressure_pa(altitude)), altitude, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("deviation", [-15.0, 0.0, 20.0])
+def test_geometric_altitude_integrates_the_warm_column(deviation):
+    altitude = torch.linspace(0.0, 15000.0, 30001, dtype=torch.float64)
+    stretch = 1 / isa_fraction(altitude, deviation)
+    summed = torch.trapezoid(stretch, altitude)
+    # 0.5 m trapezoids of a smooth integrand are good to 1e-6 m.
+    assert geometric_altitude_m(15000.0, deviation).item() == pytest.approx(summed.item(), abs=1e-5)
+
+
+def test_arguments_broadcast_and_keep_their_precision():
+    altitude = torch.zeros(4, 1, dtype=torch.float32)
+    deviation = torch.zeros(3, dtype=torch.float32)
+    assert density_kg_m3(altitude, deviation).shape == (4, 3)
+    assert density_kg_m3(altitude, deviation).dtype == torch.float32
+    assert density_kg_m3(altitude, torch.tensor(10.0, dtype=torch.float64)).dtype == torch.float32
+    assert pressure_pa(5000.0).dtype == torch.float64
+    assert pressure_pa(torch.tensor([5000])).item() == pressure_pa(5000.0).item()
+
+
+def test_float32_loses_only_its_own_digits():
+    altitude = torch.linspace(0.0, 14000.0, 300, dtype=torch.float64)
+    error = (pressure_pa(altitude.float()).double() / pressure_pa(altitude) - 1).abs().max().item()
+    assert error < 20 * torch.finfo(torch.float32).eps
+
+
+def test_pressure_exponent_is_the_manual_s():
+    assert math.isclose(pressure_pa(11000.0).item(), 22632.04, rel_tol=5e-9)

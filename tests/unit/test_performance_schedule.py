@@ -1,0 +1,100 @@
+from dataclasses import replace
+
+import pytest
+import torch
+
+from descentflow.performance.airspeed import cas_to_mach
+from descentflow.performance.global_parameters import GlobalParameters
+from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.performance.schedule import ceilings_ft, descent_cas_mps, holds_mach
+from descentflow.performance.transition import transition_altitude_m
+from descentflow.units import FL_M, FT_M, KT_MPS
+
+DOUBLE = torch.float64
+JET = replace(
+    open_aircraft("A320"),
+    vstall_ld_kt=100.0,
+    des_cas_low_kt=290.0,
+    des_cas_high_kt=300.0,
+    des_mach=0.78,
+)
+PISTON = replace(JET, engine="piston", vstall_ld_kt=43.0, des_cas_low_kt=126.0, des_cas_high_kt=126.0, des_mach=0.0)
+
+
+def kt(aircraft, altitude_ft, mass_kg=None):
+    feet = torch.as_tensor(altitude_ft, dtype=DOUBLE)
+    return descent_cas_mps(aircraft, feet * FT_M, mass_kg) / KT_MPS
+
+
+def test_jet_schedule_step_by_step():
+    feet = [0, 999, 1000, 1499, 1500, 1999, 2000, 2999, 3000, 5999, 6000, 9999, 10000, 20000]
+    speeds = [135, 135, 140, 140, 150, 150, 180, 180, 220, 220, 250, 250, 300, 300]
+    torch.testing.assert_close(kt(JET, feet), torch.tensor(speeds, dtype=DOUBLE), rtol=1e-12, atol=0)
+
+
+def test_piston_schedule_step_by_step():
+    feet = [0, 499, 500, 999, 1000, 1499, 1500, 9999, 10000, 14000]
+    slow = 1.3 * 43
+    speeds = [slow + 5, slow + 5, slow + 10, slow + 10, slow + 20, slow + 20, 126, 126, 126, 126]
+    torch.testing.assert_close(kt(PISTON, feet), torch.tensor(speeds, dtype=DOUBLE), rtol=1e-12, atol=0)
+
+
+def test_flight_levels_on_a_boundary_belong_to_the_range_above():
+    levels = torch.tensor([5.0, 10.0, 15.0, 20.0, 30.0, 60.0, 100.0], dtype=DOUBLE)
+    assert (descent_cas_mps(JET, levels * FL_M) == descent_cas_mps(JET, levels * FL_M + 1.0)).all()
+    low = levels.float() * FL_M
+    assert (descent_cas_mps(JET, low) == descent_cas_mps(JET, low + 1.0)).all()
+
+
+def test_no_speed_exceeds_the_range_above_when_the_aircraft_is_heavy():
+    heavy = kt(JET, [500, 1200, 1700, 2500, 4000, 8000], mass_kg=4 * JET.mass_reference_kg)
+    assert (heavy.diff() >= 0).all()
+    assert heavy[3].item() == pytest.approx(220.0)
+
+
+def test_slow_types_keep_their_own_low_speed():
+    slow = replace(JET, des_cas_low_kt=190.0)
+    assert kt(slow, [4000, 8000]).tolist() == pytest.approx([190.0, 190.0])
+
+
+def test_mach_holds_from_the_transition_up():
+    transition = transition_altitude_m(JET)
+    altitude = torch.stack([transition - 1, transition, transition + 500, torch.tensor(12000.0, dtype=DOUBLE)])
+    assert holds_mach(JET, altitude).tolist() == [False, True, True, True]
+    mach = cas_to_mach(descent_cas_mps(JET, altitude), altitude)
+    assert mach[1:].tolist() == pytest.approx([0.78] * 3, rel=1e-12)
+    # The two branches meet within the 2.8e-8 of the printed speed of sound and the slope over one metre.
+    assert mach[0].item() == pytest.approx(0.78, rel=1e-4)
+
+
+def test_no_mach_schedule_means_no_crossover():
+    turboprop = replace(JET, engine="turboprop", des_mach=0.0)
+    assert transition_altitude_m(turboprop).item() == float("inf")
+    assert not holds_mach(turboprop, torch.tensor([0.0, 15000.0])).any()
+    assert kt(turboprop, [30000, 41000]).tolist() == pytest.approx([300.0, 300.0])
+
+
+def test_no_mach_schedule_has_no_nan_gradient():
+    cas = torch.tensor(250.0, dtype=DOUBLE, requires_grad=True)
+    mach = torch.tensor(0.0, dtype=DOUBLE, requires_grad=True)
+    ac = replace(JET, des_cas_high_kt=cas, des_mach=mach)
+    speed = descent_cas_mps(ac, torch.tensor([5000.0, 12000.0], dtype=DOUBLE)).sum()
+    for slope in torch.autograd.grad(speed, (cas, mach), allow_unused=True):
+        assert slope is None or torch.isfinite(slope)
+
+
+def test_a_mach_crossover_below_10000_ft_waits_for_10000_ft():
+    odd = replace(JET, des_mach=0.3)
+    assert transition_altitude_m(odd).item() < 3000
+    assert not holds_mach(odd, 9000 * FT_M)
+    assert holds_mach(odd, 10000 * FT_M)
+
+
+def test_global_parameters_move_the_schedule():
+    calm = GlobalParameters(des_increment_kt=(0.0, 0.0, 0.0, 0.0), min_speed_factor=1.5)
+    assert (descent_cas_mps(JET, 100.0, limits=calm) / KT_MPS).item() == pytest.approx(150.0)
+
+
+def test_ceilings_descend():
+    assert list(ceilings_ft(JET)) == sorted(ceilings_ft(JET), reverse=True)
+    assert list(ceilings_ft(PISTON)) == [1500.0, 1000.0, 500.0]

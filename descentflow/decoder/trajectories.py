@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from descentflow.decoder.breaks import Breaks, rate_breaks
 from descentflow.performance.aircraft import Aircraft, Number
 from descentflow.performance.energy import descent_rate_mps
 from descentflow.performance.state import idle_state
@@ -61,7 +62,8 @@ def integrate(
     """Fly drag and CAS profiles down the grid.
 
     With drag and CAS given on the grid the rate is known at every level, so time is a quadrature of
-    ``dh / rate``, here by the trapezoid rule between levels.
+    ``dh / rate``: the trapezoid rule between levels, and between a level and each side of a jump of the rate
+    (:mod:`descentflow.decoder.breaks`), where drag and CAS are continued from that side.
 
     Args:
         aircraft: Coefficients; tensors among them are differentiated through.
@@ -77,12 +79,35 @@ def integrate(
         The trajectories. A rate that is not negative gives times that are not finite or not increasing: it is
         the sampler that rejects those.
     """
+    mach, tas_mps, rate_mps = _fly(aircraft, altitude_m, drag_n, cas_mps, mass_kg, deviation_k)
+    breaks = rate_breaks(aircraft, altitude_m)
+    extra_rate = _fly(
+        aircraft, breaks.altitude_m, breaks.continued(drag_n), breaks.continued(cas_mps), mass_kg, deviation_k
+    )[2]
+    time_s = _time_from_entry(altitude_m, rate_mps, extra_rate, breaks, entry)
+    return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
+
+
+def _fly(
+    aircraft: Aircraft,
+    altitude_m: Tensor,
+    drag_n: Tensor,
+    cas_mps: Tensor,
+    mass_kg: Number | None,
+    deviation_k: Number,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Mach, TAS and rate at some altitudes, each (n, number of altitudes)."""
     state = idle_state(aircraft, cas_mps, altitude_m, deviation_k)
     rate_mps = descent_rate_mps(
         aircraft, drag_n, state.thrust_n, state.tas_mps, state.energy_share, altitude_m, deviation_k, mass_kg
     )
-    slowness = -1.0 / rate_mps
-    leg_s = 0.5 * (slowness[:, 1:] + slowness[:, :-1]) * altitude_m.diff()
-    climbed_s = torch.nn.functional.pad(leg_s.cumsum(1), (1, 0))
-    time_s = climbed_s.gather(1, entry[:, None]) - climbed_s
-    return Trajectories(levels_fl, entry, time_s, cas_mps, state.mach, state.tas_mps, rate_mps, drag_n)
+    return state.mach, state.tas_mps, rate_mps
+
+
+def _time_from_entry(altitude_m: Tensor, rate_mps: Tensor, extra_rate: Tensor, breaks: Breaks, entry: Tensor) -> Tensor:
+    """Seconds since entry at each level: the integral of slowness from the bottom, less the part above."""
+    slowness = -1.0 / torch.cat([rate_mps, extra_rate], 1)[:, breaks.order]
+    steps_m = torch.cat([altitude_m, breaks.altitude_m])[breaks.order].diff()
+    leg_s = 0.5 * (slowness[:, 1:] + slowness[:, :-1]) * steps_m
+    climbed_s = torch.nn.functional.pad(leg_s.cumsum(1), (1, 0))[:, breaks.levels_at]
+    return climbed_s.gather(1, entry[:, None]) - climbed_s

@@ -85,11 +85,14 @@ def stall_cas_mps(aircraft: Aircraft, mass_kg: Number | None = None, configurati
         >>> bool(stall_cas_mps(open_aircraft("A320")) > 40)
         True
     """
-    clean, approach, landing, reference = as_tensors(
-        aircraft.vstall_cr_kt, aircraft.vstall_ap_kt, aircraft.vstall_ld_kt, aircraft.mass_reference_kg
+    mass, clean, approach, landing, reference = as_tensors(
+        aircraft.mass_reference_kg if mass_kg is None else mass_kg,
+        aircraft.vstall_cr_kt,
+        aircraft.vstall_ap_kt,
+        aircraft.vstall_ld_kt,
+        aircraft.mass_reference_kg,
     )
-    stall = by_configuration(configuration, clean, approach, landing) * KT_MPS
-    return stall if mass_kg is None else stall * torch.sqrt(mass_kg / reference)
+    return by_configuration(configuration, clean, approach, landing) * KT_MPS * torch.sqrt(mass / reference)
 
 
 def descent_configuration(

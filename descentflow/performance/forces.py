@@ -101,9 +101,14 @@ def descent_thrust_n(
         >>> descent_thrust_n(open_aircraft("A320"), torch.linspace(3e3, 1e4, 5), 200.0).shape
         torch.Size([5])
     """
-    altitude, tas, deviation = as_tensors(altitude_m, tas_mps, deviation_k)
-    high, low, approach, landing = as_tensors(
-        aircraft.ct_des_high, aircraft.ct_des_low, aircraft.ct_des_app, aircraft.ct_des_ld
+    altitude, tas, deviation, high, low, approach, landing = as_tensors(
+        altitude_m,
+        tas_mps,
+        deviation_k,
+        aircraft.ct_des_high,
+        aircraft.ct_des_low,
+        aircraft.ct_des_app,
+        aircraft.ct_des_ld,
     )
     is_high = is_above(altitude, descent_thrust_floor_ft(aircraft, limits) * FT_M)
     fraction = torch.where(is_high, high, by_configuration(configuration, low, approach, landing))
@@ -148,23 +153,29 @@ def drag_n(
     """
     tas, altitude, deviation = as_tensors(tas_mps, altitude_m, deviation_k)
     mass = aircraft.mass_reference_kg if mass_kg is None else mass_kg
-    cd0, cd2 = polar(aircraft, configuration)
     pressed_area = 0.5 * density_kg_m3(altitude, deviation) * tas * tas * aircraft.wing_area_m2
+    cd0, cd2 = polar(aircraft, configuration, pressed_area)
     lift_coefficient = load_factor * mass * G0_MPS2 / pressed_area
     return pressed_area * (cd0 + cd2 * lift_coefficient * lift_coefficient)
 
 
-def polar(aircraft: Aircraft, configuration: Configuration = "CR") -> tuple[Tensor, Tensor]:
-    """CD0 (gear included) and CD2 of a configuration (manual 3.6-2 to 3.6-4).
+def polar(aircraft: Aircraft, configuration: Configuration = "CR", like: Number = 0.0) -> tuple[Tensor, Tensor]:
+    """CD0 (gear included) and CD2 of a configuration (manual 3.6-2 to 3.6-4), in the precision of ``like``.
 
     Example:
         >>> from descentflow.performance.open_aircraft import open_aircraft
         >>> [bool(c > 0) for c in polar(open_aircraft("A320"))]
         [True, True]
     """
-    zero_cr, two_cr = as_tensors(aircraft.cd0_cr, aircraft.cd2_cr)
-    zero_ap, two_ap, zero_ld, two_ld, gear = as_tensors(
-        aircraft.cd0_ap, aircraft.cd2_ap, aircraft.cd0_ld, aircraft.cd2_ld, aircraft.cd0_gear
+    _, zero_cr, two_cr, zero_ap, two_ap, zero_ld, two_ld, gear = as_tensors(
+        like,
+        aircraft.cd0_cr,
+        aircraft.cd2_cr,
+        aircraft.cd0_ap,
+        aircraft.cd2_ap,
+        aircraft.cd0_ld,
+        aircraft.cd2_ld,
+        aircraft.cd0_gear,
     )
     no_ap = (zero_ap == 0) & (two_ap == 0)
     no_ld = (zero_ld == 0) & (two_ld == 0)

@@ -167,8 +167,8 @@ def _jumps_m(aircraft: Aircraft, altitude: Tensor, limits: GlobalParameters) -> 
     fixed = [TROPOPAUSE_M, HIGH_SCHEDULE_M, BUFFET_FLOOR_M]
     fixed += [ft * FT_M for ft in (*ceilings_ft(aircraft), limits.approach_ceiling_ft, limits.landing_ceiling_ft)]
     moving = [transition_altitude_m(aircraft), descent_thrust_floor_ft(aircraft, limits) * FT_M]
-    scale = [altitude.new_tensor(fixed), torch.arange(float(altitude[0]), float(altitude[-1]), _CELL_M).to(altitude)]
-    return [*scale, *(m.to(altitude.dtype).reshape(m.shape or (1,)) for m in moving)]
+    cells = torch.arange(altitude[0].item(), altitude[-1].item(), _CELL_M, dtype=altitude.dtype, device=altitude.device)
+    return [altitude.new_tensor(fixed), cells, *(m.to(altitude.dtype).reshape(m.shape or (1,)) for m in moving)]
 
 
 def _time_from_top(

@@ -50,9 +50,8 @@ def descent_cas_mps(
         True
     """
     altitude, high, mach = as_tensors(altitude_m, aircraft.des_cas_high_kt, aircraft.des_mach)
-    speeds = _low_speeds_mps(aircraft, mass_kg, limits)
-    cas = speeds[0]
-    for ceiling_ft, lower in zip(ceilings_ft(aircraft), speeds[1:], strict=True):
+    cas, *slower = as_tensors(altitude, *_low_speeds_mps(aircraft, mass_kg, limits))[1:]
+    for ceiling_ft, lower in zip(ceilings_ft(aircraft), slower, strict=True):
         cas = torch.where(is_below(altitude, ceiling_ft * FT_M), torch.minimum(lower, cas), cas)
     upper = torch.where(holds_mach(aircraft, altitude), mach_to_cas_mps(mach, altitude), high * KT_MPS)
     return torch.where(is_below(altitude, HIGH_SCHEDULE_M), cas, upper)

@@ -9,9 +9,9 @@ from descentflow.performance.aircraft import Number
 def as_tensors(*values: Number) -> list[Tensor]:
     """Return every value as a floating tensor.
 
-    Floats and integer tensors take the precision and the device of the first floating tensor among the values that has
-    dimensions (else of the first one); when there is none they become float64, the precision in which altitudes in
-    metres and pressures in pascals keep their digits.
+    Floats, scalar tensors and integer tensors take the precision of the first floating tensor among the values that has
+    dimensions (else of the first one), floats also its device; when there is none they become float64, the precision
+    in which altitudes in metres and pressures in pascals keep their digits.
 
     Args:
         values: Floats or tensors of any shape.
@@ -31,7 +31,8 @@ def as_tensors(*values: Number) -> list[Tensor]:
 def _one(value: Number, like: Tensor) -> Tensor:
     if not isinstance(value, Tensor):
         return torch.full((), value, dtype=like.dtype, device=like.device)
-    return value if value.is_floating_point() else value.to(like.dtype)
+    # A tensor without dimensions is a scalar like any float: on its own it must not raise the precision of a batch.
+    return value.to(like.dtype) if value.dim() == 0 or not value.is_floating_point() else value
 
 
 def safe_sqrt(value: Tensor) -> Tensor:

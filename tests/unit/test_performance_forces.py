@@ -159,6 +159,19 @@ def test_stall_speed_grows_with_the_root_of_mass():
     assert stall_cas_mps(JET).item() == pytest.approx(JET.vstall_cr_kt * KT_MPS, rel=1e-12)
 
 
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_the_precision_of_the_batch_is_the_precision_of_the_result(dtype):
+    altitude = torch.tensor([500.0, 2000.0, 9000.0], dtype=dtype)
+    tas = torch.tensor([80.0, 120.0, 220.0], dtype=dtype)
+    codes = torch.tensor([LANDING, APPROACH, CLEAN])
+    for deviation in (5.0, torch.tensor(5.0, dtype=DOUBLE)):
+        assert descent_thrust_n(JET, altitude, tas, deviation, codes).dtype == dtype
+        assert drag_n(JET, tas, altitude, deviation, 60e3, codes).dtype == dtype
+        assert drag_n(JET, 80.0, altitude, deviation, 60e3, codes).dtype == dtype
+        assert max_climb_thrust_n(JET, altitude, tas, deviation).dtype == dtype
+    assert stall_cas_mps(JET, 1e3 * tas, codes).dtype == dtype
+
+
 def test_coefficients_batch():
     ac = replace(JET, cd0_cr=torch.tensor([[0.02], [0.03]], dtype=DOUBLE), altitude_des_ft=torch.tensor([[5e3], [4e4]]))
     altitude = torch.linspace(3e3, 1e4, 7, dtype=DOUBLE)

@@ -1,0 +1,120 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.integrate import solve_ivp
+
+from descentflow.errors import AircraftError
+from descentflow.performance.nominal import NominalDescent, nominal_descent, nominal_state
+from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.performance.transition import transition_altitude_m
+from descentflow.units import FL_M
+
+DOUBLE = torch.float64
+# A thrust step inside the grid, so that every kind of jump is crossed.
+JET = replace(open_aircraft("A320"), altitude_des_ft=25030.0, ct_des_low=0.05, ct_des_high=0.01)
+GRID = torch.arange(100, 381)
+
+
+def flown_time_s(aircraft, top_m, bottom_m, mass_kg, deviation_k):
+    """Fly dHp/dt in time with a tight adaptive solver, restarted at each jump: nothing shared with the quadrature."""
+
+    def rate(_, altitude):
+        return nominal_state(aircraft, torch.tensor(altitude), mass_kg, deviation_k).rate_mps.numpy()
+
+    jumps = [11000.0, float(transition_altitude_m(aircraft)), 25030 * 0.3048, 4572.0]
+    stops = sorted({bottom_m, *(j for j in jumps if bottom_m < j < top_m)}, reverse=True)
+    total, altitude = 0.0, top_m
+    for stop in stops:
+        # The state just above a jump counts until it is reached; each leg starts a hair below the last stop.
+        def hit(_, h, stop=stop):
+            return h[0] - stop - 1e-4
+
+        hit.terminal = True
+        start = altitude - (1e-2 if altitude != top_m else 0.0)
+        leg = solve_ivp(rate, (0.0, 5000.0), [start], events=hit, rtol=1e-10, atol=1e-7, method="DOP853")
+        total += leg.t_events[0][0]
+        altitude = stop
+    return total
+
+
+@pytest.mark.parametrize(("mass", "deviation"), [(50e3, -10.0), (66e3, 15.0)])
+def test_time_agrees_with_a_tight_ode_solver_in_time(mass, deviation):
+    found = nominal_descent(JET, GRID, torch.tensor(mass, dtype=DOUBLE), torch.tensor(deviation, dtype=DOUBLE))
+    flown = flown_time_s(JET, 380 * FL_M, 100 * FL_M, mass, deviation)
+    # Five hairs of 1 cm at some 10 m/s: 5 ms of about 1,000 s.
+    assert found.time_s[0].item() == pytest.approx(flown, abs=0.01)
+
+
+def test_time_does_not_depend_on_the_grid():
+    fine = nominal_descent(JET, GRID).time_s
+    coarse = nominal_descent(JET, torch.tensor([100, 173, 380])).time_s
+    # Cells of 1,000 ft against 100 ft, two Gauss points each.
+    torch.testing.assert_close(coarse, fine[[0, 73, 280]], rtol=1e-8, atol=0)
+
+
+def test_time_of_a_naive_trapezoid_converges_to_it():
+    def trapezoid(step):
+        altitude = torch.arange(100.0, 380.0 + step / 2, step, dtype=DOUBLE) * FL_M
+        return torch.trapezoid(-1 / nominal_state(JET, altitude).rate_mps, altitude).item()
+
+    exact = nominal_descent(JET, GRID).time_s[0].item()
+    errors = [abs(trapezoid(step) / exact - 1) for step in (1.0, 0.1, 0.01)]
+    assert errors[0] < 5e-4
+    # First order only, because the rate jumps inside cells: that is why the nominal descent ends its cells at jumps.
+    assert errors[2] < 5e-6
+
+
+def test_time_falls_from_the_bottom_to_zero_at_the_top():
+    descent = nominal_descent(JET, GRID)
+    assert descent.time_s[-1].item() == 0.0
+    assert (descent.time_s.diff() < 0).all()
+    assert isinstance(descent, NominalDescent)
+
+
+def test_a_batch_is_its_members():
+    masses = torch.tensor([[48e3, 60e3, 72e3]], dtype=DOUBLE)
+    deviations = torch.tensor([[-10.0], [15.0]], dtype=DOUBLE)
+    together = nominal_descent(JET, GRID, masses, deviations)
+    assert together.time_s.shape == together.rate_mps.shape == (2, 3, 281)
+    alone = nominal_descent(JET, GRID, 72e3, 15.0)
+    for name in ("time_s", "cas_mps", "mach", "tas_mps", "rate_mps", "drag_n", "thrust_n", "esf", "fuel_kg_s"):
+        torch.testing.assert_close(getattr(together, name)[1, 2], getattr(alone, name), rtol=1e-12, atol=1e-9)
+
+
+def test_coefficients_batch_and_move_the_jumps():
+    mach = torch.tensor([[0.0], [0.74], [0.8]], dtype=DOUBLE)
+    descent = nominal_descent(replace(JET, des_mach=mach), GRID)
+    alone = nominal_descent(replace(JET, des_mach=0.74), GRID)
+    torch.testing.assert_close(descent.time_s[1], alone.time_s, rtol=1e-12, atol=1e-9)
+
+
+def test_float32_grid_gives_float32_close_to_float64():
+    single = nominal_descent(JET, GRID.float())
+    assert single.time_s.dtype == torch.float32
+    error = (single.time_s[:-1].double() / nominal_descent(JET, GRID).time_s[:-1] - 1).abs().max().item()
+    assert error < 2e-5
+
+
+def test_states_at_levels_are_the_schedule_s():
+    descent = nominal_descent(JET, torch.arange(0, 381), 60e3)
+    assert (descent.rate_mps < 0).all()
+    assert set(descent.configuration.tolist()) == {0, 1, 2}
+    assert np.isclose(descent.cas_mps[100].item() / 0.514444, JET.des_cas_high_kt)
+
+
+@pytest.mark.parametrize("levels", [[200, 150], [150, 150, 160]])
+def test_levels_that_do_not_ascend_are_refused(levels):
+    with pytest.raises(AircraftError, match="ascending"):
+        nominal_descent(JET, torch.tensor(levels))
+
+
+def test_two_dimensional_levels_are_refused():
+    with pytest.raises(AircraftError, match="one dimension"):
+        nominal_descent(JET, torch.arange(150, 152)[None])
+
+
+def test_an_aircraft_that_cannot_descend_is_refused():
+    with pytest.raises(AircraftError, match="does not descend"):
+        nominal_descent(replace(JET, ct_des_low=0.9), GRID)

@@ -66,7 +66,7 @@ def representation(n: int = 300, seed: int = 0) -> Representation:
 
 def representation_of(dimension: int) -> Representation:
     """A representation of exactly ``dimension`` weights, for densities that are tested on their own."""
-    levels = torch.arange(150.0, 350.0, dtype=torch.float64)
+    levels = torch.arange(150, 371, dtype=torch.float64)
     modes = torch.linalg.qr(torch.eye(len(levels), dtype=torch.float64)[:, :dimension]).Q.T / FL_M**0.5
     empty, zero = torch.zeros(len(levels), 0), torch.zeros(())
 
@@ -77,7 +77,16 @@ def representation_of(dimension: int) -> Representation:
     drag, cas = basis(40_000.0, modes[:-1]), basis(140.0, modes[-1:])
     ones = torch.ones(dimension)
     decoder = DescentDecoder(AIRCRAFT, levels, drag, cas, 0 * ones, ones)
-    return Representation(decoder, Plausibility.from_profiles(flights(60)), Split((), (), ()), {})
+    bound = torch.full((len(levels),), 1e9, dtype=torch.float64)
+    plausibility = Plausibility(
+        drag_low=-bound,
+        drag_high=bound,
+        cas_low=0 * bound,
+        cas_high=bound,
+        slowest_rate_mps=torch.tensor(-1e-3),
+        entry_counts=torch.ones(len(levels), dtype=torch.long),
+    )
+    return Representation(decoder, plausibility, Split((), (), ()), {})
 
 
 class WeightsModule(LightningDataModule):

@@ -90,7 +90,10 @@ class FunctionalBasis(nn.Module):
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the basis."""
-        return {**{name: buffer.cpu() for name, buffer in self.named_buffers()}, "spacing_m": self.spacing_m}
+        return {
+            **{name: buffer.cpu() for name, buffer in self.named_buffers(remove_duplicate=False)},
+            "spacing_m": self.spacing_m,
+        }
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "FunctionalBasis":

@@ -1,6 +1,7 @@
 """Load a checkpoint without executing code, or say clearly why it cannot be loaded."""
 
 import pickle
+import warnings
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -25,7 +26,10 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     if not Path(path).is_file():
         raise CheckpointError(f"no file {path}", expected="a checkpoint", mend=MEND)
     try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():
+            # torch wonders aloud about pickle protocols that it then refuses.
+            warnings.simplefilter("ignore", UserWarning)
+            content = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         raise CheckpointError(
             f"{path}: {str(error).splitlines()[0]}", expected="a checkpoint of tensors and primitives", mend=MEND

@@ -83,7 +83,7 @@ class Plausibility(nn.Module):
 
     def to_state(self) -> dict[str, Any]:
         """Tensors from which :meth:`from_state` rebuilds the module."""
-        return {name: buffer.cpu() for name, buffer in self.named_buffers()}
+        return {name: buffer.cpu() for name, buffer in self.named_buffers(remove_duplicate=False)}
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Plausibility":

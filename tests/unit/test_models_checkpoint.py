@@ -1,0 +1,146 @@
+"""Checkpoints hold all that sampling needs, load without executing code, and say what is wrong with them."""
+
+import os
+import pickle
+from pathlib import Path
+
+import pytest
+import torch
+import toys
+from lightning.pytorch import Trainer
+
+from descentflow.errors import CheckpointError, ConfigError
+from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
+from descentflow.models.checkpoint import load_model, load_representation, read_checkpoint
+from descentflow.sampling.rejection import sample_descents
+
+DIMENSION = 4
+MODELS = {
+    "gaussian": (Gaussian, {}, 1),
+    "mixture": (GaussianMixture, {"n_clusters": 3}, 3),
+    "mixture_by_bic": (GaussianMixture, {}, 3),
+    "svi": (GaussianMixture, {"n_clusters": 2, "training": "svi"}, 2),
+    "flow": (MaskedAffineFlow, {"n_flows": 2}, 2),
+}
+
+
+def weights(n: int = 900) -> torch.Tensor:
+    x = torch.randn(n, DIMENSION, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    x[: n // 2, 0] += 5
+    return x
+
+
+def saved(name: str, folder: Path) -> tuple[LatentModel, Path]:
+    kind, settings, epochs = MODELS[name]
+    model = kind(**settings)
+    trainer = Trainer(
+        max_epochs=epochs, logger=False, enable_progress_bar=False, enable_model_summary=False, accelerator="cpu",
+        enable_checkpointing=False, num_sanity_val_steps=0,
+    )  # fmt: skip
+    trainer.fit(model, datamodule=toys.WeightsModule(weights(), weights(100)))
+    trainer.save_checkpoint(folder / "model.ckpt")
+    return model.eval(), folder / "model.ckpt"
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_checkpoint_alone_samples_as_its_model_did(name: str, tmp_path: Path) -> None:
+    model, path = saved(name, tmp_path)
+    loaded = load_model(path)
+    assert type(loaded) is type(model)
+    assert torch.equal(loaded.sample(50, seed=1), model.sample(50, seed=1))
+    with torch.no_grad():
+        torch.testing.assert_close(loaded.log_prob(weights(10)), model.log_prob(weights(10)))
+    parts = loaded.representation
+    samples = sample_descents(loaded, parts.decoder, parts.plausibility, 5, seed=0, entry=torch.tensor([30]))
+    assert len(samples.trajectories) == 5
+
+
+@pytest.mark.parametrize("name", ["gaussian", "mixture", "flow"])
+def test_lightnings_own_loading_works_too(name: str, tmp_path: Path) -> None:
+    model, path = saved(name, tmp_path)
+    loaded = type(model).load_from_checkpoint(path, weights_only=True)
+    assert torch.equal(loaded.sample(5, seed=1), model.sample(5, seed=1))
+
+
+def test_the_split_and_versions_are_recorded(tmp_path: Path) -> None:
+    _, path = saved("gaussian", tmp_path)
+    content = read_checkpoint(path)["descentflow"]
+    assert content["version"]
+    assert set(content["representation"]["split"]) == {"train", "validation", "test"}
+    assert load_representation(path).decoder.aircraft == toys.AIRCRAFT
+
+
+class Payload:
+    """Writes a file when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return os.mkdir, (str(self.path),)
+
+
+def test_loading_never_executes_code(tmp_path: Path) -> None:
+    torch.save({"descentflow": Payload(tmp_path / "owned")}, tmp_path / "evil.ckpt")
+    with pytest.raises(CheckpointError, match="tensors and primitives"):
+        load_model(tmp_path / "evil.ckpt")
+    (tmp_path / "plain.ckpt").write_bytes(pickle.dumps(Payload(tmp_path / "owned")))
+    with pytest.raises(CheckpointError):
+        load_model(tmp_path / "plain.ckpt")
+    assert not (tmp_path / "owned").exists()
+
+
+def broken(kind: str, folder: Path) -> Path:
+    _, path = saved("gaussian", folder)
+    content = torch.load(path, weights_only=True)
+    target = folder / "broken.ckpt"
+    if kind == "truncated":
+        target.write_bytes(path.read_bytes()[:-2000])
+        return target
+    if kind == "empty":
+        target.write_bytes(b"")
+        return target
+    if kind == "text":
+        target.write_text("not a checkpoint")
+        return target
+    changes = {
+        "foreign": lambda c: c.pop("descentflow"),
+        "format": lambda c: c["descentflow"].update(format=99),
+        "model": lambda c: c["descentflow"].update(model="Diffusion"),
+        "incomplete": lambda c: c["descentflow"]["representation"].pop("decoder"),
+        "parameters": lambda c: c["state_dict"].pop("loc"),
+        "aircraft": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].pop("ct1"),
+    }
+    changes[kind](content)
+    torch.save(content, target)
+    return target
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("truncated", "truncated"),
+        ("empty", "truncated"),
+        ("text", "expected"),
+        ("foreign", "not a checkpoint of descentflow"),
+        ("format", "format 99"),
+        ("model", "Diffusion"),
+        ("incomplete", "decoder"),
+        ("parameters", "state_dict"),
+        ("aircraft", "ct1"),
+    ],
+)
+def test_a_bad_checkpoint_says_what_is_wrong(kind: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(Exception, match=words) as caught:
+        load_model(broken(kind, tmp_path))
+    assert type(caught.value).__module__ == "descentflow.errors"
+
+
+def test_no_file(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match="no file"):
+        load_model(tmp_path / "absent.ckpt")
+
+
+def test_a_model_without_a_representation_says_so() -> None:
+    with pytest.raises(ConfigError, match="without a representation"):
+        _ = Gaussian().representation

@@ -87,9 +87,10 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Aircraft:
     wanted = typecode.strip().upper()
     synonyms = _synonyms(folder)
     if wanted not in synonyms:
+        near = ", ".join(get_close_matches(wanted, synonyms, n=8)) or "none"
         raise AircraftError(
             f"type {typecode!r} in {folder}",
-            expected=f"one of the {len(synonyms)} types there, near it {get_close_matches(wanted, synonyms) or 'none'}",
+            expected=f"one of the {len(synonyms)} types there (near it: {near})",
             mend="choose a type the directory holds, or add a line to its SYNONYM.NEW",
         )
     return _load(folder, synonyms[wanted].file, wanted)

@@ -44,7 +44,7 @@ class Line:
     def real(self, place: int, what: str, first: int = 4) -> float:
         """Number in the given ``3X, E10.5`` field, counted from zero after column ``first``.
 
-        The blanks around the field are checked too: a line that slipped by a column could read as another number.
+        The blanks on either side are checked too: a line that slipped by a column could read as another number.
 
         Raises:
             AircraftError: If the field is blank, is no number or is out of place.
@@ -52,9 +52,9 @@ class Line:
         start = first + place * (_GAP + _FIELD) + _GAP
         stop = start + _FIELD
         text = self.text[start:stop]
-        around = self.text[start - _GAP : start] + self.text[stop : stop + 1].replace("/", " ")
+        around = self.text[start - 1 : start] + self.text[stop : stop + 1].replace("/", " ")
         if text.strip() != text or len(text) < _FIELD or around.strip():
-            self.fail(f"{what} {text!r}", f"a number that fills columns {start + 1} to {stop}, blanks around it")
+            self.fail(f"{what} {text!r}", f"a number that fills columns {start + 1} to {stop}, a blank on either side")
         try:
             value = float(text)
         except ValueError:

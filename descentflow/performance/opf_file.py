@@ -44,7 +44,7 @@ def _polar_place(phase: str) -> Place:
 
 
 PLACES: tuple[Place, ...] = (*_BEFORE_POLARS, *map(_polar_place, PHASES), *_AFTER_POLARS)
-"""The numbers of the file's 23 data lines after the first, in order."""
+"""The numbers of the file's 21 data lines after the first, in order."""
 NAMES = tuple(name for place in PLACES for name in place if name)
 
 
@@ -175,7 +175,7 @@ def _lines(opf: Opf) -> Iterator[str]:
     rows = [_row(opf.numbers, place) for place in PLACES]
     polars = len(_BEFORE_POLARS)
     for index, (phase, name) in enumerate(zip(PHASES, opf.configurations, strict=True)):
-        rows[polars + index] = f"CD {index + 1} {phase}   {_fit(name, 10):<10}" + rows[polars + index][20:]
+        rows[polars + index] = f"CD {index + 1} {phase}   {_fit(name, 9):<10}" + rows[polars + index][20:]
     rows[polars - 1] = f"CD {len(PHASES)}" + rows[polars - 1][4:]
     for offset, label in enumerate(("1      RET", "2      EXT", "1      UP", "2      DOWN", "1      OFF", "2      ON")):
         at = polars + len(PHASES) + offset

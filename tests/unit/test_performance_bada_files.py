@@ -1,0 +1,273 @@
+import importlib.util
+import shutil
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+
+from descentflow.errors import AircraftError, DataError
+from descentflow.performance.bada_files import (
+    apf_of,
+    load_aircraft,
+    load_directory,
+    opf_of,
+    read_apf,
+    read_gpf,
+    read_opf,
+    read_synonym,
+    to_aircraft,
+    write_apf,
+    write_opf,
+)
+from descentflow.performance.fixed_columns import e10
+from descentflow.performance.global_parameters import STANDARD
+from descentflow.performance.gpf_file import read_gpf_rows
+from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.performance.registry import aircraft
+
+FILES = ("J2M___", "J2H___", "J4H___", "BZJT__", "TP2M__", "GA____")
+LINES = {"mass": 18, "flaps": 31, "thrust": 44, "actype": 13}
+"""Indices of some data lines of an OPF file."""
+
+
+@pytest.fixture(scope="module")
+def dummy() -> Path:
+    """EUROCONTROL's dummy aircraft inside the installed pybada."""
+    spec = importlib.util.find_spec("pyBADA")
+    assert spec is not None, "the test extra installs pybada"
+    return Path(str(spec.origin)).parent / "aircraft" / "BADA3" / "DUMMY"
+
+
+@pytest.fixture
+def release(dummy, tmp_path) -> Path:
+    """A copy that a test may spoil."""
+    return Path(shutil.copytree(dummy, tmp_path / "bada"))
+
+
+def edit(path: Path, index: int, change) -> None:
+    lines = path.read_text(encoding="latin-1").splitlines()
+    lines[index] = change(lines[index])
+    path.write_text("\n".join(lines), encoding="latin-1")
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_opf_and_apf_come_back_byte_for_byte(dummy, tmp_path, name):
+    write_opf(read_opf(dummy / f"{name}.OPF"), tmp_path / f"{name}.OPF")
+    write_apf(read_apf(dummy / f"{name}.APF"), tmp_path / f"{name}.APF")
+    for suffix in ("OPF", "APF"):
+        assert (tmp_path / f"{name}.{suffix}").read_bytes() == (dummy / f"{name}.{suffix}").read_bytes()
+
+
+def test_opf_says_what_the_file_prints(dummy):
+    opf = read_opf(dummy / "BZJT__.OPF")
+    assert (opf.typecode, opf.n_engines, opf.engine, opf.wake_category) == ("BZJT", 2, "jet", "M")
+    assert opf.modified
+    assert opf.configurations == ("Clean", "Flap07", "Flap07", "Flap15", "Flap35")
+    assert opf.numbers["mass_reference_kg"] == 6350.0
+    assert opf.numbers["ct_des_high"] == -0.1861
+    assert opf.numbers["altitude_des_ft"] == 38290.0
+    assert opf.numbers["length_m"] == 14.9
+
+
+def test_apf_keeps_the_order_mach_high_low(dummy, tmp_path):
+    speeds = read_apf(dummy / "TP2M__.APF").default.average
+    assert (speeds.cruise_cas_low_kt, speeds.cruise_cas_high_kt, speeds.cruise_mach) == (230.0, 220.0, 0.45)
+    path = tmp_path / "A320__.APF"
+    made = replace(open_aircraft("A320"), des_mach=0.78, des_cas_high_kt=300.0, des_cas_low_kt=250.0)
+    write_apf(apf_of(made), path)
+    assert "78 300 250" in path.read_text()
+    found = read_apf(path).default.average
+    assert (found.des_mach, found.des_cas_high_kt, found.des_cas_low_kt) == (0.78, 300.0, 250.0)
+
+
+def test_an_aircraft_survives_its_files_to_five_digits(tmp_path):
+    before = replace(open_aircraft("A320"), ct_des_high=-0.012345678, des_mach=0.78)
+    write_opf(opf_of(before), tmp_path / "A320__.OPF")
+    write_apf(apf_of(before), tmp_path / "A320__.APF")
+    after = load_aircraft("a320", tmp_path)
+    for field in fields(before):
+        old, new = getattr(before, field.name), getattr(after, field.name)
+        # Five printed digits, four of a negative number.
+        assert new == (pytest.approx(old, rel=5e-4 if old < 0 else 5e-5) if isinstance(old, float) else new)
+    assert after.engine == before.engine
+    assert after.ct_des_high == -0.01235
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (58.0, ".58000E+02"),
+        (0.0, ".00000E+00"),
+        (-38.85, "-.3885E+02"),
+        (1.0941e-10, ".10941E-09"),
+        (99999.6, ".10000E+06"),
+    ],
+)
+def test_numbers_in_ten_columns(value, text):
+    assert e10(value) == text
+    assert len(text) == 10
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e120])
+def test_numbers_that_do_not_fit_are_refused(value):
+    with pytest.raises(AircraftError, match="finite number"):
+        e10(value)
+
+
+def test_types_resolve_through_synonyms(dummy):
+    found = load_aircraft("b738", dummy)
+    assert found.typecode == "B738"
+    assert "J2M" in found.source
+    assert found.wing_area_m2 == load_aircraft("J2M", dummy).wing_area_m2
+    assert aircraft("B738", dummy) == found
+    assert aircraft("A320").source == open_aircraft("A320").source
+
+
+def test_a_whole_directory_loads(dummy):
+    everything = load_directory(dummy)
+    assert len(everything) == 136
+    assert {a.engine for a in everything.values()} == {"jet", "turboprop", "piston"}
+
+
+def test_synonyms_keep_blanks_in_names(dummy):
+    synonyms = read_synonym(dummy / "SYNONYM.NEW")
+    assert synonyms["DH8A"].manufacturer == "DEHAVILLAND CANADA"
+    assert synonyms["AT76"].model == "72-212A 600"
+    assert not synonyms["AT76"].direct
+    assert synonyms["GA"].direct
+    assert not synonyms["GA"].is_icao
+
+
+def test_flap_names_may_hold_blanks(release):
+    edit(release / "J2M___.OPF", LINES["flaps"], lambda x: x[:10] + "1 + F 20  " + x[20:])
+    opf = read_opf(release / "J2M___.OPF")
+    assert "1 + F 20" in opf.configurations
+    assert opf.numbers["cd0_ap"] == 0.0477
+
+
+def test_without_synonyms_files_stand_for_themselves(release):
+    (release / "SYNONYM.NEW").unlink()
+    assert load_aircraft("GA", release).engine == "piston"
+    with pytest.raises(AircraftError, match="A320"):
+        load_aircraft("A320", release)
+
+
+def test_line_ends_of_other_systems_are_read(release):
+    path = release / "J2M___.OPF"
+    before = read_opf(path)
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert read_opf(path) == before
+
+
+def test_gpf_of_the_release_is_the_manual_s(dummy):
+    assert read_gpf(dummy / "BADA.GPF") == STANDARD
+    assert len(read_gpf_rows(dummy / "BADA.GPF")) == 44
+
+
+def test_gpf_changes_reach_the_parameters_and_newer_engine_names_are_known(release):
+    path = release / "BADA.GPF"
+    text = path.read_text().replace(
+        "C_v_min         mil,civ jet,turbo,piston", "C_v_min         mil,civ jet,tbp,pst     "
+    )
+    path.write_text(text.replace(".13000E+01", ".14000E+01").replace("jet,turbo ", "jet,tbp   "))
+    assert read_gpf(path).min_speed_factor == 1.4
+
+
+SPOILS = {
+    "letters in a number": ("J2M___.OPF", LINES["mass"], lambda x: x.replace(".58000E+02", ".58O00E+02"), "line 19"),
+    "a blank number": ("J2M___.OPF", LINES["mass"], lambda x: x.replace(".58000E+02", " " * 10), "line 19"),
+    "a slipped line": ("J2M___.OPF", LINES["thrust"], lambda x: x[:4] + " " + x[4:-2] + "/", "line 45"),
+    "a line slipped to the left": ("J2M___.OPF", LINES["thrust"], lambda x: x[:4] + x[5:-1] + " /", "line 45"),
+    "an infinite number": ("J2M___.OPF", LINES["mass"], lambda x: x.replace(".58000E+02", "       inf"), "line 19"),
+    "too large a number": ("J2M___.OPF", LINES["mass"], lambda x: x.replace(".58000E+02", ".1000E+999"), "line 19"),
+    "an unknown engine": ("J2M___.OPF", LINES["actype"], lambda x: x.replace("Jet", "Ion"), "line 14"),
+    "no wake category": ("J2M___.OPF", LINES["actype"], lambda x: x[:59] + " " + x[60:], "line 14"),
+    "no engine count": ("J2M___.OPF", LINES["actype"], lambda x: x[:20] + "x" + x[21:], "line 14"),
+    "no type": ("J2M___.OPF", LINES["actype"], lambda x: x[:5] + "______" + x[11:], "line 14"),
+    "a phase out of order": ("J2M___.OPF", LINES["flaps"], lambda x: x.replace("AP", "XX"), "line 32"),
+    "a lost line": ("J2M___.OPF", LINES["mass"], lambda x: "CC" + x[2:], "line 59: 21 data lines"),
+    "an APF number": ("J2M___.APF", 22, lambda x: x.replace("74  74", "74  7x"), "line 23"),
+    "a slipped APF": ("J2M___.APF", 22, lambda x: x[:26] + " " + x[26:], "line 23"),
+    "an APF range": ("J2M___.APF", 21, lambda x: x.replace("AV", "MI"), "line 22"),
+    "an APF without default": ("J2M___.APF", 19, lambda x: x.replace("***", "BAW"), "line 20"),
+    "a lost APF line": ("J2M___.APF", 22, lambda x: "CC" + x[2:], "line 22: 3 data lines"),
+    "a synonym twice": ("SYNONYM.NEW", 18, lambda x: x.replace("A30B", "A306"), "line 19"),
+    "a slipped synonym": ("SYNONYM.NEW", 17, lambda x: x[:5] + " " + x[5:], "line 18"),
+}
+
+
+@pytest.mark.parametrize("spoil", SPOILS)
+def test_malformed_lines_are_named_by_file_and_line(release, spoil):
+    file, index, change, place = SPOILS[spoil]
+    edit(release / file, index, change)
+    with pytest.raises(AircraftError, match=rf"{file} {place}"):
+        load_aircraft("A320", release)
+
+
+@pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        (lambda x: x.replace(".20000E+01", "two"), "line 25"),
+        (lambda x: x.replace(".20000E+01", ""), "line 25"),
+    ],
+)
+def test_malformed_gpf_lines_are_named(release, change, place):
+    edit(release / "BADA.GPF", 24, change)
+    with pytest.raises(AircraftError, match=rf"BADA.GPF {place}"):
+        read_gpf(release / "BADA.GPF")
+
+
+def test_a_gpf_without_a_parameter_is_refused(release):
+    path = release / "BADA.GPF"
+    path.write_text(path.read_text().replace("H_max_app", "H_max_xxx"))
+    with pytest.raises(AircraftError, match="no parameter H_max_app"):
+        read_gpf(path)
+
+
+def test_empty_foreign_and_absent_files_are_refused(release, tmp_path):
+    (release / "J2M___.OPF").write_text("")
+    with pytest.raises(AircraftError, match="no data line"):
+        load_aircraft("A320", release)
+    (release / "J2M___.OPF").write_bytes(bytes(range(256)))
+    with pytest.raises(AircraftError, match="no data line"):
+        load_aircraft("A320", release)
+    (release / "J2M___.OPF").unlink()
+    with pytest.raises(AircraftError, match="No such file"):
+        load_aircraft("A320", release)
+    with pytest.raises(AircraftError, match="existing directory"):
+        load_aircraft("A320", tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(AircraftError, match="neither SYNONYM"):
+        load_aircraft("A320", tmp_path / "empty")
+
+
+def test_an_unknown_type_is_refused_with_near_names(dummy):
+    with pytest.raises(AircraftError, match="A320"):
+        load_aircraft("A32O", dummy)
+
+
+def test_files_of_two_types_are_not_joined(dummy):
+    with pytest.raises(AircraftError, match="OPF of J2M with APF of GA"):
+        to_aircraft(read_opf(dummy / "J2M___.OPF"), read_apf(dummy / "GA____.APF"))
+
+
+def test_an_apf_refuses_to_round_speeds(tmp_path):
+    with pytest.raises(AircraftError, match="des_mach"):
+        write_apf(apf_of(replace(open_aircraft("A320"), des_mach=0.785)), tmp_path / "A320__.APF")
+    with pytest.raises(AircraftError, match="des_cas_high_kt"):
+        write_apf(apf_of(replace(open_aircraft("A320"), des_cas_high_kt=287.5)), tmp_path / "A320__.APF")
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_opf_refuses_what_does_not_fit_and_leaves_nothing_behind(tmp_path):
+    opf = opf_of(open_aircraft("A320"))
+    for spoiled in (
+        replace(opf, typecode="TOOLONG"),
+        replace(opf, configurations=("A flap name too long", "", "", "", "")),
+        replace(opf, numbers={**opf.numbers, "ct1": float("nan")}),
+    ):
+        with pytest.raises(AircraftError):
+            write_opf(spoiled, tmp_path / "x.OPF")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(DataError, match="folder"):
+        write_opf(opf, tmp_path / "absent" / "x.OPF")

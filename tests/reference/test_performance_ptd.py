@@ -1,0 +1,100 @@
+"""Against EUROCONTROL's own printed descent tables (PTD files inside pybada), to their print rounding.
+
+The tables are EUROCONTROL's and not pyBADA's: they settle what a level on a threshold does, and that a piston takes
+the thrust of its configuration (pyBADA keeps it clean).
+"""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+import torch
+
+from descentflow.performance.atmosphere import density_kg_m3, pressure_pa, speed_of_sound_mps, temperature_k
+from descentflow.performance.bada_files import load_aircraft
+from descentflow.performance.nominal import nominal_descent
+from descentflow.units import FL_M, FPM_MPS, KT_MPS
+
+LEVELS = {"J2M": 24, "J2H": 26, "J4H": 28, "BZJT": 28, "TP2M": 18, "GA": 11}
+COLUMNS = (
+    "level",
+    "T",
+    "p",
+    "rho",
+    "a",
+    "TAS",
+    "CAS",
+    "M",
+    "mass",
+    "thrust",
+    "drag",
+    "fuel",
+    "ESF",
+    "rod",
+    "excess",
+    "gamma",
+)
+HALF = {
+    "T": 0.5,
+    "p": 0.5,
+    "rho": 0.0005,
+    "a": 0.5,
+    "TAS": 0.005,
+    "CAS": 0.005,
+    "M": 0.005,
+    "thrust": 0.5,
+    "drag": 0.5,
+    "fuel": 0.05,
+    "ESF": 0.005,
+    "rod": 0.5,
+    "excess": 0.5,
+    "gamma": 0.005,
+}
+"""Half a unit of each column's last printed digit."""
+CONSTANTS = 1.5e-6
+"""Relative room for constants of the printing program that differ in the seventh digit; measured up to 5e-7."""
+
+
+@pytest.fixture(scope="module", params=LEVELS)
+def table(request):
+    folder = Path(str(importlib.util.find_spec("pyBADA").origin)).parent / "aircraft" / "BADA3" / "DUMMY"
+    code = request.param
+    text = (folder / f"{code:_<6}.PTD").read_text().split("Medium mass DESCENTS")[1]
+    rows = [[float(v) for v in line.split()] for line in text.splitlines() if line[:6].strip().isdigit()]
+    assert len(rows) == LEVELS[code]
+    columns = dict(zip(COLUMNS, torch.tensor(rows, dtype=torch.float64).T, strict=True))
+    aircraft = load_aircraft(code, folder)
+    return columns, aircraft, nominal_descent(aircraft, columns["level"])
+
+
+def test_descent_agrees_to_print_rounding(table):
+    printed, aircraft, found = table
+    altitude = printed["level"] * FL_M
+    assert (printed["mass"] - aircraft.mass_reference_kg).abs().max() < 0.5
+    ours = {
+        "T": temperature_k(altitude),
+        "p": pressure_pa(altitude),
+        "rho": density_kg_m3(altitude),
+        "a": speed_of_sound_mps(altitude),
+        "TAS": found.tas_mps / KT_MPS,
+        "CAS": found.cas_mps / KT_MPS,
+        "M": found.mach,
+        "thrust": found.thrust_n,
+        "drag": found.drag_n,
+        "fuel": found.fuel_kg_s * 60,
+        "ESF": found.esf,
+        "rod": -found.rate_mps / FPM_MPS,
+        "excess": found.thrust_n - found.drag_n,
+        "gamma": torch.asin(found.rate_mps / found.tas_mps).rad2deg(),
+    }
+    for name, value in ours.items():
+        over = (value - printed[name]).abs() - HALF[name] - CONSTANTS * value.abs()
+        worst = over.argmax()
+        assert over.max() <= 0, f"{name} at FL{printed['level'][worst]:.0f}: {value[worst]} for {printed[name][worst]}"
+
+
+def test_within_one_newton_and_one_foot_a_minute(table):
+    printed, _, found = table
+    assert (found.thrust_n - printed["thrust"]).abs().max() <= 1.0
+    assert (found.drag_n - printed["drag"]).abs().max() <= 1.0
+    assert (found.rate_mps / FPM_MPS + printed["rod"]).abs().max() <= 1.0

@@ -14,8 +14,9 @@ from typing import Any, Literal, get_args
 from descentflow.errors import AircraftError
 from descentflow.performance.aircraft import Aircraft
 
-Confidence = Literal["direct", "derived", "textbook estimate"]
-"""Printed by the source; follows from printed numbers by the stated formula; typical of the class of aircraft."""
+Confidence = Literal["direct", "derived", "textbook estimate", "unchecked"]
+"""Printed by the source; follows from printed numbers by the stated formula; typical of the class of aircraft; commonly
+published but not checked against a type-certificate data sheet."""
 
 _FOLDER = "open_types"
 _SOURCES = "sources"

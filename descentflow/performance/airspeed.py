@@ -51,7 +51,7 @@ def cas_to_mach(cas_mps: Number, altitude_m: Number) -> Tensor:
 
     Example:
         >>> round(cas_to_mach(128.611, 11000.0).item(), 4)
-        0.7437
+        0.7584
     """
     cas, altitude = as_tensors(cas_mps, altitude_m)
     at_sea_level = impact_pressure_ratio(cas / CAS_SCALE_MPS)

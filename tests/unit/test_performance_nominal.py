@@ -33,7 +33,7 @@ def flown_time_s(aircraft, top_m, bottom_m, mass_kg, deviation_k):
 
         hit.terminal = True
         start = altitude - (1e-2 if altitude != top_m else 0.0)
-        leg = solve_ivp(rate, (0.0, 5000.0), [start], events=hit, rtol=1e-10, atol=1e-7, method="DOP853")
+        leg = solve_ivp(rate, (0.0, 5000.0), [start], events=hit, rtol=1e-7, atol=1e-3, method="RK45")
         total += leg.t_events[0][0]
         altitude = stop
     return total
@@ -43,8 +43,8 @@ def flown_time_s(aircraft, top_m, bottom_m, mass_kg, deviation_k):
 def test_time_agrees_with_a_tight_ode_solver_in_time(mass, deviation):
     found = nominal_descent(JET, GRID, torch.tensor(mass, dtype=DOUBLE), torch.tensor(deviation, dtype=DOUBLE))
     flown = flown_time_s(JET, 380 * FL_M, 100 * FL_M, mass, deviation)
-    # Five hairs of 1 cm at some 10 m/s: 5 ms of about 1,000 s.
-    assert found.time_s[0].item() == pytest.approx(flown, abs=0.01)
+    # Hairs of 1 cm at some 10 m/s and the solver's 1e-7 a step: 20 ms, 0.002 % of the time (0.05 % is asked).
+    assert found.time_s[0].item() == pytest.approx(flown, abs=0.02)
 
 
 def test_time_does_not_depend_on_the_grid():
@@ -118,3 +118,13 @@ def test_two_dimensional_levels_are_refused():
 def test_an_aircraft_that_cannot_descend_is_refused():
     with pytest.raises(AircraftError, match="does not descend"):
         nominal_descent(replace(JET, ct_des_low=0.9), GRID)
+
+
+def test_every_step_stays_on_the_device_of_the_altitudes():
+    """The meta device refuses to mix as a GPU does, and needs none."""
+    altitude = torch.linspace(0.0, 12000.0, 9, dtype=torch.float32, device="meta")
+    state = nominal_state(JET, altitude, torch.full((3, 1), 6e4, dtype=torch.float32, device="meta"), 10.0)
+    for name, value in vars(state).items():
+        assert value.shape == (3, 9)
+        assert value.device.type == "meta"
+        assert value.dtype == (torch.int64 if name == "configuration" else torch.float32)

@@ -46,7 +46,7 @@ def isa_temperature_k(altitude_m: Number) -> Tensor:
         Temperature in kelvin, same shape.
 
     Example:
-        >>> isa_temperature_k(12000.0).item()
+        >>> round(isa_temperature_k(12000.0).item(), 2)
         216.65
     """
     (altitude,) = as_tensors(altitude_m)

@@ -1,0 +1,76 @@
+"""Pictures and page of the open aircraft show what the model computes and what others published."""
+
+import runpy
+import sys
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+import torch
+from matplotlib.figure import Figure
+
+from descentflow.errors import AircraftError
+from descentflow.figures.open_aircraft import descent_masses_kg, open_aircraft_figure
+from descentflow.performance.nominal import nominal_descent
+from descentflow.performance.open_aircraft import open_aircraft, open_type, open_typecodes
+from descentflow.units import FPM_MPS
+
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "open_aircraft_page.py"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_window() -> None:
+    matplotlib.use("agg")
+
+
+@pytest.mark.parametrize("typecode", open_typecodes())
+def test_masses_ascend(typecode: str) -> None:
+    low, reference, landing = descent_masses_kg(typecode)
+    assert low < reference < landing
+
+
+def test_lines_are_the_nominal_descent() -> None:
+    figure = open_aircraft_figure("B738")
+    line = next(x for x in figure.axes[0].lines if x.get_label().startswith("reference mass"))
+    level = np.asarray(line.get_ydata())
+    descent = nominal_descent(open_aircraft("B738"), torch.as_tensor(level))
+    np.testing.assert_allclose(line.get_xdata(), -descent.rate_mps.numpy() / FPM_MPS, rtol=1e-6)  # one mass, same grid
+
+
+def test_published_ranges_are_shaded_where_they_hold() -> None:
+    figure = open_aircraft_figure("B738")
+    published = {e.name: e.value for e in open_type("B738").published}
+    spans = [c.get_datalim(figure.axes[0].transData) for c in figure.axes[0].collections]
+    found = sorted((round(-s.x1), round(-s.x0)) for s in spans)
+    expected = sorted(published[n][1:] for n in ("rate_constant_mach_fpm", "rate_constant_cas_fpm"))
+    assert found == [tuple(round(v) for v in pair) for pair in expected]
+    assert min(s.y0 for s in spans) == pytest.approx(100)
+
+
+def test_a_type_without_ranges_is_drawn_without_shade() -> None:
+    figure = open_aircraft_figure("PC12")
+    assert isinstance(figure, Figure)
+    assert all(not ax.collections for ax in figure.axes)
+
+
+def test_an_unknown_type_is_refused() -> None:
+    with pytest.raises(AircraftError, match="no open aircraft"):
+        open_aircraft_figure("ZZZZ")
+
+
+def test_the_page_holds_everything_in_one_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page.html"
+    monkeypatch.setattr(sys, "argv", [str(SCRIPT), str(page), "A20N", "BE20"])
+    runpy.run_path(str(SCRIPT), run_name="__main__")
+    text = page.read_text(encoding="utf-8")
+    assert text.count("data:image/png;base64,") == 2
+    assert "http-equiv" not in text
+    assert 'src="http' not in text
+    assert "Made from A320" in text
+    assert "not EUROCONTROL" in text
+    assert text.count("Known to be off.") == 2
+    assert list(tmp_path.iterdir()) == [page]
+    assert "2 types" in capsys.readouterr().out

@@ -14,7 +14,8 @@ from descentflow.callbacks.scores import ScoreCallback
 from descentflow.data.datamodule import DescentDataModule
 from descentflow.errors import CheckpointError, ConfigError
 from descentflow.models import LatentModel
-from descentflow.models.checkpoint import SECTION, read_checkpoint
+from descentflow.models.base import SECTION
+from descentflow.models.checkpoint import read_checkpoint
 
 
 class DescentCLI(LightningCLI):

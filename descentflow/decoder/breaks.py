@@ -11,8 +11,8 @@ from descentflow.performance.forces import descent_thrust_floor_ft
 from descentflow.performance.transition import transition_altitude_m
 from descentflow.units import FT_M
 
-SIDE_M = 1e-3
-"""How far above a jump its upper side is evaluated; exactly on it counts as below."""
+SIDE_M = 0.01
+"""How far from a jump its two sides are evaluated: beyond the slack of the thresholds themselves."""
 
 
 class Breaks(NamedTuple):
@@ -51,7 +51,7 @@ def rate_breaks(aircraft: Aircraft, altitude_m: Tensor) -> Breaks:
     jumps = (transition_altitude_m(aircraft), TROPOPAUSE_M, descent_thrust_floor_ft(aircraft) * FT_M)
     where = [float(torch.as_tensor(jump).detach().reshape(-1)[0]) for jump in jumps]
     low, high = float(altitude_m[0]), float(altitude_m[-1])
-    sides = [side for jump in where if low < jump < high - SIDE_M for side in (jump, jump + SIDE_M)]
+    sides = [side for jump in where if low + SIDE_M < jump < high - SIDE_M for side in (jump - SIDE_M, jump + SIDE_M)]
     # Placed in float64: in float32 the two sides of a jump at 10 km would be one number.
     levels, extras = altitude_m.double(), torch.tensor(sides, dtype=torch.float64, device=altitude_m.device)
     below = torch.arange(len(sides), device=altitude_m.device) % 2 == 0

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from descentflow.decoder.breaks import Breaks, rate_breaks
+from descentflow.decoder.fast import integrate_fast, is_plain
 from descentflow.performance.aircraft import Aircraft, Number
 from descentflow.performance.energy import descent_rate_mps
 from descentflow.performance.state import idle_state
@@ -79,6 +80,25 @@ def integrate(
         The trajectories. A rate that is not negative gives times that are not finite or not increasing: it is
         the sampler that rejects those.
     """
+    if is_plain(*aircraft.numbers(), mass_kg, deviation_k) and not (drag_n.requires_grad or cas_mps.requires_grad):
+        time_s, mach, tas_mps, rate_mps = integrate_fast(
+            aircraft, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k
+        )
+        return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
+    return integrate_plain(aircraft, levels_fl, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k)
+
+
+def integrate_plain(
+    aircraft: Aircraft,
+    levels_fl: Tensor,
+    altitude_m: Tensor,
+    drag_n: Tensor,
+    cas_mps: Tensor,
+    entry: Tensor,
+    mass_kg: Number | None = None,
+    deviation_k: Number = 0.0,
+) -> Trajectories:
+    """:func:`integrate` in the equations' own order, differentiable in all its arguments."""
     mach, tas_mps, rate_mps = _fly(aircraft, altitude_m, drag_n, cas_mps, mass_kg, deviation_k)
     breaks = rate_breaks(aircraft, altitude_m)
     extra_rate = _fly(

@@ -103,6 +103,10 @@ class Aircraft:
                 mend="correct the engine field of the OPF file",
             )
 
+    def numbers(self) -> tuple[Number, ...]:
+        """All coefficients, in the order of the fields."""
+        return tuple(v for f in fields(self) if isinstance(v := getattr(self, f.name), float | Tensor))
+
     def to_state(self) -> dict[str, Any]:
         """Return the coefficients as primitives, for a checkpoint that loads without executing code."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}

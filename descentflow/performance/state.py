@@ -8,7 +8,7 @@ from descentflow.performance.aircraft import Aircraft, Number
 from descentflow.performance.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.performance.energy import energy_share_factor
 from descentflow.performance.forces import descent_thrust_n
-from descentflow.performance.transition import transition_altitude_m
+from descentflow.performance.schedule import holds_mach
 
 
 class IdleState(NamedTuple):
@@ -34,7 +34,7 @@ def idle_state(aircraft: Aircraft, cas_mps: Tensor, altitude_m: Tensor, deviatio
     """
     mach = cas_to_mach(cas_mps, altitude_m)
     tas_mps = mach_to_tas_mps(mach, altitude_m, deviation_k)
-    above = altitude_m > transition_altitude_m(aircraft)
+    above = holds_mach(aircraft, altitude_m)
     return IdleState(
         mach,
         tas_mps,

@@ -14,21 +14,13 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     """Give a temporary name beside ``path`` to write to; rename it when the block ends well, else remove it.
 
     Raises:
-        DataError: If the folder of ``path`` does not exist or ``path`` is a folder.
+        DataError: As :func:`check_output`.
 
     Example:
         >>> with whole_file("samples.parquet") as temporary:
         ...     frame.write_parquet(temporary)
     """
-    target = Path(path)
-    if not target.parent.is_dir():
-        raise DataError(
-            f"output {target} in a folder that does not exist",
-            expected=f"an existing folder {target.parent}",
-            mend="create the folder or choose another output",
-        )
-    if target.is_dir():
-        raise DataError(f"output {target} is a folder", expected="a file name", mend="add a file name to it")
+    target = check_output(path)
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.stem}-", suffix=target.suffix)
     os.close(handle)
     temporary = Path(name)
@@ -42,3 +34,21 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def check_output(path: str | Path) -> Path:
+    """Refuse an output that cannot be written, before minutes of work go into it.
+
+    Raises:
+        DataError: If its folder does not exist or it is itself a folder.
+    """
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise DataError(
+            f"output {target} in a folder that does not exist",
+            expected=f"an existing folder {target.parent}",
+            mend="create the folder or choose another output",
+        )
+    if target.is_dir():
+        raise DataError(f"output {target} is a folder", expected="a file name", mend="add a file name to it")
+    return target

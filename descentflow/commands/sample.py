@@ -24,12 +24,14 @@ def run(args: argparse.Namespace) -> None:
     from tqdm import tqdm
 
     from descentflow.errors import ConfigError
+    from descentflow.files import check_output
     from descentflow.models.checkpoint import load_model
     from descentflow.sampling.rejection import sample_descents
     from descentflow.sampling.tables import write_samples
 
     if args.number < 1:
         raise ConfigError(f"-n {args.number}", expected="at least one descent", mend="pass a positive number")
+    check_output(args.out)
     model = load_model(args.checkpoint)
     parts = model.representation
     with tqdm(total=args.number, desc="descents", delay=2) as bar:

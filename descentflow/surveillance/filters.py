@@ -1,0 +1,218 @@
+"""Filters of rows: small classes that compose with ``|``, each with its reason and its count.
+
+A filter sees rows sorted by flight and time and says which to keep. ``a | b`` applies `a`, then `b`.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+
+from descentflow.surveillance.airdata import cas_of_mach_kt
+from descentflow.surveillance.report import DropReport
+
+FLIGHT = "flight_id"
+SECONDS = pl.col("timestamp").dt.epoch("us") / 1e6
+
+
+class Filter(ABC):
+    """Keep some rows, count the others under :attr:`reason`."""
+
+    reason: str
+
+    @abstractmethod
+    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """The rows kept (columns may be added for later filters)."""
+
+    def __call__(self, rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+        """Apply the filter and count what it drops."""
+        return report.count(self.reason, rows, self.keep(rows))
+
+    def __or__(self, other: "Filter | Chain") -> "Chain":
+        """This filter, then another.
+
+        Example:
+            >>> cleaning = Despike("altitude", 300.0) | Descending()
+        """
+        return Chain((self,)) | other
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Filters one after the other."""
+
+    filters: tuple[Filter, ...] = ()
+
+    def __call__(self, rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+        """Apply them in order."""
+        for one in self.filters:
+            rows = one(rows, report)
+        return rows
+
+    def __or__(self, other: "Filter | Chain") -> "Chain":
+        """These filters, then another."""
+        return Chain(self.filters + (other.filters if isinstance(other, Chain) else (other,)))
+
+
+@dataclass(frozen=True)
+class Despike(Filter):
+    """Drop rows whose value stands alone: a Hampel filter over five reports (Hampel 1974).
+
+    A value is a spike if it differs from the median of the five around it by more than `floor` and by more than three
+    robust standard deviations (1.4826 times their median absolute deviation).
+    """
+
+    column: str
+    floor: float
+    """In the column's unit; far above noise and quantisation, so that smooth manoeuvres are never spikes."""
+
+    @property
+    def reason(self) -> str:  # type: ignore[override]
+        """Named after the column."""
+        return f"spike_{self.column}"
+
+    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Rows that are no spikes, or miss the value."""
+        value = pl.col(self.column)
+        around = rows.with_columns(
+            value.rolling_median(5, center=True, min_samples=3).over(FLIGHT).alias("_median")
+        ).with_columns((value - pl.col("_median")).abs().alias("_off"))
+        around = around.with_columns(
+            pl.col("_off").rolling_median(5, center=True, min_samples=3).over(FLIGHT).alias("_mad")
+        )
+        spike = (pl.col("_off") > self.floor) & (pl.col("_off") > 3 * 1.4826 * pl.col("_mad"))
+        return around.filter(~spike.fill_null(False)).drop("_median", "_off", "_mad")
+
+
+@dataclass(frozen=True)
+class AirspeedsAgree(Filter):
+    """Drop rows whose IAS is not the CAS of their Mach number and pressure altitude.
+
+    A register decoded as another, or a Mach held over from an earlier report, shows here. Position and instrument
+    error, quantisation (1 kt, 0.004 Mach) and a few seconds between the two registers stay well below the limit.
+    """
+
+    limit_kt: float = 25.0
+    reason = "IAS_contradicts_Mach"
+
+    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Rows within the limit."""
+        cas = pl.Series(cas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy()))
+        return rows.filter((pl.col("IAS") - cas).abs() <= self.limit_kt)
+
+
+@dataclass(frozen=True)
+class Descending(Filter):
+    """Keep rows that descend at 500 ft/min or more (paper, section 3): level-offs and climbs go.
+
+    Adds `_since_level` and `_until_level`: seconds from the last, and to the next, row of the flight that did not
+    descend so.
+    """
+
+    slowest_fpm: float = 500.0
+    reason = "not_descending"
+
+    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Rows with a rate of at most -`slowest_fpm`; rows without a rate go too."""
+        descends = (pl.col("vertical_rate") <= -self.slowest_fpm).fill_null(False)
+        level = pl.when(~descends).then(SECONDS)
+        timed = rows.with_columns(
+            (SECONDS - level.forward_fill().over(FLIGHT)).alias("_since_level"),
+            (level.backward_fill().over(FLIGHT) - SECONDS).alias("_until_level"),
+        )
+        return timed.filter(descends)
+
+
+@dataclass(frozen=True)
+class SteadyDescent(Filter):
+    """Drop the transients at the top and the bottom of a descent, and beside level-offs (paper, section 3).
+
+    A transport aircraft takes some 20 s to settle into, or to leave, its descent (0.05 to 0.1 g); during them its
+    rate says little of thrust and drag.
+    """
+
+    transient_s: float = 20.0
+    reason = "transient"
+
+    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Rows further than `transient_s` from any row that did not descend."""
+        steady = [(pl.col(name) >= self.transient_s).fill_null(True) for name in ("_since_level", "_until_level")]
+        return rows.filter(steady[0] & steady[1]).drop("_since_level", "_until_level")
+
+
+@dataclass(frozen=True)
+class FreeRate(Filter):
+    """Drop managed stretches, where the vertical rate is held constant (paper, section 3).
+
+    A stretch is managed if at least `fewest` reports over at least `seconds` lie within `band_fpm` of each other. The
+    rate of an idle descent drifts with altitude and with the airspeed control by pitch, by more than this band within
+    the time; an autopilot that holds a selected rate keeps it within two or three steps of 32 ft/min.
+    """
+
+    seconds: float = 90.0
+    band_fpm: float = 96.0
+    fewest: int = 8
+    reason = "constant_rate"
+
+    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Rows outside every managed stretch."""
+        if rows.is_empty():
+            return rows
+        period = f"{round(self.seconds * 1e6)}us"
+        rate, time = pl.col("vertical_rate"), pl.col("timestamp")
+        index = rows.with_row_index("_row").with_columns(pl.col("_row").cast(pl.Int64))
+        ahead = index.select("_row", FLIGHT, "timestamp", "vertical_rate").rolling(
+            "timestamp", period=period, offset="-0us", closed="both", group_by=FLIGHT
+        )
+        window = ahead.agg(
+            (rate.max() - rate.min()).alias("band"),
+            rate.len().alias("count"),
+            (time.max() - time.min()).dt.total_microseconds().alias("span"),
+            pl.col("_row").min().alias("first"),
+            pl.col("_row").max().alias("last"),
+        )
+        # A window need not reach its full length to the microsecond: one report's spacing may be missing.
+        held = window.filter(
+            (pl.col("band") <= self.band_fpm)
+            & (pl.col("count") >= self.fewest)
+            & (pl.col("span") >= 0.9e6 * self.seconds)
+        )
+        return rows.filter(~_covered(held["first"], held["last"], len(rows)))
+
+
+def _covered(first: pl.Series, last: pl.Series, n: int) -> pl.Series:
+    """Which of n rows lie in any of the closed ranges first..last."""
+    edges = np.zeros(n + 1, dtype=np.int64)
+    np.add.at(edges, first.to_numpy(), 1)
+    np.add.at(edges, last.to_numpy() + 1, -1)
+    return pl.Series(edges.cumsum()[:n] > 0)
+
+
+@dataclass(frozen=True)
+class LargestDescent(Filter):
+    """Of a flight that climbs back and descends again, keep the descent of the largest span."""
+
+    climb_back_ft: float = 1000.0
+    reason = "second_descent"
+
+    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Rows of the descent with the largest difference of altitudes."""
+        # Climbing rows are gone by now: a climb is a jump upwards between two descending rows.
+        number = (pl.col("altitude").diff() > self.climb_back_ft).fill_null(False).cum_sum().over(FLIGHT)
+        span = (pl.col("altitude").max() - pl.col("altitude").min()).over(FLIGHT, "_descent")
+        numbered = rows.with_columns(number.alias("_descent")).with_columns(span.alias("_span"))
+        largest = pl.col("_descent") == pl.col("_descent").sort_by("_span", descending=True).first().over(FLIGHT)
+        return numbered.filter(largest).drop("_descent", "_span")
+
+
+@dataclass(frozen=True)
+class Falling(Filter):
+    """Drop rows that are not below every earlier row of the descent (25 ft of quantisation make some)."""
+
+    reason = "not_below_earlier_row"
+
+    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Rows at a new lowest altitude."""
+        lowest = pl.col("altitude").cum_min().shift().over(FLIGHT)
+        return rows.filter((pl.col("altitude") < lowest).fill_null(True))

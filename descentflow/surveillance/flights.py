@@ -1,0 +1,100 @@
+"""Rows in order, without duplicates or impossible values, each with the flight it belongs to."""
+
+from collections.abc import Sequence
+
+import polars as pl
+
+from descentflow.errors import DataError
+from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.schema import POSSIBLE, REQUIRED
+
+FLIGHT_GAP_S = 900.0
+"""Silence after which the same address is taken to be another flight (15 min, as OpenSky's and traffic's users do)."""
+
+
+def tidy(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Drop rows that miss a required value, are impossible or repeat another; sort by aircraft and time.
+
+    An impossible value of a channel that is not required is set to missing instead, and noted.
+    """
+    report.count("read", rows, rows)
+    complete = report.count("missing_value", rows, rows.drop_nulls(list(REQUIRED)))
+    for name in REQUIRED:
+        if name in POSSIBLE:
+            inside = complete.filter(pl.col(name).is_between(*POSSIBLE[name]))
+            complete = report.count(f"impossible_{name}", complete, inside)
+    for name in set(POSSIBLE) & set(complete.columns) - set(REQUIRED):
+        wrong = ~pl.col(name).is_between(*POSSIBLE[name])
+        report.note(f"impossible values of {name} set to missing", complete.select(wrong.sum()).item() or 0)
+        complete = complete.with_columns(pl.when(~wrong).then(pl.col(name)).alias(name))
+    backwards = complete.select((pl.col("timestamp").diff().over("icao24").dt.total_microseconds() < 0).sum()).item()
+    report.note("rows put into time order", backwards or 0)
+    ordered = complete.sort("icao24", "timestamp", maintain_order=True)
+    return report.count(
+        "duplicate", ordered, ordered.unique(["icao24", "timestamp"], keep="first", maintain_order=True)
+    )
+
+
+def name_flights(rows: pl.DataFrame, gap_s: float = FLIGHT_GAP_S) -> pl.DataFrame:
+    """Fill `flight_id` where it is absent: the address and the time of the flight's first row.
+
+    Args:
+        rows: Sorted by aircraft and time.
+        gap_s: Silence that separates two flights of one address.
+    """
+    seconds = pl.col("timestamp").diff().over("icao24").dt.total_microseconds() / 1e6
+    number = (seconds > gap_s).fill_null(False).cum_sum().over("icao24").alias("_flight")
+    first = pl.col("timestamp").min().over("icao24", "_flight").dt.strftime("%Y%m%dT%H%M%S")
+    made = pl.col("icao24") + "_" + first
+    given = pl.col("flight_id") if "flight_id" in rows.columns else pl.lit(None, pl.String)
+    named = rows.with_columns(number).with_columns(pl.coalesce(given, made).alias("flight_id")).drop("_flight")
+    return named.sort("flight_id", "timestamp", maintain_order=True)
+
+
+def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
+    """Join a types table (`icao24,typecode`); a type in the rows themselves goes first.
+
+    Raises:
+        DataError: If the table lacks a column.
+    """
+    if "typecode" not in rows.columns:
+        rows = rows.with_columns(pl.lit(None, pl.String).alias("typecode"))
+    if types is not None:
+        absent = [name for name in ("icao24", "typecode") if name not in types.columns]
+        if absent:
+            raise DataError(
+                f"a types table without {', '.join(absent)} (it has {', '.join(types.columns)})",
+                expected="columns icao24,typecode",
+                mend="rename its columns",
+            )
+        table = types.select(
+            pl.col("icao24").cast(pl.String).str.strip_chars().str.to_lowercase(),
+            pl.col("typecode").cast(pl.String).str.strip_chars().alias("_type"),
+        ).unique("icao24")
+        rows = rows.join(table, on="icao24", how="left", maintain_order="left")
+        rows = rows.with_columns(pl.coalesce("typecode", "_type").alias("typecode")).drop("_type")
+    return rows.with_columns(pl.col("typecode").str.to_uppercase())
+
+
+def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropReport) -> pl.DataFrame:
+    """Keep rows of known type, and of the wanted types if any are named.
+
+    Raises:
+        DataError: If nothing is left, with the types that there are.
+    """
+    known = report.count("unknown_type", rows, rows.filter(pl.col("typecode").is_not_null()))
+    if known.is_empty():
+        raise DataError(
+            "rows without any typecode",
+            expected="a column typecode, or a types table",
+            mend="pass --types TABLE.csv with columns icao24,typecode",
+        )
+    if wanted is None:
+        return known
+    chosen = report.count("other_type", known, known.filter(pl.col("typecode").is_in([t.upper() for t in wanted])))
+    if chosen.is_empty():
+        present = known["typecode"].value_counts(sort=True)["typecode"].head(12)
+        raise DataError(
+            f"no row of type {', '.join(wanted)}", expected=f"one of {', '.join(present)}", mend="change --typecode"
+        )
+    return chosen

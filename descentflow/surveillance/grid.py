@@ -1,0 +1,71 @@
+"""Free descents on flight levels: interpolation between rows, and gaps left open."""
+
+import numpy as np
+import polars as pl
+
+from descentflow.surveillance.schema import CHANNELS
+
+CIRCULAR = ("track", "heading")
+"""Angles, interpolated the short way round."""
+
+
+def to_levels(rows: pl.DataFrame, bottom_fl: int, *, longest_gap_s: float, highest_gap_ft: float) -> pl.DataFrame:
+    """Interpolate every descent linearly in altitude to whole flight levels (paper, section 2.2).
+
+    Two neighbouring rows bridge the levels between them unless they are further apart than `longest_gap_s` or
+    `highest_gap_ft`; then these levels have no row.
+
+    Args:
+        rows: Sorted by flight and time, altitude falling strictly within a flight.
+        bottom_fl: Lowest level.
+        longest_gap_s: Longest gap that is bridged.
+        highest_gap_ft: Highest gap that is bridged.
+
+    Returns:
+        One row a flight and level, sorted by flight and falling level: `flight_id icao24 typecode callsign level_fl
+        timestamp time_s` and the channels that the rows have.
+    """
+    flight = rows["flight_id"].rle_id().to_numpy()
+    altitude_fl = rows["altitude"].to_numpy() / 100.0
+    micros = rows["timestamp"].dt.epoch("us").to_numpy()
+    gap_s, gap_fl = np.diff(micros) / 1e6, -np.diff(altitude_fl)
+    bridged = (flight[1:] == flight[:-1]) & (gap_s <= longest_gap_s) & (gap_fl * 100 <= highest_gap_ft)
+    # The interval from a row down to the next: levels above or at the next row and strictly below this one, so that a
+    # level on which a row stands is counted once; the first row of a stretch adds its own level.
+    top, low = np.ceil(altitude_fl[:-1]) - 1, np.ceil(altitude_fl[1:])
+    starts = np.concatenate([[True], ~bridged]) if len(flight) else np.zeros(0, dtype=bool)
+    own = starts[:-1] & (altitude_fl[:-1] == np.floor(altitude_fl[:-1]))
+    top = np.where(own, altitude_fl[:-1], top)
+    count = np.where(bridged, np.maximum(top - np.maximum(low, bottom_fl) + 1, 0), 0).astype(np.int64)
+    upper = np.repeat(np.arange(len(count)), count)
+    order = np.arange(len(upper)) - np.repeat(np.cumsum(count) - count, count)
+    level = np.repeat(top, count) - order
+    share = (altitude_fl[upper] - level) / (altitude_fl[upper] - altitude_fl[upper + 1])
+    crossing = micros[upper] + share * (micros[upper + 1] - micros[upper])
+    columns: dict[str, object] = {
+        name: rows[name].gather(upper)
+        for name in ("flight_id", "icao24", "typecode", "callsign")
+        if name in rows.columns
+    }
+    columns |= {"level_fl": level.astype(np.int32), "timestamp": pl.Series(crossing.round().astype(np.int64))}
+    for name in CHANNELS:
+        if name in rows.columns:
+            columns[name] = _interpolated(rows[name].to_numpy(), upper, share, circular=name in CIRCULAR)
+    return _timed(pl.DataFrame(columns))
+
+
+def _interpolated(values: np.ndarray, upper: np.ndarray, share: np.ndarray, *, circular: bool) -> pl.Series:
+    step = values[upper + 1] - values[upper]
+    if circular:
+        step = (step + 180.0) % 360.0 - 180.0
+    found = values[upper] + share * step
+    return pl.Series(found % 360.0 if circular else found).fill_nan(None)
+
+
+def _timed(levels: pl.DataFrame) -> pl.DataFrame:
+    seconds = (pl.col("timestamp") - pl.col("timestamp").min().over("flight_id")) / 1e6
+    position = levels.columns.index("timestamp") + 1
+    timed = levels.with_columns(seconds.alias("time_s"), pl.from_epoch("timestamp", time_unit="us"))
+    timed = timed.with_columns(pl.col("timestamp").dt.replace_time_zone("UTC"))
+    names = [n for n in timed.columns if n != "time_s"]
+    return timed.select(*names[:position], "time_s", *names[position:])

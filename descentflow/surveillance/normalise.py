@@ -1,0 +1,138 @@
+"""Bring a table of any known source to the schema: names, types and units."""
+
+from pathlib import Path
+
+import polars as pl
+
+from descentflow.errors import DataError
+from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.schema import ALIASES, COLUMNS, REQUIRED, TIMESTAMP
+from descentflow.units import FPM_MPS, FT_M, KT_MPS
+
+STATE_VECTOR = {"baroaltitude", "velocity", "vertrate"}
+"""Columns that only OpenSky's state vectors have; they are in SI units."""
+
+DATE_FORMATS = (
+    "%+",
+    "%Y-%m-%d %H:%M:%S%.f%:z",
+    "%Y-%m-%d %H:%M:%S%.f%#z",
+    "%Y-%m-%dT%H:%M:%S%.f",
+    "%Y-%m-%d %H:%M:%S%.f",
+)
+"""Written dates: RFC 3339, `traffic`'s CSV, and the same without a zone (taken as UTC)."""
+
+
+def normalise(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFrame:
+    """Rename, convert and cast a table's columns.
+
+    Args:
+        table: Columns as the source names them.
+        path: Named in errors.
+        report: Takes the number of values that were no numbers or dates.
+
+    Raises:
+        DataError: If a required column is missing, is given twice, or holds hardly anything that can be read.
+    """
+    table = _from_state_vectors(table) if set(table.columns) >= STATE_VECTOR else table
+    table = _renamed(table, path)
+    missing = [name for name in REQUIRED if name not in table.columns]
+    if missing:
+        raise DataError(
+            f"{path} has no column {', '.join(missing)} (it has {', '.join(table.columns[:12])})",
+            expected=f"columns {', '.join(REQUIRED)}, named as the traffic library names them",
+            mend="rename columns; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B alone",
+        )
+    columns = []
+    for name, kind in COLUMNS.items():
+        if name not in table.columns:
+            continue
+        column = _cast(table[name], kind)
+        lost = column.null_count() - table[name].null_count()
+        if lost:
+            report.note(f"values of {name} that could not be read", lost)
+        if name in REQUIRED and len(column) and lost > len(column) / 2:
+            raise DataError(
+                f"{path}: {lost} of {len(column)} values of {name} cannot be read (the first: "
+                f"{table[name].filter(column.is_null() & table[name].is_not_null())[0]!r})",
+                expected="numbers" if kind == pl.Float64 else "dates with time, or seconds since 1970",
+                mend=f"convert the column {name}",
+            )
+        columns.append(column.alias(name))
+    frame = pl.DataFrame(columns)
+    # A missing number may be written as NaN or infinity.
+    numbers = [n for n in frame.columns if frame[n].dtype == pl.Float64]
+    frame = frame.with_columns(pl.when(pl.col(n).is_finite()).then(pl.col(n)) for n in numbers)
+    return frame.with_columns(pl.col("icao24").str.strip_chars(" ~").str.to_lowercase())
+
+
+def _renamed(table: pl.DataFrame, path: Path) -> pl.DataFrame:
+    renames: dict[str, str] = {}
+    for name in table.columns:
+        target = ALIASES.get(name, ALIASES.get(name.lower(), name))
+        if target != name and target not in table.columns:
+            if target in renames.values():
+                raise DataError(
+                    f"{path}: two columns for {target}", expected="one", mend=f"drop all but one: {table.columns}"
+                )
+            renames[name] = target
+    return table.rename(renames)
+
+
+def _from_state_vectors(table: pl.DataFrame) -> pl.DataFrame:
+    """OpenSky state vectors: metres, metres a second, and `heading` for what is a track."""
+    numbers = {"baroaltitude", "geoaltitude", "velocity", "vertrate", "heading"} & set(table.columns)
+    table = table.with_columns(pl.col(name).cast(pl.Float64, strict=False) for name in numbers)
+    converted = {
+        "altitude": pl.col("baroaltitude") / FT_M,
+        "groundspeed": pl.col("velocity") / KT_MPS,
+        "vertical_rate": pl.col("vertrate") / FPM_MPS,
+    }
+    if "geoaltitude" in table.columns:
+        converted["geoaltitude"] = pl.col("geoaltitude") / FT_M
+    if "heading" in table.columns:
+        converted["track"] = pl.col("heading")
+    return table.with_columns(**converted).drop("baroaltitude", "velocity", "vertrate", "heading", strict=False)
+
+
+def _cast(column: pl.Series, kind: pl.DataType) -> pl.Series:
+    if kind == TIMESTAMP:
+        return _timestamps(column)
+    if kind == pl.String:
+        return column.cast(pl.String).str.strip_chars().replace("", None)
+    if column.dtype == pl.String:
+        column = column.str.strip_chars().replace("", None)
+    return column.cast(pl.Float64, strict=False)
+
+
+def _timestamps(column: pl.Series) -> pl.Series:
+    """Datetimes in UTC of datetimes, written dates, or seconds (also milliseconds) since 1970."""
+    if isinstance(column.dtype, pl.Datetime):
+        zoned = column if column.dtype.time_zone else column.dt.replace_time_zone("UTC")
+        return zoned.dt.convert_time_zone("UTC").cast(TIMESTAMP)
+    if column.dtype != pl.String:
+        return _from_epoch(column.cast(pl.Float64, strict=False))
+    seconds = column.cast(pl.Float64, strict=False)
+    if seconds.null_count() < len(column):
+        return _from_epoch(seconds)
+    frame = column.alias("t").to_frame()
+    readings = [_parsed(name) for name in DATE_FORMATS]
+    return frame.select(pl.coalesce(readings)).to_series()
+
+
+def _parsed(form: str) -> pl.Expr:
+    zoned = "z" in form or form == "%+"
+    parsed = pl.col("t").str.to_datetime(form, time_unit="us", strict=False)
+    return (parsed.dt.convert_time_zone("UTC") if zoned else parsed.dt.replace_time_zone("UTC")).cast(TIMESTAMP)
+
+
+def _from_epoch(seconds: pl.Series) -> pl.Series:
+    """Seconds, or milliseconds where the number could only be that."""
+    in_seconds = pl.when(pl.col("s") > 1e11).then(pl.col("s") / 1000).otherwise(pl.col("s"))
+    valid = pl.when(in_seconds.is_finite() & in_seconds.is_between(0, 1e10)).then(in_seconds)
+    micro = (valid * 1e6).round().cast(pl.Int64)
+    return (
+        seconds.alias("s")
+        .to_frame()
+        .select(pl.from_epoch(micro, time_unit="us").dt.replace_time_zone("UTC"))
+        .to_series()
+    )

@@ -1,0 +1,127 @@
+"""From files of rows to prepared descents: every step in its order, every drop counted."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import polars as pl
+
+from descentflow import __version__
+from descentflow.errors import DataError
+from descentflow.surveillance import filters
+from descentflow.surveillance.descents import SCHEMA_VERSION, Descents, top_levels
+from descentflow.surveillance.flights import FLIGHT_GAP_S, name_flights, of_types, tidy, with_types
+from descentflow.surveillance.grid import to_levels
+from descentflow.surveillance.rates import with_rate
+from descentflow.surveillance.readers import read_rows
+from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.units_check import check_units
+
+
+@dataclass(frozen=True)
+class Cleaning:
+    """Thresholds of the cleaning; each filter's docstring gives its reason."""
+
+    bottom_fl: int = 150
+    """Lowest level of the grid; below FL150 arrivals are procedural (paper, section 2.2)."""
+    flight_gap_s: float = FLIGHT_GAP_S
+    slowest_fpm: float = 500.0
+    transient_s: float = 20.0
+    constant_rate_s: float = 90.0
+    constant_rate_band_fpm: float = 96.0
+    longest_gap_s: float = 60.0
+    """Neighbouring rows further apart leave the levels between them open..."""
+    highest_gap_ft: float = 3000.0
+    """...and so do rows further apart in altitude."""
+    fewest_levels: int = 20
+    """A descent with fewer levels on the grid is dropped."""
+
+    def filters(self) -> filters.Chain:
+        """The cleaning of rows, in order."""
+        return (
+            filters.Despike("vertical_rate", 1500.0)
+            | filters.Descending(self.slowest_fpm)
+            | filters.SteadyDescent(self.transient_s)
+            | filters.FreeRate(self.constant_rate_s, self.constant_rate_band_fpm)
+            | filters.LargestDescent()
+            | filters.Falling()
+        )
+
+
+DESPIKE = filters.Despike("altitude", 300.0) | filters.Despike("IAS", 15.0) | filters.Despike("Mach", 0.03)
+"""Before anything is derived; then IAS is held against Mach."""
+
+
+def prepare(
+    paths: Sequence[Path],
+    *,
+    types: pl.DataFrame | None = None,
+    typecodes: Sequence[str] | None = None,
+    cleaning: Cleaning | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Descents, DropReport]:
+    """Read rows, clean them to free descents and put those on flight levels (paper, section 3).
+
+    Args:
+        paths: Files or folders of rows.
+        types: Table `icao24,typecode` for rows that do not name their type.
+        typecodes: Types to keep; all if absent.
+        cleaning: Thresholds.
+        progress: Called with the name of each stage as it begins.
+
+    Returns:
+        Descents, and the report of everything dropped.
+
+    Raises:
+        DataError: If the rows cannot be used, or no descent is left.
+
+    Example:
+        >>> descents, report = prepare([Path("rows.parquet")], typecodes=["A320"])
+        >>> print(report)
+    """
+    rules = cleaning or Cleaning()
+    report = DropReport()
+    say = progress or (lambda _: None)
+    say("reading rows")
+    rows = tidy(read_rows(paths, report), report)
+    rows = of_types(with_types(rows, types), typecodes, report)
+    check_units(rows)
+    say("cleaning rows")
+    rows = name_flights(rows, rules.flight_gap_s)
+    rows = (DESPIKE | filters.AirspeedsAgree())(rows, report)
+    rows = rules.filters()(with_rate(rows), report)
+    say("interpolating to flight levels")
+    levels = to_levels(rows, rules.bottom_fl, longest_gap_s=rules.longest_gap_s, highest_gap_ft=rules.highest_gap_ft)
+    long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
+    _count_short(rows, levels, long, report)
+    if long.is_empty():
+        raise DataError(
+            f"no free descent of {rules.fewest_levels} levels above FL{rules.bottom_fl} is left\n{report}",
+            expected="descents of airliners with IAS, Mach and a rate of 500 ft/min or more",
+            mend="see which step dropped the rows; a lower --bottom-fl keeps lower descents",
+        )
+    metadata = {
+        "schema_version": SCHEMA_VERSION,
+        "descentflow": __version__,
+        "bottom_fl": rules.bottom_fl,
+        "top_fl": top_levels(long),
+        "settings": asdict(rules),
+        "inputs": [_provenance(path) for path in paths if path.is_file()],
+        "report": report.as_dict(),
+    }
+    return Descents(long, metadata), report
+
+
+def _count_short(rows: pl.DataFrame, levels: pl.DataFrame, long: pl.DataFrame, report: DropReport) -> None:
+    """Count flights without enough levels, in rows of the cleaned table and in flights."""
+    kept = rows.filter(pl.col("flight_id").is_in(long["flight_id"].unique().implode()))
+    report.count("too_few_levels", rows, kept)
+    report.note("levels of the kept descents", len(long))
+    report.note("levels of descents too short to keep", len(levels) - len(long))
+
+
+def _provenance(path: Path) -> dict[str, object]:
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return {"name": path.name, "bytes": path.stat().st_size, "sha256": digest}

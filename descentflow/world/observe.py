@@ -1,0 +1,129 @@
+"""What a radar would report of flights: Mode S reports with jitter, losses, sensor noise and quantised fields."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from descentflow.units import FPM_MPS, FT_M, KT_MPS
+from descentflow.world.config import WorldConfig
+from descentflow.world.truth import Flight
+
+Array = NDArray[np.float64]
+
+EARTH_RADIUS_M = 6_371_000.0
+QUANTA = {
+    "altitude": 25.0,
+    "geoaltitude": 25.0,
+    "IAS": 1.0,
+    "Mach": 0.004,
+    "vertical_rate": 32.0,
+    "TAS": 2.0,
+    "groundspeed": 2.0,
+    "track": 90 / 512,
+    "heading": 90 / 512,
+}
+"""Least significant bits of the reported fields (registers 4,0 to 6,0 of Mode S, and ADS-B), in their units."""
+_STREAM = 1
+_TRUTH = ("time_s", "altitude_m", "height_m", "cas_mps", "mach", "tas_mps", "groundspeed_mps", "rate_mps")
+
+
+def observe(
+    named: Sequence[Flight], truth: pl.DataFrame, seed: int, numbers: Sequence[int], config: WorldConfig
+) -> pl.DataFrame:
+    """Report flights as Mode S does; a flight's reports depend on the seed and its own number only.
+
+    Args:
+        named: The flights.
+        truth: Their truth rows, see :func:`descentflow.world.truth.truth_table`, in the order of ``named``.
+        seed: Seed of the world.
+        numbers: Numbers of the flights in the world.
+        config: Interval, jitter, losses and noise.
+
+    Returns:
+        Rows in the package's schema, sorted by flight and time.
+
+    Example:
+        >>> observe(named, truth, 0, range(len(named)), WorldConfig())["altitude"] % 25
+    """
+    lengths = truth.group_by("flight_id", maintain_order=True).len()["len"].to_numpy()
+    columns = truth.select(_TRUTH).to_numpy()
+    ends = np.cumsum(lengths)
+    reports = [
+        _report(columns[end - length : end], np.random.default_rng((seed, number, _STREAM)), config)
+        for end, length, number in zip(ends, lengths, numbers, strict=True)
+    ]
+    kept = [len(r["time_s"]) for r in reports]
+    fields = {name: np.concatenate([r[name] for r in reports]) for name in reports[0]}
+    start = np.repeat(np.array([f.start_us for f in named], dtype=np.int64), kept)
+    timestamp = start + np.rint(fields.pop("time_s") * 1e6).astype(np.int64)
+    index = pl.Series(np.repeat(np.arange(len(named), dtype=np.uint32), kept))
+    about = {
+        name: pl.Series(name, [getattr(f, name) for f in named]).gather(index)
+        for name in ("icao24", "callsign", "flight_id", "typecode")
+    }
+    stamps = pl.Series(timestamp).cast(pl.Datetime("us", "UTC"))
+    return pl.DataFrame({"timestamp": stamps, **about, **fields})
+
+
+def _report(truth: Array, generator: np.random.Generator, config: WorldConfig) -> dict[str, Array]:
+    """Report one flight; linear between truth rows, which are closer than any field changes."""
+    due = truth[:, 0]
+    n = len(due)
+    time = np.clip(due + generator.uniform(-config.jitter_s, config.jitter_s, n), due[0], due[-1])
+    keep = generator.random(n) >= config.dropout_share
+    has_gap, gap_start, gap_length = generator.random(3)
+    if has_gap < config.gap_share:
+        begin = due[0] + gap_start * (due[-1] - due[0])
+        length = config.gap_s[0] + gap_length * (config.gap_s[1] - config.gap_s[0])
+        keep &= (time < begin) | (time > begin + length)
+    noise = generator.standard_normal((5, n))
+    track, latitude, longitude, distance = _place(generator)
+    _, altitude, height, cas, mach, tas, groundspeed, rate = truth.T
+    rate_fpm = _smoothed(rate / FPM_MPS, due, config.rate_smoothing_s)
+    flown = np.concatenate([[0.0], np.cumsum(0.5 * (groundspeed[1:] + groundspeed[:-1]) * np.diff(due))])
+    keep &= np.concatenate([[True], np.diff(time) > 0])
+    time, noise = time[keep], noise[:, keep]
+
+    def at(values: Array) -> Array:
+        return np.interp(time, due, values)
+
+    north = (at(flown) - distance) * np.cos(track) / EARTH_RADIUS_M
+    east = (at(flown) - distance) * np.sin(track) / EARTH_RADIUS_M / np.cos(latitude)
+    bearing = np.full_like(time, np.degrees(track))
+    fields = {
+        "altitude": at(altitude) / FT_M + config.altitude_noise_ft * noise[0],
+        "vertical_rate": at(rate_fpm) + config.rate_noise_fpm * noise[1],
+        "IAS": at(cas) / KT_MPS + config.cas_noise_kt * noise[2],
+        "Mach": at(mach) + config.mach_noise * noise[3],
+        "TAS": at(tas) / KT_MPS + config.tas_noise_kt * noise[4],
+        "groundspeed": at(groundspeed) / KT_MPS,
+        "track": bearing,
+        "heading": bearing,
+        "geoaltitude": at(height) / FT_M,
+    }
+    counted = {name: np.rint(value / QUANTA[name]) * QUANTA[name] for name, value in fields.items()}
+    place = {"latitude": np.degrees(latitude + north), "longitude": np.degrees(longitude + east)}
+    return {"time_s": time, **counted, **place}
+
+
+def _place(generator: np.random.Generator) -> tuple[float, float, float, float]:
+    """Track, and the point that the flight passes after a distance; radians and metres."""
+    uniform = generator.random(4)
+    track = 2 * np.pi * uniform[0]
+    latitude, longitude = np.radians(50 + 4 * uniform[1]), np.radians(3 + 4 * uniform[2])
+    return float(track), float(latitude), float(longitude), float(1e5 * uniform[3])
+
+
+def _smoothed(values: Array, time_s: Array, constant_s: float) -> Array:
+    """First-order lag, as the transponder's own smoothing."""
+    if constant_s == 0 or len(values) < 2:
+        return values
+    keep = np.exp(-np.diff(time_s) / constant_s)
+    result = np.empty_like(values)
+    result[0] = held = values[0]
+    for i, (k, value) in enumerate(zip(keep.tolist(), values[1:].tolist(), strict=True), start=1):
+        held = k * held + (1 - k) * value
+        result[i] = held
+    return result

@@ -1,6 +1,6 @@
 """The trainer's commands: LightningCLI with this project's defaults and without its traps."""
 
-import os
+import logging
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,9 +13,12 @@ from descentflow.callbacks.predictions import WriteLogProb
 from descentflow.callbacks.scores import ScoreCallback
 from descentflow.data.datamodule import DescentDataModule
 from descentflow.errors import CheckpointError, ConfigError
-from descentflow.models import LatentModel
+from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 from descentflow.models.base import SECTION
 from descentflow.models.checkpoint import read_checkpoint
+
+MODELS = (Gaussian, GaussianMixture, MaskedAffineFlow)
+"""Imported so that `--model NAME` finds them by their short names."""
 
 
 class DescentCLI(LightningCLI):
@@ -118,8 +121,14 @@ def _option(words: Sequence[str], name: str) -> str | None:
 
 
 def _quiet() -> None:
-    """Silence advice that does not apply: the weights are in memory, and a closed form has few batches."""
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    warnings.filterwarnings("ignore", message=".*does not have many workers.*")
-    warnings.filterwarnings("ignore", message=".*The number of training batches.*")
-    warnings.filterwarnings("ignore", message=".*treespec, LeafSpec.*")
+    """Silence advice that does not apply here; everything else that Lightning says still comes through."""
+    for advice in (
+        ".*does not have many workers.*",  # the weights are in memory
+        ".*The number of training batches.*",  # a closed form has few
+        ".*LightningCLI's args parameter.*",  # descentflow's own command line calls it
+        ".*treespec, LeafSpec.*",
+        ".*isinstance.treespec.*",
+    ):
+        warnings.filterwarnings("ignore", message=advice)
+    for handler in logging.getLogger("lightning.pytorch").handlers:
+        handler.addFilter(lambda record: not record.getMessage().startswith(("TPU available", "\U0001f4a1 Tip")))

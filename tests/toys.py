@@ -1,7 +1,10 @@
 """Small known things that several tests need: an aircraft, a representation, weights of known density."""
 
 from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
 
+import polars as pl
 import torch
 from lightning.pytorch import LightningDataModule, Trainer
 from torch import Tensor
@@ -12,9 +15,10 @@ from descentflow.decoder.decoder import DescentDecoder
 from descentflow.fpca.basis import FunctionalBasis
 from descentflow.models import LatentModel
 from descentflow.performance.aircraft import Aircraft
-from descentflow.performance.airspeed import mach_to_cas_mps
+from descentflow.performance.airspeed import cas_to_mach, mach_to_cas_mps
 from descentflow.profiles.profiles import Profiles, infer_drag_n
 from descentflow.sampling.plausibility import Plausibility
+from descentflow.surveillance.descents import Descents, write_descents
 from descentflow.units import FL_M, FPM_MPS, KT_MPS
 
 AIRCRAFT = Aircraft(
@@ -123,3 +127,25 @@ def mean_nll(log_prob: Callable[[Tensor], Tensor], weights: Tensor) -> float:
     """Mean negative log-likelihood (nats a flight)."""
     with torch.no_grad():
         return -float(log_prob(weights).mean())
+
+
+def write_descents_file(path: Path, n: int = 300, seed: int = 0, typecode: str = "A320", **settings: object) -> Path:
+    """Toy flights as `descentflow prepare` would have written them; three flights to an aircraft."""
+    real = flights(n, seed, **settings)
+    rows, levels = (index.numpy() for index in torch.nonzero(real.mask, as_tuple=True))
+    take = (rows, levels)
+    frame = pl.DataFrame(
+        {
+            "flight_id": [real.flight_ids[i] for i in rows],
+            "icao24": [f"{seed % 256:02x}{i // 3:04x}" for i in rows],
+            "typecode": typecode,
+            "level_fl": real.levels_fl.numpy()[levels].astype("int32"),
+            "time_s": real.time_s.numpy()[take],
+            "IAS": real.cas_mps.numpy()[take] / KT_MPS,
+            "Mach": cas_to_mach(real.cas_mps, real.altitude_m).numpy()[take],
+            "vertical_rate": real.rate_mps.numpy()[take] / FPM_MPS,
+        }
+    ).with_columns(timestamp=pl.lit(datetime(2026, 1, 1, tzinfo=UTC)) + pl.duration(seconds="time_s"))
+    metadata = {"schema_version": 1, "bottom_fl": int(real.levels_fl[0]), "top_fl": {typecode: 370}}
+    write_descents(Descents(frame.sort("flight_id", -pl.col("level_fl")), metadata), path)
+    return path

@@ -142,7 +142,7 @@ class DescentDataModule(LightningDataModule):
 
     def _loader(self, part: Part, *, shuffle: bool = False) -> DataLoader[Any]:
         # The weights are in memory and a batch is one slice: worker processes would only cost.
-        return DataLoader(TensorDataset(self.weights(part)), self.batch_size, shuffle=shuffle)
+        return DataLoader(TensorDataset(self.weights(part)), batch_size=self.batch_size, shuffle=shuffle)
 
     def _chosen(self, source: Descents) -> pl.DataFrame:
         if self.typecodes is None:

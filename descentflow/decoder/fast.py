@@ -44,10 +44,14 @@ def integrate_fast(
     outputs = tuple(torch.empty_like(drag_n) for _ in range(4))
     size = len(drag_n) if drag_n.is_cuda else max(CHUNK_VALUES // drag_n.shape[1], 1)
 
+    inference = torch.is_inference_mode_enabled()
+
     def work(start: int) -> None:
         part = slice(start, start + size)
         out = tuple(values[part] for values in outputs)
-        _chunk(tables, breaks, half_step_m, drag_n[part], cas_mps[part], entry[part], out)
+        # The mode belongs to a thread, and tensors made in it may not be written outside it.
+        with torch.inference_mode(inference):
+            _chunk(tables, breaks, half_step_m, drag_n[part], cas_mps[part], entry[part], out)
 
     starts = range(0, len(drag_n), size)
     if len(starts) == 1 or torch.get_num_threads() == 1:

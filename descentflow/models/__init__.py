@@ -1,8 +1,24 @@
-"""Latent densities over the weights: Gaussian, Gaussian mixture and masked affine flow."""
+"""Latent densities over the weights: Gaussian, Gaussian mixture and masked affine flow.
 
-from descentflow.models.base import LatentModel
-from descentflow.models.flow import MaskedAffineFlow
-from descentflow.models.gaussian import Gaussian
-from descentflow.models.gmm import GaussianMixture
+Each is imported when it is first asked for: a checkpoint of one need not pay for the libraries of the others.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from descentflow.models.base import LatentModel
+    from descentflow.models.flow import MaskedAffineFlow
+    from descentflow.models.gaussian import Gaussian
+    from descentflow.models.gmm import GaussianMixture
 
 __all__ = ["Gaussian", "GaussianMixture", "LatentModel", "MaskedAffineFlow"]
+
+MODULES = {"Gaussian": "gaussian", "GaussianMixture": "gmm", "LatentModel": "base", "MaskedAffineFlow": "flow"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a model on first use (PEP 562)."""
+    if name not in MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{MODULES[name]}"), name)

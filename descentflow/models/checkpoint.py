@@ -8,10 +8,11 @@ from zipfile import BadZipFile
 
 import torch
 
+from descentflow import models
 from descentflow.data.representation import Representation
 from descentflow.errors import CheckpointError
-from descentflow.models import LatentModel
-from descentflow.models.base import FORMAT, SECTION
+from descentflow.models import MODULES
+from descentflow.models.base import FORMAT, SECTION, LatentModel
 
 MEND = "pass a .ckpt file that `descentflow fit` wrote, for instance runs/.../checkpoints/best.ckpt"
 
@@ -89,14 +90,17 @@ def load_model(path: str | Path) -> LatentModel:
     """
     content = read_checkpoint(path)
     name = content[SECTION]["model"]
-    if name not in LatentModel.models:
+    if name not in LatentModel.models and name not in MODULES:
         raise CheckpointError(
             f"{path}: model {name!r}",
-            expected=f"one of {', '.join(sorted(LatentModel.models))}",
+            expected=f"one of {', '.join(sorted({*LatentModel.models, *MODULES}))}",
             mend="import the module that defines this model before loading",
         )
+    kind = LatentModel.models[name] if name in LatentModel.models else getattr(models, name)
     try:
-        model = LatentModel.models[name](**content.get("hyper_parameters", {}))
+        # LightningCLI adds notes of its own, which begin with an underscore.
+        settings = {k: v for k, v in content.get("hyper_parameters", {}).items() if not k.startswith("_")}
+        model = kind(**settings)
         model.on_load_checkpoint(content)
         model.load_state_dict(content["state_dict"])
     except (KeyError, TypeError, RuntimeError) as error:

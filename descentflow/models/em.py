@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from math import log, pi
 
 import torch
-from sklearn.cluster import KMeans
-from sklearn.exceptions import ConvergenceWarning
 from torch import Tensor
 
 JITTER = 1e-6
@@ -99,6 +97,10 @@ def start(weights: Tensor, features: Tensor, n_clusters: int, seed: int) -> Mixt
     Neither kind wins always; four of each reached the likelihood of scikit-learn's best of three seeds in every
     of eight data sets, either kind alone did not (Arthur and Vassilvitskii 2007 for k-means++).
     """
+    # Imported here: sampling from a mixture needs no k-means.
+    from sklearn.cluster import KMeans
+    from sklearn.exceptions import ConvergenceWarning
+
     lloyd_steps = 20 if seed % 2 else 1
     with warnings.catch_warnings():
         # One step is what is wanted of an even seed, and duplicate flights are what a user may have.

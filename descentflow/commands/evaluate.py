@@ -1,0 +1,48 @@
+"""`descentflow evaluate`: scores of a checkpoint against the descents of any prepared file."""
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.description = (
+        "Sample a checkpoint and score the samples against real descents: time to bottom, CAS and rate above and below "
+        "transition, as Kolmogorov-Smirnov and Wasserstein distance and error of the mean, each beside the distance "
+        "between two halves of the real flights and beside nominal BADA. Flights that the checkpoint was trained or "
+        "validated on are left out."
+    )
+    parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
+    parser.add_argument("--real", type=Path, required=True, help="prepared descents (descentflow prepare)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for scores.csv, rejections.json and figures")
+    parser.add_argument("-n", "--number", type=int, default=10_000, help="samples (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of sampling and splits (default: 0)")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Load both, leave out flights that were trained on, score, write and print."""
+    from tqdm import tqdm
+
+    from descentflow.data.datamodule import DescentDataModule
+    from descentflow.evaluation import evaluate
+    from descentflow.models.checkpoint import load_model
+
+    model = load_model(args.checkpoint)
+    data = DescentDataModule(args.real, checkpoint=args.checkpoint)
+    data.setup()
+    real, seen = data.profiles("test"), len(data.profiles("train")) + len(data.profiles("validation"))
+    with tqdm(total=args.number, desc="descents", delay=2) as bar:
+        found = evaluate(
+            model,
+            model.representation,
+            real,
+            n=args.number,
+            seed=args.seed,
+            name=type(model).__name__,
+            progress=lambda n: bar.update(n) and None,
+        )
+    found.write(args.out)
+    print(f"{len(real)} held-out flights ({seen} left out: the checkpoint was trained or validated on them)")
+    print(found.rejections)
+    print(found.scores)
+    print(f"wrote {args.out / 'scores.csv'} and figures")

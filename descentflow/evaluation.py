@@ -1,0 +1,99 @@
+"""Sample a model and score it against held-out flights: what the callback, `test` and `evaluate` all do."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from descentflow.data.representation import Representation
+from descentflow.errors import DataError
+from descentflow.figures.acceptance import acceptance_figure
+from descentflow.figures.components import components_figure
+from descentflow.figures.distances import distance_by_level_figure
+from descentflow.figures.profiles import profiles_figure
+from descentflow.files import whole_file
+from descentflow.metrics.descent_set import DescentSet
+from descentflow.metrics.scores import score
+from descentflow.metrics.table import ScoreTable
+from descentflow.performance.nominal import nominal_descent
+from descentflow.profiles.profiles import Profiles
+from descentflow.sampling.rejection import RejectionReport, Sampler, sample_descents
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Samples beside real flights, their scores, and what was rejected on the way."""
+
+    name: str
+    samples: DescentSet
+    real: DescentSet
+    nominal: DescentSet
+    scores: ScoreTable
+    rejections: RejectionReport
+    representation: Representation
+
+    def figures(self) -> dict[str, Figure]:
+        """Figures by name: samples against flights (paper, figures 4-6), distances, rejections, components."""
+        decoder = self.representation.decoder
+        profiles = profiles_figure(self.real, {self.name: self.samples}, self.nominal, title=decoder.aircraft.typecode)
+        return {
+            "profiles": profiles,
+            "distance_by_level": distance_by_level_figure(self.samples, self.real, decoder.transition_fl),
+            "rejections": acceptance_figure(self.rejections),
+            "components": components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl),
+        }
+
+    def write(self, folder: Path) -> None:
+        """Write `scores.csv`, `rejections.json` and the figures as PNG."""
+        folder.mkdir(parents=True, exist_ok=True)
+        self.scores.write_csv(folder / "scores.csv")
+        with whole_file(folder / "rejections.json") as temporary:
+            temporary.write_text(json.dumps(self.rejections.as_dict(), indent=1))
+        for name, figure in self.figures().items():
+            with whole_file(folder / f"{name}.png") as temporary:
+                figure.savefig(temporary, dpi=110)
+
+
+def evaluate(
+    model: Sampler,
+    representation: Representation,
+    real: Profiles,
+    *,
+    n: int = 10_000,
+    seed: int = 0,
+    name: str = "samples",
+    progress: Callable[[int], None] | None = None,
+) -> Evaluation:
+    """Sample as many descents as asked and compare them with flights (paper, section 4).
+
+    Entry levels are drawn from those of the flights (paper, section 4.2).
+
+    Args:
+        model: Latent model.
+        representation: Its decoder and bounds.
+        real: Held-out flights on the decoder's grid.
+        n: Number of samples.
+        seed: Of sampling and of the splits behind the floors.
+        name: The model's name in figures.
+        progress: Called with the number of newly accepted samples.
+
+    Raises:
+        DataError: If there is no flight to compare with.
+        SamplingError: If too few draws are plausible.
+    """
+    if len(real) == 0:
+        raise DataError(
+            "no flight to score against",
+            expected="flights that the checkpoint was not trained on",
+            mend="pass other prepared descents",
+        )
+    decoder = representation.decoder
+    samples = sample_descents(
+        model, decoder, representation.plausibility, n, seed, entry=real.entry_level, progress=progress
+    )
+    generated, observed = DescentSet.of_trajectories(samples.trajectories), DescentSet.of_profiles(real)
+    nominal = DescentSet.of_nominal(nominal_descent(decoder.aircraft, decoder.levels_fl.cpu()))
+    scores = score(generated, observed, decoder.transition_fl, nominal, seed=seed)
+    return Evaluation(name, generated, observed, nominal, scores, samples.report, representation)

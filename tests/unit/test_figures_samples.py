@@ -1,0 +1,185 @@
+"""Figures of samples and flights show the numbers that they are said to show."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import torch
+import toys
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from descentflow.errors import DataError
+from descentflow.figures.acceptance import acceptance_figure
+from descentflow.figures.components import components_figure, weight_deviations
+from descentflow.figures.cuts import bandwidth, cuts_figure, density
+from descentflow.figures.distances import distance_by_level_figure, level_scores_figure
+from descentflow.figures.profiles import profiles_figure, since_entry_s
+from descentflow.metrics.descent_set import DescentSet
+from descentflow.metrics.scores import score
+from descentflow.performance.nominal import nominal_descent
+from descentflow.sampling.rejection import RejectionReport
+from descentflow.units import KT_MPS
+
+
+@cache
+def flights(n: int, seed: int = 0) -> DescentSet:
+    return DescentSet.of_profiles(toys.flights(n, seed))
+
+
+@cache
+def nominal() -> DescentSet:
+    return DescentSet.of_nominal(nominal_descent(toys.AIRCRAFT, flights(40).levels_fl))
+
+
+def drawn(figure: Figure) -> Figure:
+    """Drawing must not warn either (warnings are errors)."""
+    FigureCanvasAgg(figure).draw()
+    return figure
+
+
+def line(ax: Axes, label: str) -> Line2D:
+    (found,) = (x for x in ax.lines if x.get_label() == label)
+    return found
+
+
+def test_profiles_show_each_set_with_its_mean() -> None:
+    real, samples = flights(40), flights(60, 1)
+    figure = drawn(profiles_figure(real, {"a": samples, "b": real}, nominal(), n_lines=10, title="TOY"))
+    axes = np.reshape(figure.axes, (3, 3))
+    cas = torch.where(samples.mask, samples.cas_mps, torch.nan).nanmean(0) / KT_MPS
+    np.testing.assert_allclose(line(axes[1, 1], "mean of samples").get_xdata(), cas, rtol=1e-12)
+    assert [len(ax.lines) for ax in axes[0]] == [12, 13, 13]  # ten descents, nominal, mean of flights, own mean
+    assert "mean of samples" not in [x.get_label() for x in axes[0, 0].lines]
+    np.testing.assert_allclose(
+        line(axes[0, 2], "mean of samples").get_xdata(), line(axes[0, 2], "mean of held out").get_xdata(), rtol=1e-12
+    )
+
+
+def test_mean_time_is_of_descents_that_span_the_grid() -> None:
+    real = flights(40)
+    figure = profiles_figure(real, {})
+    time = np.asarray(line(figure.axes[2], "mean of held out").get_xdata())
+    assert time[0] * 60 == pytest.approx(float(real.time_to_bottom_s().mean()), rel=1e-12)
+    assert time[-1] == 0
+
+
+def test_time_starts_at_each_descents_own_entry() -> None:
+    real = flights(40)
+    time = since_entry_s(real)
+    entry = real.mask.sum(1) - 1  # toy flights miss levels at the top alone
+    assert torch.equal(time.gather(1, entry[:, None]), torch.zeros(40, 1, dtype=torch.float64))
+    assert bool((time[real.mask] >= 0).all())
+
+
+def test_what_stands_at_missing_levels_is_not_drawn() -> None:
+    real = flights(40)
+    spoilt = DescentSet(
+        real.levels_fl,
+        *(torch.where(real.mask, v, 1e9) for v in (real.time_s, real.cas_mps, real.rate_mps)),
+        mask=real.mask,
+        drag_n=torch.where(real.mask, real.drag_n, torch.nan),
+    )
+    for one, other in zip(profiles_figure(real, {}).axes, profiles_figure(spoilt, {}).axes, strict=True):
+        assert one.get_xlim() == other.get_xlim()
+        for first, second in zip(one.lines, other.lines, strict=True):
+            np.testing.assert_array_equal(first.get_xdata(), second.get_xdata())
+
+
+def test_profiles_need_a_flight() -> None:
+    with pytest.raises(DataError, match="no held-out flight"):
+        profiles_figure(flights(40).subset(torch.arange(0)), {})
+
+
+def test_distances_are_those_of_the_scores() -> None:
+    samples, real = flights(60, 1), flights(50)
+    figure = drawn(distance_by_level_figure(samples, real, 290.0, seed=3, n_splits=4))
+    levels = {(x.quantity, x.statistic): x for x in score(samples, real, 290.0, seed=3, n_splits=4).levels}
+    shown = line(figure.axes[3], "samples against flights").get_xdata()
+    np.testing.assert_array_equal(shown, levels["rocd", "wasserstein"].equal_size)
+    assert line(figure.axes[0], "transition").get_ydata()[0] == 290
+
+
+@pytest.mark.parametrize("n", [0, 3, 8])
+def test_few_flights_leave_panels_open(n: int) -> None:
+    table = score(flights(60, 1), flights(50).subset(torch.arange(n)), 1000.0, n_splits=2)
+    figure = drawn(level_scores_figure(table, float("inf")))
+    assert all("transition" not in [x.get_label() for x in ax.lines] for ax in figure.axes)
+
+
+def test_densities_and_distribution_functions() -> None:
+    real = flights(60)
+    figure = drawn(cuts_figure(real, {"a": flights(80, 1)}, nominal(), 290.4, title="TOY"))
+    axes = np.reshape(figure.axes, (2, 3))
+    for ax in axes[0]:
+        for name in ("held out", "a"):
+            x, y = (np.asarray(v) for v in line(ax, name).get_data())
+            assert np.trapezoid(y, x) == pytest.approx(1, abs=2e-3)  # the tails beyond four bandwidths hold 1e-4
+    steps = line(axes[1, 1], "held out")
+    there = real.mask[:, 140]
+    np.testing.assert_allclose(steps.get_xdata()[1:], (real.cas_mps[there, 140] / KT_MPS).sort().values, rtol=1e-12)
+    assert axes[1, 1].get_xlabel() == "CAS at FL290 (kt)"
+    assert line(axes[1, 1], "nominal BADA").get_xdata()[0] == pytest.approx(float(nominal().cas_mps[0, 140]) / KT_MPS)
+
+
+def test_a_cut_without_flights_says_so() -> None:
+    real = flights(60)
+    short = real.subset(~real.spans_grid())
+    figure = drawn(cuts_figure(short, {"a": real}, None, 370.0))
+    assert figure.axes[0].texts[0].get_text() == "0 held-out values"
+
+
+def test_equal_values_have_a_density() -> None:
+    width = bandwidth(torch.full((10,), 250.0, dtype=torch.float64))
+    assert 0 < width < 1
+    points = torch.linspace(249, 251, 4001, dtype=torch.float64)
+    assert float(torch.trapezoid(density(torch.full((10,), 250.0), points, width), points)) == pytest.approx(
+        1, abs=1e-6
+    )
+
+
+def test_cuts_need_one_grid() -> None:
+    other = DescentSet.of_profiles(toys.flights(10, bottom_fl=160))
+    with pytest.raises(DataError, match="a on another grid"):
+        cuts_figure(flights(40), {"a": other}, None, 290.0)
+
+
+def test_acceptance_accounts_for_every_draw() -> None:
+    report = RejectionReport(200, 100, 60, 40, {"not_finite": 0, "cas_below_bound": 50, "drag_below_bound": 30})
+    figure = drawn(acceptance_figure(report))
+    assert sum(patch.get_width() for patch in figure.axes[0].patches) == pytest.approx(100)
+    assert [patch.get_width() for patch in figure.axes[1].patches] == [0, 25, 15]
+    assert "70.0% plausible" in figure.get_suptitle()
+
+
+def test_no_draws_are_drawn() -> None:
+    drawn(acceptance_figure(RejectionReport(0, 0, 0, 0, {"not_finite": 0})))
+
+
+def test_components_are_drawn_at_two_deviations() -> None:
+    parts = toys.representation(200)
+    basis = parts.decoder.drag_basis
+    deviations = weight_deviations(basis)
+    weights = (
+        basis.loadings
+        @ torch.randn(basis.loadings.shape[1], 20_000, generator=torch.Generator().manual_seed(0)).double()
+    )
+    noise = (
+        torch.randn(weights.shape, generator=torch.Generator().manual_seed(1)).double() * basis.noise_variance.sqrt()
+    )
+    drawn_weights = basis.components @ (weights + noise) * basis.spacing_m
+    # The standard deviation of 20,000 normal draws has a relative error of 0.5 %.
+    torch.testing.assert_close(drawn_weights.std(1), deviations, rtol=0.025, atol=0)
+    figure = drawn(components_figure(basis, parts.decoder.cas_basis, parts.decoder.levels_fl))
+    up = np.asarray(line(figure.axes[0], "mean + two s.d. of the weight").get_xdata()) * 1000
+    expected = basis.mean + 2 * deviations[0] * basis.components[0]
+    np.testing.assert_allclose(up, expected, rtol=1e-12)
+
+
+def test_a_basis_without_deviations_has_an_arbitrary_scale() -> None:
+    decoder = toys.representation_of(7).decoder
+    figure = drawn(components_figure(decoder.drag_basis, decoder.cas_basis, torch.arange(150, 371)))
+    assert line(figure.axes[0], "mean + component (arbitrary scale)") is not None
+    assert len(figure.axes) == 10  # four of six drag components and the shares; one of CAS

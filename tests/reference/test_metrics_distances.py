@@ -1,0 +1,112 @@
+"""Distances against scipy, level by level, where flights miss levels."""
+
+import numpy as np
+import pytest
+import torch
+from scipy import stats
+from torch import Tensor
+
+from descentflow.errors import DataError
+from descentflow.metrics import distances
+from descentflow.metrics.distances import Distances, level_distances
+
+# Both sum at most 500 terms of order 1 to 100 in double precision.
+TOLERANCE = 1e-12
+
+
+def draw(n: int, seed: int, spread: float = 1.0, *, n_levels: int = 9, ties: bool = False) -> tuple[Tensor, Tensor]:
+    generator = torch.Generator().manual_seed(seed)
+    values = spread * torch.randn(n, n_levels, generator=generator, dtype=torch.float64)
+    return (values.mul(3).round() if ties else values), torch.rand(n, n_levels, generator=generator) < 0.7
+
+
+def ks_statistic(one: np.ndarray, two: np.ndarray) -> float:
+    with np.errstate(divide="ignore"):  # the p-value of one or two values, which nobody asks for
+        return float(stats.ks_2samp(one, two, method="asymp").statistic)
+
+
+def assert_as_scipy(found: Distances, first: tuple[Tensor, Tensor], second: tuple[Tensor, Tensor]) -> None:
+    for level in range(first[0].shape[1]):
+        one, two = (values[mask[:, level], level].double().numpy() for values, mask in (first, second))
+        assert (int(found.n_first[level]), int(found.n_second[level])) == (len(one), len(two))
+        if min(len(one), len(two)) == 0:
+            assert all(bool(d[level].isnan()) for d in found[:3])
+            continue
+        expected = (
+            ks_statistic(one, two),
+            stats.wasserstein_distance(one, two),
+            abs(one.mean() - two.mean()),
+        )
+        np.testing.assert_allclose([float(d[level]) for d in found[:3]], expected, rtol=TOLERANCE, atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("ties", [False, True])
+@pytest.mark.parametrize(("n", "m"), [(300, 173), (20, 500), (1, 1), (2, 1)])
+def test_as_scipy(n: int, m: int, ties: bool) -> None:
+    first, second = draw(n, 0, ties=ties), draw(m, 1, 1.3, ties=ties)
+    assert_as_scipy(level_distances(*first, *second), first, second)
+
+
+def test_an_empty_level_and_one_value() -> None:
+    first, second = draw(40, 0), draw(30, 1)
+    first[1][:, 2] = False
+    second[1][:, 3] = False
+    second[1][1:, 4], second[1][0, 4] = False, True
+    assert_as_scipy(level_distances(*first, *second), first, second)
+
+
+def test_single_precision_is_compared_exactly() -> None:
+    first, second = ((v.float() * 1e3, m) for v, m in (draw(200, 0), draw(150, 1)))
+    found = level_distances(*first, *second)
+    assert found.ks.dtype == torch.float64
+    for level in range(9):
+        one, two = (v[m[:, level], level].numpy() for v, m in (first, second))
+        assert float(found.ks[level]) == pytest.approx(ks_statistic(one, two), abs=TOLERANCE)
+
+
+def test_equal_values_of_both_signs_of_zero_and_far_magnitudes() -> None:
+    values = torch.tensor([0.0, -0.0, 1e-300, -1e-300, 1e300, -1e300, 5.0, -5.0], dtype=torch.float64)[:, None]
+    first, second = (values[::2], values[::2] > -torch.inf), (values[1::2], values[1::2] > -torch.inf)
+    found = level_distances(*first, *second)
+    one, two = first[0][:, 0].numpy(), second[0][:, 0].numpy()
+    assert float(found.ks[0]) == ks_statistic(one, two)
+    assert float(found.wasserstein[0]) == pytest.approx(stats.wasserstein_distance(one, two), rel=1e-12)
+
+
+def test_what_is_missing_is_not_read() -> None:
+    first, second = draw(50, 0), draw(60, 1)
+    spoilt = first[0].masked_fill(~first[1], torch.nan), second[0].masked_fill(~second[1], torch.inf)
+    expected = level_distances(*first, *second)
+    for one, two in zip(expected, level_distances(spoilt[0], first[1], spoilt[1], second[1]), strict=True):
+        assert torch.equal(one, two)
+
+
+@pytest.mark.parametrize("bad", [torch.nan, torch.inf])
+def test_an_observed_value_must_be_finite(bad: float) -> None:
+    first, second = draw(5, 0), draw(5, 1)
+    first[0][0, 0], first[1][0, 0] = bad, True
+    with pytest.raises(DataError, match="not finite"):
+        level_distances(*first, *second)
+
+
+@pytest.mark.parametrize("budget", [1, 200, 1 << 18])
+def test_chunks_do_not_change_the_result(budget: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = draw(50, 0), draw(60, 1)
+    expected = level_distances(*first, *second)
+    monkeypatch.setattr(distances, "CHUNK_VALUES", budget)
+    for one, two in zip(expected, level_distances(*first, *second), strict=True):
+        torch.testing.assert_close(one, two, rtol=1e-14, atol=0)
+
+
+@pytest.mark.parametrize(("n", "m", "n_levels"), [(0, 3, 2), (0, 0, 2), (3, 4, 0)])
+def test_nothing_to_compare(n: int, m: int, n_levels: int) -> None:
+    found = level_distances(*draw(n, 0, n_levels=n_levels), *draw(m, 1, n_levels=n_levels))
+    assert found.ks.shape == (n_levels,)
+    assert bool(found.wasserstein.isnan().all())
+
+
+def test_the_arguments_are_left_as_they_were() -> None:
+    sets = (*draw(20, 0), *draw(30, 1))
+    copies = [part.clone() for part in sets]
+    level_distances(*sets)
+    assert all(torch.equal(part, copy) for part, copy in zip(sets, copies, strict=True))

@@ -1,0 +1,103 @@
+"""Proper scores against sums over all pairs, scipy, and closed forms of the normal distribution."""
+
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+import torch
+from scipy import stats
+from torch import Tensor
+
+from descentflow.metrics import proper
+from descentflow.metrics.proper import crps, energy_distance, energy_score
+
+
+def draw(n: int, seed: int, mean: float = 0.0, n_levels: int = 4) -> tuple[Tensor, Tensor]:
+    generator = torch.Generator().manual_seed(seed)
+    values = mean + torch.randn(n, n_levels, generator=generator, dtype=torch.float64)
+    values[:, 0] = values[:, 0].round()  # ties
+    return values, torch.rand(n, n_levels, generator=generator) < 0.8
+
+
+def seen(values: tuple[Tensor, Tensor], level: int) -> list[float]:
+    return values[0][values[1][:, level], level].tolist()
+
+
+def mean_difference(one: list[float], two: list[float]) -> float:
+    return sum(abs(x - y) for x in one for y in two) / (len(one) * len(two))
+
+
+def within(one: list[float], *, fair: bool = True) -> float:
+    return mean_difference(one, one) * (len(one) / (len(one) - 1) if fair else 1)
+
+
+def test_crps_is_the_double_loop() -> None:
+    samples, real = draw(30, 0), draw(20, 1)
+    found = crps(*samples, *real)
+    for level in range(4):
+        one, two = seen(samples, level), seen(real, level)
+        expected = mean_difference(one, two) - within(one) / 2
+        assert float(found[level]) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("unbiased", [True, False])
+def test_energy_distance_is_the_double_loop(unbiased: bool) -> None:
+    first, second = draw(30, 0), draw(20, 1, 0.5)
+    found = energy_distance(*first, *second, unbiased=unbiased)
+    for level in range(4):
+        one, two = seen(first, level), seen(second, level)
+        expected = 2 * mean_difference(one, two) - within(one, fair=unbiased) - within(two, fair=unbiased)
+        assert float(found[level]) == pytest.approx(expected, abs=1e-12)
+        if not unbiased:
+            assert float(found[level]) == pytest.approx(stats.energy_distance(one, two) ** 2, abs=1e-12)
+
+
+@pytest.mark.parametrize("pairs", [1, 50, 1 << 22])
+def test_energy_score_is_the_double_loop(pairs: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(proper, "_PAIRS", pairs)
+    samples, real = draw(30, 0)[0], draw(20, 1)[0]
+    across = np.mean([[float((x - y).norm()) for y in real] for x in samples])
+    among = sum(float((x - y).norm()) for x in samples for y in samples) / (30 * 29)
+    assert float(energy_score(samples, real)) == pytest.approx(across - among / 2, abs=1e-12)
+
+
+def test_energy_score_in_one_dimension_is_the_crps() -> None:
+    samples, real = draw(50, 0)[0][:, :1], draw(40, 1)[0][:, :1]
+    everywhere = [torch.ones_like(values, dtype=torch.bool) for values in (samples, real)]
+    expected = crps(samples, everywhere[0], real, everywhere[1])
+    assert float(energy_score(samples, real)) == pytest.approx(float(expected[0]), abs=1e-12)
+
+
+@pytest.mark.parametrize("y", [-1.5, 0.0, 0.7])
+def test_crps_of_a_normal_forecast(y: float) -> None:
+    samples = torch.randn(200_000, 1, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    real = torch.tensor([[y]], dtype=torch.float64)
+    found = crps(samples, samples < 9, real, real < 9)
+    expected = y * (2 * stats.norm.cdf(y) - 1) + 2 * stats.norm.pdf(y) - 1 / sqrt(pi)
+    # The standard error is below 1 / sqrt(n) = 0.0022: |X - y| and the inner expectation each vary by less than one.
+    assert float(found) == pytest.approx(expected, abs=4 * 0.0022)
+
+
+def test_small_samples_are_not_penalised() -> None:
+    """1,000 forecasts of two members each have the expected score of the whole distribution, 1 / sqrt(pi)."""
+    samples = torch.randn(2, 20_000, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    real = torch.randn(1, 20_000, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    found = crps(samples, samples < 99, real, real < 99)
+    # Seeds are fixed; were they not, five standard errors would fail once in two million runs.
+    assert float(found.mean()) == pytest.approx(1 / sqrt(pi), abs=5 * float(found.std()) / sqrt(20_000))
+
+
+def test_unbiased_distance_is_zero_between_equal_distributions() -> None:
+    first, second = (torch.randn(n, 20_000, generator=torch.Generator().manual_seed(n)).double() for n in (3, 5))
+    found = energy_distance(first, first < 99, second, second < 99)
+    assert float(found.mean()) == pytest.approx(0, abs=5 * float(found.std()) / sqrt(20_000))
+    assert float(found.min()) < 0  # what unbiasedness costs
+
+
+def test_too_few_values_have_no_score() -> None:
+    one, two = torch.zeros(1, 1), torch.zeros(2, 1)
+    assert bool(crps(one, one == 0, two, two == 0).isnan())
+    assert bool(crps(two, two == 0, one, one == 1).isnan())
+    assert bool(energy_distance(two, two == 0, one, one == 0).isnan())
+    assert bool(energy_score(one, two).isnan())
+    assert bool(energy_score(two, two[:0]).isnan())

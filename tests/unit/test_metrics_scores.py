@@ -1,0 +1,178 @@
+"""Scores beside their floor: the null, a shift, missing values, the nominal descent, units and the table's forms."""
+
+from dataclasses import replace
+from functools import cache
+from math import inf, isnan, nan
+from pathlib import Path
+
+import polars as pl
+import pytest
+import torch
+import toys
+from torch import Tensor
+
+from descentflow.errors import ConfigError, DataError
+from descentflow.metrics.descent_set import DescentSet
+from descentflow.metrics.floors import half_size, split_distances
+from descentflow.metrics.scores import score
+from descentflow.metrics.table import ScoreTable
+from descentflow.units import FPM_MPS, KT_MPS
+
+
+@cache
+def flights(n: int, seed: int = 0) -> DescentSet:
+    return DescentSet.of_profiles(toys.flights(n, seed, bottom_fl=280, top_fl=300))
+
+
+def faster(descents: DescentSet, knots: float) -> DescentSet:
+    return replace(descents, cas_mps=descents.cas_mps + knots * KT_MPS)
+
+
+def normal(n: int, seed: int, share: float) -> tuple[Tensor, Tensor]:
+    generator = torch.Generator().manual_seed(seed)
+    values = torch.randn(n, 3, generator=generator, dtype=torch.float64)
+    return values, torch.rand(n, 3, generator=generator) < share
+
+
+@pytest.mark.parametrize("share", [1.0, 0.6])
+def test_of_one_distribution_both_columns_have_one_expectation(share: float) -> None:
+    """Two hundred independent pairs of sets; samples are observed more often than flights, and must not gain by it."""
+    differences = []
+    for seed in range(200):
+        same, floor = split_distances(normal(90, seed, 1.0), normal(60, 1000 + seed, share), seed=seed, n_splits=2)
+        differences.append(torch.stack([(getattr(same, k) - getattr(floor, k)).mean() for k in ("ks", "wasserstein")]))
+        assert torch.equal(same.n_first, floor.n_first)
+    found = torch.stack(differences)
+    error = found.std(0) / len(found) ** 0.5
+    # Seeds are fixed; were they not, four standard errors in two statistics would fail once in 8,000 runs.
+    assert bool((found.mean(0).abs() < 4 * error).all())
+
+
+def test_halves_are_disjoint_and_equally_large() -> None:
+    values = torch.arange(10, dtype=torch.float64)[:, None]
+    samples, real = (values + 100, values >= 0), (values, values >= 0)
+    _, floor = split_distances(samples, real, n_splits=30)
+    assert half_size(samples, real) == 5
+    # Two halves of 0..9 have the sum 45, so their means of five differ by an odd number of fifths: never by zero.
+    assert float(floor.mae.min()) >= 0.2 - 1e-12
+    assert set(floor.n_first.flatten().tolist()) == {5}
+
+
+def test_a_shift_stands_above_the_floor() -> None:
+    real = flights(400)
+    table = score(faster(flights(500, 1), 15.0), real, 290.0)
+    for side in ("above", "below"):
+        found = table.get(f"cas_{side}_transition", "wasserstein")
+        assert found.equal_size > found.floor_high
+        assert found.score == pytest.approx(15, abs=3)  # the two sets differ by chance as well, by their floor
+
+
+def test_units_are_those_of_the_field() -> None:
+    real = flights(60)
+    moved = replace(faster(real, 7.0), rate_mps=real.rate_mps - 90 * FPM_MPS, time_s=real.time_s * 2)
+    table = score(moved, real, 290.0)
+    assert {(r.quantity.split("_")[0], r.unit) for r in table if r.statistic != "ks"} == {
+        ("time", "s"), ("cas", "kt"), ("rocd", "ft/min"),
+    }  # fmt: skip
+    for name, shift in (("cas", 7.0), ("rocd", 90.0)):
+        for statistic in ("wasserstein", "mae"):
+            assert table.get(f"{name}_below_transition", statistic).score == pytest.approx(shift, rel=1e-9)
+    mean = float(real.time_to_bottom_s().mean())
+    assert mean > 0
+    assert table.get("time_to_bottom_of_descent", "mae").score == pytest.approx(mean, rel=1e-9)
+
+
+def test_the_mean_is_over_levels_on_each_side() -> None:
+    real = flights(60)
+    above = (real.levels_fl > 290).double()
+    table = score(replace(real, cas_mps=real.cas_mps + 4 * KT_MPS * above), real, 290.0)
+    assert table.get("cas_above_transition", "mae").score == pytest.approx(4, rel=1e-9)
+    assert table.get("cas_below_transition", "mae").score == 0
+    assert table.get("cas_below_transition", "ks").n_levels == 11  # FL290 itself is at or below
+
+
+@pytest.mark.parametrize(("transition_fl", "absent"), [(inf, "above"), (100.0, "below")])
+def test_a_grid_on_one_side_of_the_transition(transition_fl: float, absent: str) -> None:
+    table = score(flights(60, 1), flights(60), transition_fl)
+    present = "below" if absent == "above" else "above"
+    for quantity in ("cas", "rocd"):
+        missing = table.get(f"{quantity}_{absent}_transition", "ks")
+        assert isnan(missing.score)
+        assert "no level of the grid" in missing.note
+        assert table.get(f"{quantity}_{present}_transition", "ks").score > 0
+    assert len(table.rows) == 15
+
+
+@pytest.mark.parametrize("n", [0, 1, 3])
+def test_too_few_flights_have_a_reason_and_no_score(n: int) -> None:
+    table = score(flights(60, 1), flights(60).subset(torch.arange(n)), 290.0)
+    assert all(isnan(row.score) and row.note for row in table)
+    assert table.scalars() == {}
+
+
+def test_too_few_flights_to_halve_keep_their_score() -> None:
+    real = flights(60)
+    row = score(flights(60, 1), real.subset(real.spans_grid()).subset(torch.arange(6)), 290.0).get(
+        "time_to_bottom_of_descent", "ks"
+    )
+    assert row.score > 0
+    assert isnan(row.floor)
+    assert "no floor" in row.note
+
+
+def test_nominal_is_scored_by_its_mean_alone() -> None:
+    real = flights(60)
+    mean = torch.where(real.mask, real.cas_mps, 0).sum(0) / real.mask.sum(0)
+    nominal = replace(real.subset(torch.tensor([0])), cas_mps=mean[None] + 12 * KT_MPS, mask=torch.ones(1, 21) > 0)
+    table = score(flights(60, 1), real, 290.0, nominal)
+    assert table.get("cas_below_transition", "mae").nominal == pytest.approx(12, rel=1e-9)
+    assert isnan(table.get("cas_below_transition", "ks").nominal)
+
+
+def test_seeds_repeat() -> None:
+    one, two, other = (score(flights(60, 1), flights(60), 290.0, seed=seed) for seed in (1, 1, 2))
+    assert str(one) == str(two)
+    assert one.get("cas_below_transition", "ks").floor != other.get("cas_below_transition", "ks").floor
+
+
+def test_refusals() -> None:
+    real = flights(20)
+    other = DescentSet.of_profiles(toys.flights(20, bottom_fl=281, top_fl=300))
+    with pytest.raises(DataError, match="samples on 20 levels"):
+        score(other, real, 290.0)
+    with pytest.raises(DataError, match="20 nominal descents"):
+        score(real, real, 290.0, real)
+    with pytest.raises(ConfigError, match="0 splits"):
+        score(real, real, 290.0, n_splits=0)
+    with pytest.raises(ConfigError, match="nan"):
+        score(real, real, nan)
+
+
+def test_progress_counts_every_comparison() -> None:
+    calls: list[int] = []
+    score(flights(20, 1), flights(20), 290.0, n_splits=4, progress=calls.append)
+    assert sum(calls) == 12
+
+
+def test_the_csv_file_reads_back(tmp_path: Path) -> None:
+    table = score(flights(60, 1), flights(60), inf)
+    path = tmp_path / "scores.csv"
+    table.write_csv(path)
+    back = pl.read_csv(path, schema=table.frame().schema)
+    # An empty note and an empty number look alike in a file.
+    expected = table.frame().with_columns(pl.col("note").replace("", None))
+    assert back.with_columns(pl.col("note").replace("", None)).equals(expected)
+    assert [path] == list(tmp_path.iterdir())
+
+
+def test_a_row_that_is_not_there() -> None:
+    with pytest.raises(KeyError):
+        ScoreTable(()).get("cas", "ks")
+
+
+def test_by_level_the_table_agrees_with_its_rows() -> None:
+    table = score(flights(60, 1), flights(60), 290.0)
+    frame = table.level_frame().filter(quantity="cas", statistic="ks")
+    below = frame.filter(pl.col("level_fl") <= 290)["score"].mean()
+    assert below == pytest.approx(table.get("cas_below_transition", "ks").score, rel=1e-12)
+    assert frame.height == 21

@@ -44,8 +44,16 @@ def run(args: argparse.Namespace) -> None:
 
     if not args.rows and not args.embedded:
         raise ConfigError("no rows", expected="files, folders or --embedded", mend="name what is to be prepared")
-    for output in filter(None, (args.out, args.report)):
+    outputs = [path for path in (args.out, args.report) if path]
+    for output in outputs:
         check_output(output)
+    taken = {path.resolve() for path in (*args.rows, *([args.types] if args.types else []))}
+    if taken & {path.resolve() for path in outputs} or len({path.resolve() for path in outputs}) < len(outputs):
+        raise ConfigError(
+            f"an output that is also an input or the other output ({', '.join(map(str, outputs))})",
+            expected="names of their own for --out and --report",
+            mend="choose other names",
+        )
     paths = [*args.rows, *([embedded_rows()] if args.embedded else [])]
     types = read_table(args.types) if args.types else embedded_types() if args.embedded else None
     cleaning = Cleaning(**{field.name: getattr(args, field.name) for field in fields(Cleaning) if field.name in args})
@@ -55,7 +63,7 @@ def run(args: argparse.Namespace) -> None:
             bar.set_postfix_str(stage, refresh=False)
             bar.update()
 
-        wanted = args.typecode.split(",") if args.typecode else None
+        wanted = [name.strip() for name in args.typecode.split(",")] if args.typecode else None
         descents, report = prepare(paths, types=types, typecodes=wanted, cleaning=cleaning, progress=show)
     write_descents(descents, args.out)
     if args.report:

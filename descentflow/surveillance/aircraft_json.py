@@ -44,15 +44,15 @@ def rows_of_snapshots(snapshots: Iterable[object], path: Path) -> pl.DataFrame:
     for snapshot in snapshots:
         if not isinstance(snapshot, dict) or not isinstance(snapshot.get("aircraft"), list):
             continue
-        now = snapshot.get("now")
-        if not isinstance(now, int | float):
+        now = _number(snapshot.get("now"))
+        if now is None:
             continue
         found = True
         for aircraft in snapshot["aircraft"]:
             if not isinstance(aircraft, dict):
                 continue
-            seen = aircraft.get("seen", 0)
-            columns["timestamp"].append(now - seen if isinstance(seen, int | float) else None)
+            seen = _number(aircraft.get("seen", 0))
+            columns["timestamp"].append(None if seen is None else now - seen)
             for name, field in FIELDS.items():
                 columns[name].append(_value(aircraft.get(field), text=name in TEXT))
     if not found:
@@ -68,5 +68,15 @@ def rows_of_snapshots(snapshots: Iterable[object], path: Path) -> pl.DataFrame:
 
 def _value(value: object, *, text: bool) -> object:
     if text:
-        return value.strip() or None if isinstance(value, str) else None
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+        # JSON may escape half a surrogate pair, which is no text that could be stored.
+        return value.encode(errors="replace").decode().strip() or None if isinstance(value, str) else None
+    return _number(value)
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        return float(value)
+    except OverflowError:  # an integer of more than 308 digits
+        return None

@@ -30,9 +30,17 @@ def tidy(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     backwards = complete.select((pl.col("timestamp").diff().over("icao24").dt.total_microseconds() < 0).sum()).item()
     report.note("rows put into time order", backwards or 0)
     ordered = complete.sort("icao24", "timestamp", maintain_order=True)
-    return report.count(
-        "duplicate", ordered, ordered.unique(["icao24", "timestamp"], keep="first", maintain_order=True)
-    )
+    repeated = (pl.col("icao24") == pl.col("icao24").shift()) & (pl.col("timestamp") == pl.col("timestamp").shift())
+    usable = report.count("duplicate", ordered, ordered.filter(~repeated.fill_null(False)))
+    if usable.is_empty():
+        raise DataError(
+            f"no row with a time, an address and possible altitude, IAS and Mach\n{report}",
+            expected=", ".join(
+                f"{name} in {low:g}..{high:g}" for name, (low, high) in POSSIBLE.items() if name in REQUIRED
+            ),
+            mend="see which step dropped the rows, and check that column's unit",
+        )
+    return usable
 
 
 def name_flights(rows: pl.DataFrame, gap_s: float = FLIGHT_GAP_S) -> pl.DataFrame:
@@ -48,6 +56,11 @@ def name_flights(rows: pl.DataFrame, gap_s: float = FLIGHT_GAP_S) -> pl.DataFram
     made = pl.col("icao24") + "_" + first
     given = pl.col("flight_id") if "flight_id" in rows.columns else pl.lit(None, pl.String)
     named = rows.with_columns(number).with_columns(pl.coalesce(given, made).alias("flight_id")).drop("_flight")
+    # A name that two aircraft share (a flight number flown every day, say) would braid their rows together.
+    shared = pl.col("icao24").n_unique().over("flight_id") > 1
+    named = named.with_columns(
+        pl.when(shared).then(pl.col("flight_id") + "_" + pl.col("icao24")).otherwise("flight_id").alias("flight_id")
+    )
     return named.sort("flight_id", "timestamp", maintain_order=True)
 
 
@@ -70,7 +83,7 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
         table = types.select(
             pl.col("icao24").cast(pl.String).str.strip_chars().str.to_lowercase(),
             pl.col("typecode").cast(pl.String).str.strip_chars().alias("_type"),
-        ).unique("icao24")
+        ).unique("icao24", keep="first", maintain_order=True)
         rows = rows.join(table, on="icao24", how="left", maintain_order="left")
         rows = rows.with_columns(pl.coalesce("typecode", "_type").alias("typecode")).drop("_type")
     return rows.with_columns(pl.col("typecode").str.to_uppercase())

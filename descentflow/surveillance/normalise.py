@@ -34,7 +34,7 @@ def normalise(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFra
         DataError: If a required column is missing, is given twice, or holds hardly anything that can be read.
     """
     table = _from_state_vectors(table) if set(table.columns) >= STATE_VECTOR else table
-    table = _renamed(table, path)
+    table = _renamed(table, path, report)
     missing = [name for name in REQUIRED if name not in table.columns]
     if missing:
         raise DataError(
@@ -46,7 +46,7 @@ def normalise(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFra
     for name, kind in COLUMNS.items():
         if name not in table.columns:
             continue
-        column = _cast(table[name], kind)
+        column = _cast(table[name], kind, path)
         lost = column.null_count() - table[name].null_count()
         if lost:
             report.note(f"values of {name} that could not be read", lost)
@@ -65,11 +65,15 @@ def normalise(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFra
     return frame.with_columns(pl.col("icao24").str.strip_chars(" ~").str.to_lowercase())
 
 
-def _renamed(table: pl.DataFrame, path: Path) -> pl.DataFrame:
+def _renamed(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFrame:
     renames: dict[str, str] = {}
     for name in table.columns:
         target = ALIASES.get(name, ALIASES.get(name.lower(), name))
-        if target != name and target not in table.columns:
+        if target == name:
+            continue
+        if target in table.columns:
+            report.note(f"values of column {name} not used beside {target}", table[name].count())
+        else:
             if target in renames.values():
                 raise DataError(
                     f"{path}: two columns for {target}", expected="one", mend=f"drop all but one: {table.columns}"
@@ -94,7 +98,15 @@ def _from_state_vectors(table: pl.DataFrame) -> pl.DataFrame:
     return table.with_columns(**converted).drop("baroaltitude", "velocity", "vertrate", "heading", strict=False)
 
 
-def _cast(column: pl.Series, kind: pl.DataType) -> pl.Series:
+def _cast(column: pl.Series, kind: pl.DataType, path: Path) -> pl.Series:
+    if column.dtype.is_nested() or column.dtype in (pl.Binary, pl.Object, pl.Date, pl.Time, pl.Duration):
+        raise DataError(
+            f"{path}: column {column.name} of type {column.dtype}",
+            expected="numbers" if kind == pl.Float64 else "dates with time, or text",
+            mend=f"convert the column {column.name}",
+        )
+    if column.dtype in (pl.Categorical, pl.Enum):
+        column = column.cast(pl.String)
     if kind == TIMESTAMP:
         return _timestamps(column)
     if kind == pl.String:
@@ -126,8 +138,9 @@ def _parsed(form: str) -> pl.Expr:
 
 
 def _from_epoch(seconds: pl.Series) -> pl.Series:
-    """Seconds, or milliseconds where the number could only be that."""
-    in_seconds = pl.when(pl.col("s") > 1e11).then(pl.col("s") / 1000).otherwise(pl.col("s"))
+    """Seconds; milli-, micro- or nanoseconds where the number could only be that (up to the year 5138)."""
+    s = pl.col("s")
+    in_seconds = pl.when(s > 1e17).then(s / 1e9).when(s > 1e14).then(s / 1e6).when(s > 1e11).then(s / 1e3).otherwise(s)
     valid = pl.when(in_seconds.is_finite() & in_seconds.is_between(0, 1e10)).then(in_seconds)
     micro = (valid * 1e6).round().cast(pl.Int64)
     return (

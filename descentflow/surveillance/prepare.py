@@ -14,9 +14,9 @@ from descentflow.surveillance.descents import SCHEMA_VERSION, Descents, top_leve
 from descentflow.surveillance.flights import FLIGHT_GAP_S, name_flights, of_types, tidy, with_types
 from descentflow.surveillance.grid import to_levels
 from descentflow.surveillance.rates import with_rate
-from descentflow.surveillance.readers import read_rows
+from descentflow.surveillance.readers import files_of, read_rows
 from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.units_check import check_units
+from descentflow.surveillance.units_check import check_airspeed_units, check_rate_units
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,10 @@ def prepare(
     report = DropReport()
     say = progress or (lambda _: None)
     say("reading rows")
-    rows = tidy(read_rows(paths, report), report)
-    rows = of_types(with_types(rows, types), typecodes, report)
-    check_units(rows)
+    read = read_rows(paths, report)
+    check_airspeed_units(read)
+    rows = of_types(with_types(tidy(read, report), types), typecodes, report)
+    check_rate_units(rows)
     say("cleaning rows")
     rows = name_flights(rows, rules.flight_gap_s)
     rows = (DESPIKE | filters.AirspeedsAgree())(rows, report)
@@ -107,7 +108,7 @@ def prepare(
         "bottom_fl": rules.bottom_fl,
         "top_fl": top_levels(long),
         "settings": asdict(rules),
-        "inputs": [_provenance(path) for path in paths if path.is_file()],
+        "inputs": [_provenance(path) for path in files_of(paths)],
         "report": report.as_dict(),
     }
     return Descents(long, metadata), report

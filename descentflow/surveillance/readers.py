@@ -29,7 +29,7 @@ def read_rows(paths: Sequence[Path], report: DropReport) -> pl.DataFrame:
     Raises:
         DataError: If a file cannot be read, is of no known kind, lacks a required column or holds no row.
     """
-    frames = [normalise(read_table(path), path, report) for path in _files(paths)]
+    frames = [normalise(read_table(path), path, report) for path in files_of(paths)]
     rows = pl.concat(frames, how="diagonal")
     if rows.is_empty():
         raise DataError(
@@ -69,8 +69,15 @@ def _from_text(content: bytes, path: Path) -> pl.DataFrame:
         return rows_of_snapshots(_snapshots(text, path), path)
     if "," not in text.splitlines()[0]:
         raise DataError(f"{path}: a first line without commas", expected=ACCEPTED, mend="convert it to one of these")
-    # Everything as text first: a word in a column of numbers is then counted and not a crash.
-    return pl.read_csv(text.encode(), infer_schema=False, truncate_ragged_lines=True)
+    try:
+        # Everything as text first: a word in a column of numbers is then counted and not a crash.
+        return pl.read_csv(text.encode(), infer_schema=False)
+    except pl.exceptions.ComputeError as error:
+        raise DataError(
+            f"{path}: {str(error).splitlines()[0]}",
+            expected="lines with no more fields than the first names",
+            mend="remove or quote the damaged line",
+        ) from error
 
 
 def _snapshots(text: str, path: Path) -> Iterator[object]:
@@ -84,12 +91,14 @@ def _snapshots(text: str, path: Path) -> Iterator[object]:
         ) from error
     except json.JSONDecodeError:
         pass
-    for number, line in enumerate(text.splitlines(), 1):
+    except ValueError as error:  # a number of thousands of digits
+        raise DataError(f"{path}: {error}", expected="aircraft.json", mend="pass another file") from error
+    for number, line in enumerate(text.split("\n"), 1):
         if not line.strip():
             continue
         try:
             yield json.loads(line)
-        except (json.JSONDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:
             raise DataError(
                 f"{path}, line {number}: not JSON ({error})",
                 expected="one JSON document a line",
@@ -97,7 +106,8 @@ def _snapshots(text: str, path: Path) -> Iterator[object]:
             ) from error
 
 
-def _files(paths: Sequence[Path]) -> list[Path]:
+def files_of(paths: Sequence[Path]) -> list[Path]:
+    """Files given, and all files of folders given, hidden ones aside."""
     files: list[Path] = []
     for path in paths:
         if path.is_dir():

@@ -5,6 +5,7 @@ import polars as pl
 
 from descentflow.errors import DataError
 from descentflow.surveillance.airdata import Array, cas_of_mach_kt
+from descentflow.surveillance.schema import POSSIBLE
 from descentflow.units import FPM_MPS, FT_M, KT_MPS
 
 AGREES = 0.06
@@ -15,22 +16,24 @@ FEWEST = 20
 """Rows below which nothing can be said."""
 
 
-def check_units(rows: pl.DataFrame) -> None:
-    """Refuse altitude in metres, IAS in m/s or km/h, and vertical rate in m/s.
+def check_airspeed_units(rows: pl.DataFrame) -> None:
+    """Refuse altitude in metres and IAS in m/s or km/h.
 
     The airspeeds are read in every combination of units; if the expected one does not fit and another does, that is
-    what the column holds. Rates are compared with the differences of the altitudes.
+    what the column holds.
+
+    Args:
+        rows: As read: a range check before this one would take 300 kt in km/h for impossible.
 
     Raises:
-        DataError: Naming the column, the unit that it seems to have and the factor.
+        DataError: Naming the column and the unit that it seems to have.
     """
-    _check_airspeeds(rows)
-    if "vertical_rate" in rows.columns:
-        _check_rate(rows)
-
-
-def _check_airspeeds(rows: pl.DataFrame) -> None:
-    usable = rows.select("altitude", "IAS", "Mach").drop_nulls().filter(pl.col("Mach").is_between(0.2, 1.0))
+    usable = rows.select("altitude", "IAS", "Mach").drop_nulls()
+    usable = usable.filter(
+        pl.col("Mach").is_between(0.2, 1.0)
+        & pl.col("altitude").is_between(*POSSIBLE["altitude"])
+        & pl.col("IAS").is_between(1.0, 1000.0)
+    )
     usable = usable.gather_every(max(len(usable) // SAMPLE, 1))
     if len(usable) < FEWEST:
         return
@@ -58,9 +61,19 @@ def _misfit(ias_kt: Array, mach: Array, altitude_ft: Array) -> float:
     return float(np.median(np.abs(np.log(np.maximum(ias_kt, 1e-3) / cas_of_mach_kt(mach, altitude_ft)))))
 
 
-def _check_rate(rows: pl.DataFrame) -> None:
+def check_rate_units(rows: pl.DataFrame) -> None:
+    """Refuse a vertical rate in m/s, or positive downwards, by the differences of the altitudes.
+
+    Args:
+        rows: Sorted by aircraft and time.
+
+    Raises:
+        DataError: Naming the unit or sign that it seems to have.
+    """
+    if "vertical_rate" not in rows.columns:
+        return
     seconds = pl.col("timestamp").diff().dt.total_microseconds() / 1e6
-    steps = rows.sort("icao24", "timestamp").select(
+    steps = rows.select(
         differenced=pl.col("altitude").diff() / seconds * 60,
         reported=pl.col("vertical_rate"),
         seconds=seconds,

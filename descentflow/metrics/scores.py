@@ -81,8 +81,7 @@ def score(
             levels += found.by_level()
         else:
             rows += found.rows(quantity.name, torch.ones(1, dtype=torch.bool, device=real.mask.device))
-    order = [name for quantity in _QUANTITIES for name in quantity.row_names()]
-    return ScoreTable(tuple(sorted(rows, key=lambda row: order.index(row.quantity))), tuple(levels))
+    return ScoreTable(tuple(rows), tuple(levels))
 
 
 @dataclass(frozen=True)
@@ -93,11 +92,6 @@ class _Quantity:
     unit: str
     of: Callable[[DescentSet], Values]
     by_level: bool = True
-
-    def row_names(self) -> tuple[str, ...]:
-        if not self.by_level:
-            return (self.name,)
-        return f"{self.name}_above_transition", f"{self.name}_below_transition"
 
 
 def _times(descents: DescentSet) -> Values:

@@ -6,13 +6,15 @@ A filter sees rows sorted by flight and time and says which to keep. ``a | b`` a
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-import numpy as np
 import polars as pl
 
 from descentflow.surveillance.airdata import cas_of_mach_kt
 from descentflow.surveillance.report import DropReport
 
 FLIGHT = "flight_id"
+STRETCH = "_stretch"
+"""Column that numbers the stretches of free descent in a flight: levels between two stretches are not bridged, or a
+level-off's time would stand in a free descent."""
 SECONDS = pl.col("timestamp").dt.epoch("us") / 1e6
 
 
@@ -60,12 +62,16 @@ class Despike(Filter):
     """Drop rows whose value stands alone: a Hampel filter over five reports (Hampel 1974).
 
     A value is a spike if it differs from the median of the five around it by more than `floor` and by more than three
-    robust standard deviations (1.4826 times their median absolute deviation).
+    robust standard deviations (1.4826 times their median absolute deviation). The median of a monotone stretch is its
+    middle, so a steep path is no spike; at the ends of a flight, where there is no middle, the change that `fastest`
+    allows within 5 reports is added to `floor`.
     """
 
     column: str
     floor: float
     """In the column's unit; far above noise and quantisation, so that smooth manoeuvres are never spikes."""
+    fastest: float = 0.0
+    """Fastest change a second that an aircraft makes."""
 
     @property
     def reason(self) -> str:  # type: ignore[override]
@@ -75,14 +81,20 @@ class Despike(Filter):
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows that are no spikes, or miss the value."""
         value = pl.col(self.column)
+        first, last = SECONDS.shift(2).over(FLIGHT), SECONDS.shift(-2).over(FLIGHT)
+        # At an end: seconds to the row four on, or over all of a flight that is shorter.
+        ahead, behind = SECONDS.shift(-4).over(FLIGHT) - SECONDS, SECONDS - SECONDS.shift(4).over(FLIGHT)
+        whole = (SECONDS.max() - SECONDS.min()).over(FLIGHT)
+        reach = pl.when((last - first).is_null()).then(pl.min_horizontal(ahead, behind, whole)).otherwise(0.0)
         around = rows.with_columns(
-            value.rolling_median(5, center=True, min_samples=3).over(FLIGHT).alias("_median")
+            value.rolling_median(5, center=True, min_samples=3).over(FLIGHT).alias("_median"),
+            (self.floor + self.fastest * reach).alias("_floor"),
         ).with_columns((value - pl.col("_median")).abs().alias("_off"))
         around = around.with_columns(
             pl.col("_off").rolling_median(5, center=True, min_samples=3).over(FLIGHT).alias("_mad")
         )
-        spike = (pl.col("_off") > self.floor) & (pl.col("_off") > 3 * 1.4826 * pl.col("_mad"))
-        return around.filter(~spike.fill_null(False)).drop("_median", "_off", "_mad")
+        spike = (pl.col("_off") > pl.col("_floor")) & (pl.col("_off") > 3 * 1.4826 * pl.col("_mad"))
+        return around.filter(~spike.fill_null(False)).drop("_median", "_floor", "_off", "_mad")
 
 
 @dataclass(frozen=True)
@@ -107,7 +119,7 @@ class Descending(Filter):
     """Keep rows that descend at 500 ft/min or more (paper, section 3): level-offs and climbs go.
 
     Adds `_since_level` and `_until_level`: seconds from the last, and to the next, row of the flight that did not
-    descend so.
+    descend so; and :data:`STRETCH`, which changes where such a row stood.
     """
 
     slowest_fpm: float = 500.0
@@ -120,6 +132,7 @@ class Descending(Filter):
         timed = rows.with_columns(
             (SECONDS - level.forward_fill().over(FLIGHT)).alias("_since_level"),
             (level.backward_fill().over(FLIGHT) - SECONDS).alias("_until_level"),
+            (~descends).cum_sum().over(FLIGHT).cast(pl.Int64).alias(STRETCH),
         )
         return timed.filter(descends)
 
@@ -139,54 +152,6 @@ class SteadyDescent(Filter):
         """Rows further than `transient_s` from any row that did not descend."""
         steady = [(pl.col(name) >= self.transient_s).fill_null(True) for name in ("_since_level", "_until_level")]
         return rows.filter(steady[0] & steady[1]).drop("_since_level", "_until_level")
-
-
-@dataclass(frozen=True)
-class FreeRate(Filter):
-    """Drop managed stretches, where the vertical rate is held constant (paper, section 3).
-
-    A stretch is managed if at least `fewest` reports over at least `seconds` lie within `band_fpm` of each other. The
-    rate of an idle descent drifts with altitude and with the airspeed control by pitch, by more than this band within
-    the time; an autopilot that holds a selected rate keeps it within two or three steps of 32 ft/min.
-    """
-
-    seconds: float = 90.0
-    band_fpm: float = 96.0
-    fewest: int = 8
-    reason = "constant_rate"
-
-    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows outside every managed stretch."""
-        if rows.is_empty():
-            return rows
-        period = f"{round(self.seconds * 1e6)}us"
-        rate, time = pl.col("vertical_rate"), pl.col("timestamp")
-        index = rows.with_row_index("_row").with_columns(pl.col("_row").cast(pl.Int64))
-        ahead = index.select("_row", FLIGHT, "timestamp", "vertical_rate").rolling(
-            "timestamp", period=period, offset="-0us", closed="both", group_by=FLIGHT
-        )
-        window = ahead.agg(
-            (rate.max() - rate.min()).alias("band"),
-            rate.len().alias("count"),
-            (time.max() - time.min()).dt.total_microseconds().alias("span"),
-            pl.col("_row").min().alias("first"),
-            pl.col("_row").max().alias("last"),
-        )
-        # A window need not reach its full length to the microsecond: one report's spacing may be missing.
-        held = window.filter(
-            (pl.col("band") <= self.band_fpm)
-            & (pl.col("count") >= self.fewest)
-            & (pl.col("span") >= 0.9e6 * self.seconds)
-        )
-        return rows.filter(~_covered(held["first"], held["last"], len(rows)))
-
-
-def _covered(first: pl.Series, last: pl.Series, n: int) -> pl.Series:
-    """Which of n rows lie in any of the closed ranges first..last."""
-    edges = np.zeros(n + 1, dtype=np.int64)
-    np.add.at(edges, first.to_numpy(), 1)
-    np.add.at(edges, last.to_numpy() + 1, -1)
-    return pl.Series(edges.cumsum()[:n] > 0)
 
 
 @dataclass(frozen=True)

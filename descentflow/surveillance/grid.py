@@ -3,6 +3,7 @@
 import numpy as np
 import polars as pl
 
+from descentflow.surveillance.filters import STRETCH
 from descentflow.surveillance.schema import CHANNELS
 
 CIRCULAR = ("track", "heading")
@@ -13,7 +14,7 @@ def to_levels(rows: pl.DataFrame, bottom_fl: int, *, longest_gap_s: float, highe
     """Interpolate every descent linearly in altitude to whole flight levels (paper, section 2.2).
 
     Two neighbouring rows bridge the levels between them unless they are further apart than `longest_gap_s` or
-    `highest_gap_ft`; then these levels have no row.
+    `highest_gap_ft`, or a level-off or managed stretch stood between them; then these levels have no row.
 
     Args:
         rows: Sorted by flight and time, altitude falling strictly within a flight.
@@ -30,6 +31,8 @@ def to_levels(rows: pl.DataFrame, bottom_fl: int, *, longest_gap_s: float, highe
     micros = rows["timestamp"].dt.epoch("us").to_numpy()
     gap_s, gap_fl = np.diff(micros) / 1e6, -np.diff(altitude_fl)
     bridged = (flight[1:] == flight[:-1]) & (gap_s <= longest_gap_s) & (gap_fl * 100 <= highest_gap_ft)
+    if STRETCH in rows.columns:
+        bridged &= np.diff(rows[STRETCH].to_numpy()) == 0
     # The interval from a row down to the next: levels above or at the next row and strictly below this one, so that a
     # level on which a row stands is counted once; the first row of a stretch adds its own level.
     top, low = np.ceil(altitude_fl[:-1]) - 1, np.ceil(altitude_fl[1:])

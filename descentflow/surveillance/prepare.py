@@ -12,6 +12,7 @@ from descentflow.errors import DataError
 from descentflow.surveillance import filters
 from descentflow.surveillance.descents import SCHEMA_VERSION, Descents, top_levels
 from descentflow.surveillance.flights import FLIGHT_GAP_S, name_flights, of_types, tidy, with_types
+from descentflow.surveillance.free_rate import FreeRate
 from descentflow.surveillance.grid import to_levels
 from descentflow.surveillance.rates import with_rate
 from descentflow.surveillance.readers import files_of, read_rows
@@ -29,7 +30,8 @@ class Cleaning:
     slowest_fpm: float = 500.0
     transient_s: float = 20.0
     constant_rate_s: float = 90.0
-    constant_rate_band_fpm: float = 96.0
+    constant_rate_drift_fpm: float = 30.0
+    constant_rate_scatter_fpm: float = 55.0
     longest_gap_s: float = 60.0
     """Neighbouring rows further apart leave the levels between them open..."""
     highest_gap_ft: float = 3000.0
@@ -40,16 +42,20 @@ class Cleaning:
     def filters(self) -> filters.Chain:
         """The cleaning of rows, in order."""
         return (
-            filters.Despike("vertical_rate", 1500.0)
+            filters.Despike("vertical_rate", 1500.0, fastest=100.0)
             | filters.Descending(self.slowest_fpm)
             | filters.SteadyDescent(self.transient_s)
-            | filters.FreeRate(self.constant_rate_s, self.constant_rate_band_fpm)
+            | FreeRate(self.constant_rate_s, self.constant_rate_drift_fpm, self.constant_rate_scatter_fpm)
             | filters.LargestDescent()
             | filters.Falling()
         )
 
 
-DESPIKE = filters.Despike("altitude", 300.0) | filters.Despike("IAS", 15.0) | filters.Despike("Mach", 0.03)
+DESPIKE = (
+    filters.Despike("altitude", 300.0, fastest=100.0)
+    | filters.Despike("IAS", 15.0, fastest=2.0)
+    | filters.Despike("Mach", 0.03, fastest=0.003)
+)
 """Before anything is derived; then IAS is held against Mach."""
 
 

@@ -72,7 +72,7 @@ def read_descents(path: str | Path) -> Descents:
         raise DataError(f"{path}: {str(error).splitlines()[0]}", expected="a whole Parquet file", mend=MEND) from error
     if description is None:
         raise DataError(f"{path}: Parquet, but not prepared descents", expected="a prepared table", mend=MEND)
-    metadata = json.loads(description)
+    metadata = _description(description, path)
     if metadata.get("schema_version") != SCHEMA_VERSION:
         raise DataError(
             f"{path}: schema version {metadata.get('schema_version')}",
@@ -85,3 +85,13 @@ def read_descents(path: str | Path) -> Descents:
     if frame.is_empty():
         raise DataError(f"{path}: no descent in it", expected="at least one", mend="prepare other rows")
     return Descents(frame, metadata)
+
+
+def _description(text: str, path: str | Path) -> dict[str, Any]:
+    try:
+        found = json.loads(text)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise DataError(f"{path}: a damaged description", expected="a JSON object in the metadata", mend=MEND)
+    return found

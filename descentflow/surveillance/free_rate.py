@@ -7,6 +7,7 @@ import polars as pl
 
 from descentflow.surveillance.airdata import Array
 from descentflow.surveillance.filters import FLIGHT, STRETCH, Filter
+from descentflow.surveillance.windows import time_in_flight, window_sum, windows
 
 SELECTABLE_FPM = 100.0
 """Step of the vertical rate that a pilot can select on a flight control unit or mode control panel."""
@@ -55,16 +56,11 @@ class FreeRate(Filter):
             seconds: (n,) ascending within a flight.
             rate_fpm: (n,).
         """
-        begin = np.flatnonzero(np.diff(flight, prepend=-1))
-        # Time within the flight keeps the sums small; a flight's windows end with the flight.
-        time = seconds - seconds[begin][flight - flight[0]]
-        day = time.max() + 2 * self.seconds
-        first = np.arange(len(time))
-        last = np.searchsorted(flight * day + time, flight * day + time + self.seconds, side="right")
+        time = time_in_flight(flight, seconds)
+        first, last = windows(flight, time, 0.0, self.seconds)
         count = last - first
         sum_t, sum_tt, sum_r, sum_rr, sum_tr = (
-            running[last] - running[first]
-            for running in map(_running, (time, time**2, rate_fpm, rate_fpm**2, time * rate_fpm))
+            window_sum(value, first, last) for value in (time, time**2, rate_fpm, rate_fpm**2, time * rate_fpm)
         )
         product = sum_tr - sum_t * sum_r / count
         slope = product / np.maximum(sum_tt - sum_t**2 / count, 1e-9)
@@ -79,12 +75,5 @@ class FreeRate(Filter):
             & (rest <= self.scatter_fpm**2)
             & (np.abs(mean - SELECTABLE_FPM * np.round(mean / SELECTABLE_FPM)) <= self.offset_fpm)
         )
-        edges = np.zeros(len(time) + 1, dtype=np.int64)
-        np.add.at(edges, first[held], 1)
-        np.add.at(edges, last[held], -1)
+        edges = np.bincount(first[held], minlength=len(time) + 1) - np.bincount(last[held], minlength=len(time) + 1)
         return np.asarray(edges.cumsum()[:-1] > 0)
-
-
-def _running(values: Array) -> Array:
-    """Sums of the values before each row, and of all."""
-    return np.concatenate([[0.0], np.cumsum(values)])

@@ -61,7 +61,10 @@ def _interpolated(values: np.ndarray, upper: np.ndarray, share: np.ndarray, *, c
     step = values[upper + 1] - values[upper]
     if circular:
         step = (step + 180.0) % 360.0 - 180.0
-    found = values[upper] + share * step
+    # A level on which a row stands has that row's value, whatever its neighbour misses.
+    found = np.where(
+        share == 0.0, values[upper], np.where(share == 1.0, values[upper + 1], values[upper] + share * step)
+    )
     return pl.Series(found % 360.0 if circular else found).fill_nan(None)
 
 

@@ -123,6 +123,7 @@ def _timestamps(column: pl.Series) -> pl.Series:
         return zoned.dt.convert_time_zone("UTC").cast(TIMESTAMP)
     if column.dtype != pl.String:
         return _from_epoch(column.cast(pl.Float64, strict=False))
+    column = column.str.strip_chars()
     seconds = column.cast(pl.Float64, strict=False)
     if seconds.null_count() < len(column):
         return _from_epoch(seconds)

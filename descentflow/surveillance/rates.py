@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 
 from descentflow.surveillance.airdata import Array
+from descentflow.surveillance.windows import time_in_flight, window_sum, windows
 
 WINDOWS_S = (5.0, 10.0, 20.0, 40.0)
 """Half-widths tried in turn."""
@@ -11,8 +12,6 @@ FEWEST = 4
 """Reports that a window must hold."""
 SPAN_S = 8.0
 """Seconds that they must span: 25 ft of quantisation over 8 s are 190 ft/min, averaged down by the fit."""
-REACH = 12
-"""Reports looked at on either side."""
 
 
 def with_rate(rows: pl.DataFrame) -> pl.DataFrame:
@@ -45,25 +44,18 @@ def local_slope(flight: np.ndarray, seconds: Array, values: Array) -> Array:
         values: (n,).
     """
     slope = np.full(len(values), np.nan)
+    if len(values) == 0:
+        return slope
+    time = time_in_flight(flight, seconds)
+    level = values - values.mean()
+    products = (time, level, time**2, time * level)
     for half in WINDOWS_S:
-        found = _slope_within(flight, seconds, values, half)
-        slope = np.where(np.isnan(slope), found, slope)
+        first, last = windows(flight, time, half, half)
+        count = last - first
+        sum_t, sum_v, sum_tt, sum_tv = (window_sum(value, first, last) for value in products)
+        spread = sum_tt - sum_t**2 / count
+        enough = (count >= FEWEST) & (time[last - 1] - time[first] >= SPAN_S) & np.isnan(slope)
+        slope[enough] = ((sum_tv - sum_t * sum_v / count)[enough]) / spread[enough]
+        if not np.isnan(slope).any():
+            break
     return slope
-
-
-def _slope_within(flight: np.ndarray, seconds: Array, values: Array, half_s: float) -> Array:
-    """Least squares over the rows within `half_s`, all rows at once, one neighbour after the other."""
-    n = len(values)
-    count, sum_t, sum_v, sum_tt, sum_tv = (np.zeros(n) for _ in range(5))
-    earliest, latest = np.zeros(n), np.zeros(n)
-    for offset in range(-REACH, REACH + 1):
-        other = np.clip(np.arange(n) + offset, 0, n - 1)
-        t, v = seconds[other] - seconds, values[other] - values
-        near = (flight[other] == flight) & (np.abs(t) <= half_s) & (np.arange(n) + offset == other)
-        t, v = np.where(near, t, 0.0), np.where(near, v, 0.0)
-        count += near
-        sum_t, sum_v, sum_tt, sum_tv = sum_t + t, sum_v + v, sum_tt + t * t, sum_tv + t * v
-        earliest, latest = np.minimum(earliest, t), np.maximum(latest, t)
-    spread = sum_tt - sum_t**2 / np.maximum(count, 1)
-    enough = (count >= FEWEST) & (latest - earliest >= SPAN_S) & (spread > 0)
-    return np.where(enough, (sum_tv - sum_t * sum_v / np.maximum(count, 1)) / np.where(enough, spread, 1.0), np.nan)

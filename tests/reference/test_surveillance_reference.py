@@ -1,0 +1,32 @@
+"""Numbers of the surveillance part against other implementations."""
+
+import numpy as np
+import torch
+
+from descentflow.performance.airspeed import mach_to_cas_mps
+from descentflow.surveillance.airdata import cas_of_mach_kt
+from descentflow.surveillance.rates import WINDOWS_S, local_slope
+
+
+def test_cas_of_mach_is_that_of_the_performance_model() -> None:
+    mach, altitude_ft = (a.ravel() for a in np.meshgrid(np.linspace(0.1, 0.95, 30), np.linspace(-1000, 45_000, 47)))
+    expected = mach_to_cas_mps(torch.tensor(mach), torch.tensor(altitude_ft * 0.3048)) / 0.514444
+    # 1e-6: the two round a0 differently (340.294 m/s against sqrt(gamma R T0)).
+    np.testing.assert_allclose(cas_of_mach_kt(mach, altitude_ft), expected.numpy(), rtol=1e-6)
+
+
+def test_local_slopes_are_those_of_polyfit_in_the_same_window() -> None:
+    generator = np.random.default_rng(5)
+    flight = np.repeat([0, 1, 2], 60)
+    seconds = np.concatenate([np.cumsum(generator.exponential(scale, 60)) for scale in (0.8, 3.0, 9.0)])
+    values = 30_000 - 30 * seconds + generator.normal(0, 10, len(seconds))
+    found = local_slope(flight, seconds, values)
+    expected = np.full(len(values), np.nan)
+    for row in range(len(values)):
+        for half in WINDOWS_S:
+            near = (flight == flight[row]) & (np.abs(seconds - seconds[row]) <= half)
+            if near.sum() >= 4 and np.ptp(seconds[near]) >= 8:
+                expected[row] = np.polyfit(seconds[near] - seconds[row], values[near], 1)[0]
+                break
+    assert np.isfinite(expected).sum() > 150
+    np.testing.assert_allclose(found, expected, rtol=1e-7)

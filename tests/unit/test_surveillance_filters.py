@@ -1,0 +1,146 @@
+"""Filters on hand-made rows of which every drop is known."""
+
+import numpy as np
+import polars as pl
+import pytest
+from surveillance_toys import rows_at
+
+from descentflow.surveillance.airdata import cas_of_mach_kt
+from descentflow.surveillance.filters import (
+    STRETCH,
+    AirspeedsAgree,
+    Chain,
+    Descending,
+    Despike,
+    Falling,
+    LargestDescent,
+    SteadyDescent,
+)
+from descentflow.surveillance.free_rate import FreeRate
+from descentflow.surveillance.report import DropReport
+
+EVERY_10_S = [10.0 * i for i in range(12)]
+
+
+def seconds_left(rows: pl.DataFrame) -> list[float]:
+    return ((rows["timestamp"].dt.epoch("us") - 1709287200_000000) / 1e6).to_list()
+
+
+def test_a_lone_value_is_a_spike_and_smooth_changes_are_not() -> None:
+    values = [30_000.0 - 300 * i for i in range(12)]
+    values[5] += 2000
+    kept = Despike("altitude", 300.0).keep(rows_at(EVERY_10_S, altitude=values))
+    # Without `fastest` the first and last row, 300 ft from their neighbours, are at the floor and stay.
+    assert seconds_left(kept) == [t for t in EVERY_10_S if t != 50.0]
+
+
+def test_ends_of_a_sparse_steep_path_are_no_spikes_but_wild_ends_are() -> None:
+    times = [30.0 * i for i in range(8)]
+    steep = [30_000.0 - 1500 * i for i in range(8)]
+    one = Despike("altitude", 300.0, fastest=100.0)
+    assert len(one.keep(rows_at(times, altitude=steep))) == 8
+    for end in (0, 7):
+        wild = [*steep]
+        wild[end] = -900.0 if end == 0 else 45_000.0
+        assert seconds_left(one.keep(rows_at(times, altitude=wild))) == [t for t in times if t != times[end]]
+
+
+def test_missing_values_and_flights_of_one_row_are_no_spikes() -> None:
+    values = [270.0, None, 270.0, 271.0, None, 270.0, None, 270.0, 270.0, 270.0, 270.0, None]
+    assert len(Despike("IAS", 15.0, 2.0).keep(rows_at(EVERY_10_S, IAS=values))) == 12
+    assert len(Despike("IAS", 15.0, 2.0).keep(rows_at([0.0], IAS=[270.0]))) == 1
+
+
+def test_spikes_are_judged_within_their_flight() -> None:
+    two = pl.concat([rows_at(EVERY_10_S, name, altitude=[height] * 12) for name, height in (("a", 1e4), ("b", 3e4))])
+    assert len(Despike("altitude", 300.0).keep(two)) == 24
+
+
+def test_airspeeds_that_contradict_each_other_go() -> None:
+    cas = float(cas_of_mach_kt(np.array([0.7]), np.array([30_000.0]))[0])
+    rows = rows_at([0.0, 1.0, 2.0, 3.0], altitude=[3e4] * 4, Mach=[0.7] * 4, IAS=[cas, cas + 24, cas + 26, cas - 26])
+    assert seconds_left(AirspeedsAgree(25.0).keep(rows)) == [0.0, 1.0]
+
+
+def test_descent_begins_at_500_fpm_and_knows_the_distance_to_level_flight() -> None:
+    rates = [0.0, -499.0, -500.0, -2000.0, None, -2000.0, -2000.0, 64.0, -900.0]
+    kept = Descending().keep(rows_at(EVERY_10_S[:9], vertical_rate=rates))
+    assert seconds_left(kept) == [20.0, 30.0, 50.0, 60.0, 80.0]
+    assert kept["_since_level"].to_list() == [10.0, 20.0, 10.0, 20.0, 10.0]
+    assert kept["_until_level"].to_list() == [20.0, 10.0, 20.0, 10.0, None]
+    assert kept[STRETCH].to_list() == [2, 2, 3, 3, 4]
+
+
+def test_transients_go_on_both_sides_of_level_flight() -> None:
+    rates = [0.0] * 3 + [-2000.0] * 6 + [0.0] * 3
+    rows = rows_at(EVERY_10_S, vertical_rate=rates)
+    report = DropReport()
+    kept = (Descending() | SteadyDescent(20.0))(rows, report)
+    assert seconds_left(kept) == [40.0, 50.0, 60.0, 70.0]
+    assert [(s.step, s.rows_dropped) for s in report.steps] == [("not_descending", 6), ("transient", 2)]
+    # Where a flight begins in descent, no transient is known of.
+    assert len((Descending() | SteadyDescent(20.0))(rows.slice(5, 4), DropReport())) == 4
+
+
+def held(rate_fpm: float, *, minutes: float = 10.0, every_s: float = 4.0) -> pl.DataFrame:
+    """Five minutes drifting by 150 ft/min a minute, then held, quantised to 32 ft/min."""
+    time = np.arange(0, 60 * minutes, every_s)
+    rate = np.where(time < 300, rate_fpm - 150 * (300 - time) / 60, rate_fpm)
+    return rows_at(time.tolist(), vertical_rate=(32 * np.round(rate / 32)).tolist())
+
+
+def test_a_held_rate_is_found_and_a_drifting_one_is_free() -> None:
+    rows = held(-1500.0).with_columns(pl.lit(0, pl.Int64).alias(STRETCH))
+    kept = seconds_left(FreeRate().keep(rows))
+    # A window may reach back over the corner until the drift shows: 30 ft/min within 90 s.
+    assert max(kept) < 300
+    assert [t for t in kept if t < 240] == [4.0 * i for i in range(60)]
+
+
+@pytest.mark.parametrize(
+    ("rows", "why"),
+    [
+        (held(-1550.0), "no rate that can be selected"),
+        (held(-1500.0, minutes=6.0), "held for a minute only"),
+        (held(-1500.0, every_s=15.0), "too few reports to tell"),
+    ],
+)
+def test_what_is_not_taken_for_managed(rows: pl.DataFrame, why: str) -> None:
+    assert len(FreeRate().keep(rows)) == len(rows), why
+
+
+def test_held_rates_of_two_flights_do_not_add_up() -> None:
+    short = held(-1500.0).filter(pl.col("timestamp") > pl.col("timestamp").max() - pl.duration(seconds=70))
+    two = pl.concat([short, short.with_columns(flight_id=pl.lit("b"))])
+    assert len(FreeRate().keep(two)) == len(two)
+    assert len(FreeRate().keep(two.clear())) == 0
+
+
+def test_a_managed_stretch_parts_what_stands_around_it() -> None:
+    middle = held(-1500.0)
+    after = rows_at(
+        (600 + np.arange(0, 120, 4.0)).tolist(), vertical_rate=(-1500 - 5 * np.arange(0, 120, 4.0)).tolist()
+    )
+    rows = pl.concat([middle, after]).with_columns(pl.lit(0, pl.Int64).alias(STRETCH))
+    kept = FreeRate().keep(rows)
+    assert kept[STRETCH].n_unique() == 2
+
+
+def test_of_two_descents_the_larger_is_kept() -> None:
+    height = [30_000.0, 29_000.0, 28_000.0, 29_500.0, 27_000.0, 24_000.0, 21_000.0]
+    rows = rows_at(EVERY_10_S[:7], altitude=height)
+    assert seconds_left(LargestDescent().keep(rows)) == [30.0, 40.0, 50.0, 60.0]
+    ripple = rows.with_columns(altitude=pl.Series([3e4, 29e3, 28e3, 28.9e3, 27e3, 24e3, 21e3]))
+    assert len(LargestDescent().keep(ripple)) == 7
+
+
+def test_rows_not_below_all_before_go() -> None:
+    rows = rows_at(EVERY_10_S[:6], altitude=[1000.0, 975.0, 975.0, 1000.0, 950.0, 925.0])
+    assert seconds_left(Falling().keep(rows)) == [0.0, 10.0, 40.0, 50.0]
+
+
+def test_chains_compose_in_order() -> None:
+    a, b, c = Descending(), SteadyDescent(), Falling()
+    assert (a | b | c).filters == (a, b, c)
+    assert (a | Chain((b, c))).filters == (a, b, c)
+    assert (Chain((a, b)) | c).filters == (a, b, c)

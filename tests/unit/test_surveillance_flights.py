@@ -1,0 +1,122 @@
+"""Rows in order, flights told apart, types joined, rates derived, units checked."""
+
+import numpy as np
+import polars as pl
+import pytest
+from surveillance_toys import fleet, flight, rows_at
+
+from descentflow.errors import DataError
+from descentflow.surveillance.flights import name_flights, of_types, tidy, with_types
+from descentflow.surveillance.rates import local_slope, with_rate
+from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.units_check import check_airspeed_units, check_rate_units
+
+
+def test_tidy_counts_each_kind_of_bad_row_once() -> None:
+    good = flight().head(20)
+    index = pl.int_range(pl.len())
+    bad = good.with_columns(
+        IAS=pl.when(index == 1).then(None).when(index == 2).then(39.0).otherwise("IAS"),
+        Mach=pl.when(index == 3).then(1.01).otherwise("Mach"),
+        altitude=pl.when(index == 4).then(60_001.0).otherwise("altitude"),
+        TAS=pl.when(index == 5).then(-3.0).otherwise(400.0),
+        icao24=pl.when(index == 6).then(None).otherwise("icao24"),
+    )
+    report = DropReport()
+    rows = tidy(pl.concat([bad.slice(10), bad.head(10), bad.slice(8, 3)]), report)
+    counts = {step.step: step.rows_dropped for step in report.steps}
+    assert counts == {
+        "read": 0,
+        "missing_value": 2,
+        "impossible_altitude": 1,
+        "impossible_IAS": 1,
+        "impossible_Mach": 1,
+        "duplicate": 3,
+    }
+    assert rows["timestamp"].is_sorted()
+    assert len(rows) == 15
+    assert rows["TAS"].null_count() == 1
+    assert report.notes["impossible values of TAS set to missing"] == 1
+    assert report.notes["rows put into time order"] == 2
+
+
+def test_flights_are_named_by_address_and_first_time_and_end_with_silence() -> None:
+    rows = rows_at([0.0, 900.0, 1801.0], altitude=[1.0, 2.0, 3.0]).drop("flight_id")
+    named = name_flights(rows)
+    assert named["flight_id"].to_list() == ["4ca001_20240301T100000"] * 2 + ["4ca001_20240301T103001"]
+    assert name_flights(rows, gap_s=1e9)["flight_id"].n_unique() == 1
+
+
+def test_names_given_are_kept_missing_ones_made_and_shared_ones_parted() -> None:
+    rows = pl.concat(
+        [rows_at([0.0, 10.0], "AB1", altitude=[1.0, 2.0]), rows_at([5.0, 15.0], "AB1", altitude=[3.0, 4.0])]
+    )
+    rows = rows.with_columns(icao24=pl.Series(["4ca001", "4ca001", "4ca002", "4ca002"]))
+    assert name_flights(rows.head(2))["flight_id"].to_list() == ["AB1", "AB1"]
+    assert name_flights(rows)["flight_id"].to_list() == ["AB1_4ca001"] * 2 + ["AB1_4ca002"] * 2
+    blank = rows.head(2).with_columns(flight_id=pl.lit(None, pl.String))
+    assert name_flights(blank)["flight_id"].n_unique() == 1
+
+
+def test_types_of_the_rows_go_before_those_of_the_table() -> None:
+    rows = pl.DataFrame({"icao24": ["a", "b", "c"], "typecode": ["b738", None, None]})
+    table = pl.DataFrame({"icao24": [" A", "B ", "b"], "typecode": ["A320", "a319 ", "A321"]})
+    assert with_types(rows, table)["typecode"].to_list() == ["B738", "A319", None]
+    assert with_types(rows.drop("typecode"), None)["typecode"].to_list() == [None] * 3
+    with pytest.raises(DataError, match="without typecode"):
+        with_types(rows, table.drop("typecode"))
+
+
+def test_types_wanted_are_kept_in_any_case_of_letters() -> None:
+    rows = pl.DataFrame({"icao24": ["a", "b", "c"], "typecode": ["B738", "A320", None]})
+    report = DropReport()
+    assert of_types(rows, ["a320"], report)["icao24"].to_list() == ["b"]
+    assert [(s.step, s.rows_dropped, s.flights_dropped) for s in report.steps] == [
+        ("unknown_type", 1, 1),
+        ("other_type", 1, 1),
+    ]
+    with pytest.raises(DataError, match="expected one of"):
+        of_types(rows, ["C172"], report)
+
+
+def test_rates_given_stay_and_missing_ones_are_the_slope() -> None:
+    times = [2.0 * i for i in range(40)]
+    rows = rows_at(times, altitude=[30_000 - 25 * t for t in times], vertical_rate=[-1.0] * 20 + [None] * 20)
+    rates = with_rate(rows)["vertical_rate"].to_list()
+    assert rates[:20] == [-1.0] * 20
+    assert rates[20:] == pytest.approx([-1500.0] * 20, rel=1e-9)
+    assert with_rate(rows.drop("vertical_rate"))["vertical_rate"].to_list() == pytest.approx([-1500.0] * 40, rel=1e-9)
+
+
+def test_no_rate_is_made_from_too_few_rows_or_across_flights() -> None:
+    assert np.isnan(local_slope(np.zeros(3), np.arange(3.0) * 10, np.arange(3.0))).all()
+    flights = np.repeat([0, 1, 2], 3)
+    assert np.isnan(local_slope(flights, np.tile(np.arange(3.0) * 10, 3), np.arange(9.0))).all()
+    assert np.isnan(local_slope(np.zeros(9), np.arange(9.0) * 90, np.arange(9.0))).all(), "90 s apart is too far"
+
+
+@pytest.mark.parametrize("every_s", [0.1, 0.5, 1.0, 4.0, 12.0])
+def test_a_quantised_ramp_gives_its_rate_within_a_bound(every_s: float) -> None:
+    seconds = np.arange(0, 300, every_s)
+    altitude = 25 * np.round((30_000 - 33.3 * seconds) / 25)
+    slope = 60 * local_slope(np.zeros(len(seconds)), seconds, altitude)
+    # Rounding is off by at most 12.5 ft; of errors bounded so, a line over a span T tilts by at most 3/2 * 25 ft / T,
+    # and the shortest span is 8 s. In the middle of the path the error is typically a tenth of that.
+    assert np.nanmax(np.abs(slope + 1998)) <= 1.5 * 25 / 8 * 60
+    assert np.median(np.abs(slope + 1998)) < 60
+    assert not np.isnan(slope).any()
+
+
+def test_the_schema_s_units_pass_and_few_rows_say_nothing() -> None:
+    rows = fleet(2)
+    check_airspeed_units(rows)
+    check_rate_units(rows.sort("icao24", "timestamp"))
+    check_airspeed_units(rows.head(19).with_columns(pl.col("altitude") * 0.3048))
+    check_rate_units(rows.head(19))
+    check_rate_units(rows.drop("vertical_rate"))
+
+
+def test_noise_and_position_error_are_no_wrong_unit() -> None:
+    rows = fleet(2)
+    noise = np.random.default_rng(0).normal(0, 3, len(rows))
+    check_airspeed_units(rows.with_columns(IAS=pl.col("IAS") * 1.04 + pl.Series(noise)))

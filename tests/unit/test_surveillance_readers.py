@@ -1,0 +1,165 @@
+"""Every kind of file gives the same rows."""
+
+import gzip
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import polars as pl
+import pytest
+from polars.testing import assert_frame_equal
+from surveillance_toys import flight, written
+
+from descentflow.errors import DataError
+from descentflow.surveillance.aircraft_json import rows_of_snapshots
+from descentflow.surveillance.normalise import normalise
+from descentflow.surveillance.readers import files_of, read_rows, read_table
+from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.schema import TIMESTAMP
+
+NOON = datetime(2024, 3, 1, 12, 0, 0, 250_000, tzinfo=UTC)
+ROW = {"icao24": "4ca001", "altitude": 30_000.0, "IAS": 270.0, "Mach": 0.7}
+
+
+def normal(**columns: object) -> pl.DataFrame:
+    return normalise(pl.DataFrame(columns), Path("rows.csv"), DropReport())
+
+
+@pytest.mark.parametrize("ending", ["parquet", "csv", "csv.gz"])
+def test_files_of_the_traffic_library_come_back_as_they_were(ending: str, tmp_path: Path) -> None:
+    frame = flight()
+    path = tmp_path / f"rows.{ending}"
+    if ending == "csv.gz":
+        path.write_bytes(gzip.compress(frame.write_csv().encode()))
+    else:
+        written(frame, path)
+    assert_frame_equal(read_rows([path], DropReport()), frame, check_exact=True)
+
+
+def test_folders_are_read_whole_and_files_of_other_columns_side_by_side(tmp_path: Path) -> None:
+    (tmp_path / "day").mkdir()
+    written(flight("4ca001"), tmp_path / "day" / "a.parquet")
+    written(flight("4ca002").drop("track"), tmp_path / "b.csv")
+    (tmp_path / ".hidden").write_text("not rows")
+    assert [p.name for p in files_of([tmp_path])] == ["b.csv", "a.parquet"]
+    rows = read_rows([tmp_path], DropReport())
+    assert rows.filter(icao24="4ca002")["track"].null_count() == len(flight())
+    assert rows["icao24"].n_unique() == 2
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        ["2024-03-01T12:00:00.250Z"],
+        ["2024-03-01T13:00:00.250+01:00"],
+        ["2024-03-01 12:00:00.250+00:00"],
+        ["2024-03-01 12:00:00.250000+00:00"],
+        ["2024-03-01 12:00:00.250"],
+        ["2024-03-01T12:00:00.250"],
+        [" 2024-03-01T12:00:00.250Z "],
+        ["1709294400.25"],
+        [1709294400.25],
+        [1709294400250],
+        [1709294400250000],
+        [1709294400250000000],
+        pl.Series([NOON]).cast(pl.Datetime("ms", "UTC")),
+        pl.Series([NOON]).cast(pl.Datetime("ns", "UTC")),
+        pl.Series([NOON]).dt.convert_time_zone("Asia/Kolkata"),
+        pl.Series([NOON.replace(tzinfo=None)]),
+        pl.Series(["2024-03-01T12:00:00.250Z"], dtype=pl.Categorical),
+    ],
+)
+def test_every_way_of_writing_a_time(stamps: object) -> None:
+    rows = normal(timestamp=stamps, **ROW)
+    assert rows["timestamp"].dtype == TIMESTAMP
+    assert rows["timestamp"][0] == NOON
+
+
+def test_dates_of_several_forms_in_one_column() -> None:
+    rows = normal(timestamp=["2024-03-01T12:00:00.25Z", "2024-03-01 12:00:00.25", "2024-03-01 12:00:00.25+00"], **ROW)
+    assert rows["timestamp"].to_list() == [NOON] * 3
+
+
+def test_state_vectors_of_opensky_are_in_si_and_their_heading_is_a_track() -> None:
+    rows = normal(
+        time=[1709294400],
+        icao24=["4CA001"],
+        lat=[52.0],
+        lon=[4.0],
+        velocity=[205.7776],
+        heading=[91.0],
+        vertrate=[-10.16],
+        baroaltitude=[9144.0],
+        geoaltitude=["9296.4"],
+        ias=[270],
+        mach=[0.7],
+        tas=[420],
+    )
+    expected = {
+        "icao24": "4ca001",
+        "altitude": 30_000.0,
+        "geoaltitude": 30_500.0,
+        "groundspeed": 400.0,
+        "vertical_rate": -2000.0,
+        "track": 91.0,
+        "IAS": 270.0,
+        "Mach": 0.7,
+        "TAS": 420.0,
+        "latitude": 52.0,
+    }
+    for name, value in expected.items():
+        assert rows[name][0] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-9)), "a division each"
+    assert "heading" not in rows.columns
+
+
+def test_names_of_other_sources_and_letters_of_any_case() -> None:
+    rows = normal(
+        ts=[1709294400.25], hex=[" ~ABCDEF "], alt_baro=[3e4], ias=[270], MACH=[0.7], GS=[400], mag_heading=[5]
+    )
+    assert rows.columns == ["timestamp", "icao24", "altitude", "IAS", "Mach", "groundspeed", "heading"]
+    assert rows["icao24"][0] == "abcdef"
+
+
+def test_a_second_column_for_a_quantity_is_said_to_be_unused() -> None:
+    report = DropReport()
+    table = pl.DataFrame({"timestamp": [1709294400.25], "mach": [0.1], **ROW})
+    rows = normalise(table, Path("rows.csv"), report)
+    assert rows["Mach"][0] == 0.7
+    assert report.notes == {"values of column mach not used beside Mach": 1}
+
+
+def test_text_among_numbers_is_missing_and_noted_and_not_finite_is_missing() -> None:
+    report = DropReport()
+    table = pl.DataFrame({"timestamp": [1.0] * 4, **ROW} | {"IAS": ["270", "x", "nan", "inf"]})
+    rows = normalise(table, Path("rows.csv"), report)
+    assert rows["IAS"].to_list() == [270.0, None, None, None]
+    assert report.notes == {"values of IAS that could not be read": 1}
+
+
+def test_snapshots_are_timed_at_the_last_message_and_ground_is_no_altitude() -> None:
+    craft = {"hex": "~4CA001", "flight": "TST1  ", "t": "A320", "alt_baro": "ground", "ias": 120, "mach": 0.2}
+    air = craft | {"alt_baro": 30_000, "seen": 2.5, "mag_heading": 90.5, "oat": -40, "baro_rate": -1984, "gs": True}
+    rows = rows_of_snapshots([{"now": 1709294400.0, "aircraft": [craft, air]}], Path("aircraft.json"))
+    assert rows["timestamp"].to_list() == [1709294400.0, 1709294397.5]
+    assert rows["altitude"].to_list() == [None, 30_000.0]
+    assert rows["callsign"][0] == "TST1"
+    assert rows["temperature"][1] == pytest.approx(233.15)
+    assert rows["groundspeed"][1] is None
+    assert rows["heading"][1] == 90.5
+
+
+@pytest.mark.parametrize("form", ["one document", "list", "lines", "lines in gzip"])
+def test_snapshots_in_every_packing(form: str, tmp_path: Path) -> None:
+    snapshots = [{"now": 1709294400.0 + i, "aircraft": [{"hex": "4ca001", "ias": 270 + i}]} for i in range(3)]
+    if form == "one document":
+        text, expected = json.dumps(snapshots[0], indent=1), [270.0]
+    elif form == "list":
+        (tmp_path / "a.json").write_text(json.dumps(snapshots))
+        with pytest.raises(DataError, match="without aircraft"):
+            read_table(tmp_path / "a.json")
+        return
+    else:
+        text, expected = "\n".join(map(json.dumps, snapshots)) + "\n\n", [270.0, 271.0, 272.0]
+    content = text.encode()
+    (tmp_path / "a.json").write_bytes(gzip.compress(content) if "gzip" in form else content)
+    assert read_table(tmp_path / "a.json")["IAS"].to_list() == expected

@@ -11,7 +11,7 @@ from descentflow.data.representation import Representation
 from descentflow.errors import DataError
 from descentflow.figures.acceptance import acceptance_figure
 from descentflow.figures.components import components_figure
-from descentflow.figures.distances import distance_by_level_figure
+from descentflow.figures.distances import level_scores_figure
 from descentflow.figures.profiles import profiles_figure
 from descentflow.files import whole_file
 from descentflow.metrics.descent_set import DescentSet
@@ -40,7 +40,7 @@ class Evaluation:
         profiles = profiles_figure(self.real, {self.name: self.samples}, self.nominal, title=decoder.aircraft.typecode)
         return {
             "profiles": profiles,
-            "distance_by_level": distance_by_level_figure(self.samples, self.real, decoder.transition_fl),
+            "distance_by_level": level_scores_figure(self.scores, decoder.transition_fl),
             "rejections": acceptance_figure(self.rejections),
             "components": components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl),
         }
@@ -64,6 +64,7 @@ def evaluate(
     n: int = 10_000,
     seed: int = 0,
     name: str = "samples",
+    n_splits: int = 20,
     progress: Callable[[int], None] | None = None,
 ) -> Evaluation:
     """Sample as many descents as asked and compare them with flights (paper, section 4).
@@ -77,6 +78,7 @@ def evaluate(
         n: Number of samples.
         seed: Of sampling and of the splits behind the floors.
         name: The model's name in figures.
+        n_splits: Halvings of the flights behind each floor.
         progress: Called with the number of newly accepted samples.
 
     Raises:
@@ -95,5 +97,5 @@ def evaluate(
     )
     generated, observed = DescentSet.of_trajectories(samples.trajectories), DescentSet.of_profiles(real)
     nominal = DescentSet.of_nominal(nominal_descent(decoder.aircraft, decoder.levels_fl.cpu()))
-    scores = score(generated, observed, decoder.transition_fl, nominal, seed=seed)
+    scores = score(generated, observed, decoder.transition_fl, nominal, seed=seed, n_splits=n_splits)
     return Evaluation(name, generated, observed, nominal, scores, samples.report, representation)

@@ -1,6 +1,7 @@
 """The trainer's commands: LightningCLI with this project's defaults and without its traps."""
 
 import logging
+import os
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -122,12 +123,15 @@ def _option(words: Sequence[str], name: str) -> str | None:
 
 def _quiet() -> None:
     """Silence advice that does not apply here; everything else that Lightning says still comes through."""
+    # Lightning's own calls of jsonargparse are what is deprecated, not anything a user wrote.
+    os.environ.setdefault("JSONARGPARSE_DEPRECATION_WARNINGS", "off")
     for advice in (
         ".*does not have many workers.*",  # the weights are in memory
         ".*The number of training batches.*",  # a closed form has few
         ".*LightningCLI's args parameter.*",  # descentflow's own command line calls it
         ".*treespec, LeafSpec.*",
         ".*isinstance.treespec.*",
+        ".*The dirpath has changed.*",  # test and predict write into a folder of their own
     ):
         warnings.filterwarnings("ignore", message=advice)
     for handler in logging.getLogger("lightning.pytorch").handlers:

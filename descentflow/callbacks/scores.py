@@ -42,7 +42,7 @@ class ScoreCallback(Callback):
         if trainer.state.fn != "fit" or trainer.sanity_checking or not self._due(trainer):
             return
         try:
-            found = self._evaluate(trainer, pl_module, "validation", self.n_samples)
+            found = self._evaluate(trainer, pl_module, "validation", self.n_samples, n_splits=5)
         except SamplingError as error:
             # An untrained density may propose nothing plausible; the fit goes on.
             rank_zero_warn(f"epoch {trainer.current_epoch}: not scored, {error}")
@@ -51,7 +51,7 @@ class ScoreCallback(Callback):
 
     def on_test_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Score against the test flights, write the files and print the table."""
-        found = self._evaluate(trainer, pl_module, "test", self.n_test_samples)
+        found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, n_splits=20)
         self._log(trainer, found, "test")
         folder = Path(trainer.log_dir or trainer.default_root_dir)
         found.write(folder)
@@ -62,10 +62,11 @@ class ScoreCallback(Callback):
         last = epoch == trainer.max_epochs or trainer.should_stop
         return last or (self.every_n_epochs > 0 and epoch % self.every_n_epochs == 0)
 
-    def _evaluate(self, trainer: Trainer, module: LightningModule, part: str, n: int) -> Evaluation:
+    def _evaluate(self, trainer: Trainer, module: LightningModule, part: str, n: int, *, n_splits: int) -> Evaluation:
         assert isinstance(module, LatentModel)
         real = trainer.datamodule.profiles(part)  # type: ignore[attr-defined]
-        return evaluate(module, module.representation, real, n=n, seed=self.seed, name=type(module).__name__)
+        name = type(module).__name__
+        return evaluate(module, module.representation, real, n=n, seed=self.seed, name=name, n_splits=n_splits)
 
     def _log(self, trainer: Trainer, found: Evaluation, stage: str) -> None:
         values = {f"{stage}/score/{name}": value for name, value in found.scores.scalars().items()}

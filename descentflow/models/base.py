@@ -111,7 +111,10 @@ class LatentModel(LightningModule, ABC):
         return self.log_prob(batch[0])
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Add what sampling needs besides the parameters."""
+        """Add what sampling needs besides the parameters, and leave nothing that is not a tensor or a primitive."""
+        # The command line's PositiveInt and the like are classes of their own, which weights_only refuses.
+        if "hyper_parameters" in checkpoint:
+            checkpoint["hyper_parameters"] = {k: _primitive(v) for k, v in checkpoint["hyper_parameters"].items()}
         checkpoint[SECTION] = {
             "format": FORMAT,
             "version": __version__,
@@ -133,6 +136,14 @@ class LatentModel(LightningModule, ABC):
 
     def shape_from_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Give parameters whose shape was chosen during training the shape of the saved ones; nothing by default."""
+
+
+def _primitive(value: Any) -> Any:
+    """The built-in number behind a restricted one."""
+    for kind in (bool, int, float, str):
+        if isinstance(value, kind):
+            return kind(value)
+    return value
 
 
 @contextmanager

@@ -41,8 +41,9 @@ class MaskedAffineFlow(LatentModel):
         """
         super().__init__()
         self.save_hyperparameters()
-        self.n_flows, self.hidden_per_weight = n_flows, hidden_per_weight
-        self.learning_rate, self.weight_decay = learning_rate, weight_decay
+        self.n_flows, self.hidden_per_weight = int(n_flows), int(hidden_per_weight)
+        # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
+        self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
 
     def build(self, dimension: int) -> None:
         """Flows that start at the identity's neighbourhood."""

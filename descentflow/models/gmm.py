@@ -103,7 +103,8 @@ class GaussianMixture(LatentModel):
         self.training_method = training
         self.automatic_optimization = training == "svi"
         self.n_clusters, self.n_restarts, self.tolerance = n_clusters, n_restarts, tolerance
-        self.learning_rate, self.seed = learning_rate, seed
+        # A built-in float: the optimizer's state keeps it, and a checkpoint holds primitives only.
+        self.learning_rate, self.seed = float(learning_rate), seed
         self.bic: dict[int, float] = {}
         self._restored = False
         self._batches: list[Tensor] = []

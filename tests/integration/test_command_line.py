@@ -1,0 +1,216 @@
+"""The trainer's commands and sampling, run as a user runs them, on small prepared descents."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+import torch
+import toys
+import yaml
+from scipy.io import netcdf_file
+
+from descentflow.cli import main
+from descentflow.models.checkpoint import load_model, read_checkpoint
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+QUICK = ["--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false", "--scores.n_samples=200"]
+
+
+@pytest.fixture(scope="module")
+def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return toys.write_descents_file(tmp_path_factory.mktemp("data") / "a320.parquet", 300)
+
+
+def fit(folder: Path, descents: Path, model: str, *more: str) -> Path:
+    """Fit with a shipped config, in a folder of its own; returns the run's folder."""
+    settings = ["--config", str(CONFIGS / "model" / f"{model}.yaml"), "--data.descents", str(descents)]
+    where = ["--trainer.logger.init_args.save_dir", str(folder / "runs")]
+    assert main(["fit", *settings, *where, *QUICK, *more]) == 0
+    return next((folder / "runs" / model).iterdir())
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, descents: Path) -> Path:
+    return fit(tmp_path_factory.mktemp("gaussian"), descents, "gaussian")
+
+
+@pytest.mark.parametrize(
+    ("model", "epochs", "kind"),
+    [("gmm", 5, "GaussianMixture"), ("gmm_svi", 2, "GaussianMixture"), ("flow", 3, "MaskedAffineFlow")],
+)
+def test_each_shipped_model_fits_and_its_checkpoint_samples(
+    model: str, epochs: int, kind: str, tmp_path: Path, descents: Path
+) -> None:
+    folder = fit(tmp_path, descents, model, f"--trainer.max_epochs={epochs}")
+    checkpoint = folder / "checkpoints" / "best.ckpt"
+    assert type(load_model(checkpoint)).__name__ == kind
+    assert main(["sample", str(checkpoint), "-n", "20", "--out", str(tmp_path / "s.parquet")]) == 0
+    assert pl.read_parquet(tmp_path / "s.parquet")["sample_id"].n_unique() == 20
+
+
+def test_quickstart_config_is_complete(tmp_path: Path, descents: Path) -> None:
+    settings = ["--config", str(CONFIGS / "experiment" / "quickstart.yaml"), "--data.descents", str(descents)]
+    where = ["--trainer.logger.init_args.save_dir", str(tmp_path)]
+    assert main(["fit", *settings, *where, *QUICK, "--trainer.max_epochs=1"]) == 0
+    assert (tmp_path / "quickstart" / "version_0" / "checkpoints" / "best.ckpt").is_file()
+
+
+def test_what_a_fit_leaves_behind(run: Path) -> None:
+    assert {path.name for path in run.iterdir()} >= {"config.yaml", "checkpoints"}
+    assert list(run.glob("events.out.tfevents*"))
+    config = yaml.safe_load((run / "config.yaml").read_text())
+    assert config["model"]["class_path"].endswith("Gaussian")
+    split = read_checkpoint(run / "checkpoints" / "best.ckpt")["descentflow"]["representation"]["split"]
+    parts = [set(split[name]) for name in ("train", "validation", "test")]
+    assert [len(part) for part in parts] == [216, 24, 60]
+    assert len(set.union(*parts)) == 300
+
+
+def test_tensorboard_holds_scores_acceptance_and_figures(run: Path) -> None:
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    events = EventAccumulator(str(run), size_guidance={"images": 0})
+    events.Reload()
+    scalars = events.Tags()["scalars"]
+    for name in ("val/nll", "val/acceptance", "val/rejected/drag_below_bound", "val/score/cas_below_transition/ks"):
+        assert name in scalars
+    assert "val/profiles" in events.Tags()["images"]
+
+
+def test_test_scores_the_held_out_flights(run: Path, tmp_path: Path) -> None:
+    checkpoint = run / "checkpoints" / "best.ckpt"
+    where = ["--trainer.logger.init_args.save_dir", str(tmp_path)]
+    assert main(["test", "--ckpt_path", str(checkpoint), *where, "--scores.n_test_samples=500"]) == 0
+    folder = next((tmp_path / "gaussian").iterdir())
+    rows = pl.read_csv(folder / "scores.csv")
+    assert len(rows) == 15
+    assert set(rows["quantity"]) >= {"time_to_bottom_of_descent", "rocd_below_transition"}
+    assert (folder / "profiles.png").stat().st_size > 10_000
+
+
+def test_predict_names_every_held_out_flight(run: Path, tmp_path: Path) -> None:
+    checkpoint = run / "checkpoints" / "best.ckpt"
+    assert main(["predict", "--ckpt_path", str(checkpoint), f"--trainer.logger.init_args.save_dir={tmp_path}"]) == 0
+    table = pl.read_csv(next(tmp_path.rglob("log_prob.csv")))
+    split = read_checkpoint(checkpoint)["descentflow"]["representation"]["split"]
+    assert set(table["flight_id"]) == set(split["test"])
+    assert table["log_prob"].is_sorted()
+
+
+@pytest.mark.parametrize("command", ["test", "predict", "validate"])
+def test_no_command_scores_random_weights(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command]) == 2
+    assert "without a checkpoint" in capsys.readouterr().err
+
+
+def test_sample_table(run: Path, tmp_path: Path) -> None:
+    checkpoint = str(run / "checkpoints" / "best.ckpt")
+    for name in ("a.parquet", "b.parquet"):
+        assert main(["sample", checkpoint, "-n", "50", "--seed", "3", "--out", str(tmp_path / name)]) == 0
+    first, second = pl.read_parquet(tmp_path / "a.parquet"), pl.read_parquet(tmp_path / "b.parquet")
+    assert first.equals(second), "the same seed gives the same samples, bit for bit"
+    assert first.columns == [
+        "sample_id", "level_fl", "time_s", "altitude_ft", "CAS", "Mach", "TAS", "vertical_rate", "drag_n",
+    ]  # fmt: skip
+    assert first["sample_id"].n_unique() == 50
+    assert (first["vertical_rate"] < 0).all()
+    assert (first["altitude_ft"] == 100 * first["level_fl"]).all()
+    steps = first.with_columns(pl.col("time_s").diff().over("sample_id").alias("step"))["step"].drop_nulls()
+    assert (steps > 0).all(), "time grows down each sample's rows"
+    # The average rate of each interval explains its time: units and signs agree.
+    one = first.filter(sample_id=0)
+    height = -np.diff(one["altitude_ft"].to_numpy())
+    mean_slowness = -(0.5 / one["vertical_rate"].to_numpy()[1:] + 0.5 / one["vertical_rate"].to_numpy()[:-1])
+    np.testing.assert_allclose(np.diff(one["time_s"].to_numpy()), 60 * height * mean_slowness, rtol=0.02)
+
+
+def test_netcdf_and_csv_hold_the_same_samples(run: Path, tmp_path: Path) -> None:
+    checkpoint = str(run / "checkpoints" / "best.ckpt")
+    for name in ("s.nc", "s.csv", "s.parquet"):
+        assert main(["sample", checkpoint, "-n", "7", "--out", str(tmp_path / name)]) == 0
+    table = pl.read_parquet(tmp_path / "s.parquet")
+    assert pl.read_csv(tmp_path / "s.csv").shape == table.shape
+    with netcdf_file(tmp_path / "s.nc", "r", mmap=False) as file:
+        cas, levels = file.variables["CAS"][:], file.variables["level_fl"][:]
+        assert file.variables["CAS"].units == b"kt"
+    assert np.isfinite(cas).sum() == len(table)
+    row = table.filter(sample_id=2)
+    np.testing.assert_allclose(cas[2][np.isin(levels, row["level_fl"])][::-1], row["CAS"])
+
+
+def test_evaluate_leaves_out_what_was_trained_on(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
+    checkpoint = str(run / "checkpoints" / "best.ckpt")
+    assert main(["evaluate", checkpoint, "--real", str(descents), "--out", str(tmp_path / "old"), "-n", "300"]) == 0
+    assert "60 held-out flights (240 left out" in capsys.readouterr().out
+    other = toys.write_descents_file(tmp_path / "new.parquet", 80, seed=9)
+    assert main(["evaluate", checkpoint, "--real", str(other), "--out", str(tmp_path / "new"), "-n", "300"]) == 0
+    assert "80 held-out flights (0 left out" in capsys.readouterr().out
+    assert {p.name for p in (tmp_path / "new").iterdir()} >= {"scores.csv", "rejections.json", "profiles.png"}
+
+
+def test_a_killed_fit_resumes_from_its_last_checkpoint(tmp_path: Path, descents: Path) -> None:
+    """Three epochs, then three more from last.ckpt: the counters and the optimizer's schedule go on where they were."""
+    stop = "--trainer.callbacks=[{class_path: toys.StopAfterThree}]"
+    part = fit(tmp_path, descents, "gmm_svi", "--trainer.max_epochs=6", stop)
+    last = part / "checkpoints" / "last.ckpt"
+    before = torch.load(last, weights_only=True)
+    assert before["epoch"] == 2
+    words = ["--config", str(part / "config.yaml"), "--ckpt_path", str(last), "--trainer.callbacks=null"]
+    assert main(["fit", *words, f"--trainer.logger.init_args.save_dir={tmp_path / 'resumed'}"]) == 0
+    resumed = next((tmp_path / "resumed" / "gmm_svi").iterdir()) / "checkpoints" / "last.ckpt"
+    after = torch.load(resumed, weights_only=True)
+    assert after["epoch"] == 5
+    assert after["global_step"] == 2 * before["global_step"]
+    assert after["lr_schedulers"][0]["last_epoch"] == 6
+    name = "program.locs_unconstrained"
+    assert after["state_dict"][name].shape == before["state_dict"][name].shape, "BIC is not asked again"
+
+
+def test_resuming_on_other_flights_is_refused(run: Path, tmp_path: Path, capsys) -> None:
+    other = toys.write_descents_file(tmp_path / "other.parquet", 300, seed=4)
+    words = ["--config", str(run / "config.yaml"), "--ckpt_path", str(run / "checkpoints" / "last.ckpt")]
+    where = ["--trainer.logger.init_args.save_dir", str(tmp_path), "--data.descents", str(other)]
+    assert main(["fit", *words, *where, "--trainer.max_epochs=2"]) == 2
+    assert "trained on other flights" in capsys.readouterr().err
+
+
+def test_typos_and_impossible_settings_are_refused(descents: Path, capsys) -> None:
+    for words in (["--model.init_args.n_flowz=3"], ["--model.init_args.n_flows=-3"], ["--data.test_fraction=1.5"]):
+        with pytest.raises(SystemExit) as stopped:
+            main(["fit", "--model", "MaskedAffineFlow", "--data.descents", str(descents), *words])
+        assert stopped.value.code == 2
+        capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nonsense"], "no command 'nonsense'"),
+        (["sample", "absent.ckpt", "--out", "s.parquet"], "no file absent.ckpt"),
+        (["evaluate", "absent.ckpt", "--real", "d.parquet", "--out", "e"], "no file absent.ckpt"),
+    ],
+)
+def test_mistakes_end_with_a_message_and_status_two(words: list[str], message: str, capsys) -> None:
+    assert main(words) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_bad_outputs_of_sample(run: Path, tmp_path: Path, capsys) -> None:
+    checkpoint = str(run / "checkpoints" / "best.ckpt")
+    for out, message in (("s.xlsx", "extension among"), ("no/such/s.parquet", "does not exist")):
+        assert main(["sample", checkpoint, "-n", "3", "--out", str(tmp_path / out)]) == 2
+        assert message in capsys.readouterr().err
+    assert main(["sample", checkpoint, "-n", "0", "--out", str(tmp_path / "s.parquet")]) == 2
+    assert list(tmp_path.iterdir()) == [], "nothing half-written is left"
+
+
+def test_descents_of_several_types_need_an_aircraft(tmp_path: Path, capsys) -> None:
+    first = pl.read_parquet(toys.write_descents_file(tmp_path / "a.parquet", 30))
+    metadata = pl.read_parquet_metadata(tmp_path / "a.parquet")
+    other = pl.when(pl.col("flight_id") > "toy-0-00015").then(pl.lit("B738")).otherwise("typecode").alias("typecode")
+    first.with_columns(other).write_parquet(
+        tmp_path / "mixed.parquet", metadata={"descentflow": metadata["descentflow"]}
+    )
+    assert main(["fit", "--model", "Gaussian", "--data.descents", str(tmp_path / "mixed.parquet"), *QUICK]) == 2
+    assert "types" in capsys.readouterr().err

@@ -6,6 +6,7 @@ A filter sees rows sorted by flight and time and says which to keep. ``a | b`` a
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+import numpy as np
 import polars as pl
 
 from descentflow.surveillance.airdata import cas_of_mach_kt
@@ -16,6 +17,12 @@ STRETCH = "_stretch"
 """Column that numbers the stretches of free descent in a flight: levels between two stretches are not bridged, or a
 level-off's time would stand in a free descent."""
 SECONDS = pl.col("timestamp").dt.epoch("us") / 1e6
+
+
+def flights_of(rows: pl.DataFrame) -> np.ndarray:
+    """Ascending number of every row's flight."""
+    name = rows[FLIGHT]
+    return (name != name.shift()).fill_null(True).cum_sum().cast(pl.Int64).to_numpy()
 
 
 class Filter(ABC):
@@ -80,6 +87,33 @@ class Despike(Filter):
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows that are no spikes, or miss the value."""
+        suspects = self._suspects(rows)
+        if not suspects.any():
+            return rows
+        # The medians are worked out for the few flights that can hold a spike.
+        spikes = np.zeros(len(rows), dtype=bool)
+        some = np.isin(flights_of(rows), np.unique(flights_of(rows)[suspects]))
+        spikes[some] = self._spikes(rows.filter(pl.Series(some))).to_numpy()
+        return rows.filter(pl.Series(~spikes))
+
+    def _suspects(self, rows: pl.DataFrame) -> np.ndarray:
+        """Rows that two of the four around them exceed, or fall below, by more than the floor.
+
+        No other row can be that far from a median of three to five values.
+        """
+        value, flight = rows[self.column].to_numpy(), flights_of(rows)
+        above, below = np.zeros(len(value), dtype=np.int8), np.zeros(len(value), dtype=np.int8)
+        for offset in (1, 2):
+            step = value[offset:] - value[:-offset]
+            same = flight[offset:] == flight[:-offset]
+            up, down = same & (step > self.floor), same & (step < -self.floor)
+            above[:-offset] += up
+            below[offset:] += up
+            below[:-offset] += down
+            above[offset:] += down
+        return np.asarray(np.maximum(above, below) >= 2)
+
+    def _spikes(self, rows: pl.DataFrame) -> pl.Series:
         value = pl.col(self.column)
         first, last = SECONDS.shift(2).over(FLIGHT), SECONDS.shift(-2).over(FLIGHT)
         # At an end: seconds to the row four on, or over all of a flight that is shorter.
@@ -94,7 +128,7 @@ class Despike(Filter):
             pl.col("_off").rolling_median(5, center=True, min_samples=3).over(FLIGHT).alias("_mad")
         )
         spike = (pl.col("_off") > pl.col("_floor")) & (pl.col("_off") > 3 * 1.4826 * pl.col("_mad"))
-        return around.filter(~spike.fill_null(False)).drop("_median", "_floor", "_off", "_mad")
+        return around.select(spike.fill_null(False)).to_series()
 
 
 @dataclass(frozen=True)
@@ -127,14 +161,21 @@ class Descending(Filter):
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows with a rate of at most -`slowest_fpm`; rows without a rate go too."""
-        descends = (pl.col("vertical_rate") <= -self.slowest_fpm).fill_null(False)
-        level = pl.when(~descends).then(SECONDS)
+        rate, flight = rows["vertical_rate"].to_numpy(), flights_of(rows)
+        descends = rate <= -self.slowest_fpm
+        seconds = rows["timestamp"].dt.epoch("us").to_numpy() / 1e6
+        index = np.arange(len(rows))
+        last = np.maximum.accumulate(np.where(descends, -1, index)) if len(rows) else index
+        after = np.minimum.accumulate(np.where(descends, len(rows), index)[::-1])[::-1] if len(rows) else index
+        since = np.where((last >= 0) & (flight[last] == flight), seconds - seconds[last], np.nan)
+        found = np.minimum(after, len(rows) - 1)
+        until = np.where((after < len(rows)) & (flight[found] == flight), seconds[found] - seconds, np.nan)
         timed = rows.with_columns(
-            (SECONDS - level.forward_fill().over(FLIGHT)).alias("_since_level"),
-            (level.backward_fill().over(FLIGHT) - SECONDS).alias("_until_level"),
-            (~descends).cum_sum().over(FLIGHT).cast(pl.Int64).alias(STRETCH),
+            pl.Series("_since_level", since, nan_to_null=True),
+            pl.Series("_until_level", until, nan_to_null=True),
+            pl.Series(STRETCH, np.cumsum(~descends), dtype=pl.Int64),
         )
-        return timed.filter(descends)
+        return timed.filter(pl.Series(descends))
 
 
 @dataclass(frozen=True)
@@ -164,6 +205,9 @@ class LargestDescent(Filter):
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows of the descent with the largest difference of altitudes."""
         # Climbing rows are gone by now: a climb is a jump upwards between two descending rows.
+        altitude, flight = rows["altitude"].to_numpy(), flights_of(rows)
+        if not ((np.diff(altitude) > self.climb_back_ft) & (flight[1:] == flight[:-1])).any():
+            return rows
         number = (pl.col("altitude").diff() > self.climb_back_ft).fill_null(False).cum_sum().over(FLIGHT)
         span = (pl.col("altitude").max() - pl.col("altitude").min()).over(FLIGHT, "_descent")
         numbered = rows.with_columns(number.alias("_descent")).with_columns(span.alias("_span"))
@@ -179,5 +223,7 @@ class Falling(Filter):
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows at a new lowest altitude."""
-        lowest = pl.col("altitude").cum_min().shift().over(FLIGHT)
-        return rows.filter((pl.col("altitude") < lowest).fill_null(True))
+        # Each flight is put below all before it, so that one running minimum serves them all.
+        height = rows["altitude"].to_numpy() - 1e6 * flights_of(rows)
+        lowest = np.minimum.accumulate(np.concatenate([[np.inf], height[:-1]])) if len(rows) else height
+        return rows.filter(pl.Series(height < lowest))

@@ -21,14 +21,17 @@ def tidy(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     complete = report.count("missing_value", rows, rows.drop_nulls(list(REQUIRED)))
     for name in REQUIRED:
         if name in POSSIBLE:
-            inside = complete.filter(pl.col(name).is_between(*POSSIBLE[name]))
-            complete = report.count(f"impossible_{name}", complete, inside)
+            inside = complete[name].is_between(*POSSIBLE[name])
+            complete = report.count(
+                f"impossible_{name}", complete, complete if inside.all() else complete.filter(inside)
+            )
     for name in set(POSSIBLE) & set(complete.columns) - set(REQUIRED):
         wrong = ~pl.col(name).is_between(*POSSIBLE[name])
         report.note(f"impossible values of {name} set to missing", complete.select(wrong.sum()).item() or 0)
         complete = complete.with_columns(pl.when(~wrong).then(pl.col(name)).alias(name))
-    backwards = complete.select((pl.col("timestamp").diff().over("icao24").dt.total_microseconds() < 0).sum()).item()
-    report.note("rows put into time order", backwards or 0)
+    by_aircraft = complete.select("icao24", "timestamp").sort("icao24", maintain_order=True)
+    back = (pl.col("timestamp").diff().dt.total_microseconds() < 0) & (pl.col("icao24") == pl.col("icao24").shift())
+    report.note("rows put into time order", by_aircraft.select(back.sum()).item() or 0)
     ordered = complete.sort("icao24", "timestamp", maintain_order=True)
     repeated = (pl.col("icao24") == pl.col("icao24").shift()) & (pl.col("timestamp") == pl.col("timestamp").shift())
     usable = report.count("duplicate", ordered, ordered.filter(~repeated.fill_null(False)))
@@ -50,18 +53,24 @@ def name_flights(rows: pl.DataFrame, gap_s: float = FLIGHT_GAP_S) -> pl.DataFram
         rows: Sorted by aircraft and time.
         gap_s: Silence that separates two flights of one address.
     """
-    seconds = pl.col("timestamp").diff().over("icao24").dt.total_microseconds() / 1e6
-    number = (seconds > gap_s).fill_null(False).cum_sum().over("icao24").alias("_flight")
-    first = pl.col("timestamp").min().over("icao24", "_flight").dt.strftime("%Y%m%dT%H%M%S")
-    made = pl.col("icao24") + "_" + first
-    given = pl.col("flight_id") if "flight_id" in rows.columns else pl.lit(None, pl.String)
-    named = rows.with_columns(number).with_columns(pl.coalesce(given, made).alias("flight_id")).drop("_flight")
+    named = rows
+    if "flight_id" not in rows.columns or rows["flight_id"].null_count():
+        silent = pl.col("timestamp").diff().dt.total_microseconds() / 1e6 > gap_s
+        begins = ((pl.col("icao24") != pl.col("icao24").shift()) | silent).fill_null(True)
+        name = pl.col("icao24") + "_" + pl.col("timestamp").dt.strftime("%Y%m%dT%H%M%S")
+        made = rows.filter(begins).select(name).to_series().gather(rows.select(begins.cum_sum() - 1).to_series())
+        given = [pl.col("flight_id")] if "flight_id" in rows.columns else []
+        named = rows.with_columns(pl.coalesce(*given, made).alias("flight_id"))
     # A name that two aircraft share (a flight number flown every day, say) would braid their rows together.
-    shared = pl.col("icao24").n_unique().over("flight_id") > 1
-    named = named.with_columns(
-        pl.when(shared).then(pl.col("flight_id") + "_" + pl.col("icao24")).otherwise("flight_id").alias("flight_id")
-    )
-    return named.sort("flight_id", "timestamp", maintain_order=True)
+    pairs = named.select("flight_id", "icao24").unique()
+    shared = pairs.filter(pl.col("flight_id").is_duplicated())["flight_id"].unique()
+    if len(shared):
+        own = pl.col("flight_id") + "_" + pl.col("icao24")
+        named = named.with_columns(
+            pl.when(pl.col("flight_id").is_in(shared.implode())).then(own).otherwise("flight_id").alias("flight_id")
+        )
+    # Rows are sorted by address and time, so names that ascend stand in time order within a flight, too.
+    return named if named["flight_id"].is_sorted() else named.sort("flight_id", "timestamp", maintain_order=True)
 
 
 def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:

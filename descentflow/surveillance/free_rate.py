@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from descentflow.surveillance.airdata import Array
-from descentflow.surveillance.filters import FLIGHT, STRETCH, Filter
+from descentflow.surveillance.filters import STRETCH, Filter, flights_of
 from descentflow.surveillance.windows import time_in_flight, window_sum, windows
 
 SELECTABLE_FPM = 100.0
@@ -41,7 +41,7 @@ class FreeRate(Filter):
         """Rows outside every managed stretch; :data:`STRETCH` changes where one stood."""
         if rows.is_empty():
             return rows
-        flight = rows[FLIGHT].rle_id().to_numpy().astype(np.int64)
+        flight = flights_of(rows)
         seconds = (rows["timestamp"] - rows["timestamp"].min()).dt.total_microseconds().to_numpy() / 1e6
         managed = pl.Series(self.managed(flight, seconds, rows["vertical_rate"].to_numpy()))
         if STRETCH in rows.columns:

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.filters import STRETCH
+from descentflow.surveillance.filters import STRETCH, flights_of
 from descentflow.surveillance.schema import CHANNELS
 
 CIRCULAR = ("track", "heading")
@@ -26,7 +26,7 @@ def to_levels(rows: pl.DataFrame, bottom_fl: int, *, longest_gap_s: float, highe
         One row a flight and level, sorted by flight and falling level: `flight_id icao24 typecode callsign level_fl
         timestamp time_s` and the channels that the rows have.
     """
-    flight = rows["flight_id"].rle_id().to_numpy()
+    flight = flights_of(rows)
     altitude_fl = rows["altitude"].to_numpy() / 100.0
     micros = rows["timestamp"].dt.epoch("us").to_numpy()
     gap_s, gap_fl = np.diff(micros) / 1e6, -np.diff(altitude_fl)
@@ -58,13 +58,14 @@ def to_levels(rows: pl.DataFrame, bottom_fl: int, *, longest_gap_s: float, highe
 
 
 def _interpolated(values: np.ndarray, upper: np.ndarray, share: np.ndarray, *, circular: bool) -> pl.Series:
-    step = values[upper + 1] - values[upper]
+    above, below = values[upper], values[upper + 1]
+    step = below - above
     if circular:
         step = (step + 180.0) % 360.0 - 180.0
     # A level on which a row stands has that row's value, whatever its neighbour misses.
-    found = np.where(
-        share == 0.0, values[upper], np.where(share == 1.0, values[upper + 1], values[upper] + share * step)
-    )
+    found = above + share * step
+    if np.isnan(found).any():
+        found = np.where(share == 0.0, above, np.where(share == 1.0, below, found))
     return pl.Series(found % 360.0 if circular else found).fill_nan(None)
 
 

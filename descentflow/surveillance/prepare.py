@@ -96,8 +96,7 @@ def prepare(
     check_rate_units(rows)
     say("cleaning rows")
     rows = name_flights(rows, rules.flight_gap_s)
-    rows = (DESPIKE | filters.AirspeedsAgree())(rows, report)
-    rows = rules.filters()(with_rate(rows), report)
+    rows = _cleaned(rows, rules, report)
     say("interpolating to flight levels")
     levels = to_levels(rows, rules.bottom_fl, longest_gap_s=rules.longest_gap_s, highest_gap_ft=rules.highest_gap_ft)
     long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
@@ -118,6 +117,18 @@ def prepare(
         "report": report.as_dict(),
     }
     return Descents(long, metadata), report
+
+
+def _cleaned(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
+    """Rows of free descent; only the columns that filters look at go through them, the others follow at the end."""
+    needed = [
+        name for name in ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach") if name in rows.columns
+    ]
+    narrow = rows.select(needed).with_row_index("_row")
+    narrow = (DESPIKE | filters.AirspeedsAgree())(narrow, report)
+    narrow = rules.filters()(with_rate(narrow), report)
+    others = rows.drop(needed)[narrow["_row"]]
+    return pl.concat([narrow.drop("_row"), others], how="horizontal")
 
 
 def _count_short(rows: pl.DataFrame, levels: pl.DataFrame, long: pl.DataFrame, report: DropReport) -> None:

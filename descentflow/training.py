@@ -34,7 +34,6 @@ class DescentCLI(LightningCLI):
                 "checkpoint.monitor": "val/nll",
                 "checkpoint.filename": "best",
                 "checkpoint.auto_insert_metric_name": False,
-                "checkpoint.save_last": True,
                 "trainer.max_epochs": 200,
                 "trainer.num_sanity_val_steps": 0,
                 "trainer.log_every_n_steps": 1,
@@ -64,12 +63,14 @@ def run(command: str, rest: Sequence[str]) -> None:
         if command != "fit":
             words = _with_run_settings(command, words)
     _quiet()
+    # The best checkpoint's own `save_last` writes only in epochs that are the best so far; a killed run resumes here.
+    every_epoch = ModelCheckpoint(filename="last", save_top_k=1, enable_version_counter=False)
     DescentCLI(
         LatentModel,
         DescentDataModule,
         subclass_mode_model=True,
         seed_everything_default=0,
-        trainer_defaults={"callbacks": [WriteLogProb()]},
+        trainer_defaults={"callbacks": [WriteLogProb(), every_epoch]},
         save_config_kwargs={"overwrite": False},
         parser_kwargs={"prog": "descentflow"},
         args=[command, *words],

@@ -150,7 +150,7 @@ def test_evaluate_leaves_out_what_was_trained_on(run: Path, descents: Path, tmp_
 
 
 def test_a_killed_fit_resumes_from_its_last_checkpoint(tmp_path: Path, descents: Path) -> None:
-    """Three epochs, then three more from last.ckpt: the counters and the optimizer's schedule go on where they were."""
+    """Three epochs, then three more from last.ckpt: counters and the optimizer's schedule go on where they were."""
     stop = "--trainer.callbacks=[{class_path: toys.StopAfterThree}]"
     part = fit(tmp_path, descents, "gmm_svi", "--trainer.max_epochs=6", stop)
     last = part / "checkpoints" / "last.ckpt"

@@ -29,10 +29,11 @@ def tidy(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
         wrong = ~pl.col(name).is_between(*POSSIBLE[name])
         report.note(f"impossible values of {name} set to missing", complete.select(wrong.sum()).item() or 0)
         complete = complete.with_columns(pl.when(~wrong).then(pl.col(name)).alias(name))
-    by_aircraft = complete.select("icao24", "timestamp").sort("icao24", maintain_order=True)
-    back = (pl.col("timestamp").diff().dt.total_microseconds() < 0) & (pl.col("icao24") == pl.col("icao24").shift())
-    report.note("rows put into time order", by_aircraft.select(back.sum()).item() or 0)
-    ordered = complete.sort("icao24", "timestamp", maintain_order=True)
+    order = complete.select("icao24", "timestamp").with_row_index("_row")
+    order = order.sort("icao24", "timestamp", maintain_order=True)
+    back = (pl.col("_row") < pl.col("_row").shift()) & (pl.col("icao24") == pl.col("icao24").shift())
+    report.note("rows put into time order", order.select(back.sum()).item() or 0)
+    ordered = complete[order["_row"]]
     repeated = (pl.col("icao24") == pl.col("icao24").shift()) & (pl.col("timestamp") == pl.col("timestamp").shift())
     usable = report.count("duplicate", ordered, ordered.filter(~repeated.fill_null(False)))
     if usable.is_empty():

@@ -3,6 +3,21 @@
 import argparse
 from pathlib import Path
 
+THRESHOLDS: dict[str, tuple[float, str]] = {
+    "flight-gap-s": (900.0, "silence after which an address is another flight, s"),
+    "slowest-fpm": (500.0, "slowest rate that counts as descent, ft/min"),
+    "transient-s": (20.0, "what is dropped on either side of level flight, s"),
+    "constant-rate-s": (50.0, "shortest managed stretch, where a rate is selected at once, held, and given up, s"),
+    "constant-rate-alone-s": (180.0, "shortest managed stretch where the rate is held, but no change to it is seen, s"),
+    "constant-rate-jump-fpm": (150.0, "smallest change of rate at the begin or end of a managed stretch, ft/min"),
+    "constant-rate-drift-fpm": (64.0, "largest drift of the rate over a managed stretch, ft/min"),
+    "constant-rate-scatter-fpm": (64.0, "largest scatter of the rate in a managed stretch, ft/min"),
+    "longest-gap-s": (60.0, "longest gap that is bridged, s"),
+    "highest-gap-ft": (3000.0, "highest gap that is bridged, ft"),
+    "fewest-levels": (20, "shortest descent kept, in flight levels"),
+}
+"""Options named as the fields of `descentflow.surveillance.prepare.Cleaning`, their defaults and meaning."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -19,14 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bottom-fl", type=int, default=150, help="lowest flight level (default: %(default)s)")
     parser.add_argument("--report", type=Path, help="also write the account as JSON")
     rules = parser.add_argument_group("thresholds")
-    rules.add_argument("--slowest-fpm", type=float, default=500.0, help="slowest rate that counts as descent (500)")
-    rules.add_argument("--transient-s", type=float, default=20.0, help="dropped beside level flight (20 s)")
-    rules.add_argument("--constant-rate-s", type=float, default=90.0, help="shortest managed stretch (90 s)")
-    rules.add_argument("--constant-rate-drift-fpm", type=float, default=30.0, help="its largest drift of rate (30)")
-    rules.add_argument("--constant-rate-scatter-fpm", type=float, default=55.0, help="its largest scatter of rate (55)")
-    rules.add_argument("--longest-gap-s", type=float, default=60.0, help="longest gap that is bridged (60 s)")
-    rules.add_argument("--highest-gap-ft", type=float, default=3000.0, help="highest gap that is bridged (3000 ft)")
-    rules.add_argument("--fewest-levels", type=int, default=20, help="shortest descent kept, in levels (20)")
+    for name, (default, meaning) in THRESHOLDS.items():
+        # Absent options are left to the defaults of `Cleaning`, which a test holds to these.
+        text = f"{meaning} (default: {default})"
+        rules.add_argument(f"--{name}", type=type(default), default=argparse.SUPPRESS, metavar="X", help=text)
 
 
 def run(args: argparse.Namespace) -> None:

@@ -29,9 +29,11 @@ class Cleaning:
     flight_gap_s: float = FLIGHT_GAP_S
     slowest_fpm: float = 500.0
     transient_s: float = 20.0
-    constant_rate_s: float = 90.0
-    constant_rate_drift_fpm: float = 30.0
-    constant_rate_scatter_fpm: float = 55.0
+    constant_rate_s: float = 50.0
+    constant_rate_alone_s: float = 180.0
+    constant_rate_jump_fpm: float = 150.0
+    constant_rate_drift_fpm: float = 64.0
+    constant_rate_scatter_fpm: float = 64.0
     longest_gap_s: float = 60.0
     """Neighbouring rows further apart leave the levels between them open..."""
     highest_gap_ft: float = 3000.0
@@ -45,7 +47,14 @@ class Cleaning:
             filters.Despike("vertical_rate", 1500.0, fastest=100.0)
             | filters.Descending(self.slowest_fpm)
             | filters.SteadyDescent(self.transient_s)
-            | FreeRate(self.constant_rate_s, self.constant_rate_drift_fpm, self.constant_rate_scatter_fpm)
+            | FreeRate(
+                seconds=self.constant_rate_s,
+                seconds_alone=self.constant_rate_alone_s,
+                jump_fpm=self.constant_rate_jump_fpm,
+                drift_fpm=self.constant_rate_drift_fpm,
+                scatter_fpm=self.constant_rate_scatter_fpm,
+                longest_gap_s=self.longest_gap_s,
+            )
             | filters.LargestDescent()
             | filters.Falling()
         )

@@ -5,7 +5,7 @@ import torch
 
 from descentflow.performance.airspeed import mach_to_cas_mps
 from descentflow.surveillance.airdata import cas_of_mach_kt
-from descentflow.surveillance.rates import WINDOWS_S, local_slope
+from descentflow.surveillance.rates import ALTITUDE_ERROR_FT, LARGEST_ERROR_FPM, WINDOWS_S, local_slope
 
 
 def test_cas_of_mach_is_that_of_the_performance_model() -> None:
@@ -25,7 +25,9 @@ def test_local_slopes_are_those_of_polyfit_in_the_same_window() -> None:
     for row in range(len(values)):
         for half in WINDOWS_S:
             near = (flight == flight[row]) & (np.abs(seconds - seconds[row]) <= half)
-            if near.sum() >= 4 and np.ptp(seconds[near]) >= 8:
+            # The slope's standard error is that of one altitude over the root of the sum of squares of time.
+            error_fpm = 60 * ALTITUDE_ERROR_FT / max(np.std(seconds[near]) * near.sum() ** 0.5, 1e-9)
+            if error_fpm <= LARGEST_ERROR_FPM:
                 expected[row] = np.polyfit(seconds[near] - seconds[row], values[near], 1)[0]
                 break
     assert np.isfinite(expected).sum() > 150

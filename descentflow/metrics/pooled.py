@@ -47,8 +47,8 @@ def pool(first: Tensor, first_mask: Tensor, second: Tensor, second_mask: Tensor)
     # Values in single precision are doubles too, so that one path serves both without rounding.
     values = torch.cat([first.T.double(), second.T.double()], 1)
     mask = torch.cat([first_mask.T, second_mask.T], 1)
-    # Zero has two signs but is one value; and what is absent must not disturb the arithmetic.
-    values = torch.where(mask, values, 0.0) + 0.0
+    # What is absent may be NaN and must not disturb the arithmetic.
+    values = torch.where(mask, values, 0.0)
     _refuse_non_finite(values)
     is_second = torch.arange(values.shape[1], device=values.device) >= first.shape[0]
     ordered, seconds = _sort_packed(values, mask, is_second)
@@ -80,8 +80,8 @@ def _sort_packed(values: Tensor, mask: Tensor, is_second: Tensor) -> tuple[Tenso
     Sorting integers alone is many times faster than sorting doubles with their positions. So each double becomes an
     integer of the same order (its bits, those of negative numbers reversed), counted from the level's smallest,
     and the sample's label takes the lowest bit. Nothing is rounded: the integers of one level need fewer than 62
-    bits unless values of both signs, many orders of magnitude apart from zero, meet on it; such levels are
-    sorted the slow way.
+    bits unless values of both signs meet on it; such levels are sorted the slow way. The two zeros become
+    neighbours, with a step of width zero between them.
     """
     keys = _to_key(values)
     low = torch.where(mask, keys, _ABSENT).amin(1, keepdim=True)

@@ -1,0 +1,98 @@
+"""What must hold of distances for any values: scipy's numbers, symmetry, invariances, and bounds between them."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+from torch import Tensor
+
+from descentflow.metrics.distances import level_distances
+from descentflow.metrics.proper import energy_distance
+
+# Few distinct values make ties, neighbours in the last bit test that none are made, and both signs of very different
+# size take the slow way of sorting.
+NUMBERS = st.one_of(
+    st.integers(-3, 3).map(float),
+    st.sampled_from([130.0, np.nextafter(130.0, 131.0), np.nextafter(130.0, 129.0), 5e-324, -5e-324, 0.0, -0.0]),
+    st.floats(-1e6, 1e6),
+)
+SAMPLES = st.lists(NUMBERS, min_size=1, max_size=12)
+
+
+def column(values: list[float]) -> tuple[Tensor, Tensor]:
+    tensor = torch.tensor(values, dtype=torch.float64)[:, None]
+    return tensor, torch.ones_like(tensor, dtype=torch.bool)
+
+
+def distances(one: list[float], two: list[float]) -> tuple[float, float, float]:
+    found = level_distances(*column(one), *column(two))
+    return float(found.ks), float(found.wasserstein), float(found.mae)
+
+
+@settings(max_examples=150, deadline=None)
+@given(SAMPLES, SAMPLES)
+def test_any_values_as_scipy(one: list[float], two: list[float]) -> None:
+    ks, wasserstein, _ = distances(one, two)
+    with np.errstate(divide="ignore"):  # scipy's p-value of a single value
+        # To the last bits: a tie made or missed would change it by at least 1 / 144.
+        assert ks == pytest.approx(stats.ks_2samp(one, two, method="asymp").statistic, abs=1e-14)
+    assert wasserstein == pytest.approx(stats.wasserstein_distance(one, two), rel=1e-12, abs=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(SAMPLES, SAMPLES)
+def test_order_does_not_matter(one: list[float], two: list[float]) -> None:
+    assert distances(one, two) == pytest.approx(distances(two, one), rel=1e-12, abs=1e-15)
+    assert distances(one[::-1], two) == pytest.approx(distances(one, two), rel=1e-9, abs=1e-9)
+    assert distances(one, one[::-1])[:2] == (0, 0)
+
+
+@settings(max_examples=50, deadline=None)
+@given(SAMPLES, SAMPLES)
+def test_the_means_differ_by_at_most_the_wasserstein_distance(one: list[float], two: list[float]) -> None:
+    ks, wasserstein, mae = distances(one, two)
+    assert 0 <= ks <= 1
+    # Rounding of means of values up to 1e6.
+    assert mae <= wasserstein * (1 + 1e-12) + 1e-9
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.integers(-50, 50), min_size=1, max_size=12), st.lists(st.integers(-50, 50), min_size=1, max_size=12))
+def test_units_scale_all_but_ks(one: list[int], two: list[int]) -> None:
+    # Multiples of a power of two and small integers are exact, so that ties stay ties.
+    def moved(values: list[int]) -> list[float]:
+        return [4.0 * v - 7 for v in values]
+
+    before, after = distances([float(v) for v in one], [float(v) for v in two]), distances(moved(one), moved(two))
+    assert after == pytest.approx((before[0], 4 * before[1], 4 * before[2]), rel=1e-12, abs=1e-13)
+
+
+@settings(max_examples=50, deadline=None)
+@given(SAMPLES, SAMPLES)
+def test_energy_distance_of_empirical_distributions_is_not_negative(one: list[float], two: list[float]) -> None:
+    found = float(energy_distance(*column(one), *column(two), unbiased=False))
+    assert found >= -1e-9  # rounding of differences up to 1e6
+    assert found == pytest.approx(stats.energy_distance(one, two) ** 2, rel=1e-9, abs=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data())
+def test_hidden_values_are_never_read(data: Any) -> None:
+    # Integers counted from the bits of 2.0 would, for what is absent, end in those of NaN.
+    one, two = data.draw(SAMPLES | st.just([2.0, 3.0])), data.draw(SAMPLES | st.just([2.0]))
+    junk = st.sampled_from([float("nan"), float("inf"), 1e300, 0.0])
+    values, mask = [], []
+    for value in one:
+        hidden = data.draw(st.lists(junk, max_size=2))
+        values += [*hidden, value]
+        mask += [False] * len(hidden) + [True]
+    gappy = torch.tensor(values, dtype=torch.float64)[:, None], torch.tensor(mask)[:, None]
+    found, expected = level_distances(*gappy, *column(two)), level_distances(*column(one), *column(two))
+    for field in ("ks", "n_first", "n_second"):
+        assert torch.equal(getattr(found, field), getattr(expected, field))
+    for field in ("wasserstein", "mae"):  # more terms, though zero, may be added in another order
+        torch.testing.assert_close(getattr(found, field), getattr(expected, field), rtol=1e-12, atol=1e-9)

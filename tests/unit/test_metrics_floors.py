@@ -1,0 +1,88 @@
+"""The statistics of the floor: its size by the exact null distribution, and samples of the truth that meet it."""
+
+from math import comb
+
+import pytest
+import torch
+
+from descentflow.metrics.descent_set import DescentSet
+from descentflow.metrics.floors import Values, split_distances
+from descentflow.metrics.scores import score
+
+
+def normal(n: int, n_levels: int, seed: int, share: float = 1.0) -> Values:
+    generator = torch.Generator().manual_seed(seed)
+    values = torch.randn(n, n_levels, generator=generator, dtype=torch.float64)
+    return values, torch.rand(n, n_levels, generator=generator) < share
+
+
+def expected_ks(h: int) -> float:
+    """Mean KS distance between two samples of h from one continuous distribution (Gnedenko and Korolyuk, 1951)."""
+    tail = [2 * sum((-1) ** (j - 1) * comb(2 * h, h - j * k) for j in range(1, h // k + 1)) for k in range(1, h + 1)]
+    return sum(tail) / comb(2 * h, h) / h
+
+
+def test_the_null_distribution_is_the_one_known() -> None:
+    assert expected_ks(1) == 1
+    # Of six orders of two and two, two separate them (distance 1), and four leave a distance of 1/2.
+    assert expected_ks(2) == pytest.approx((2 * 1 + 4 * 0.5) / 6)
+    # Kolmogorov's limit sqrt(pi / 2) ln 2 sqrt(2 / h), approached like 1 / h.
+    assert expected_ks(400) == pytest.approx(0.8687 * (2 / 400) ** 0.5, abs=1.5 / 400)
+
+
+@pytest.mark.parametrize("half", [5, 20])
+def test_the_floor_has_the_size_that_chance_gives(half: int) -> None:
+    """Six thousand levels as independent repetitions, for samples and flights of one distribution."""
+    same, floor = split_distances(normal(3 * half, 6000, 1), normal(2 * half + 1, 6000, 2), seed=3, n_splits=1)
+    for found in (same.ks, floor.ks):
+        error = float(found.std()) / found.numel() ** 0.5
+        # Seeds are fixed; were they not, four standard errors in four means would fail once in 4,000 runs.
+        assert float(found.mean()) == pytest.approx(expected_ks(half), abs=4 * error)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_every_statistic_meets_the_floor_under_the_null(share: float) -> None:
+    """Gaps in the flights alone must not favour the samples, whose every level is observed."""
+    same, floor = split_distances(normal(60, 8000, 1), normal(41, 8000, 2, share), seed=3, n_splits=2)
+    assert torch.equal(same.n_first, floor.n_first)
+    for name in ("ks", "wasserstein", "mae"):
+        gap = (getattr(same, name) - getattr(floor, name)).mean(0)
+        # Seeds are fixed; were they not, four standard errors in six means would fail once in 2,600 runs.
+        assert abs(float(gap.mean())) < 4 * float(gap.std()) / gap.numel() ** 0.5
+
+
+def test_a_wrong_spread_is_seen_by_the_distances_and_not_by_the_mean() -> None:
+    samples, real = normal(200, 500, 1), normal(160, 500, 2)
+    same, floor = split_distances((2 * samples[0], samples[1]), real, n_splits=5)
+    for name in ("ks", "wasserstein"):
+        assert float(getattr(same, name).mean()) > 1.3 * float(getattr(floor, name).mean())
+    # Half of the variance of the difference of means is now fourfold: sqrt(2.5) = 1.58 times as wide, by chance alone.
+    assert float(same.mae.mean() / floor.mae.mean()) == pytest.approx(2.5**0.5, rel=0.1)
+
+
+def descents(n: int, seed: int) -> DescentSet:
+    """Smooth random descents with random entries and some holes."""
+    generator = torch.Generator().manual_seed(seed)
+    levels = torch.linspace(150, 350, 21, dtype=torch.float64)
+    offset, slope, pace = torch.randn(3, n, 1, generator=generator, dtype=torch.float64)
+    cas = 140 + 8 * offset + 4 * slope * torch.linspace(-1, 1, 21, dtype=torch.float64)
+    rate = -10 + 1.5 * pace + 0.3 * slope
+    time = (levels[-1] - levels) * 30.48 / -rate
+    entry = torch.randint(10, 32, (n, 1), generator=generator)
+    hole = torch.randint(0, 60, (n, 1), generator=generator)
+    position = torch.arange(21)
+    mask = (position <= entry) & ~((position >= hole) & (position < hole + 3))
+    return DescentSet(levels, time, cas, rate.expand_as(cas), torch.zeros_like(cas), mask)
+
+
+def test_all_rows_of_the_table_meet_their_floor_under_the_null() -> None:
+    """A hundred pairs of gappy sets, fifteen rows, through the whole of ``score``."""
+    gaps = []
+    for seed in range(100):
+        table = score(descents(150, 2 * seed), descents(90, 2 * seed + 1), 250.0, seed=seed, n_splits=3)
+        gaps.append([row.equal_size - row.floor for row in table])
+    found = torch.tensor(gaps, dtype=torch.float64)
+    z = found.mean(0) / found.std(0) * len(found) ** 0.5
+    # Seeds are fixed; were they not, 4.5 standard errors in fifteen rows would fail once in 10,000 runs.
+    assert z.shape == (15,)
+    assert float(z.abs().max()) < 4.5

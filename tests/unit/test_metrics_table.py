@@ -1,0 +1,164 @@
+"""Sets that do not fit, levels with too few flights, the worst level, and the table that a reader sees."""
+
+from dataclasses import replace
+from math import isnan
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from descentflow.errors import DataError
+from descentflow.metrics.comparison import MIN_VALUES
+from descentflow.metrics.descent_set import DescentSet
+from descentflow.metrics.floors import split_distances
+from descentflow.metrics.scores import score
+from descentflow.units import KT_MPS
+
+
+def plain(n: int, seed: int = 0, n_levels: int = 11) -> DescentSet:
+    generator = torch.Generator().manual_seed(seed)
+    levels = torch.arange(200, 200 + n_levels, dtype=torch.float64)
+    cas = 140 + 5 * torch.randn(n, 1, generator=generator, dtype=torch.float64).expand(n, n_levels)
+    time = (levels[-1] - levels) * (4 + torch.rand(n, 1, generator=generator, dtype=torch.float64))
+    return DescentSet(levels, time, cas, -30.48 / time.diff()[:, :1].neg().expand_as(cas), cas, cas > 0)
+
+
+def test_shapes_must_agree() -> None:
+    good = plain(5)
+    with pytest.raises(DataError, match=r"cas_mps is not \(n, L\)"):
+        replace(good, cas_mps=good.cas_mps[:, 1:])
+    with pytest.raises(DataError, match="mask is not bool"):
+        replace(good, mask=good.mask.long())
+    with pytest.raises(DataError, match="do not ascend"):
+        replace(good, levels_fl=good.levels_fl.flip(0))
+
+
+def test_a_gap_keeps_a_flight_from_the_times_alone() -> None:
+    real = plain(10)
+    mask = real.mask.clone()
+    mask[0, 5] = False
+    gappy = replace(real, mask=mask)
+    assert gappy.spans_grid().tolist() == [False] + [True] * 9
+    assert len(gappy.time_to_bottom_s()) == 9
+    row = score(plain(10, 1), gappy, 205.0, n_splits=2)
+    assert row.get("time_to_bottom_of_descent", "ks").n_real == 9
+    assert row.get("cas_below_transition", "ks").n_real == 10
+
+
+def test_the_clock_may_start_anywhere() -> None:
+    real = plain(10)
+    late = replace(real, time_s=real.time_s + torch.arange(10, dtype=torch.float64)[:, None] * 1000)
+    torch.testing.assert_close(late.time_to_bottom_s(), real.time_to_bottom_s())
+
+
+def test_levels_with_too_few_flights_are_left_out_and_counted() -> None:
+    samples, real = plain(40, 1), plain(20)
+    mask = real.mask.clone()
+    mask[MIN_VALUES - 1 :, -2:] = False  # three flights at the two highest levels
+    far = real.cas_mps.clone()
+    far[:, -2:] += 1000  # would dominate the mean if it were not left out
+    row = score(samples, replace(real, mask=mask, cas_mps=far), 205.0).get("cas_above_transition", "wasserstein")
+    assert row.score < 20
+    assert row.n_levels == 3
+    assert row.worst_fl <= 208
+    assert row.note == "2 of 5 levels left out: fewer than 4 descents"
+
+
+def test_the_worst_level_is_found() -> None:
+    samples, real = plain(40, 1), plain(20)
+    spoilt = samples.cas_mps.clone()
+    spoilt[:, 3] += 30 * KT_MPS
+    table = score(replace(samples, cas_mps=spoilt), real, 205.0)
+    for statistic in ("ks", "wasserstein", "mae"):
+        assert table.get("cas_below_transition", statistic).worst_fl == 203
+    assert isnan(table.get("time_to_bottom_of_descent", "ks").worst_fl)
+
+
+def test_the_fewest_flights_that_are_scored() -> None:
+    row = score(plain(40, 1), plain(MIN_VALUES), 205.0).get("cas_below_transition", "ks")
+    assert row.score > 0
+    assert row.note == "no floor: fewer than 4 of 2 descents in a half"
+    halved = score(plain(40, 1), plain(2 * MIN_VALUES), 205.0).get("cas_below_transition", "ks")
+    assert halved.floor > 0
+    assert halved.note == ""
+
+
+def test_columns_are_means_and_a_percentile_over_the_halvings() -> None:
+    samples, real = plain(40, 1), plain(30)
+    row = score(samples, real, 205.0, seed=4, n_splits=9).get("cas_below_transition", "wasserstein")
+    sets = [(s.cas_mps[:, :6] / KT_MPS, s.mask[:, :6]) for s in (samples, real)]
+    same, floor = (found.wasserstein.mean(1).numpy() for found in split_distances(*sets, seed=4, n_splits=9))
+    expected = [same.mean(), floor.mean(), np.percentile(floor, 95)]
+    assert [row.equal_size, row.floor, row.floor_high] == pytest.approx(expected, rel=1e-12)
+
+
+def test_nominal_is_compared_with_what_was_observed() -> None:
+    real = plain(20)
+    mask = real.mask.clone()
+    mask[:10, 0] = False
+    junk = torch.where(mask, real.cas_mps, torch.nan)
+    table = score(plain(40, 1), replace(real, mask=mask, cas_mps=junk), 200.0, plain(1, 3))
+    expected = abs(float(real.cas_mps[10:, 0].mean() - plain(1, 3).cas_mps[0, 0])) / KT_MPS
+    assert table.get("cas_below_transition", "mae").nominal == pytest.approx(expected, rel=1e-12)
+
+
+def test_nominal_must_cover_the_levels() -> None:
+    real = plain(20)
+    mask = torch.ones(1, 11, dtype=torch.bool)
+    mask[0, -1] = False
+    table = score(plain(40, 1), real, 205.0, replace(plain(1), mask=mask))
+    above, below = (table.get(f"cas_{side}_transition", "mae") for side in ("above", "below"))
+    assert isnan(above.nominal)
+    assert above.note == "the nominal descent does not cover these levels"
+    assert below.nominal >= 0
+    assert below.note == ""
+
+
+def test_fewer_samples_than_half_of_the_flights() -> None:
+    row = score(plain(6, 1), plain(100), 205.0).get("cas_below_transition", "ks")
+    assert (row.n_half, row.n_samples, row.n_real) == (6, 6, 100)
+    assert row.floor > 0
+
+
+def test_single_precision_sets_score_alike() -> None:
+    def single(descents: DescentSet) -> DescentSet:
+        fields = ("time_s", "cas_mps", "rate_mps", "drag_n")
+        return replace(descents, **{name: getattr(descents, name).float() for name in fields})
+
+    double, half = (score(f(plain(40, 1)), f(plain(20)), 205.0) for f in (lambda s: s, single))
+    for one, two in zip(double, half, strict=True):
+        # Seven digits of values near 272 kt and 2,000 ft/min, whose distances are a few per cent of them.
+        assert two.score == pytest.approx(one.score, rel=1e-4, abs=1e-4)
+
+
+def test_the_text_explains_what_is_absent() -> None:
+    text = str(score(plain(40, 1), plain(3), float("inf"), plain(1)))
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 120
+    assert "nan" not in text
+    assert sum(line.endswith("[1]") for line in lines) == 3
+    assert "[1] fewer than 4 descents that span the grid (40 sampled, 3 real in all)" in lines
+    assert "[2] no level of the grid is above the transition" in lines
+
+
+def test_the_file_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = score(plain(40, 1), plain(20), 205.0, n_splits=2)
+    path = tmp_path / "scores.csv"
+    path.write_text("earlier")
+    monkeypatch.setattr("polars.DataFrame.write_csv", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        table.write_csv(path)
+    assert path.read_text() == "earlier"
+    assert [path] == list(tmp_path.iterdir())
+
+
+def test_absent_numbers_are_empty_fields(tmp_path: Path) -> None:
+    path = tmp_path / "scores.csv"
+    table = score(plain(40, 1), plain(3), 205.0, n_splits=2)
+    table.write_csv(path)
+    header, first, *rest = path.read_text().splitlines()
+    assert len(rest) == 14
+    assert header.split(",")[:6] == ["quantity", "statistic", "unit", "score", "equal_size", "floor"]
+    assert first.startswith("time_to_bottom_of_descent,ks,1,,,,,,40,3,1,0,,")
+    assert table.level_frame()["score"].null_count() == table.level_frame().height

@@ -3,6 +3,10 @@
 from pathlib import Path
 
 import pytest
+import torch
+
+# Small matrices gain nothing from threads, and lose tenfold to them where several runs share the cores.
+torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,140 @@
+"""The split comes before every fit, statistics come from training flights alone, and bad data are refused."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+import torch
+import toys
+
+from descentflow.data.datamodule import DescentDataModule, rest_is_test, top_level
+from descentflow.data.representation import Split
+from descentflow.data.splitting import split_flights
+from descentflow.errors import ConfigError, DataError
+
+
+@pytest.fixture(scope="module")
+def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return toys.write_descents_file(tmp_path_factory.mktemp("data") / "a320.parquet", 240)
+
+
+def module(descents: Path, **settings: object) -> DescentDataModule:
+    data = DescentDataModule(descents, **settings)
+    data.setup()
+    return data
+
+
+def rewritten(source: Path, target: Path, change: pl.Expr | None = None, keep: pl.Expr | None = None) -> Path:
+    """A copy of a prepared file with columns changed or rows dropped."""
+    frame, metadata = pl.read_parquet(source), pl.read_parquet_metadata(source)["descentflow"]
+    frame = frame if keep is None else frame.filter(keep)
+    frame = frame if change is None else frame.with_columns(change)
+    frame.write_parquet(target, metadata={"descentflow": metadata})
+    return target
+
+
+def test_parts_are_80_to_20_and_share_no_flight(descents: Path) -> None:
+    data = module(descents)
+    parts = {name: set(data.profiles(name).flight_ids) for name in ("train", "validation", "test")}
+    assert [len(parts[name]) for name in ("train", "validation", "test")] == [173, 19, 48]
+    assert len(set.union(*parts.values())) == 240
+
+
+def test_the_split_repeats_and_does_not_depend_on_the_order_of_flights() -> None:
+    ids = [f"f{i}" for i in range(50)]
+    options = {"test_fraction": 0.2, "validation_fraction": 0.1, "seed": 3}
+    first = split_flights(ids, ids, **options)
+    assert first == split_flights(ids[::-1], ids[::-1], **options)
+    assert first != split_flights(ids, ids, **{**options, "seed": 4})
+
+
+def test_flights_of_one_aircraft_stay_together(descents: Path) -> None:
+    data = module(descents, split_by="aircraft")
+    owner = dict(pl.read_parquet(descents).select("flight_id", "icao24").unique().iter_rows())
+    owners = [{owner[f] for f in data.profiles(part).flight_ids} for part in ("train", "validation", "test")]
+    assert owners[0].isdisjoint(owners[1] | owners[2])
+    assert owners[1].isdisjoint(owners[2])
+
+
+def test_nothing_is_fitted_to_held_out_flights(descents: Path, tmp_path: Path) -> None:
+    """Doubling the speed of every held-out flight changes no basis, scaler or bound."""
+    before = module(descents).representation
+    held_out = pl.col("flight_id").is_in(before.split.test + before.split.validation)
+    faster = pl.when(held_out).then(pl.col("IAS") * 1.2).otherwise("IAS").alias("IAS")
+    after = module(rewritten(descents, tmp_path / "changed.parquet", faster)).representation
+    assert after.split == before.split
+    for name in ("decoder", "plausibility"):
+        changed = dict(getattr(after, name).named_buffers())
+        for key, buffer in getattr(before, name).named_buffers():
+            assert torch.equal(buffer, changed[key]), key
+
+
+def test_training_weights_are_standardised(descents: Path) -> None:
+    weights = module(descents).weights("train")
+    torch.testing.assert_close(weights.mean(0), torch.zeros(weights.shape[1]).double(), atol=1e-9, rtol=0)
+    torch.testing.assert_close(weights.std(0), torch.ones(weights.shape[1]).double(), atol=1e-9, rtol=0)
+
+
+def test_the_grid_ends_where_a_quarter_of_the_training_flights_still_reach(descents: Path) -> None:
+    data = module(descents)
+    train, top = data.profiles("train"), float(data.representation.decoder.levels_fl[-1])
+    frame = pl.read_parquet(descents).filter(pl.col("flight_id").is_in(train.flight_ids))
+    reached = frame.group_by("flight_id").agg(pl.col("level_fl").max())["level_fl"]
+    assert (reached >= top).mean() >= 0.25
+    assert top == reached.max() or (reached >= top + 1).mean() < 0.25
+
+
+def test_top_level_of_four_flights_is_the_highest() -> None:
+    profiles = toys.flights(4, gappy=True)
+    assert top_level(profiles) == int(profiles.levels_fl[profiles.entry_level.max()])
+
+
+def test_lower_bottom_and_other_mass(descents: Path) -> None:
+    data = module(descents, bottom_fl=200, mass_kg=60_000.0)
+    assert float(data.representation.decoder.levels_fl[0]) == 200
+    assert data.representation.decoder.aircraft.mass_reference_kg == 60_000.0
+    flown = data.representation.decoder(data.weights("test"))
+    assert bool(flown.time_s[:, 0].isfinite().all())
+
+
+def test_flights_unknown_to_a_checkpoint_are_test_flights() -> None:
+    split = Split(("a", "b"), ("c",), ("d",))
+    assert rest_is_test(("a", "c", "d", "e"), split) == Split(("a",), ("c",), ("d", "e"))
+
+
+def test_a_pool_of_types_needs_an_aircraft(descents: Path, tmp_path: Path) -> None:
+    other = pl.when(pl.col("flight_id") > "toy-0-00100").then(pl.lit("A321")).otherwise("typecode").alias("typecode")
+    pool = rewritten(descents, tmp_path / "pool.parquet", other)
+    with pytest.raises(ConfigError, match="2 types"):
+        module(pool)
+    assert len(module(pool, aircraft="A320").weights("train")) == 173
+    assert len(module(pool, typecodes=["A321"]).weights("train")) < 173
+    with pytest.raises(DataError, match="no descent of B738"):
+        module(pool, typecodes=["B738"])
+
+
+@pytest.mark.parametrize(
+    ("keep", "words"),
+    [
+        (pl.col("flight_id") == "toy-0-00001", "too few to split"),
+        (pl.col("level_fl") < 0, "no descent in it"),
+    ],
+)
+def test_too_little_data_is_refused(descents: Path, tmp_path: Path, keep: pl.Expr, words: str) -> None:
+    with pytest.raises(DataError, match=words):
+        module(rewritten(descents, tmp_path / "few.parquet", keep=keep))
+
+
+def test_identical_flights_are_refused(descents: Path, tmp_path: Path) -> None:
+    same = [pl.col(name).first().over("level_fl").alias(name) for name in ("IAS", "vertical_rate", "Mach", "time_s")]
+    frame = pl.read_parquet(descents).with_columns(same)
+    frame.write_parquet(
+        tmp_path / "same.parquet", metadata={"descentflow": pl.read_parquet_metadata(descents)["descentflow"]}
+    )
+    with pytest.raises(DataError, match="identical"):
+        module(tmp_path / "same.parquet")
+
+
+def test_before_setup() -> None:
+    with pytest.raises(ConfigError, match="before setup"):
+        _ = DescentDataModule(Path("absent.parquet")).representation

@@ -10,7 +10,7 @@ THRESHOLDS: dict[str, tuple[float, str]] = {
     "constant-rate-s": (50.0, "shortest managed stretch, where a rate is selected at once, held, and given up, s"),
     "constant-rate-alone-s": (180.0, "shortest managed stretch where the rate is held, but no change to it is seen, s"),
     "constant-rate-jump-fpm": (150.0, "smallest change of rate at the begin or end of a managed stretch, ft/min"),
-    "constant-rate-drift-fpm": (64.0, "largest drift of the rate over a managed stretch, ft/min"),
+    "constant-rate-drift-fpm": (80.0, "largest drift of the rate over a managed stretch, ft/min"),
     "constant-rate-scatter-fpm": (64.0, "largest scatter of the rate in a managed stretch, ft/min"),
     "longest-gap-s": (60.0, "longest gap that is bridged, s"),
     "highest-gap-ft": (3000.0, "highest gap that is bridged, ft"),

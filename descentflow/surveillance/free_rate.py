@@ -42,15 +42,16 @@ class FreeRate(Filter):
       is selected than idle thrust gives; the change from Mach to CAS makes a descent shallower, but is not undone);
       or it lasts `seconds_alone`, whatever is beside it.
 
-    On 1,500 world flights (A320, reports 4 s apart) it takes four fifths of the managed rows and 0.8 % of the idle
-    ones. Unseen stay: stretches of fewer than `fewest` reports, and managed descents that are not constant, as those
+    On 1,500 world flights (A320, reports 4 s apart) it takes four fifths of the managed rows and 0.9 % of the idle
+    ones (1.3 % where rates are differenced from altitude). In the hour over the Netherlands, held rates average to 987
+    to 1,020 ft/min where 1,000 was clearly selected, drift by up to 79 and scatter by up to 55 ft/min. Unseen stay: stretches of fewer than `fewest` reports, and managed descents that are not constant, as those
     that follow the geometry of an arrival.
     """
 
     seconds: float = 50.0
     seconds_alone: float = 180.0
     jump_fpm: float = 150.0
-    drift_fpm: float = 64.0
+    drift_fpm: float = 80.0
     scatter_fpm: float = 64.0
     offset_fpm: float = 25.0
     fewest: int = 6

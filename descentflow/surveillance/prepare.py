@@ -32,7 +32,7 @@ class Cleaning:
     constant_rate_s: float = 50.0
     constant_rate_alone_s: float = 180.0
     constant_rate_jump_fpm: float = 150.0
-    constant_rate_drift_fpm: float = 64.0
+    constant_rate_drift_fpm: float = 80.0
     constant_rate_scatter_fpm: float = 64.0
     longest_gap_s: float = 60.0
     """Neighbouring rows further apart leave the levels between them open..."""

@@ -11,6 +11,7 @@ from descentflow.data.representation import Representation
 from descentflow.errors import DataError
 from descentflow.figures.acceptance import acceptance_figure
 from descentflow.figures.components import components_figure
+from descentflow.figures.cuts import cuts_figure
 from descentflow.figures.distances import level_scores_figure
 from descentflow.figures.profiles import profiles_figure
 from descentflow.files import whole_file
@@ -40,10 +41,17 @@ class Evaluation:
         profiles = profiles_figure(self.real, {self.name: self.samples}, self.nominal, title=decoder.aircraft.typecode)
         return {
             "profiles": profiles,
+            "cuts": cuts_figure(self.real, {self.name: self.samples}, self.nominal, self._cut_fl()),
             "distance_by_level": level_scores_figure(self.scores, decoder.transition_fl),
             "rejections": acceptance_figure(self.rejections),
             "components": components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl),
         }
+
+    def _cut_fl(self) -> float:
+        """The transition, as in the paper's figures 8 and 9; the middle of the grid where the grid has none."""
+        levels, transition = self.real.levels_fl, self.representation.decoder.transition_fl
+        inside = float(levels[0]) < transition < float(levels[-1])
+        return transition if inside else float(levels[len(levels) // 2])
 
     def write(self, folder: Path) -> None:
         """Write `scores.csv`, `rejections.json` and the figures as PNG."""
@@ -66,6 +74,7 @@ def evaluate(
     name: str = "samples",
     n_splits: int = 20,
     progress: Callable[[int], None] | None = None,
+    score_progress: Callable[[int], None] | None = None,
 ) -> Evaluation:
     """Sample as many descents as asked and compare them with flights (paper, section 4).
 
@@ -80,6 +89,7 @@ def evaluate(
         name: The model's name in figures.
         n_splits: Halvings of the flights behind each floor.
         progress: Called with the number of newly accepted samples.
+        score_progress: Called with 1 after each of ``3 n_splits`` comparisons.
 
     Raises:
         DataError: If there is no flight to compare with.
@@ -97,5 +107,5 @@ def evaluate(
     )
     generated, observed = DescentSet.of_trajectories(samples.trajectories), DescentSet.of_profiles(real)
     nominal = DescentSet.of_nominal(nominal_descent(decoder.aircraft, decoder.levels_fl.cpu()))
-    scores = score(generated, observed, decoder.transition_fl, nominal, seed=seed, n_splits=n_splits)
+    scores = score(generated, observed, decoder.transition_fl, nominal, seed, n_splits, progress=score_progress)
     return Evaluation(name, generated, observed, nominal, scores, samples.report, representation)

@@ -31,7 +31,11 @@ def run(args: argparse.Namespace) -> None:
     data = DescentDataModule(args.real, checkpoint=args.checkpoint)
     data.setup()
     real, seen = data.profiles("test"), len(data.profiles("train")) + len(data.profiles("validation"))
-    with tqdm(total=args.number, desc="descents", delay=2) as bar:
+    n_splits = 20
+    with (
+        tqdm(total=args.number, desc="descents", delay=2) as bar,
+        tqdm(total=3 * n_splits, desc="scores", delay=2) as two,
+    ):
         found = evaluate(
             model,
             model.representation,
@@ -39,7 +43,9 @@ def run(args: argparse.Namespace) -> None:
             n=args.number,
             seed=args.seed,
             name=type(model).__name__,
+            n_splits=n_splits,
             progress=lambda n: bar.update(n) and None,
+            score_progress=lambda n: two.update(n) and None,
         )
     found.write(args.out)
     print(f"{len(real)} held-out flights ({seen} left out: the checkpoint was trained or validated on them)")

@@ -4,6 +4,7 @@ It sees speeds, rates and forces and turns the path by a bounded rate once a per
 driven by the speed error and its growth alone, as a speed-on-elevator law is: the rate of descent is what comes out.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import torch
@@ -34,7 +35,8 @@ CAPTURE_S = 20.0
 CAPTURED_M = 15.0
 SPEED_LAG_S = 12.0
 """Time in which thrust removes a speed error in level flight."""
-SPOOL_S = 4.0
+SPOOL_UP_S, SPOOL_DOWN_S = 4.0, 8.0
+"""Lags of thrust; it is taken off as slowly as the path can steepen, so that little speed is lost."""
 SETTLED_S = 30.0
 """Labels call it transient until this long after idle descent is selected, half as long for a constant rate."""
 BOTTOM_S = 12.0
@@ -102,7 +104,8 @@ def decide(plant: Plant, state: Motion, pilot: Pilot, time_s: float, period_s: f
     limit = max_climb_thrust_n(plant.aircraft, state.altitude_m, state.tas_mps, p.deviation_k) - idle
     hold = drag - idle + p.mass_kg * (G0_MPS2 * torch.sin(pilot.gamma) - error / SPEED_LAG_S)
     wanted = torch.where(pilot.mode == IDLE, 0.0, hold.clamp(min=0.0).minimum(limit.clamp(min=0.0)))
-    extra_rate = (wanted - pilot.extra_n) * (-torch.expm1(torch.tensor(-period_s / SPOOL_S)).item() / period_s)
+    change = wanted - pilot.extra_n
+    extra_rate = change * torch.where(change > 0, _lag(SPOOL_UP_S, period_s), _lag(SPOOL_DOWN_S, period_s))
     controls = Controls(pilot.gamma, gamma_rate, pilot.extra_n, extra_rate)
     after = replace(
         pilot,
@@ -112,6 +115,11 @@ def decide(plant: Plant, state: Motion, pilot: Pilot, time_s: float, period_s: f
         speed_error_mps=error,
     )
     return after, controls, drag
+
+
+def _lag(constant_s: float, period_s: float) -> float:
+    """Share of a change done in a period, for each second of it."""
+    return -math.expm1(-period_s / constant_s) / period_s
 
 
 def labels(pilot: Pilot, drag_n: Tensor) -> Tensor:

@@ -1,5 +1,7 @@
 """Fly a batch of flights from cruise to the bottom of descent and keep what they did."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import torch
@@ -7,17 +9,16 @@ from torch import Tensor
 
 from descentflow.errors import ConfigError
 from descentflow.performance.aircraft import Aircraft
+from descentflow.performance.airspeed import tas_to_cas_mps, tas_to_mach
+from descentflow.performance.atmosphere import isa_fraction
 from descentflow.units import FL_M
 from descentflow.world.autopilot import DONE, decide, labels, start
 from descentflow.world.config import WorldConfig
-from descentflow.world.motion import Plant
-from descentflow.world.parameters import FlightParameters
+from descentflow.world.motion import Motion, Plant
+from descentflow.world.parameters import WIDTH, FlightParameters
 
 LONGEST_S = 7200.0
 """A flight that has not come down by then never will."""
-WIDTH = 64
-"""Batches are filled up to a multiple of this: the last few entries of a vector take another path through the
-processor, and with it another last bit, so that a flight's numbers would depend on its place in the batch."""
 
 
 @dataclass(frozen=True)
@@ -26,13 +27,20 @@ class Flown:
 
     time_s: Tensor
     """(records,)"""
-    tas_mps: Tensor
     altitude_m: Tensor
+    """Pressure altitude."""
     height_m: Tensor
+    """Geometric altitude."""
+    cas_mps: Tensor
+    mach: Tensor
+    tas_mps: Tensor
+    groundspeed_mps: Tensor
+    rate_mps: Tensor
+    """Of pressure altitude."""
     gamma: Tensor
-    thrust_n: Tensor
+    """Path angle through the air, radians."""
     drag_n: Tensor
-    wind_mps: Tensor
+    thrust_n: Tensor
     label: Tensor
     """Codes of :data:`descentflow.world.autopilot.LABELS`."""
     flying: Tensor
@@ -56,7 +64,11 @@ def fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig | 
     Example:
         >>> flown = fly(aircraft, draw_parameters(aircraft, range(10), seed=0))
     """
-    config = config or WorldConfig()
+    with one_thread():
+        return _fly(aircraft, parameters, config or WorldConfig())
+
+
+def _fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig) -> Flown:
     n = len(parameters)
     full = torch.arange(-(-n // WIDTH) * WIDTH).clamp(max=n - 1)
     plant = Plant(aircraft, parameters.rows(full))
@@ -66,15 +78,14 @@ def fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig | 
     tick = 0
     while True:
         time_s = tick * config.step_s
-        state_now, gamma, extra = state, pilot.gamma, pilot.extra_n
+        gamma, extra = pilot.gamma, pilot.extra_n
         pilot, controls, drag = decide(plant, state, pilot, time_s, config.step_s)
         flying = pilot.mode != DONE
         if not bool(flying.any()):
             break
         if tick % config.interval_s == 0:
-            thrust = plant.idle_n(state_now) + extra
-            values = [state_now.tas_mps, state_now.altitude_m, state_now.height_m, gamma, thrust, drag]
-            values += [plant.wind_mps(state_now), labels(pilot, drag).to(torch.int8), flying]
+            values = [*_measured(plant, state, gamma), gamma, drag, plant.idle_n(state) + extra]
+            values += [labels(pilot, drag).to(torch.int8), flying]
             times.append(time_s)
             records.append([v[:n] for v in values])
         if time_s > LONGEST_S:
@@ -83,6 +94,26 @@ def fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig | 
         tick += 1
     stacked = [torch.stack(column) for column in zip(*records, strict=True)]
     return Flown(torch.tensor(times, dtype=torch.float64), *stacked)
+
+
+def _measured(plant: Plant, state: Motion, gamma: Tensor) -> list[Tensor]:
+    """Altitudes, speeds and rate, in the order of :class:`Flown`."""
+    tas, altitude, deviation = state.tas_mps, state.altitude_m, plant.parameters.deviation_k
+    cas, mach = tas_to_cas_mps(tas, altitude, deviation), tas_to_mach(tas, altitude, deviation)
+    over_ground = tas * torch.cos(gamma) + plant.wind_mps(state)
+    rate = tas * torch.sin(gamma) * isa_fraction(altitude, deviation)
+    return [altitude, state.height_m, cas, mach, tas, over_ground, rate]
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep torch to one thread: on a few thousand numbers a second one costs ten times what it saves."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 def _complain(aircraft: Aircraft, altitude_m: Tensor) -> None:

@@ -16,6 +16,9 @@ from descentflow.world.config import Operator, WorldConfig, default_operators, l
 
 N_WAVES = 3
 """Sine waves that make up the pilot's slow wander."""
+WIDTH = 64
+"""Batches are filled up to a multiple of this: the last few entries of a vector take another path through the
+processor, and with it another last bit, so that a flight's numbers would depend on its place in the batch."""
 _DRAWS = 40
 _THOUSAND_FT_M = 1000 * FT_M
 
@@ -91,7 +94,13 @@ def draw_parameters(
         >>> len(draw_parameters(open_aircraft("A320"), range(5), seed=0))
         5
     """
-    config = config or WorldConfig()
+    # Filled up as flights are flown, so that no number depends on its place in the vector.
+    width = -(-len(numbers) // WIDTH) * WIDTH
+    padded = [*numbers, *[numbers[-1]] * (width - len(numbers))] if numbers else []
+    return _draw(aircraft, padded, seed, config or WorldConfig()).rows(torch.arange(len(numbers)))
+
+
+def _draw(aircraft: Aircraft, numbers: Sequence[int], seed: int, config: WorldConfig) -> FlightParameters:
     own = _uniform(numbers, seed, 0)
     normal = torch.special.ndtri(own.clamp(1e-9, 1 - 1e-9))
     n = len(numbers)
@@ -124,7 +133,7 @@ def draw_parameters(
         bottom_m=bottom,
         cruise_s=_ranged(config.cruise_s, own[:, 15]).round(),
         wander_mps=config.wander_kt * KT_MPS * math.sqrt(2 / N_WAVES) * normal[:, waves[0]].abs(),
-        wander_rad_s=2 * torch.pi / _ranged((90.0, 400.0), own[:, waves[1]]),
+        wander_rad_s=2 * torch.pi / _ranged((150.0, 600.0), own[:, waves[1]]),
         wander_phase=2 * torch.pi * own[:, waves[2]],
         level_off_m=torch.where(has_level, level, torch.nan),
         level_off_s=_ranged(config.level_off_s, own[:, 16]).round(),

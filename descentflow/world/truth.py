@@ -10,8 +10,6 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.performance.airspeed import tas_to_cas_mps, tas_to_mach
-from descentflow.performance.atmosphere import isa_fraction
 from descentflow.units import FL_M, KT_MPS
 from descentflow.world.autopilot import LABELS
 from descentflow.world.config import Operator
@@ -23,6 +21,17 @@ FIRST_DAY = datetime(2024, 3, 4, tzinfo=UTC)
 DAY_S = 86400
 _FIRST_ADDRESS, _N_ADDRESSES = 0xF10000, 0xEFFFF
 _START_STREAM = 3
+_FLOWN: tuple[str, ...] = (
+    "altitude_m",
+    "height_m",
+    "cas_mps",
+    "mach",
+    "tas_mps",
+    "groundspeed_mps",
+    "rate_mps",
+    "gamma",
+)
+_FLOWN += ("drag_n", "thrust_n")
 
 
 @dataclass(frozen=True)
@@ -97,7 +106,7 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
     return table.with_columns(more).with_columns(pl.col("level_off_fl", "managed_fl").fill_nan(None))
 
 
-def truth_table(named: Sequence[Flight], parameters: FlightParameters, flown: Flown) -> pl.DataFrame:
+def truth_table(named: Sequence[Flight], flown: Flown) -> pl.DataFrame:
     """One row a flight and time step, sorted by flight and time.
 
     Columns: ``flight_id``, ``timestamp``, ``time_s``, ``altitude_m`` (pressure), ``height_m`` (geometric), ``cas_mps``,
@@ -106,14 +115,13 @@ def truth_table(named: Sequence[Flight], parameters: FlightParameters, flown: Fl
 
     Args:
         named: The flights.
-        parameters: Their parameters.
         flown: What they did.
 
     Returns:
         The table.
 
     Example:
-        >>> truth_table(named, parameters, flown).filter(pl.col("label") == "idle")
+        >>> truth_table(named, flown).filter(pl.col("label") == "idle")
     """
     flying = flown.flying.T
     flight, step = flying.nonzero(as_tuple=True)
@@ -121,23 +129,10 @@ def truth_table(named: Sequence[Flight], parameters: FlightParameters, flown: Fl
     def column(values: Tensor) -> Tensor:
         return values.T[flight, step]
 
-    tas, altitude, gamma = column(flown.tas_mps), column(flown.altitude_m), column(flown.gamma)
-    deviation, time = parameters.deviation_k[flight], flown.time_s[step]
+    time = flown.time_s[step]
     start = torch.tensor([f.start_us for f in named])[flight]
-    values = {
-        "timestamp": start + (time * 1e6).round().long(),
-        "time_s": time,
-        "altitude_m": altitude,
-        "height_m": column(flown.height_m),
-        "cas_mps": tas_to_cas_mps(tas, altitude, deviation),
-        "mach": tas_to_mach(tas, altitude, deviation),
-        "tas_mps": tas,
-        "groundspeed_mps": tas * torch.cos(gamma) + column(flown.wind_mps),
-        "rate_mps": tas * torch.sin(gamma) * isa_fraction(altitude, deviation),
-        "gamma": gamma,
-        "drag_n": column(flown.drag_n),
-        "thrust_n": column(flown.thrust_n),
-    }
+    values = {"timestamp": start + (time * 1e6).round().long(), "time_s": time}
+    values |= {name: column(getattr(flown, name)) for name in _FLOWN}
     names = pl.Series("flight_id", [f.flight_id for f in named])
     columns = [names.gather(pl.Series(flight.numpy()).cast(pl.UInt32))]
     columns += [pl.Series(name, value.numpy()) for name, value in values.items()]

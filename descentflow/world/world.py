@@ -91,6 +91,6 @@ def _chunk(
         parameters = plant(parameters)
     prefixes = [operators[i].name for i in parameters.operator.tolist()]
     named = name_flights(aircraft.typecode, numbers, seed, config.flights_per_aircraft, prefixes)
-    truth = truth_table(named, parameters, fly(aircraft, parameters, config))
+    truth = truth_table(named, fly(aircraft, parameters, config))
     rows = observe(named, truth, seed, numbers, config)
     return World(rows, flights_table(named, parameters, operators), truth)

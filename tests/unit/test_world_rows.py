@@ -1,0 +1,241 @@
+"""Worlds: what rows and truth hold, and what they may depend on."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import polars as pl
+import pytest
+from polars.testing import assert_frame_equal
+from toys import AIRCRAFT
+
+from descentflow.cli import main
+from descentflow.errors import ConfigError
+from descentflow.performance.open_aircraft import open_aircraft, open_typecodes
+from descentflow.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.world.config import WorldConfig, default_operators
+from descentflow.world.observe import QUANTA
+from descentflow.world.world import World, simulate
+
+N = 150
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return simulate(AIRCRAFT, N, seed=4)
+
+
+def test_rows_have_the_schema(world: World) -> None:
+    schema = dict(world.rows.schema)
+    assert schema.pop("timestamp") == pl.Datetime("us", "UTC")
+    texts = {name for name, kind in schema.items() if kind == pl.String}
+    numbers = {name for name, kind in schema.items() if kind == pl.Float64}
+    assert texts == {"icao24", "callsign", "flight_id", "typecode"}
+    assert numbers == set(QUANTA) | {"latitude", "longitude"}
+    assert world.rows.null_count().sum_horizontal().item() == 0
+    assert world.rows.select(pl.col(pl.Float64).is_finite().all()).row(0) == (True,) * len(numbers)
+    assert world.rows["icao24"].str.contains("^[0-9a-f]{6}$").all()
+    assert world.rows["flight_id"].n_unique() == N
+    assert world.rows["flight_id"][0] == "TOY-4-00000"
+
+
+def test_times_rise_within_a_flight_and_flights_of_an_aircraft_do_not_overlap(world: World) -> None:
+    steps = world.rows.select(pl.col("timestamp").diff().over("flight_id")).to_series().drop_nulls()
+    assert steps.min().total_seconds() > 0
+    spans = world.rows.group_by("icao24", "flight_id").agg(
+        pl.col("timestamp").min().alias("a"), pl.col("timestamp").max().alias("b")
+    )
+    assert spans.group_by("icao24").len()["len"].unique().to_list() == [5]
+    gaps = spans.sort("icao24", "a").select((pl.col("a") - pl.col("b").shift(1)).over("icao24")).to_series()
+    assert gaps.drop_nulls().min().total_seconds() > 3600
+
+
+@pytest.mark.parametrize("field", QUANTA)
+def test_fields_are_quantised(world: World, field: str) -> None:
+    counts = world.rows[field] / QUANTA[field]
+    assert (counts - counts.round()).abs().max() < 1e-6
+    assert counts.n_unique() > 10
+
+
+def test_noise_is_what_was_asked_for() -> None:
+    config = WorldConfig(jitter_s=0.0, dropout_share=0.0, gap_share=0.0, rate_smoothing_s=0.0)
+    world = simulate(AIRCRAFT, 60, 0, config)
+    both = world.rows.hstack(world.truth.select("altitude_m", "rate_mps", "cas_mps", "mach", "tas_mps"))
+
+    def spread(field: str, truth: str, unit: float) -> float:
+        return both.select((pl.col(field) - pl.col(truth) / unit).std()).item()
+
+    # Standard deviation of noise and of rounding (a twelfth of the quantum squared) together; 10,000 rows give 1 %.
+    assert spread("vertical_rate", "rate_mps", FPM_MPS) == pytest.approx((40**2 + 32**2 / 12) ** 0.5, rel=0.05)
+    assert spread("altitude", "altitude_m", FT_M) == pytest.approx((5**2 + 25**2 / 12) ** 0.5, rel=0.05)
+    assert spread("IAS", "cas_mps", KT_MPS) == pytest.approx((0.4**2 + 1 / 12) ** 0.5, rel=0.05)
+    assert spread("Mach", "mach", 1.0) == pytest.approx((0.0008**2 + 0.004**2 / 12) ** 0.5, rel=0.05)
+    assert spread("TAS", "tas_mps", KT_MPS) == pytest.approx((0.6**2 + 4 / 12) ** 0.5, rel=0.05)
+
+
+def test_reports_are_lost(world: World) -> None:
+    kept = len(world.rows) / len(world.truth)
+    assert 0.94 < kept < 0.98  # 3 % one by one, 10 % of flights for some 40 of 800 s
+    assert len(simulate(AIRCRAFT, 5, 0, WorldConfig(dropout_share=0.5)).rows) < 0.6 * len(
+        simulate(AIRCRAFT, 5, 0, WorldConfig(dropout_share=0.0, gap_share=0.0)).rows
+    )
+
+
+def test_place_follows_groundspeed(world: World) -> None:
+    flight = world.rows.filter(pl.col("flight_id") == "TOY-4-00001")
+    north, east = (flight[c].to_numpy() * 3.141592653589793 / 180 * 6371e3 for c in ("latitude", "longitude"))
+    from numpy import cos, hypot, radians
+
+    moved = hypot(north[-1] - north[0], (east[-1] - east[0]) * cos(radians(flight["latitude"].mean())))
+    seconds = (flight["timestamp"][-1] - flight["timestamp"][0]).total_seconds()
+    assert moved / seconds == pytest.approx(flight["groundspeed"].mean() * KT_MPS, rel=0.03)
+
+
+def test_seed_repeats_and_matters(world: World) -> None:
+    again = simulate(AIRCRAFT, N, seed=4)
+    for name in ("rows", "flights", "truth"):
+        assert_frame_equal(getattr(world, name), getattr(again, name), check_exact=True)
+    other = simulate(AIRCRAFT, 2, seed=5)
+    assert other.flights["mass_kg"][0] != world.flights["mass_kg"][0]
+
+
+def test_chunks_leave_no_trace(world: World) -> None:
+    pieces = simulate(AIRCRAFT, N, seed=4, chunk=67)
+    for name in ("rows", "flights", "truth"):
+        assert_frame_equal(getattr(world, name), getattr(pieces, name), check_exact=True)
+
+
+def test_labels_say_what_happens(world: World) -> None:
+    truth = world.truth.with_columns(pl.col("rate_mps") / FPM_MPS)
+
+    def of(label: str) -> pl.DataFrame:
+        return truth.filter(pl.col("label") == label)
+
+    assert of("idle")["rate_mps"].max() < -500
+    assert (of("idle")["thrust_n"] / of("idle")["drag_n"]).max() < 0.5
+    assert of("level_off")["rate_mps"].abs().max() < 200
+    held = of("constant_rate")
+    # At most 100 ft/min from the hundred that was selected, while speed changes under it.
+    assert ((held["rate_mps"] / 100 - (held["rate_mps"] / 100).round()) * 100).abs().quantile(0.9) < 20
+    spread = held.group_by("flight_id").agg(pl.col("rate_mps").std())["rate_mps"]
+    assert spread.max() < 40
+    planned = world.flights["level_off_fl"].is_not_null().sum()
+    assert 0.06 * N < planned < 0.25 * N
+    flown = of("level_off")["flight_id"].n_unique()
+    assert flown == planned
+
+
+def test_level_offs_last_as_planned(world: World) -> None:
+    lasted = world.truth.filter(pl.col("label") == "level_off").group_by("flight_id").agg(pl.len() * 4.0)
+    both = lasted.join(world.flights, on="flight_id")
+    assert (both["literal"] if "literal" in both else both["len"]).to_list() == pytest.approx(
+        both["level_off_s"].to_list(), abs=6
+    )
+    heights = world.truth.filter(pl.col("label") == "level_off").join(world.flights, on="flight_id")
+    assert (heights["altitude_m"] / FL_M - heights["level_off_fl"]).abs().max() < 0.6
+
+
+def test_flights_start_and_end_where_planned(world: World) -> None:
+    ends = world.truth.group_by("flight_id", maintain_order=True).agg(
+        pl.col("altitude_m").first().alias("first"), pl.col("altitude_m").last().alias("last")
+    )
+    assert (ends["first"] / FL_M).to_list() == pytest.approx(world.flights["top_fl"].to_list(), abs=1e-9)
+    assert (ends["last"] / FL_M - 90).abs().max() < 1
+    tops = world.flights["top_fl"]
+    assert tops.max() * 100 <= AIRCRAFT.altitude_maximum_ft
+    assert (tops % 10).abs().max() < 1e-9
+    assert tops.n_unique() >= 10
+
+
+def test_cas_has_a_mode_for_each_operator() -> None:
+    world = simulate(AIRCRAFT, 300, 0)
+    low = world.rows.filter(pl.col("altitude").is_between(14500, 15500))
+    cas = low.group_by("flight_id").agg(pl.col("IAS").mean()).join(world.flights, on="flight_id")
+    operators = {o.name: o for o in default_operators(AIRCRAFT)}
+    assert cas["operator"].n_unique() == 3
+    for (name,), group in cas.group_by("operator"):
+        assert group["IAS"].mean() == pytest.approx(operators[name].cas_kt, abs=2)
+        assert group["IAS"].std() < 6
+    # Valleys between the speeds planned: far fewer flights than on either side.
+    planned = sorted(o.cas_kt for o in operators.values())
+    for slow, fast in pairwise(planned):
+        middle = (slow + fast) / 2
+        near = [cas.filter((pl.col("IAS") - at).abs() < 3).height for at in (slow, middle, fast)]
+        assert near[1] < 0.4 * min(near[0], near[2])
+
+
+def test_effects_are_planted_by_changing_tensors(world: World) -> None:
+    heavy = simulate(AIRCRAFT, N, 4, plant=lambda p: replace(p, mass_kg=p.mass_kg + 5000, operator=p.operator))
+    assert (heavy.flights["mass_kg"] - world.flights["mass_kg"]).to_numpy() == pytest.approx(5000.0)
+
+    def rate(w: World) -> float:
+        return w.truth.filter(pl.col("label") == "idle")["rate_mps"].mean()
+
+    assert rate(heavy) > 0.99 * rate(world)  # heavier aircraft of equal CAS descend no faster: induced drag is small
+    assert rate(heavy) != rate(world)
+
+
+@pytest.mark.parametrize("typecode", open_typecodes())
+def test_every_open_type_descends(typecode: str) -> None:
+    aircraft = open_aircraft(typecode)
+    world = simulate(aircraft, 8, 0)
+    idle = world.truth.filter(pl.col("label") == "idle")
+    assert idle["rate_mps"].min() / FPM_MPS > -6000
+    assert idle["rate_mps"].max() / FPM_MPS < -300
+    assert idle["mach"].max() < aircraft.mmo
+    assert idle["cas_mps"].max() / KT_MPS < aircraft.vmo_kt
+
+
+@pytest.mark.parametrize(
+    ("settings", "word"),
+    [
+        ({"mass_range": (1.0, 0.5)}, "mass_range"),
+        ({"thrust_spread": -0.1}, "thrust_spread"),
+        ({"level_off_share": 1.5}, "level_off_share"),
+        ({"deviation_mean_k": float("nan")}, "deviation_mean_k"),
+        ({"step_s": 0.0}, "steps of"),
+        ({"operators": ()}, "operator"),
+    ],
+)
+def test_settings_that_make_no_world_are_refused(settings: dict[str, object], word: str) -> None:
+    with pytest.raises(ConfigError, match=word):
+        WorldConfig(**settings)
+
+
+def test_bottom_above_the_top_and_aircraft_that_never_descends_are_refused(monkeypatch) -> None:
+    with pytest.raises(ConfigError, match="above the bottom"):
+        simulate(AIRCRAFT, 5, 0, WorldConfig(bottom_fl=390))
+    monkeypatch.setattr("descentflow.world.flight.LONGEST_S", 300.0)
+    with pytest.raises(ConfigError, match="idle thrust"):
+        simulate(replace(AIRCRAFT, ct_des_high=0.9), 2, 0)
+    with pytest.raises(ConfigError, match="0 flights"):
+        simulate(AIRCRAFT, 0, 0)
+
+
+def test_command_writes_rows_and_truth(tmp_path, capsys) -> None:
+    out = tmp_path / "rows.parquet"
+    assert main(["simulate", "--flights", "3", "--seed", "7", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    direct = simulate(open_aircraft("A320"), 3, 7)
+    for name, frame in (("", direct.rows), ("_truth", direct.truth), ("_flights", direct.flights)):
+        assert_frame_equal(pl.read_parquet(tmp_path / f"rows{name}.parquet"), frame)
+    assert f"{len(direct.rows)} rows" in said
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["rows.parquet", "rows_flights.parquet", "rows_truth.parquet"]
+
+
+@pytest.mark.parametrize(
+    "bad", [["--flights", "0"], ["--seed", "-1"], ["--typecode", "XXXX"], ["--out", "no/r.parquet"]]
+)
+def test_command_refuses_and_writes_nothing(tmp_path, capsys, monkeypatch, bad: list[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["simulate", "--out", "rows.parquet", *bad]) == 2
+    assert "to mend it" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_ten_thousand_flights_within_a_minute() -> None:
+    from time import perf_counter
+
+    begin = perf_counter()
+    simulate(open_aircraft("A320"), 10_000, 0)
+    assert perf_counter() - begin < 60

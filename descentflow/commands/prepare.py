@@ -69,10 +69,10 @@ def run(args: argparse.Namespace) -> None:
     paths = [*args.rows, *([embedded_rows()] if args.embedded else [])]
     types = read_table(args.types) if args.types else embedded_types() if args.embedded else None
     cleaning = Cleaning(**{field.name: getattr(args, field.name) for field in fields(Cleaning) if field.name in args})
-    with tqdm(total=3, desc="prepare", delay=2, bar_format="{desc}: {n_fmt}/{total_fmt} {postfix}") as bar:
+    with tqdm(desc="prepare", delay=2, leave=False, bar_format="{desc} [{elapsed}]") as bar:
 
         def show(stage: str) -> None:
-            bar.set_postfix_str(stage, refresh=False)
+            bar.set_description_str(f"prepare: {stage}", refresh=False)
             bar.update()
 
         wanted = [name.strip() for name in args.typecode.split(",")] if args.typecode else None

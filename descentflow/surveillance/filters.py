@@ -11,6 +11,7 @@ import polars as pl
 
 from descentflow.surveillance.airdata import cas_of_mach_kt
 from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.windows import PAUSE_S, clock_of
 
 FLIGHT = "flight_id"
 STRETCH = "_stretch"
@@ -161,21 +162,18 @@ class Descending(Filter):
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows with a rate of at most -`slowest_fpm`; rows without a rate go too."""
-        rate, flight = rows["vertical_rate"].to_numpy(), flights_of(rows)
-        descends = rate <= -self.slowest_fpm
-        seconds = rows["timestamp"].dt.epoch("us").to_numpy() / 1e6
-        index = np.arange(len(rows))
-        last = np.maximum.accumulate(np.where(descends, -1, index)) if len(rows) else index
-        after = np.minimum.accumulate(np.where(descends, len(rows), index)[::-1])[::-1] if len(rows) else index
-        since = np.where((last >= 0) & (flight[last] == flight), seconds - seconds[last], np.nan)
-        found = np.minimum(after, len(rows) - 1)
-        until = np.where((after < len(rows)) & (flight[found] == flight), seconds[found] - seconds, np.nan)
+        descends = rows["vertical_rate"].to_numpy() <= -self.slowest_fpm
+        clock = clock_of(flights_of(rows), rows["timestamp"].dt.epoch("us").to_numpy() / 1e6)
+        since = clock - np.maximum.accumulate(np.where(descends, -np.inf, clock))
+        until = np.minimum.accumulate(np.where(descends, np.inf, clock)[::-1])[::-1] - clock
         timed = rows.with_columns(
-            pl.Series("_since_level", since, nan_to_null=True),
-            pl.Series("_until_level", until, nan_to_null=True),
+            pl.Series("_since_level", since),
+            pl.Series("_until_level", until),
             pl.Series(STRETCH, np.cumsum(~descends), dtype=pl.Int64),
-        )
-        return timed.filter(pl.Series(descends))
+        ).filter(pl.Series(descends))
+        # Of another flight, or none at all.
+        beyond = pl.col("_since_level", "_until_level")
+        return timed.with_columns(pl.when(beyond < PAUSE_S / 2).then(beyond))
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 import polars as pl
 
 from descentflow.errors import DataError
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.schema import POSSIBLE, REQUIRED
+from descentflow.surveillance.windows import Index
 
 FLIGHT_GAP_S = 900.0
 """Silence after which the same address is taken to be another flight (15 min, as OpenSky's and traffic's users do)."""
@@ -21,21 +23,16 @@ def tidy(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     complete = report.count("missing_value", rows, rows.drop_nulls(list(REQUIRED)))
     for name in REQUIRED:
         if name in POSSIBLE:
-            inside = complete[name].is_between(*POSSIBLE[name])
-            complete = report.count(
-                f"impossible_{name}", complete, complete if inside.all() else complete.filter(inside)
-            )
-    for name in set(POSSIBLE) & set(complete.columns) - set(REQUIRED):
-        wrong = ~pl.col(name).is_between(*POSSIBLE[name])
-        report.note(f"impossible values of {name} set to missing", complete.select(wrong.sum()).item() or 0)
-        complete = complete.with_columns(pl.when(~wrong).then(pl.col(name)).alias(name))
-    order = complete.select("icao24", "timestamp").with_row_index("_row")
-    order = order.sort("icao24", "timestamp", maintain_order=True)
-    back = (pl.col("_row") < pl.col("_row").shift()) & (pl.col("icao24") == pl.col("icao24").shift())
-    report.note("rows put into time order", order.select(back.sum()).item() or 0)
-    ordered = complete[order["_row"]]
-    repeated = (pl.col("icao24") == pl.col("icao24").shift()) & (pl.col("timestamp") == pl.col("timestamp").shift())
-    usable = report.count("duplicate", ordered, ordered.filter(~repeated.fill_null(False)))
+            possible = complete[name].is_between(*POSSIBLE[name])
+            left = complete if possible.all() else complete.filter(possible)
+            complete = report.count(f"impossible_{name}", complete, left)
+    for name in sorted(set(POSSIBLE) & set(complete.columns) - set(REQUIRED)):
+        inside = pl.col(name).is_between(*POSSIBLE[name])
+        wrong = complete.select((~inside).sum()).item()
+        report.note(f"impossible values of {name} set to missing", wrong)
+        if wrong:
+            complete = complete.with_columns(pl.when(inside).then(pl.col(name)).alias(name))
+    usable = _in_order(complete, report)
     if usable.is_empty():
         raise DataError(
             f"no row with a time, an address and possible altitude, IAS and Mach\n{report}",
@@ -45,6 +42,29 @@ def tidy(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
             mend="see which step dropped the rows, and check that column's unit",
         )
     return usable
+
+
+def _in_order(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Rows by address and time, the first of each time."""
+    names = rows["icao24"].unique().sort()
+    address = rows["icao24"].cast(pl.Enum(names)).to_physical().cast(pl.Int64).to_numpy()
+    time = rows["timestamp"].dt.epoch("us").to_numpy()
+    order = _order(address, time - time.min(initial=2**62))
+    same = np.diff(address[order], prepend=-1) == 0
+    report.note("rows put into time order", int((same & (np.diff(order, prepend=-1) < 0)).sum()))
+    repeated = same & (np.diff(time[order], prepend=0) == 0)
+    chosen = order[~repeated]
+    ordered = rows if np.array_equal(chosen, np.arange(len(rows))) else rows[chosen]
+    return report.count("duplicate", rows, ordered)
+
+
+def _order(address: Index, time: Index) -> Index:
+    """Places of the rows by address, time and place: by one key where both fit in it, several times faster."""
+    span = int(time.max(initial=0)) + 1
+    if (int(address.max(initial=0)) + 1) * span >= 2**63:
+        return np.lexsort((time, address))
+    keys = pl.DataFrame({"key": address * span + time}).with_row_index("row")
+    return keys.sort("key", maintain_order=True)["row"].cast(pl.Int64).to_numpy()
 
 
 def name_flights(rows: pl.DataFrame, gap_s: float = FLIGHT_GAP_S) -> pl.DataFrame:

@@ -44,8 +44,10 @@ class FreeRate(Filter):
 
     On 1,500 world flights (A320, reports 4 s apart) it takes four fifths of the managed rows and 0.9 % of the idle
     ones (1.3 % where rates are differenced from altitude). In the hour over the Netherlands, held rates average to 987
-    to 1,020 ft/min where 1,000 was clearly selected, drift by up to 79 and scatter by up to 55 ft/min. Unseen stay: stretches of fewer than `fewest` reports, and managed descents that are not constant, as those
-    that follow the geometry of an arrival.
+    to 1,020 ft/min where 1,000 was clearly selected, drift by up to 79 and scatter by up to 55 ft/min.
+
+    Unseen stay stretches of fewer than `fewest` reports, and managed descents that are not constant, as those that
+    follow the geometry of an arrival.
     """
 
     seconds: float = 50.0

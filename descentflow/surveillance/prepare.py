@@ -1,10 +1,14 @@
 """From files of rows to prepared descents: every step in its order, every drop counted."""
 
 import hashlib
+import itertools
+import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 
 from descentflow import __version__
@@ -18,6 +22,9 @@ from descentflow.surveillance.rates import with_rate
 from descentflow.surveillance.readers import files_of, read_rows
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.units_check import check_airspeed_units, check_rate_units
+
+BATCH_ROWS = 250_000
+"""Rows that are cleaned at a time: their arrays stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +90,7 @@ def prepare(
         types: Table `icao24,typecode` for rows that do not name their type.
         typecodes: Types to keep; all if absent.
         cleaning: Thresholds.
-        progress: Called with the name of each stage as it begins.
+        progress: Called with what is being done, at every stage and part.
 
     Returns:
         Descents, and the report of everything dropped.
@@ -101,16 +108,15 @@ def prepare(
     say("reading rows")
     read = read_rows(paths, report)
     check_airspeed_units(read)
-    rows = of_types(with_types(tidy(read, report), types), typecodes, report)
+    say("telling flights apart")
+    rows = name_flights(tidy(read, report), rules.flight_gap_s)
+    del read
+    report.by_flight = True
+    report.count("flights_told_apart", rows, rows)
+    rows = of_types(with_types(rows, types), typecodes, report)
     check_rate_units(rows)
-    say("cleaning rows")
-    rows = name_flights(rows, rules.flight_gap_s)
-    rows = _cleaned(rows, rules, report)
-    say("interpolating to flight levels")
-    levels = to_levels(rows, rules.bottom_fl, longest_gap_s=rules.longest_gap_s, highest_gap_ft=rules.highest_gap_ft)
-    long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
-    _count_short(rows, levels, long, report)
-    if long.is_empty():
+    levels = _descents(rows, rules, report, say)
+    if levels.is_empty():
         raise DataError(
             f"no free descent of {rules.fewest_levels} levels above FL{rules.bottom_fl} is left\n{report}",
             expected="descents of airliners with IAS, Mach and a rate of 500 ft/min or more",
@@ -120,12 +126,47 @@ def prepare(
         "schema_version": SCHEMA_VERSION,
         "descentflow": __version__,
         "bottom_fl": rules.bottom_fl,
-        "top_fl": top_levels(long),
+        "top_fl": top_levels(levels),
         "settings": asdict(rules),
         "inputs": [_provenance(path) for path in files_of(paths)],
         "report": report.as_dict(),
     }
-    return Descents(long, metadata), report
+    return Descents(levels, metadata), report
+
+
+def _descents(rows: pl.DataFrame, rules: Cleaning, report: DropReport, say: Callable[[str], None]) -> pl.DataFrame:
+    """Clean and grid whole flights, batch by batch: flights know nothing of one another.
+
+    Batches keep the arrays in work small, and as many as there are processors are worked on at once (Polars and NumPy
+    let others run while they compute).
+    """
+    name = rows["flight_id"]
+    begins = np.append((name != name.shift()).fill_null(True).arg_true().to_numpy(), len(rows))
+    # The first flight that begins at or after every multiple of the size.
+    bounds = np.unique(
+        begins[np.searchsorted(begins, np.arange(0, len(rows) + BATCH_ROWS, BATCH_ROWS).clip(0, len(rows)))]
+    )
+    batches = [rows.slice(start, stop - start) for start, stop in itertools.pairwise(bounds.tolist())]
+    parts = [DropReport(by_flight=True) for _ in batches]
+    levels = []
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        for part in pool.map(lambda batch, part: _batch(batch, rules, part), batches, parts):
+            levels.append(part)
+            say(f"cleaning rows, part {len(levels)} of {len(batches)}")
+    report.extend(parts)
+    return pl.concat(levels)
+
+
+def _batch(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
+    """Levels of the descents of some flights."""
+    cleaned = _cleaned(rows, rules, report)
+    levels = to_levels(cleaned, rules.bottom_fl, longest_gap_s=rules.longest_gap_s, highest_gap_ft=rules.highest_gap_ft)
+    long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
+    kept = cleaned.filter(pl.col("flight_id").is_in(long["flight_id"].unique().implode()))
+    report.count("too_few_levels", cleaned, kept)
+    report.note("levels of the kept descents", len(long))
+    report.note("levels of descents too short to keep", len(levels) - len(long))
+    return long
 
 
 def _cleaned(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
@@ -133,19 +174,12 @@ def _cleaned(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.Data
     needed = [
         name for name in ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach") if name in rows.columns
     ]
-    narrow = rows.select(needed).with_row_index("_row")
+    # Numbers are compared faster than names.
+    narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index("_row")
     narrow = (DESPIKE | filters.AirspeedsAgree())(narrow, report)
     narrow = rules.filters()(with_rate(narrow), report)
-    others = rows.drop(needed)[narrow["_row"]]
-    return pl.concat([narrow.drop("_row"), others], how="horizontal")
-
-
-def _count_short(rows: pl.DataFrame, levels: pl.DataFrame, long: pl.DataFrame, report: DropReport) -> None:
-    """Count flights without enough levels, in rows of the cleaned table and in flights."""
-    kept = rows.filter(pl.col("flight_id").is_in(long["flight_id"].unique().implode()))
-    report.count("too_few_levels", rows, kept)
-    report.note("levels of the kept descents", len(long))
-    report.note("levels of descents too short to keep", len(levels) - len(long))
+    others = rows.drop(set(needed) - {"flight_id"})[narrow["_row"]]
+    return pl.concat([narrow.drop("_row", "flight_id"), others], how="horizontal")
 
 
 def _provenance(path: Path) -> dict[str, object]:

@@ -1,5 +1,6 @@
 """The account of what cleaning dropped, by reason; nothing is lost in silence."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -8,13 +9,13 @@ import polars as pl
 
 @dataclass(frozen=True)
 class Step:
-    """What one step left out and what it left."""
+    """What one step left out and what it left; flights are None as long as they are not told apart."""
 
     step: str
     rows_dropped: int
-    flights_dropped: int
+    flights_dropped: int | None
     rows_left: int
-    flights_left: int
+    flights_left: int | None
 
 
 @dataclass
@@ -22,26 +23,40 @@ class DropReport:
     """Rows and flights through the stages of `prepare`.
 
     Example:
-        >>> report = DropReport()
-        >>> frame = report.count("duplicate", before, after)
-        >>> print(report)
+        >>> report = DropReport(by_flight=True)
+        >>> rows = pl.DataFrame({"flight_id": ["a", "a", "b"]})
+        >>> _ = report.count("duplicate", rows, rows.head(2))
+        >>> report.steps[0].flights_dropped
+        1
     """
 
     steps: list[Step] = field(default_factory=list)
     notes: dict[str, int] = field(default_factory=dict)
     """Counts of what was changed but not dropped (for instance rows put into time order)."""
-    _last: tuple[pl.DataFrame | None, int] = (None, 0)
+    by_flight: bool = False
+    """Whether rows stand by flight by now, so that flights can be counted."""
+    _last: tuple[pl.DataFrame | None, int | None] = (None, None)
 
     def count(self, step: str, before: pl.DataFrame, after: pl.DataFrame) -> pl.DataFrame:
         """Record the difference of two frames and return the second."""
         # Counting flights costs more than many a filter: the frame before is mostly the one that the last step left.
         known, number = self._last
-        before_flights = number if known is before else _flights(before)
-        after_flights = before_flights if len(after) == len(before) else _flights(after)
-        dropped = len(before) - len(after), before_flights - after_flights
-        self.steps.append(Step(step, *dropped, len(after), after_flights))
+        before_flights = number if known is before and number is not None else self._flights(before)
+        after_flights = before_flights if len(after) == len(before) else self._flights(after)
+        gone = None if before_flights is None or after_flights is None else before_flights - after_flights
+        self.steps.append(Step(step, len(before) - len(after), gone, len(after), after_flights))
         self._last = after, after_flights
         return after
+
+    def extend(self, parts: "Sequence[DropReport]") -> None:
+        """Add the steps of parts of the data, which each went through the same steps with whole flights."""
+        for same in zip(*(part.steps for part in parts), strict=True):
+            rows = sum(s.rows_dropped for s in same), sum(s.rows_left for s in same)
+            flights = sum(s.flights_dropped or 0 for s in same), sum(s.flights_left or 0 for s in same)
+            self.steps.append(Step(same[0].step, rows[0], flights[0], rows[1], flights[1]))
+        for part in parts:
+            for what, number in part.notes.items():
+                self.note(what, number)
 
     def note(self, what: str, number: int) -> None:
         """Add to a count of something that was changed."""
@@ -56,12 +71,18 @@ class DropReport:
         """The table for a terminal."""
         head = f"{'step':<26}{'rows dropped':>14}{'flights dropped':>17}{'rows left':>14}{'flights left':>14}"
         lines = [
-            f"{s.step:<26}{s.rows_dropped:>14,}{s.flights_dropped:>17,}{s.rows_left:>14,}{s.flights_left:>14,}"
+            f"{s.step:<26}{s.rows_dropped:>14,}{_shown(s.flights_dropped):>17}{s.rows_left:>14,}"
+            f"{_shown(s.flights_left):>14}"
             for s in self.steps
         ]
         return "\n".join([head, *lines, *(f"{what}: {number:,}" for what, number in self.notes.items())])
 
+    def _flights(self, frame: pl.DataFrame) -> int | None:
+        if not self.by_flight:
+            return None
+        name = frame["flight_id"]
+        return int((name != name.shift()).fill_null(True).sum())
 
-def _flights(frame: pl.DataFrame) -> int:
-    key = "flight_id" if "flight_id" in frame.columns else "icao24"
-    return frame[key].n_unique() if key in frame.columns and len(frame) else 0
+
+def _shown(number: int | None) -> str:
+    return "" if number is None else f"{number:,}"

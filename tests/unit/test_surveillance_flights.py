@@ -69,8 +69,8 @@ def test_types_of_the_rows_go_before_those_of_the_table() -> None:
 
 
 def test_types_wanted_are_kept_in_any_case_of_letters() -> None:
-    rows = pl.DataFrame({"icao24": ["a", "b", "c"], "typecode": ["B738", "A320", None]})
-    report = DropReport()
+    rows = pl.DataFrame({"flight_id": list("xyz"), "icao24": ["a", "b", "c"], "typecode": ["B738", "A320", None]})
+    report = DropReport(by_flight=True)
     assert of_types(rows, ["a320"], report)["icao24"].to_list() == ["b"]
     assert [(s.step, s.rows_dropped, s.flights_dropped) for s in report.steps] == [
         ("unknown_type", 1, 1),

@@ -123,13 +123,16 @@ def test_what_is_no_table_of_descents_is_refused(descents: Descents, tmp_path: P
 def test_the_account_adds_up_and_prints() -> None:
     before = pl.DataFrame({"flight_id": ["a", "a", "b"]})
     report = DropReport()
+    report.count("early", before, before)
+    assert (report.steps[0].rows_left, report.steps[0].flights_left) == (3, None), "flights are not told apart yet"
+    report.by_flight = True
     assert report.count("none", before, before) is before
     report.count("half", before, before.head(2))
     report.note("changed", 0)
     report.note("changed", 2)
     report.note("changed", 3)
     steps = json.loads(json.dumps(report.as_dict()))["steps"]
-    assert steps[1] == {"step": "half", "rows_dropped": 1, "flights_dropped": 1, "rows_left": 2, "flights_left": 1}
+    assert steps[2] == {"step": "half", "rows_dropped": 1, "flights_dropped": 1, "rows_left": 2, "flights_left": 1}
     assert report.notes == {"changed": 5}
     assert "changed: 5" in str(report)
     assert len({len(line) for line in str(report).splitlines()[:3]}) == 1, "columns must line up"

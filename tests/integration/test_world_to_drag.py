@@ -3,7 +3,6 @@
 import numpy as np
 import polars as pl
 import pytest
-import torch
 
 from descentflow.performance.airspeed import cas_to_tas_mps
 from descentflow.performance.forces import descent_thrust_n
@@ -26,7 +25,6 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     profiles = profiles_from_frame(descents.frame, aircraft, 150)
     speed = cas_to_tas_mps(profiles.cas_mps, profiles.altitude_m)
     inferred = profiles.drag_n - descent_thrust_n(aircraft, profiles.altitude_m, speed)
-    rows, levels = (index.numpy() for index in torch.nonzero(profiles.mask, as_tuple=True))
     # The inference knows neither the flight's mass nor its idle thrust: what the radar can tell is the retarding force
     # for each kilogram, here scaled to the reference mass.
     scale = dict(world.flights.select("flight_id", aircraft.mass_reference_kg / pl.col("mass_kg")).iter_rows())

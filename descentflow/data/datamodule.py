@@ -10,6 +10,7 @@ from lightning.pytorch import LightningDataModule
 from lightning.pytorch.utilities import rank_zero_info
 from torch import Tensor
 from torch.utils.data import DataLoader, TensorDataset
+from tqdm import tqdm
 
 from descentflow.data.representation import Representation, Split, fit_representation
 from descentflow.data.splitting import SplitBy, split_flights
@@ -93,17 +94,26 @@ class DescentDataModule(LightningDataModule):
         """
         if self._representation is not None:
             return
-        source = read_descents(self.descents)
-        frame = self._chosen(source)
-        if self.checkpoint is not None:
-            representation = load_representation(self.checkpoint)
-            profiles = self._on_grid(frame, representation)
-            split = rest_is_test(profiles.flight_ids, representation.split)
-        else:
-            profiles, split = self._fresh(frame, source)
-            representation = self._fit(profiles, split, source)
-        self._profiles = _parts(profiles, split)
-        self._weights = {part: representation.decoder.encode(self._profiles[part]) for part in self._profiles}
+        with tqdm(total=4, desc="reading descents", unit="stage", leave=False, delay=2) as bar:
+
+            def begin(name: str) -> None:
+                bar.update()
+                bar.set_description(name, refresh=False)
+
+            source = read_descents(self.descents)
+            frame = self._chosen(source)
+            begin("inferring drag")
+            if self.checkpoint is not None:
+                representation = load_representation(self.checkpoint)
+                profiles = self._on_grid(frame, representation)
+                split = rest_is_test(profiles.flight_ids, representation.split)
+            else:
+                profiles, split = self._fresh(frame, source)
+                begin("fitting components")
+                representation = self._fit(profiles, split, source)
+            begin("encoding flights")
+            self._profiles = _parts(profiles, split)
+            self._weights = {part: representation.decoder.encode(self._profiles[part]) for part in self._profiles}
         self._representation = representation
         rank_zero_info(self._summary())
 

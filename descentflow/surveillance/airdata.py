@@ -18,6 +18,17 @@ def pressure_ratio(altitude_ft: Array) -> Array:
     return np.asarray(low * np.exp(-9.80665 / (287.05287 * 216.65) * np.maximum(altitude_m - 11_000.0, 0.0)))
 
 
+def isa_tas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:
+    """True airspeed in the standard atmosphere, kt.
+
+    Example:
+        >>> round(float(isa_tas_of_mach_kt(np.array([0.78]), np.array([35000.0]))[0]))
+        450
+    """
+    temperature_k = 288.15 - 0.0065 * np.minimum(altitude_ft * FT_M, 11_000.0)
+    return np.asarray(mach * np.sqrt(1.4 * 287.05287 * temperature_k) / KT_MPS)
+
+
 def cas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:
     """Calibrated airspeed in kt.
 

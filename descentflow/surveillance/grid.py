@@ -10,17 +10,26 @@ CIRCULAR = ("track", "heading")
 """Angles, interpolated the short way round."""
 
 
-def to_levels(rows: pl.DataFrame, bottom_fl: int, *, longest_gap_s: float, highest_gap_ft: float) -> pl.DataFrame:
+HIDDEN_S = 10.0
+"""Gap in which a level-off can hide."""
+QUANTUM_FT = 25.0
+
+
+def to_levels(
+    rows: pl.DataFrame, bottom_fl: int, *, longest_gap_s: float, highest_gap_ft: float, slowest_fpm: float = 0.0
+) -> pl.DataFrame:
     """Interpolate every descent linearly in altitude to whole flight levels (paper, section 2.2).
 
     Two neighbouring rows bridge the levels between them unless they are further apart than `longest_gap_s` or
-    `highest_gap_ft`, or a level-off or managed stretch stood between them; then these levels have no row.
+    `highest_gap_ft`, or a level-off or managed stretch stood between them, or one may have hidden there: over a gap of
+    more than 10 s less than `slowest_fpm` was made on average. Then these levels have no row.
 
     Args:
         rows: Sorted by flight and time, altitude falling strictly within a flight.
         bottom_fl: Lowest level.
         longest_gap_s: Longest gap that is bridged.
         highest_gap_ft: Highest gap that is bridged.
+        slowest_fpm: Slowest mean rate that is bridged.
 
     Returns:
         One row a flight and level, sorted by flight and falling level: `flight_id icao24 typecode callsign level_fl
@@ -31,6 +40,8 @@ def to_levels(rows: pl.DataFrame, bottom_fl: int, *, longest_gap_s: float, highe
     micros = rows["timestamp"].dt.epoch("us").to_numpy()
     gap_s, gap_fl = np.diff(micros) / 1e6, -np.diff(altitude_fl)
     bridged = (flight[1:] == flight[:-1]) & (gap_s <= longest_gap_s) & (gap_fl * 100 <= highest_gap_ft)
+    # Half a step of quantisation at either end may be missing from the height.
+    bridged &= (gap_s <= HIDDEN_S) | (60 * (gap_fl * 100 + QUANTUM_FT) >= slowest_fpm * gap_s)
     if STRETCH in rows.columns:
         bridged &= np.diff(rows[STRETCH].to_numpy()) == 0
     # The interval from a row down to the next: levels above or at the next row and strictly below this one, so that a

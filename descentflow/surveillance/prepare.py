@@ -21,7 +21,6 @@ from descentflow.surveillance.grid import to_levels
 from descentflow.surveillance.rates import with_rate
 from descentflow.surveillance.readers import files_of, read_rows
 from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.units_check import check_airspeed_units, check_rate_units
 
 BATCH_ROWS = 250_000
 """Rows that are cleaned at a time: their arrays stay in the processor's cache."""
@@ -107,14 +106,12 @@ def prepare(
     say = progress or (lambda _: None)
     say("reading rows")
     read = read_rows(paths, report)
-    check_airspeed_units(read)
     say("telling flights apart")
     rows = name_flights(tidy(read, report), rules.flight_gap_s)
     del read
     report.by_flight = True
     report.count("flights_told_apart", rows, rows)
     rows = of_types(with_types(rows, types), typecodes, report)
-    check_rate_units(rows)
     levels = _descents(rows, rules, report, say)
     if levels.is_empty():
         raise DataError(
@@ -160,7 +157,13 @@ def _descents(rows: pl.DataFrame, rules: Cleaning, report: DropReport, say: Call
 def _batch(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
     """Levels of the descents of some flights."""
     cleaned = _cleaned(rows, rules, report)
-    levels = to_levels(cleaned, rules.bottom_fl, longest_gap_s=rules.longest_gap_s, highest_gap_ft=rules.highest_gap_ft)
+    levels = to_levels(
+        cleaned,
+        rules.bottom_fl,
+        longest_gap_s=rules.longest_gap_s,
+        highest_gap_ft=rules.highest_gap_ft,
+        slowest_fpm=rules.slowest_fpm,
+    )
     long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
     kept = cleaned.filter(pl.col("flight_id").is_in(long["flight_id"].unique().implode()))
     report.count("too_few_levels", cleaned, kept)

@@ -12,6 +12,7 @@ from descentflow.errors import DataError
 from descentflow.surveillance.aircraft_json import rows_of_snapshots
 from descentflow.surveillance.normalise import normalise
 from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.units_check import check_units
 
 ACCEPTED = "Parquet, CSV, or aircraft.json snapshots (JSON or JSON lines, gzip too)"
 
@@ -27,14 +28,21 @@ def read_rows(paths: Sequence[Path], report: DropReport) -> pl.DataFrame:
         Rows with the columns of :data:`descentflow.surveillance.schema.COLUMNS` that any file has.
 
     Raises:
-        DataError: If a file cannot be read, is of no known kind, lacks a required column or holds no row.
+        DataError: If a file cannot be read, is of no known kind, lacks a required column, holds one in a wrong unit,
+            or if there is no row.
     """
-    frames = [normalise(read_table(path), path, report) for path in files_of(paths)]
+    frames = [_rows_of(path, report) for path in files_of(paths)]
     rows = pl.concat(frames, how="diagonal")
     if rows.is_empty():
         raise DataError(
             f"no row in {', '.join(str(p) for p in paths)}", expected="surveillance rows", mend="pass other files"
         )
+    return rows
+
+
+def _rows_of(path: Path, report: DropReport) -> pl.DataFrame:
+    rows = normalise(read_table(path), path, report)
+    check_units(rows, str(path))
     return rows
 
 

@@ -10,6 +10,7 @@ import pytest
 from surveillance_toys import fleet, flight, written
 
 from descentflow.cli import main
+from descentflow.surveillance.airdata import isa_tas_of_mach_kt
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +58,25 @@ REFUSED_TABLES: dict[str, tuple[Change, str]] = {
     "both in SI": (
         lambda f: f.with_columns(pl.col("altitude") * 0.3048, pl.col("IAS") * 0.514444),
         "altitude seems to be in metres and IAS in m/s",
+    ),
+    "TAS in m/s": (
+        lambda f: f.with_columns(TAS=0.514444 * isa_tas_of_mach_kt(f["Mach"].to_numpy(), f["altitude"].to_numpy())),
+        "TAS seems to be in m/s",
+    ),
+    "groundspeed in m/s": (
+        # 60 kt of wind on top of warm air.
+        lambda f: f.with_columns(
+            groundspeed=0.514444 * (60 + isa_tas_of_mach_kt(f["Mach"].to_numpy(), f["altitude"].to_numpy()))
+        ),
+        "groundspeed seems to be in m/s",
+    ),
+    "geoaltitude in metres": (
+        lambda f: f.with_columns(geoaltitude=pl.col("altitude") * 0.3048 + 300),
+        "geoaltitude seems to be in metres",
+    ),
+    "temperature in Celsius": (
+        lambda f: f.with_columns(temperature=15 - pl.col("altitude") * 0.00198),
+        "temperature seems to be in degrees Celsius",
     ),
     "rate in m/s": (lambda f: f.with_columns(pl.col("vertical_rate") * 0.00508), "vertical_rate seems to be in m/s"),
     "sink rate": (lambda f: f.with_columns(-pl.col("vertical_rate")), "sign of a sink rate"),
@@ -261,3 +281,9 @@ def test_snapshots_with_hostile_values_are_read(prepare: Prepared) -> None:
     assert prepare(path) == 0
     assert prepare.dropped("missing_value") == 3
     assert pl.read_parquet(prepare.out)["IAS"].is_finite().all()
+
+
+def test_one_file_in_metres_among_others_is_named(good: pl.DataFrame, prepare: Prepared) -> None:
+    feet = written(pl.concat([good, fleet(8)]), prepare.folder / "feet.parquet")
+    metres = written(good.with_columns(pl.col("altitude") * 0.3048), prepare.folder / "metres.csv")
+    prepare.refuses(feet, metres, saying="metres.csv: altitude seems to be in metres")

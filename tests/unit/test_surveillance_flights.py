@@ -9,7 +9,7 @@ from descentflow.errors import DataError
 from descentflow.surveillance.flights import name_flights, of_types, tidy, with_types
 from descentflow.surveillance.rates import local_slope, with_rate
 from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.units_check import check_airspeed_units, check_rate_units
+from descentflow.surveillance.units_check import check_rate_units, check_units
 
 
 def test_tidy_counts_each_kind_of_bad_row_once() -> None:
@@ -112,14 +112,13 @@ def test_a_quantised_ramp_gives_its_rate_within_a_bound(every_s: float) -> None:
 
 def test_the_schema_s_units_pass_and_few_rows_say_nothing() -> None:
     rows = fleet(2)
-    check_airspeed_units(rows)
-    check_rate_units(rows.sort("icao24", "timestamp"))
-    check_airspeed_units(rows.head(19).with_columns(pl.col("altitude") * 0.3048))
-    check_rate_units(rows.head(19))
-    check_rate_units(rows.drop("vertical_rate"))
+    check_units(rows, "rows")
+    check_units(rows.head(19).with_columns(pl.col("altitude") * 0.3048), "rows")
+    check_units(rows.drop("vertical_rate"), "rows")
+    check_rate_units(rows.head(19), "rows")
 
 
 def test_noise_and_position_error_are_no_wrong_unit() -> None:
     rows = fleet(2)
     noise = np.random.default_rng(0).normal(0, 3, len(rows))
-    check_airspeed_units(rows.with_columns(IAS=pl.col("IAS") * 1.04 + pl.Series(noise)))
+    check_units(rows.with_columns(IAS=pl.col("IAS") * 1.04 + pl.Series(noise)), "rows")

@@ -21,6 +21,9 @@ from descentflow.models.checkpoint import read_checkpoint
 MODELS = (Gaussian, GaussianMixture, MaskedAffineFlow)
 """Imported so that `--model NAME` finds them by their short names."""
 
+UNNAMED = "default"
+"""Stands for the model's name in the folder of a run."""
+
 
 class DescentCLI(LightningCLI):
     """LightningCLI whose checkpoints, scores and logger are set up unless a config says otherwise."""
@@ -39,10 +42,17 @@ class DescentCLI(LightningCLI):
                 "trainer.log_every_n_steps": 1,
                 "trainer.logger": {
                     "class_path": "lightning.pytorch.loggers.TensorBoardLogger",
-                    "init_args": {"save_dir": "runs", "name": "default"},
+                    "init_args": {"save_dir": "runs", "name": UNNAMED},
                 },
             }
         )
+
+    def before_instantiate_classes(self) -> None:
+        """Name the run's folder after its model unless a config names it."""
+        config = self.config[self.subcommand]
+        logger = config.trainer.logger
+        if getattr(logger, "init_args", None) is not None and logger.init_args.get("name") == UNNAMED:
+            logger.init_args.name = config.model.class_path.rsplit(".", 1)[-1]
 
 
 def run(command: str, rest: Sequence[str]) -> None:

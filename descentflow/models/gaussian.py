@@ -59,6 +59,8 @@ class Gaussian(LatentModel):
         # Not in on_train_epoch_end: Lightning validates, and saves the best checkpoint, before that hook.
         if self.trainer.is_last_batch:
             self.optimizers().step(closure=self._maximise)  # type: ignore[union-attr]
+            # Another epoch would gather the same moments.
+            self.trainer.should_stop = True
 
     @torch.no_grad()
     def _maximise(self) -> None:

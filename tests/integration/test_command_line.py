@@ -56,6 +56,16 @@ def test_quickstart_config_is_complete(tmp_path: Path, descents: Path) -> None:
     assert (tmp_path / "quickstart" / "version_0" / "checkpoints" / "best.ckpt").is_file()
 
 
+def test_a_fit_without_a_config_stops_by_itself_in_a_folder_named_after_its_model(
+    tmp_path: Path, descents: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first run that `descentflow --help` shows."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK]) == 0
+    checkpoint = tmp_path / "runs" / "Gaussian" / "version_0" / "checkpoints" / "best.ckpt"
+    assert read_checkpoint(checkpoint)["epoch"] == 0
+
+
 def test_what_a_fit_leaves_behind(run: Path) -> None:
     assert {path.name for path in run.iterdir()} >= {"config.yaml", "checkpoints"}
     assert list(run.glob("events.out.tfevents*"))

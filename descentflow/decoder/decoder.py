@@ -90,6 +90,11 @@ class DescentDecoder(nn.Module):
         mass_kg: Number | None = None,
         deviation_k: Number = 0.0,
         aircraft: Aircraft | None = None,
+        *,
+        wind_mps: Tensor | None = None,
+        exact_energy_share: bool = False,
+        out: Trajectories | None = None,
+        compiled: bool = False,
     ) -> Trajectories:
         """Fly weights (n, d) from their entry levels, in the weights' precision.
 
@@ -99,13 +104,31 @@ class DescentDecoder(nn.Module):
             mass_kg: Mass, () or (n, 1); the reference mass if absent.
             deviation_k: ISA temperature deviation.
             aircraft: Other coefficients, for instance tensors to differentiate by.
+            wind_mps: (L,) or (n, L) along-track wind on the grid, positive from behind.
+            exact_energy_share: Not BADA's energy share factor but that of the CAS itself; see
+                :func:`descentflow.decoder.trajectories.integrate`.
+            out: Descents of the same shape whose arrays may take the result.
+            compiled: Fuse the arithmetic by ``torch.compile``: pays from millions of descents on.
         """
         drag_n, cas_mps = self.curves(weights)
         if entry is None:
             entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
         altitude_m = (self.levels_fl * FL_M).to(weights)
         flown = aircraft if aircraft is not None else self.aircraft
-        return integrate(flown, self.levels_fl, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k)
+        return integrate(
+            flown,
+            self.levels_fl,
+            altitude_m,
+            drag_n,
+            cas_mps,
+            entry,
+            mass_kg,
+            deviation_k,
+            wind_mps=wind_mps,
+            exact_energy_share=exact_energy_share,
+            out=out,
+            compiled=compiled,
+        )
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the decoder."""

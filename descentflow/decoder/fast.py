@@ -1,6 +1,7 @@
-"""The decoder without gradients: fused arithmetic in cache-sized chunks, one chunk a thread."""
+"""The decoder without gradients: fused arithmetic in chunks that the processor's caches hold."""
 
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from functools import cache
 
 import torch
 from torch import Tensor
@@ -10,12 +11,25 @@ from descentflow.performance.aircraft import Aircraft, Number
 from descentflow.performance.level_table import LevelTable, fused_rate, level_table
 
 CHUNK_VALUES = 1 << 17
-"""Values of a quantity in one chunk on the CPU: the handful of arrays in use stay in the second-level cache."""
+"""Values of a quantity in one chunk for each thread of the CPU: the handful of arrays in use stay in the caches."""
+GPU_CHUNK_VALUES = 1 << 26
+"""The same for a GPU: enough to fill it, while the arrays between the steps stay below 2 GiB."""
+
+Kernel = Callable[[LevelTable, Tensor, Tensor, tuple[Tensor, ...]], None]
 
 
 def is_plain(*values: object) -> bool:
-    """Whether none of the values is a tensor that varies by flight or asks for a gradient."""
-    return not any(isinstance(value, Tensor) and (value.requires_grad or value.numel() > 1) for value in values)
+    """Whether no value asks for a gradient, and no coefficient varies by flight (profiles (n, L) may)."""
+    return not any(isinstance(value, Tensor) and value.requires_grad for value in values) and not any(
+        isinstance(value, Tensor) and value.numel() > 1 for value in values[2:]
+    )
+
+
+@cache
+def _compiled_kernel() -> Kernel:
+    """The arithmetic alone: a compiled cumulative sum is slower than torch's own."""
+    kernel: Kernel = torch.compile(fused_rate, dynamic=True)
+    return kernel
 
 
 def integrate_fast(
@@ -26,6 +40,9 @@ def integrate_fast(
     entry: Tensor,
     mass_kg: Number | None,
     deviation_k: Number,
+    *,
+    out: tuple[Tensor, ...] | None = None,
+    compiled: bool = False,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Time, Mach, TAS and rate, each (n, L): the numbers of the plain path to rounding.
 
@@ -37,58 +54,39 @@ def integrate_fast(
         entry: (n,) index of the entry level.
         mass_kg: Mass; the reference mass if absent.
         deviation_k: ISA temperature deviation.
+        out: Arrays for the result, in its order; new ones if absent. On the CPU the system may take longer to hand
+            out new memory than the descents take to compute.
+        compiled: Fuse the arithmetic by ``torch.compile``.
     """
     breaks = rate_breaks(aircraft, altitude_m)
     tables = tuple(level_table(aircraft, h, mass_kg, deviation_k) for h in (altitude_m, breaks.altitude_m))
-    half_step_m = 0.5 * torch.cat([altitude_m, breaks.altitude_m])[breaks.order].diff()
-    outputs = tuple(torch.empty_like(drag_n) for _ in range(4))
-    size = len(drag_n) if drag_n.is_cuda else max(CHUNK_VALUES // drag_n.shape[1], 1)
-
-    inference = torch.is_inference_mode_enabled()
-
-    def work(start: int) -> None:
-        part = slice(start, start + size)
-        out = tuple(values[part] for values in outputs)
-        # The mode belongs to a thread, and tensors made in it may not be written outside it.
-        with torch.inference_mode(inference):
-            _chunk(tables, breaks, half_step_m, drag_n[part], cas_mps[part], entry[part], out)
-
-    starts = range(0, len(drag_n), size)
-    if len(starts) == 1 or torch.get_num_threads() == 1:
-        for start in starts:
-            work(start)
-    else:
-        # torch releases the interpreter inside each operation, so threads run chunks side by side.
-        with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-            list(pool.map(work, starts))
-    time_s, mach, tas_mps, rate_mps = outputs
+    half_step_m = (altitude_m.double().diff() / 2).to(altitude_m)
+    time_s, mach, tas_mps, rate_mps = out or (torch.empty_like(drag_n) for _ in range(4))
+    values = GPU_CHUNK_VALUES if drag_n.is_cuda else CHUNK_VALUES * torch.get_num_threads()
+    kernel = _compiled_kernel() if compiled else fused_rate
+    size = max(values // drag_n.shape[1], 1)
+    with torch.no_grad():
+        extra = _extra_slowness(tables[1], breaks, drag_n, cas_mps)
+        for start in range(0, len(drag_n), size):
+            part = slice(start, start + size)
+            here = (mach[part], tas_mps[part], rate_mps[part], time_s[part])
+            kernel(tables[0], drag_n[part], cas_mps[part], here)
+            # Seconds gained on the way up are negative here: the rate is.
+            legs = breaks.leg_times(here[3], extra[part], half_step_m)
+            _time_from_entry(legs, entry[part], here[3])
     return time_s, mach, tas_mps, rate_mps
 
 
-@torch.no_grad()
-def _chunk(
-    tables: tuple[LevelTable, ...],
-    breaks: Breaks,
-    half_step_m: Tensor,
-    drag_n: Tensor,
-    cas_mps: Tensor,
-    entry: Tensor,
-    out: tuple[Tensor, ...],
-) -> None:
-    time_s, mach, tas_mps, rate_mps = out
-    fused_rate(tables[0], drag_n, cas_mps, (mach, tas_mps, rate_mps, time_s))
-    n, n_extra = len(drag_n), len(breaks.base)
-    every = drag_n.new_empty(n, drag_n.shape[1] + n_extra)
-    every[:, : drag_n.shape[1]] = rate_mps
-    if n_extra:
-        scratch = tuple(drag_n.new_empty(n, n_extra) for _ in range(4))
-        fused_rate(tables[1], breaks.continued(drag_n), breaks.continued(cas_mps), scratch)
-        every[:, drag_n.shape[1] :] = scratch[2]
-        every = every[:, breaks.order]
-    every.reciprocal_()
-    legs = (every[:, 1:] + every[:, :-1]).mul_(half_step_m)
-    # Seconds gained on the way up are negative here: the rate is.
-    fallen = torch.nn.functional.pad(legs.cumsum_(1), (1, 0))
-    if n_extra:
-        fallen = fallen[:, breaks.levels_at]
-    torch.sub(fallen, fallen.gather(1, entry[:, None]), out=time_s)
+def _extra_slowness(table: LevelTable, breaks: Breaks, drag_n: Tensor, cas_mps: Tensor) -> Tensor:
+    """Slowness (n, b) at both sides of the jumps."""
+    out = tuple(drag_n.new_empty(len(drag_n), len(breaks.base)) for _ in range(4))
+    if len(breaks.base):
+        fused_rate(table, breaks.continued(drag_n), breaks.continued(cas_mps), out)
+    return out[3]
+
+
+def _time_from_entry(leg_s: Tensor, entry: Tensor, time_s: Tensor) -> None:
+    """Add up legs (n, L - 1) from the bottom to times (n, L) that are zero at the entry."""
+    time_s[:, 0] = 0
+    torch.cumsum(leg_s, 1, out=time_s[:, 1:])
+    time_s -= time_s.gather(1, entry[:, None])

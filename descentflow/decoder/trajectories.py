@@ -1,6 +1,7 @@
 """Batched integration of BADA's rate equation from drag and CAS on the grid (paper, equation 2)."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -8,7 +9,7 @@ from torch import Tensor
 from descentflow.decoder.breaks import Breaks, rate_breaks
 from descentflow.decoder.fast import integrate_fast, is_plain
 from descentflow.performance.aircraft import Aircraft, Number
-from descentflow.performance.energy import descent_rate_mps
+from descentflow.performance.energy import descent_rate_mps, slope_per_m
 from descentflow.performance.state import idle_state
 
 
@@ -59,12 +60,21 @@ def integrate(
     entry: Tensor,
     mass_kg: Number | None = None,
     deviation_k: Number = 0.0,
+    *,
+    wind_mps: Tensor | None = None,
+    exact_energy_share: bool = False,
+    out: Trajectories | None = None,
+    compiled: bool = False,
 ) -> Trajectories:
     """Fly drag and CAS profiles down the grid.
 
     With drag and CAS given on the grid the rate is known at every level, so time is a quadrature of
     ``dh / rate``: the trapezoid rule between levels, and between a level and each side of a jump of the rate
     (:mod:`descentflow.decoder.breaks`), where drag and CAS are continued from that side.
+
+    The energy share factor is BADA's by default, of constant Mach above the transition altitude and of constant CAS
+    below: the paper leaves BADA's algorithm unchanged, drag was inferred with the same factor, so that rates come back
+    as observed, and it needs no derivative of noisy speeds. The exact one follows the given CAS.
 
     Args:
         aircraft: Coefficients; tensors among them are differentiated through.
@@ -75,17 +85,42 @@ def integrate(
         entry: (n,) index of the level where each descent starts.
         mass_kg: Mass, () or (n, 1); the reference mass if absent.
         deviation_k: ISA temperature deviation.
+        wind_mps: (L,) or (n, L) along-track wind, positive from behind; its slope changes the energy share.
+        exact_energy_share: Take the slope of the CAS itself for the energy share factor.
+        out: Descents of the same shape, not needed any more, whose arrays may take the result: on the CPU the system
+            can take longer to hand out new memory than the descents take to compute.
+        compiled: Let ``torch.compile`` fuse the arithmetic: about half the time for some ten seconds at the first
+            call, and a C++ compiler (on a GPU, Triton) is needed. Without effect where gradients, wind or the exact
+            energy share are asked for.
 
     Returns:
         The trajectories. A rate that is not negative gives times that are not finite or not increasing: it is
         the sampler that rejects those.
     """
-    if is_plain(*aircraft.numbers(), mass_kg, deviation_k) and not (drag_n.requires_grad or cas_mps.requires_grad):
+    given = (*aircraft.numbers(), mass_kg, deviation_k)
+    if is_plain(drag_n, cas_mps, *given) and wind_mps is None and not exact_energy_share:
+        arrays = None if out is None else (out.time_s, out.mach, out.tas_mps, out.rate_mps)
         time_s, mach, tas_mps, rate_mps = integrate_fast(
-            aircraft, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k
+            aircraft, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k, out=arrays, compiled=compiled
         )
         return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
-    return integrate_plain(aircraft, levels_fl, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k)
+    slopes = Slopes(
+        0.0 if wind_mps is None else slope_per_m(wind_mps, altitude_m),
+        slope_per_m(cas_mps, altitude_m) if exact_energy_share else None,
+    )
+    return integrate_plain(aircraft, levels_fl, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k, slopes)
+
+
+class Slopes(NamedTuple):
+    """What the energy share factor takes from the shape of the profiles (1/s): of wind, and of CAS if exact."""
+
+    wind: Number = 0.0
+    cas: Tensor | None = None
+
+    def continued(self, breaks: Breaks) -> "Slopes":
+        """At both sides of the jumps."""
+        wind = breaks.continued(self.wind) if isinstance(self.wind, Tensor) else self.wind
+        return Slopes(wind, None if self.cas is None else breaks.continued(self.cas))
 
 
 def integrate_plain(
@@ -97,14 +132,24 @@ def integrate_plain(
     entry: Tensor,
     mass_kg: Number | None = None,
     deviation_k: Number = 0.0,
+    slopes: Slopes | None = None,
 ) -> Trajectories:
     """:func:`integrate` in the equations' own order, differentiable in all its arguments."""
-    mach, tas_mps, rate_mps = _fly(aircraft, altitude_m, drag_n, cas_mps, mass_kg, deviation_k)
-    breaks = rate_breaks(aircraft, altitude_m)
+    breaks, slopes = rate_breaks(aircraft, altitude_m), slopes or Slopes()
+    mach, tas_mps, rate_mps = _fly(aircraft, altitude_m, drag_n, cas_mps, mass_kg, deviation_k, slopes)
     extra_rate = _fly(
-        aircraft, breaks.altitude_m, breaks.continued(drag_n), breaks.continued(cas_mps), mass_kg, deviation_k
+        aircraft,
+        breaks.altitude_m,
+        breaks.continued(drag_n),
+        breaks.continued(cas_mps),
+        mass_kg,
+        deviation_k,
+        slopes.continued(breaks),
     )[2]
-    time_s = _time_from_entry(altitude_m, rate_mps, extra_rate, breaks, entry)
+    leg_s = breaks.leg_times(-1 / rate_mps, -1 / extra_rate, altitude_m.diff() / 2)
+    # Seconds since entry: the integral of slowness from the bottom to the entry, less the part below the level.
+    climbed_s = torch.nn.functional.pad(leg_s.cumsum(1), (1, 0))
+    time_s = climbed_s.gather(1, entry[:, None]) - climbed_s
     return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
 
 
@@ -115,19 +160,13 @@ def _fly(
     cas_mps: Tensor,
     mass_kg: Number | None,
     deviation_k: Number,
+    slopes: Slopes,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Mach, TAS and rate at some altitudes, each (n, number of altitudes)."""
-    state = idle_state(aircraft, cas_mps, altitude_m, deviation_k)
+    state = idle_state(
+        aircraft, cas_mps, altitude_m, deviation_k, wind_gradient_per_s=slopes.wind, cas_gradient_per_s=slopes.cas
+    )
     rate_mps = descent_rate_mps(
         aircraft, drag_n, state.thrust_n, state.tas_mps, state.energy_share, altitude_m, deviation_k, mass_kg
     )
     return state.mach, state.tas_mps, rate_mps
-
-
-def _time_from_entry(altitude_m: Tensor, rate_mps: Tensor, extra_rate: Tensor, breaks: Breaks, entry: Tensor) -> Tensor:
-    """Seconds since entry at each level: the integral of slowness from the bottom, less the part above."""
-    slowness = -1.0 / torch.cat([rate_mps, extra_rate], 1)[:, breaks.order]
-    steps_m = torch.cat([altitude_m, breaks.altitude_m])[breaks.order].diff()
-    leg_s = 0.5 * (slowness[:, 1:] + slowness[:, :-1]) * steps_m
-    climbed_s = torch.nn.functional.pad(leg_s.cumsum(1), (1, 0))[:, breaks.levels_at]
-    return climbed_s.gather(1, entry[:, None]) - climbed_s

@@ -40,7 +40,11 @@ def compression_share(mach: Tensor) -> Tensor:
 
 
 def energy_share_factor(
-    mach: Number, altitude_m: Number, above_transition: Tensor, deviation_k: Number = 0.0
+    mach: Number,
+    altitude_m: Number,
+    above_transition: Tensor,
+    deviation_k: Number = 0.0,
+    wind_gradient_per_s: Number = 0.0,
 ) -> Tensor:
     """Energy share factor by BADA's algorithm: constant Mach above transition, constant CAS below (3.2-8 to 3.2-11).
 
@@ -54,6 +58,7 @@ def energy_share_factor(
         altitude_m: Pressure altitude.
         above_transition: True where the aircraft holds Mach, False where it holds CAS.
         deviation_k: Temperature deviation from ISA.
+        wind_gradient_per_s: dw/dHp of the along-track wind, see :func:`energy_share_factor_local`; BADA has none.
 
     Returns:
         Energy share factor, broadcast shape.
@@ -62,9 +67,17 @@ def energy_share_factor(
         >>> round(energy_share_factor(0.74, 8839.2, torch.tensor(True)).item(), 2)
         1.08
     """
-    number, altitude, deviation = as_tensors(mach, altitude_m, deviation_k)
+    number, altitude, deviation, slope = as_tensors(mach, altitude_m, deviation_k, wind_gradient_per_s)
     compression = torch.where(above_transition, 0.0, compression_share(number))
-    return 1 / (1 + lapse_share(number, altitude, deviation) + compression)
+    return 1 / (
+        1 + lapse_share(number, altitude, deviation) + compression + wind_share(number, altitude, deviation, slope)
+    )
+
+
+def wind_share(mach: Tensor, altitude_m: Tensor, deviation_k: Tensor, gradient_per_s: Tensor) -> Tensor:
+    """``(V/g0) dw/dh``: the along-track wind's change, ``dw/dHp (T - dT)/T`` with height."""
+    tas = mach_to_tas_mps(mach, altitude_m, deviation_k)
+    return tas / G0_MPS2 * isa_fraction(altitude_m, deviation_k) * gradient_per_s
 
 
 def energy_share_factor_local(
@@ -104,7 +117,7 @@ def energy_share_factor_local(
     )
     mach = cas_to_mach(cas, altitude)
     share = lapse_share(mach, altitude, deviation) + compression_share(mach)
-    wind = mach_to_tas_mps(mach, altitude, deviation) / G0_MPS2 * isa_fraction(altitude, deviation) * wind_slope
+    wind = wind_share(mach, altitude, deviation, wind_slope)
     return 1 / (1 + share + _cas_change_share(cas, mach, altitude) * slope + wind)
 
 
@@ -140,14 +153,14 @@ def energy_share_factor_exact(
         torch.Size([2, 3])
     """
     cas, altitude, wind, deviation = as_tensors(cas_mps, altitude_m, 0.0 if wind_mps is None else wind_mps, deviation_k)
-    cas_slope = _gradient(cas + 0.0 * altitude, altitude)
-    wind_slope = _gradient(wind, altitude) if wind.dim() else wind * 0.0
+    cas_slope = slope_per_m(cas + 0.0 * altitude, altitude)
+    wind_slope = slope_per_m(wind, altitude) if wind.dim() else wind * 0.0
     return energy_share_factor_local(cas, altitude, cas_slope, wind_slope, deviation)
 
 
-def _gradient(values: Tensor, altitude: Tensor) -> Tensor:
-    """Second-order slope along the last dimension."""
-    (slope,) = torch.gradient(values, spacing=(altitude,), dim=-1, edge_order=2)
+def slope_per_m(values: Tensor, altitude_m: Tensor) -> Tensor:
+    """Slope of profiles (..., L) against the altitude (L,), of second order, one-sided at the ends."""
+    (slope,) = torch.gradient(values, spacing=(altitude_m,), dim=-1, edge_order=2)
     return slope
 
 

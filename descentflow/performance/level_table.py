@@ -79,13 +79,13 @@ def level_table(
 
 
 def fused_rate(table: LevelTable, drag_n: Tensor, cas_mps: Tensor, out: tuple[Tensor, ...]) -> None:
-    """Mach, true airspeed and rate of profiles (n, L), written in place.
+    """Mach, true airspeed, rate and its reciprocal of profiles (n, L), written in place.
 
     Args:
         table: Constants of the L levels.
         drag_n: (n, L).
         cas_mps: (n, L).
-        out: Mach, TAS, rate and a scratch tensor, each (n, L).
+        out: Mach, TAS, rate and slowness (s/m, negative in descent), each (n, L).
     """
     mach, tas, rate, scratch = out
     torch.mul(cas_mps, cas_mps, out=rate)
@@ -105,3 +105,4 @@ def fused_rate(table: LevelTable, drag_n: Tensor, cas_mps: Tensor, out: tuple[Te
     torch.sub(table.thrust_n, drag_n, out=scratch)
     torch.addcmul(table.thrust_power_w, scratch, tas, out=scratch)  # excess power
     torch.div(scratch.mul_(table.power_scale), rate, out=rate)
+    torch.reciprocal(rate, out=scratch)

@@ -71,6 +71,7 @@ def sample_descents(
     *,
     entry: Tensor | None = None,
     draw_budget: int | None = None,
+    compiled: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Samples:
     """Draw, decode and keep plausible descents until there are ``n``.
@@ -84,6 +85,7 @@ def sample_descents(
         entry: (m,) entry-level indices to draw from with replacement, for instance those of the test flights
             (paper, section 4.2); the training flights' entries if absent.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
+        compiled: Decode by compiled arithmetic, see :func:`descentflow.decoder.trajectories.integrate`.
         progress: Called with the number of descents newly accepted.
 
     Raises:
@@ -94,10 +96,14 @@ def sample_descents(
     kept_weights, kept, n_kept, drawn = [], [], 0, 0
     broken = torch.zeros(len(RULES), dtype=torch.long)
     rejected = 0
+    flown: Trajectories | None = None
     while n_kept < n and drawn < budget:
         size = min(_next_batch(n - n_kept, drawn, n_kept), budget - drawn)
         weights = model.sample(size, int(torch.randint(2**31, (), generator=generator)))
-        flown = decoder(weights, _draw_entry(plausibility, entry, size, generator).to(weights.device))
+        # What was kept of the last batch was copied, so a batch of the same size may take its arrays.
+        reused = flown if flown is not None and len(flown) == size else None
+        begins = _draw_entry(plausibility, entry, size, generator).to(weights.device)
+        flown = decoder(weights, begins, out=reused, compiled=compiled)
         rules = plausibility.broken_rules(flown)
         good = ~rules.any(1)
         drawn += size

@@ -1,0 +1,182 @@
+"""The decoder's options: wind, exact energy share, reuse of memory, compiled arithmetic, chunks."""
+
+import shutil
+
+import pytest
+import torch
+import toys
+from torch import Tensor
+from torch.utils._python_dispatch import TorchDispatchMode
+
+from descentflow.decoder import fast
+from descentflow.decoder.trajectories import Trajectories, integrate, integrate_plain
+from descentflow.performance.atmosphere import isa_fraction
+from descentflow.performance.constants import G0_MPS2
+from descentflow.performance.forces import descent_thrust_n
+from descentflow.profiles.profiles import infer_drag_n
+from descentflow.units import FL_M, KT_MPS
+
+LEVELS = torch.arange(150, 371, dtype=torch.float64)
+ALTITUDE_M = LEVELS * FL_M
+TOP = torch.full((3,), len(LEVELS) - 1)
+DRAG_N = 42_000 + 3_000 * torch.cos(ALTITUDE_M / 1500 + torch.arange(3.0, dtype=torch.float64)[:, None])
+CAS_MPS = 140 + 10 * torch.sin(ALTITUDE_M / 2000 + torch.arange(3.0, dtype=torch.float64)[:, None])
+WIND_MPS = 5 + 15 * torch.sin(ALTITUDE_M / 4000)
+
+
+def test_the_exact_energy_share_closes_the_energy_balance() -> None:
+    """Thr - D = m g dh/dt / V + m d(V + w)/dt at every level, the derivatives taken along the flown trajectory."""
+    deviation = 10.0
+    flown = integrate(
+        toys.AIRCRAFT,
+        LEVELS,
+        ALTITUDE_M,
+        DRAG_N,
+        CAS_MPS,
+        TOP,
+        None,
+        deviation,
+        wind_mps=WIND_MPS,
+        exact_energy_share=True,
+    )
+    mass = toys.AIRCRAFT.mass_reference_kg
+    inside = slice(3, -3)
+    for i in range(3):
+        air_speed_along_path = flown.tas_mps[i] + WIND_MPS
+        # Seconds count downwards from the top: differences over them are derivatives in time.
+        (gain,) = torch.gradient(air_speed_along_path, spacing=(flown.time_s[i],))
+        height_rate = flown.rate_mps[i] / isa_fraction(ALTITUDE_M, deviation)
+        thrust = descent_thrust_n(toys.AIRCRAFT, ALTITUDE_M, flown.tas_mps[i], deviation)
+        needed = mass * (G0_MPS2 * height_rate / flown.tas_mps[i] + gain)
+        # Centred differences over 2 x 30 m of profiles that turn over 1,500 m, and jumps of thrust and lapse.
+        error = ((thrust - DRAG_N[i] - needed) / DRAG_N[i])[inside]
+        assert float(error.abs().median()) < 1e-4
+        assert float(error.abs().quantile(0.98)) < 2e-3
+
+
+def test_bada_and_exact_energy_share_agree_where_cas_is_held_and_differ_where_it_is_not() -> None:
+    """Below the transition BADA holds CAS: no difference at constant CAS, a fifth through a slowdown by 50 kt."""
+    below = ALTITUDE_M < 7000
+    held = torch.full((1, len(LEVELS)), 280 * KT_MPS, dtype=torch.float64)
+    slower = held - 50 * KT_MPS * torch.sigmoid((5500 - ALTITUDE_M) / 150)
+    ratios = {}
+    for name, cas in (("held", held), ("slower", slower)):
+        drag = torch.full_like(cas, 45_000.0)
+        bada, exact = (
+            integrate(toys.AIRCRAFT, LEVELS, ALTITUDE_M, drag, cas, TOP[:1], exact_energy_share=e)
+            for e in (False, True)
+        )
+        ratios[name] = (exact.rate_mps / bada.rate_mps)[0, below]
+    torch.testing.assert_close(ratios["held"], torch.ones_like(ratios["held"]), rtol=1e-12, atol=0)
+    # dV/dh is positive through the slowdown: the aircraft trades speed for distance and sinks more slowly.
+    assert float(ratios["slower"].min()) < 0.8
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_tailwind_that_falls_off_downwards_makes_the_descent_slower(exact: bool) -> None:
+    """f = 1/(1 + a + (V/g) w'): with CAS held the ratio of rates is known in closed form."""
+    cas = torch.full((1, len(LEVELS)), 280 * KT_MPS, dtype=torch.float64)
+    drag, slope = torch.full_like(cas, 45_000.0), 2 * KT_MPS / 304.8
+    arguments = (toys.AIRCRAFT, LEVELS, ALTITUDE_M, drag, cas, TOP[:1])
+    still = integrate(*arguments, exact_energy_share=exact)
+    windy = integrate(*arguments, wind_mps=slope * ALTITUDE_M, exact_energy_share=exact)
+    # From the rates: 1/f = -V X / (m g R) with X = D - Thr, the same in both.
+    thrust = descent_thrust_n(toys.AIRCRAFT, ALTITUDE_M, still.tas_mps, 0.0)
+    power = (thrust - drag) * still.tas_mps / (toys.AIRCRAFT.mass_reference_kg * G0_MPS2)
+    difference = power / windy.rate_mps - power / still.rate_mps
+    torch.testing.assert_close(difference, still.tas_mps * slope / G0_MPS2, rtol=1e-9, atol=0)
+    assert bool((windy.rate_mps > still.rate_mps).all())
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_gradients_with_wind(exact: bool) -> None:
+    """gradcheck of time and rate by drag, CAS, wind, mass and deviation, BADA's and the exact energy share."""
+    coarse = slice(None, None, 20)
+    h, entry = ALTITUDE_M[coarse], torch.full((2,), 11)
+    drag, cas = (values[:2, coarse].clone().requires_grad_() for values in (DRAG_N, CAS_MPS))
+    wind = WIND_MPS[coarse].expand(2, -1).clone().requires_grad_()
+    mass, deviation = (torch.tensor(v, dtype=torch.float64, requires_grad=True) for v in (62_000.0, 8.0))
+
+    def outputs(drag: Tensor, cas: Tensor, wind: Tensor, mass: Tensor, deviation: Tensor) -> tuple[Tensor, Tensor]:
+        flown = integrate(
+            toys.AIRCRAFT,
+            LEVELS[coarse],
+            h,
+            drag,
+            cas,
+            entry,
+            mass,
+            deviation,
+            wind_mps=wind,
+            exact_energy_share=exact,
+        )
+        return flown.time_s[:, 0], flown.rate_mps
+
+    # Finite differences of numbers near 1e5 with eps 1e-4 are good to about 1e-6 relative.
+    assert torch.autograd.gradcheck(outputs, (drag, cas, wind, mass, deviation), eps=1e-4, atol=1e-6, rtol=1e-5)
+
+
+def test_the_exact_share_inverts_to_the_drag_that_flew() -> None:
+    """At constant CAS below the transition both shares are one, and inference returns the drag."""
+    cas = torch.full((1, len(LEVELS)), 280 * KT_MPS, dtype=torch.float64)
+    drag = torch.full_like(cas, 45_000.0)
+    flown = integrate(toys.AIRCRAFT, LEVELS, ALTITUDE_M, drag, cas, TOP[:1], exact_energy_share=True)
+    below = ALTITUDE_M < 7000
+    inferred = infer_drag_n(toys.AIRCRAFT, cas, flown.rate_mps, ALTITUDE_M)
+    torch.testing.assert_close(inferred[:, below], drag[:, below], rtol=1e-10, atol=0)
+
+
+def assert_same(found: Trajectories, wanted: Trajectories) -> None:
+    for name in ("time_s", "mach", "tas_mps", "rate_mps"):
+        # The same equations in another order and fused multiply-adds: a few units in the last place.
+        torch.testing.assert_close(getattr(found, name), getattr(wanted, name), rtol=1e-11, atol=1e-9)
+
+
+def test_reused_arrays_take_the_result() -> None:
+    real = toys.flights(300)
+    arguments = (toys.AIRCRAFT, LEVELS, ALTITUDE_M, real.drag_n, real.cas_mps, real.entry_level)
+    earlier = integrate(*arguments[:3], 1.1 * real.drag_n, real.cas_mps, real.entry_level)
+    flown = integrate(*arguments, out=earlier)
+    assert flown.time_s.data_ptr() == earlier.time_s.data_ptr()
+    assert_same(flown, integrate_plain(*arguments))
+
+
+@pytest.mark.filterwarnings("ignore:.torch.jit:DeprecationWarning")
+@pytest.mark.skipif(not any(map(shutil.which, ("g++", "c++", "clang++"))), reason="torch.compile needs a C++ compiler")
+def test_compiled_arithmetic_gives_the_plain_numbers() -> None:
+    real = toys.flights(300)
+    arguments = (toys.AIRCRAFT, LEVELS, ALTITUDE_M, real.drag_n, real.cas_mps, real.entry_level)
+    assert_same(integrate(*arguments, compiled=True), integrate_plain(*arguments))
+
+
+class LargeArrays(TorchDispatchMode):
+    """Counts new arrays of at least ``size`` values; views and results written in place are not new."""
+
+    def __init__(self, size: int) -> None:
+        super().__init__()
+        self.size, self.found = size, 0
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[no-untyped-def]
+        result = func(*args, **(kwargs or {}))
+        large = isinstance(result, Tensor) and result.numel() >= self.size
+        self.found += large and not _shares(result, args, kwargs)
+        return result
+
+
+def _shares(result: Tensor, args: tuple[object, ...], kwargs: dict[str, object] | None) -> bool:
+    given = [value for value in (*args, *(kwargs or {}).values()) if isinstance(value, Tensor)]
+    return any(result.untyped_storage().data_ptr() == one.untyped_storage().data_ptr() for one in given)
+
+
+def test_memory_beside_the_result_is_in_proportion_to_the_chunk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However large the batch, only the four arrays of the result are as large; with reuse there is none."""
+    monkeypatch.setattr(fast, "CHUNK_VALUES", 4 * len(LEVELS))
+    real = toys.flights(200)
+    arguments = (toys.AIRCRAFT, LEVELS, ALTITUDE_M, real.drag_n, real.cas_mps, real.entry_level)
+    # Five levels' worth for every descent: more than a chunk's arrays or the jumps' columns, less than the batch.
+    with LargeArrays(5 * len(LEVELS)) as made:
+        flown = integrate(*arguments)
+    assert made.found == 4
+    with LargeArrays(5 * len(LEVELS)) as made:
+        integrate(*arguments, out=flown)
+    assert made.found == 0

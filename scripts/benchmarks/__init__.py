@@ -1,0 +1,1 @@
+"""Measurements beside peers and limits, one module for each part of the path."""

@@ -67,6 +67,7 @@ def nominal_state(
     mass_kg: Number | None = None,
     deviation_k: Number = 0.0,
     limits: GlobalParameters = STANDARD,
+    expedited: bool = False,
 ) -> NominalState:
     """Speeds, forces and rate of the nominal descent at any pressure altitudes.
 
@@ -78,6 +79,7 @@ def nominal_state(
         mass_kg: Mass, broadcasts; the reference mass when None.
         deviation_k: Temperature deviation from ISA, broadcasts.
         limits: Global parameters.
+        expedited: Descend with spoilers, the drag times C_des,exp (manual 3.7.1).
 
     Returns:
         The state, every field of the broadcast shape.
@@ -96,6 +98,8 @@ def nominal_state(
     configuration = descent_configuration(altitude, cas, minimum[0], minimum[1], limits)
     thrust = descent_thrust_n(aircraft, altitude, tas, deviation, configuration, limits)
     drag = drag_n(aircraft, tas, altitude, deviation, mass_kg, configuration)
+    if expedited:
+        drag = drag * limits.expedited_drag_factor
     rate = descent_rate_mps(aircraft, drag, thrust, tas, esf, altitude, deviation, mass_kg)
     fuel = descent_fuel_flow_kg_s(aircraft, altitude, tas, thrust, configuration)
     fields = broadcast(cas, mach, tas, esf, configuration, thrust, drag, rate, fuel)
@@ -108,6 +112,7 @@ def nominal_descent(
     mass_kg: Number | None = None,
     deviation_k: Number = 0.0,
     limits: GlobalParameters = STANDARD,
+    expedited: bool = False,
 ) -> NominalDescent:
     """Fly the nominal BADA descent from the top level of a grid to its bottom.
 
@@ -122,6 +127,7 @@ def nominal_descent(
         mass_kg: One mass per descent, ``(...)`` (a dimension for the levels is added); the reference mass when None.
         deviation_k: One temperature deviation per descent, ``(...)``.
         limits: Global parameters.
+        expedited: Descend with spoilers, see :func:`nominal_state`.
 
     Returns:
         The descent, fields of shape ``(..., n_levels)``.
@@ -140,7 +146,7 @@ def nominal_descent(
     deviation = deviation_k[..., None] if isinstance(deviation_k, Tensor) else deviation_k
 
     def state_at(altitude_m: Tensor) -> NominalState:
-        return nominal_state(aircraft, altitude_m, mass, deviation, limits)
+        return nominal_state(aircraft, altitude_m, mass, deviation, limits, expedited)
 
     altitude = levels * FL_M
     state = state_at(altitude)

@@ -1,5 +1,6 @@
 """The trainer's commands and sampling, run as a user runs them, on small prepared descents."""
 
+import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.io import netcdf_file
 
 from descentflow.cli import main
 from descentflow.models.checkpoint import load_model, read_checkpoint
+from descentflow.performance.registry import aircraft
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 QUICK = ["--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false", "--scores.n_samples=200"]
@@ -224,3 +226,18 @@ def test_descents_of_several_types_need_an_aircraft(tmp_path: Path, capsys) -> N
     )
     assert main(["fit", "--model", "Gaussian", "--data.descents", str(tmp_path / "mixed.parquet"), *QUICK]) == 2
     assert "types" in capsys.readouterr().err
+
+
+def test_a_licence_holders_directory_serves_the_whole_path(tmp_path: Path) -> None:
+    """EUROCONTROL's files as they come (here the dummies): rows, descents, checkpoint and samples are of that type."""
+    spec = importlib.util.find_spec("pyBADA")
+    assert spec is not None, "the test extra installs pybada"
+    release = Path(str(spec.origin)).parent / "aircraft" / "BADA3" / "DUMMY"
+    rows, prepared = tmp_path / "rows.parquet", tmp_path / "descents.parquet"
+    flown = ["simulate", "--typecode", "J2H", "--bada-dir", str(release), "--flights", "60", "--out", str(rows)]
+    assert main(flown) == 0
+    assert main(["prepare", str(rows), "--out", str(prepared)]) == 0
+    run = fit(tmp_path / "run", prepared, "gaussian", "--data.bada_dir", str(release))
+    checkpoint = next(run.rglob("best.ckpt"))
+    assert load_model(checkpoint).representation.decoder.aircraft == aircraft("J2H", release)
+    assert main(["sample", str(checkpoint), "-n", "5", "--out", str(tmp_path / "samples.parquet")]) == 0

@@ -128,3 +128,18 @@ def test_every_step_stays_on_the_device_of_the_altitudes():
         assert value.shape == (3, 9)
         assert value.device.type == "meta"
         assert value.dtype == (torch.int64 if name == "configuration" else torch.float32)
+
+
+def test_an_expedited_descent_has_the_drag_factor_and_nothing_else_changed() -> None:
+    """C_des,exp is 1.6: rate per excess drag, speeds and thrust stay."""
+    levels = torch.arange(150, 371, 10)
+    usual, expedited = (nominal_descent(open_aircraft("A320"), levels, expedited=e) for e in (False, True))
+    torch.testing.assert_close(expedited.drag_n, 1.6 * usual.drag_n, rtol=1e-12, atol=0)
+    torch.testing.assert_close(expedited.thrust_n, usual.thrust_n, rtol=0, atol=0)
+    torch.testing.assert_close(
+        expedited.rate_mps / (expedited.thrust_n - expedited.drag_n),
+        usual.rate_mps / (usual.thrust_n - usual.drag_n),
+        rtol=1e-12,
+        atol=0,
+    )
+    assert bool((expedited.time_s[1:] < usual.time_s[1:]).any())

@@ -1,0 +1,28 @@
+import numpy as np
+import torch
+
+from descentflow.figures.energy_share import energy_share_figure, speed_profile
+from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.units import FL_M, KT_MPS
+
+
+def test_the_figure_holds_one_speed_and_three_rates_and_times() -> None:
+    """Fed from the decoder: where Mach or CAS is held as BADA thinks, both factors give one rate; times differ."""
+    speed, rate, time = energy_share_figure(open_aircraft("A320")).axes
+    cas = [line.get_xdata() for line in speed.lines]
+    assert np.array_equal(cas[0], cas[1]) and np.array_equal(cas[0], cas[2])
+    level = rate.lines[0].get_ydata()
+    bada, exact, windy = (line.get_xdata() for line in rate.lines)
+    # FL330-350: Mach held in the troposphere, by this flight and by BADA; the slope is differenced over 30 m.
+    held = (level > 330) & (level < 350)
+    assert np.abs(exact[held] / bada[held] - 1).max() < 1e-3
+    # A tailwind that falls off downwards slows every descent.
+    assert (windy < exact).all()
+    assert np.ptp([line.get_xdata()[0] for line in time.lines]) > 0.5
+
+
+def test_the_speed_profile_holds_mach_then_cas_then_the_slower_cas() -> None:
+    altitude_m = torch.tensor([150.0, 200, 210, 220, 280, 370], dtype=torch.float64) * FL_M
+    cas_kt = speed_profile(altitude_m, 0.78, 300.0, 260.0) / KT_MPS
+    torch.testing.assert_close(cas_kt[:5], torch.tensor([260.0, 260, 280, 300, 300], dtype=torch.float64))
+    assert float(cas_kt[5]) < 260

@@ -10,7 +10,8 @@ def test_the_figure_holds_one_speed_and_three_rates_and_times() -> None:
     """Fed from the decoder: where Mach or CAS is held as BADA thinks, both factors give one rate; times differ."""
     speed, rate, time = energy_share_figure(open_aircraft("A320")).axes
     cas = [line.get_xdata() for line in speed.lines]
-    assert np.array_equal(cas[0], cas[1]) and np.array_equal(cas[0], cas[2])
+    assert np.array_equal(cas[0], cas[1])
+    assert np.array_equal(cas[0], cas[2])
     level = rate.lines[0].get_ydata()
     bada, exact, windy = (line.get_xdata() for line in rate.lines)
     # FL330-350: Mach held in the troposphere, by this flight and by BADA; the slope is differenced over 30 m.

@@ -13,10 +13,9 @@ from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 from descentflow.callbacks.predictions import WriteLogProb
 from descentflow.callbacks.scores import ScoreCallback
 from descentflow.data.datamodule import DescentDataModule
+from descentflow.densities.checkpoint import SECTION, read_checkpoint
 from descentflow.errors import CheckpointError, ConfigError
 from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
-from descentflow.models.base import SECTION
-from descentflow.models.checkpoint import read_checkpoint
 
 MODELS = (Gaussian, GaussianMixture, MaskedAffineFlow)
 """Imported so that `--model NAME` finds them by their short names."""

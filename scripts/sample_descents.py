@@ -4,7 +4,7 @@ import sys
 
 import torch
 
-from descentflow.models.checkpoint import load_model
+from descentflow.densities.checkpoint import load_model
 from descentflow.sampling.rejection import sample_descents
 from descentflow.sampling.tables import to_frame
 

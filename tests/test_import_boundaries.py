@@ -11,14 +11,25 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "descentflow"
 
 ONLY_IN = {
-    "pyro": ("models/gmm.py",),
-    "normflows": ("models/flow.py",),
+    "pyro": ("densities/gmm.py",),
+    "normflows": ("densities/flow.py",),
     "lightning": ("data/", "models/", "callbacks/", "training.py"),
     "tensorboard": ("callbacks/",),
 }
 """Library -> the places that may import it."""
 
-KNOWS_NO_TRAINER = ("performance", "profiles", "decoder", "fpca", "sampling", "metrics", "world", "gap", "figures")
+KNOWS_NO_TRAINER = (
+    "densities",
+    "performance",
+    "profiles",
+    "decoder",
+    "fpca",
+    "sampling",
+    "metrics",
+    "world",
+    "gap",
+    "figures",
+)
 """Folders that must not import the parts of the package that know Lightning."""
 
 TRAINER_PARTS = ("descentflow.models", "descentflow.callbacks", "descentflow.training", "descentflow.data.datamodule")
@@ -81,6 +92,12 @@ def heavy_modules(code: str) -> set[str]:
     report = f"import sys\n{code}\n{listing}"
     done = subprocess.run([sys.executable, "-c", report], capture_output=True, text=True, check=True)
     return set(done.stdout.splitlines()[-1].split())
+
+
+def test_loading_a_density_imports_no_trainer() -> None:
+    """Lightning takes longer to import than torch: a script that samples does not pay for it."""
+    code = "import descentflow.densities.checkpoint, descentflow.sampling.rejection, descentflow.densities.gaussian"
+    assert heavy_modules(code) == {"torch"}
 
 
 def test_help_imports_nothing_heavy() -> None:

@@ -24,8 +24,8 @@ def run(args: argparse.Namespace) -> None:
     from tqdm import tqdm
 
     from descentflow.data.datamodule import DescentDataModule
+    from descentflow.densities.checkpoint import load_model
     from descentflow.evaluation import evaluate
-    from descentflow.models.checkpoint import load_model
 
     model = load_model(args.checkpoint)
     data = DescentDataModule(args.real, checkpoint=args.checkpoint)

@@ -29,9 +29,9 @@ def run(args: argparse.Namespace) -> None:
     """Load, sample, write, and say what was rejected."""
     from tqdm import tqdm
 
+    from descentflow.densities.checkpoint import load_model
     from descentflow.errors import ConfigError
     from descentflow.files import check_output
-    from descentflow.models.checkpoint import load_model
     from descentflow.sampling.rejection import sample_descents
     from descentflow.sampling.tables import write_samples
 

@@ -14,9 +14,9 @@ from tqdm import tqdm
 
 from descentflow.data.representation import Representation, Split, fit_representation
 from descentflow.data.splitting import SplitBy, split_flights
+from descentflow.densities.checkpoint import load_representation
 from descentflow.errors import ConfigError, DataError
 from descentflow.fpca.gappy import Method
-from descentflow.models.checkpoint import load_representation
 from descentflow.performance.aircraft import Aircraft
 from descentflow.performance.registry import aircraft as find_aircraft
 from descentflow.profiles.profiles import Profiles, profiles_from_frame

@@ -1,6 +1,6 @@
-"""Latent densities over the weights: Gaussian, Gaussian mixture and masked affine flow.
+"""What trains the latent densities: one LightningModule for each.
 
-Each is imported when it is first asked for: a checkpoint of one need not pay for the libraries of the others.
+Each is imported when it is first asked for, so that training one need not pay for the libraries of the others.
 """
 
 from importlib import import_module

@@ -1,97 +1,80 @@
-"""The base of every latent model: what a density over the weights offers to training, sampling and checkpoints."""
+"""The base of every model: what training, validation and checkpoints of a latent density have in common."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, ClassVar
+from typing import Any, Generic, TypeVar
 
-import torch
 from lightning.pytorch import LightningModule
 from torch import Tensor
 
 from descentflow import __version__
 from descentflow.data.representation import Representation
+from descentflow.densities.base import Density
+from descentflow.densities.checkpoint import FORMAT, SECTION, density_of
 from descentflow.errors import CheckpointError, ConfigError
 
-SECTION = "descentflow"
-"""Key of a checkpoint under which everything stands that Lightning does not save itself."""
-FORMAT = 1
-"""Version of that section."""
+D = TypeVar("D", bound=Density)
 
 
-class LatentModel(LightningModule, ABC):
-    """A density over standardised weights (paper, section 2.3).
+class LatentModel(LightningModule, ABC, Generic[D]):
+    """Trains one kind of :class:`descentflow.densities.Density` (paper, section 2.3).
 
-    A subclass says how the density is built for d weights (:meth:`build`), its log density, how to draw from it,
-    and how one training step improves it. Everything else, the representation in the checkpoint included, stands
-    here.
+    A subclass says how the density is made for d weights (:meth:`make`) and how one training step improves it.
+    Everything else, the representation in the checkpoint included, stands here.
 
     Example:
-        >>> model = load_model("best.ckpt")
-        >>> weights = model.sample(1000, seed=0)  # (1000, d)
-        >>> model.log_prob(weights).mean()
+        >>> Trainer(max_epochs=1).fit(Gaussian(), datamodule=data)
     """
 
-    models: ClassVar[dict[str, type["LatentModel"]]] = {}
-    """Every known model by the name that checkpoints carry."""
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Make the subclass known to checkpoints by its name."""
-        super().__init_subclass__(**kwargs)
-        LatentModel.models[cls.__name__] = cls
-
     def __init__(self, **kwargs: Any) -> None:
-        """Start without a density: it is built once the number of weights is known.
+        """Start without a density: it is made once the number of weights is known.
 
         Args:
             **kwargs: Hyperparameters of a subclass; Lightning finds them through this signature.
         """
         super().__init__()
-        self._representation: Representation | None = None
+        self._density: D | None = None
 
     @abstractmethod
-    def build(self, dimension: int) -> None:
-        """Create the parameters for ``dimension`` weights."""
-
-    @abstractmethod
-    def log_prob(self, weights: Tensor) -> Tensor:
-        """Log density (n,) of standardised weights (n, d), in nats."""
-
-    @abstractmethod
-    def draw(self, n: int) -> Tensor:
-        """Draw (n, d) standardised weights with torch's global generator; call :meth:`sample` instead."""
-
-    @torch.no_grad()
-    def sample(self, n: int, seed: int) -> Tensor:
-        """Draw (n, d) standardised weights, the same for the same seed, leaving the global generator as it was."""
-        with seeded(seed, self.device):
-            return self.draw(n)
+    def make(self, dimension: int) -> D:
+        """The density for ``dimension`` weights, before training."""
 
     @property
-    def representation(self) -> Representation:
-        """Bases, scaler, bounds and split.
+    def density(self) -> D:
+        """What is trained.
 
         Raises:
             ConfigError: Before the model has seen a DataModule or a checkpoint.
         """
-        if self._representation is None:
+        if self._density is None:
             raise ConfigError(
-                "a latent model without a representation",
+                "a latent model without a density",
                 expected="a model that was fitted or loaded from a checkpoint",
-                mend="fit it, or load it with descentflow.models.checkpoint.load_model",
+                mend="fit it, or load what it wrote with descentflow.densities.checkpoint.load_model",
             )
-        return self._representation
+        return self._density
+
+    @property
+    def representation(self) -> Representation:
+        """Bases, scaler, bounds and split."""
+        return self.density.representation
+
+    def log_prob(self, weights: Tensor) -> Tensor:
+        """Log density (n,) of standardised weights (n, d), in nats."""
+        return self.density.log_prob(weights)
+
+    def sample(self, n: int, seed: int) -> Tensor:
+        """Draw (n, d) standardised weights, the same for the same seed."""
+        return self.density.sample(n, seed)
 
     def attach(self, representation: Representation) -> None:
-        """Take the representation and build the density for its number of weights."""
-        first = self._representation is None
-        self._representation = representation.to(self.device)
-        if first:
-            self.build(representation.decoder.dimension)
+        """Take the representation, and make the density for its number of weights if there is none yet."""
+        if self._density is None:
+            self._density = self.make(representation.decoder.dimension).to(self.device)
+        self._density.attach(representation)
 
     def setup(self, stage: str) -> None:
         """Take the representation of the DataModule (Lightning calls this)."""
-        if self._representation is None:
+        if self._density is None:
             self.attach(self.trainer.datamodule.representation)  # type: ignore[attr-defined]
 
     def nll(self, batch: tuple[Tensor, ...]) -> Tensor:
@@ -118,24 +101,21 @@ class LatentModel(LightningModule, ABC):
         checkpoint[SECTION] = {
             "format": FORMAT,
             "version": __version__,
-            "model": type(self).__name__,
+            "model": type(self.density).__name__,
+            "settings": self.density.settings(),
             "representation": self.representation.to_state(),
         }
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Restore the representation, and refuse a checkpoint of other flights when a fit is resumed."""
-        saved = Representation.from_state(checkpoint[SECTION]["representation"])
-        if self._representation is not None and self._representation.split != saved.split:
+        """Restore the density's shape and representation; refuse a checkpoint of other flights when a fit resumes."""
+        saved: D = density_of(checkpoint[SECTION])  # type: ignore[assignment]
+        if self._density is not None and self.representation.split != saved.representation.split:
             raise CheckpointError(
                 "a checkpoint that was trained on other flights than those of data.descents",
                 expected="the same prepared descents, filters and seed as in the run that is resumed",
                 mend="use that run's own config.yaml and data, or start a new fit",
             )
-        self.attach(saved)
-        self.shape_from_checkpoint(checkpoint)
-
-    def shape_from_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Give parameters whose shape was chosen during training the shape of the saved ones; nothing by default."""
+        self._density = saved.to(self.device)
 
 
 def _primitive(value: Any) -> Any:
@@ -144,12 +124,3 @@ def _primitive(value: Any) -> Any:
         if isinstance(value, kind):
             return kind(value)
     return value
-
-
-@contextmanager
-def seeded(seed: int, device: torch.device) -> Iterator[None]:
-    """Seed torch's global generators inside the block and restore them after it."""
-    cuda = [device] if device.type == "cuda" else []
-    with torch.random.fork_rng(devices=cuda):
-        torch.manual_seed(seed)
-        yield

@@ -1,13 +1,14 @@
 """One Gaussian over the weights (paper, section 2.3 and appendix C)."""
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from descentflow.densities.gaussian import GaussianDensity
 from descentflow.models.base import LatentModel
 from descentflow.models.optimizers import ClosedForm
 
 
-class Gaussian(LatentModel):
+class Gaussian(LatentModel[GaussianDensity]):
     """The maximum-likelihood Gaussian: mean and full covariance, gathered over one epoch.
 
     ``log p(w) = log N(w; loc, scale_tril scale_tril')``
@@ -27,32 +28,19 @@ class Gaussian(LatentModel):
         self.automatic_optimization = False
         self.jitter = jitter
 
-    def build(self, dimension: int) -> None:
+    def make(self, dimension: int) -> GaussianDensity:
         """A standard normal of the dimension."""
-        self.loc = nn.Parameter(torch.zeros(dimension, dtype=torch.float64))
-        self.scale_tril = nn.Parameter(torch.eye(dimension, dtype=torch.float64))
-
-    @property
-    def distribution(self) -> torch.distributions.MultivariateNormal:
-        """The density as a torch distribution."""
-        return torch.distributions.MultivariateNormal(self.loc, scale_tril=self.scale_tril, validate_args=False)
-
-    def log_prob(self, weights: Tensor) -> Tensor:
-        """Log density (n,) of standardised weights (n, d)."""
-        log_prob: Tensor = self.distribution.log_prob(weights.to(self.loc.dtype))  # type: ignore[no-untyped-call]
-        return log_prob
-
-    def draw(self, n: int) -> Tensor:
-        """Draw (n, d)."""
-        return self.distribution.sample((n,))
+        return GaussianDensity(dimension)
 
     def on_train_epoch_start(self) -> None:
         """Forget the moments of the last epoch."""
-        self._count, self._sum, self._outer = 0, torch.zeros_like(self.loc), torch.zeros_like(self.scale_tril)
+        density = self.density
+        self._count, self._sum = 0, torch.zeros_like(density.loc)
+        self._outer = torch.zeros_like(density.scale_tril)
 
     def training_step(self, batch: tuple[Tensor, ...], batch_index: int) -> None:
         """Gather count, sum and second moments of a batch; set the parameters after the epoch's last one."""
-        weights = batch[0].to(self.loc.dtype)
+        weights = batch[0].to(self.density.loc.dtype)
         self._count += len(weights)
         self._sum += weights.sum(0)
         self._outer += weights.T @ weights
@@ -67,8 +55,8 @@ class Gaussian(LatentModel):
         mean = self._sum / self._count
         covariance = self._outer / self._count - torch.outer(mean, mean)
         covariance.diagonal().add_(self.jitter)
-        self.loc.copy_(mean)
-        self.scale_tril.copy_(torch.linalg.cholesky(covariance))
+        self.density.loc.copy_(mean)
+        self.density.scale_tril.copy_(torch.linalg.cholesky(covariance))
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """An optimizer whose step is the closed form."""

@@ -12,7 +12,7 @@ import yaml
 from scipy.io import netcdf_file
 
 from descentflow.cli import main
-from descentflow.models.checkpoint import load_model, read_checkpoint
+from descentflow.densities.checkpoint import load_model, read_checkpoint
 from descentflow.performance.registry import aircraft
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -46,7 +46,7 @@ def test_each_shipped_model_fits_and_its_checkpoint_samples(
 ) -> None:
     folder = fit(tmp_path, descents, model, f"--trainer.max_epochs={epochs}")
     checkpoint = folder / "checkpoints" / "best.ckpt"
-    assert type(load_model(checkpoint)).__name__ == kind
+    assert type(load_model(checkpoint)).__name__ == f"{kind}Density"
     assert main(["sample", str(checkpoint), "-n", "20", "--out", str(tmp_path / "s.parquet")]) == 0
     assert pl.read_parquet(tmp_path / "s.parquet")["sample_id"].n_unique() == 20
 
@@ -175,7 +175,7 @@ def test_a_killed_fit_resumes_from_its_last_checkpoint(tmp_path: Path, descents:
     assert after["epoch"] == 5
     assert after["global_step"] == 2 * before["global_step"]
     assert after["lr_schedulers"][0]["last_epoch"] == 6
-    name = "program.locs_unconstrained"
+    name = "_density.program.locs_unconstrained"
     assert after["state_dict"][name].shape == before["state_dict"][name].shape, "BIC is not asked again"
 
 

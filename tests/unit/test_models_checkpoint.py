@@ -9,9 +9,10 @@ import torch
 import toys
 from lightning.pytorch import Trainer
 
+from descentflow.densities import GaussianDensity
+from descentflow.densities.checkpoint import load_model, load_representation, read_checkpoint
 from descentflow.errors import CheckpointError, ConfigError
 from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
-from descentflow.models.checkpoint import load_model, load_representation, read_checkpoint
 from descentflow.sampling.rejection import sample_descents
 
 DIMENSION = 4
@@ -46,7 +47,7 @@ def saved(name: str, folder: Path) -> tuple[LatentModel, Path]:
 def test_a_checkpoint_alone_samples_as_its_model_did(name: str, tmp_path: Path) -> None:
     model, path = saved(name, tmp_path)
     loaded = load_model(path)
-    assert type(loaded) is type(model)
+    assert type(loaded) is type(model.density)
     assert torch.equal(loaded.sample(50, seed=1), model.sample(50, seed=1))
     with torch.no_grad():
         torch.testing.assert_close(loaded.log_prob(weights(10)), model.log_prob(weights(10)))
@@ -108,7 +109,7 @@ def broken(kind: str, folder: Path) -> Path:
         "format": lambda c: c["descentflow"].update(format=99),
         "model": lambda c: c["descentflow"].update(model="Diffusion"),
         "incomplete": lambda c: c["descentflow"]["representation"].pop("decoder"),
-        "parameters": lambda c: c["state_dict"].pop("loc"),
+        "parameters": lambda c: c["state_dict"].pop("_density.loc"),
         "aircraft": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].pop("ct1"),
     }
     changes[kind](content)
@@ -141,6 +142,8 @@ def test_no_file(tmp_path: Path) -> None:
         load_model(tmp_path / "absent.ckpt")
 
 
-def test_a_model_without_a_representation_says_so() -> None:
-    with pytest.raises(ConfigError, match="without a representation"):
+def test_a_model_without_a_density_and_a_density_without_a_representation_say_so() -> None:
+    with pytest.raises(ConfigError, match="without a density"):
         _ = Gaussian().representation
+    with pytest.raises(ConfigError, match="without a representation"):
+        _ = GaussianDensity(3).representation

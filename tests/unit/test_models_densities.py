@@ -11,8 +11,7 @@ from sklearn.mixture import GaussianMixture as SklearnMixture
 from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
-from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
-from descentflow.models.em import (
+from descentflow.densities.em import (
     expectation,
     fit_mixture,
     maximisation,
@@ -21,6 +20,7 @@ from descentflow.models.em import (
     quadratic_features,
     start,
 )
+from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 
 DIMENSION = 5
 
@@ -63,7 +63,7 @@ def test_gaussian_recovers_a_gaussian() -> None:
 def test_gaussian_is_the_sample_covariance_whatever_the_batches() -> None:
     train = normal(700, DIMENSION) @ normal(DIMENSION, DIMENSION, seed=1)
     model = toys.fit(Gaussian(), toys.WeightsModule(train, train, batch_size=64), 1)
-    covariance = model.scale_tril @ model.scale_tril.T
+    covariance = model.density.scale_tril @ model.density.scale_tril.T
     expected = torch.cov(train.T, correction=0) + 1e-6 * torch.eye(DIMENSION, dtype=torch.float64)
     torch.testing.assert_close(covariance, expected, rtol=1e-9, atol=1e-9)
 
@@ -74,7 +74,7 @@ def test_mixture_recovers_a_mixture(training: str) -> None:
     module = data(truth)
     module.batch_size = 50
     model = toys.fit(GaussianMixture(training=training), module, 60)
-    assert len(model.mixture.probs) == 3, "BIC finds the planted number of clusters"
+    assert len(model.density.mixture.probs) == 3, "BIC finds the planted number of clusters"
     held_out = module.parts["validation"]
     assert toys.mean_nll(model.log_prob, held_out) == pytest.approx(toys.mean_nll(truth.log_prob, held_out), abs=0.05)
 
@@ -103,9 +103,9 @@ def test_pyro_log_density_equals_torch_mixture() -> None:
     model.attach(toys.representation_of(DIMENSION))
     truth = mixture_truth()
     component = truth.component_distribution
-    model.program.probs = truth.mixture_distribution.probs
-    model.program.locs = component.loc
-    model.program.scale_trils = component.scale_tril
+    model.density.program.probs = truth.mixture_distribution.probs
+    model.density.program.locs = component.loc
+    model.density.program.scale_trils = component.scale_tril
     weights = normal(50, DIMENSION)
     torch.testing.assert_close(model.log_prob(weights), truth.log_prob(weights), rtol=1e-9, atol=1e-9)
 
@@ -114,10 +114,10 @@ def test_two_mixtures_do_not_share_parameters() -> None:
     first, second = GaussianMixture(2), GaussianMixture(2)
     for model in (first, second):
         model.attach(toys.representation_of(DIMENSION))
-    first.program.locs = torch.ones(2, DIMENSION, dtype=torch.float64)
+    first.density.program.locs = torch.ones(2, DIMENSION, dtype=torch.float64)
     first.sample(3, seed=0)
     second.sample(3, seed=0)
-    assert float(second.program.locs.detach().abs().max()) == 0
+    assert float(second.density.program.locs.detach().abs().max()) == 0
 
 
 def test_em_step_equals_scikit_learns_formulae() -> None:
@@ -215,10 +215,10 @@ def test_marginal_goodness_of_fit(name: str) -> None:
     samples = model.sample(5000, seed=8)[:, 1].numpy()
     if name == "gaussian":
         probs = torch.ones(1, dtype=torch.float64)
-        locs = model.loc[None]
-        scales = model.scale_tril[None]
+        locs = model.density.loc[None]
+        scales = model.density.scale_tril[None]
     else:
-        probs, locs, scales = model.mixture.probs, model.mixture.locs, model.mixture.scale_trils
+        probs, locs, scales = model.density.mixture.probs, model.density.mixture.locs, model.density.mixture.scale_trils
     deviation = (scales @ scales.mT)[:, 1, 1].sqrt()
 
     def cdf(x: np.ndarray) -> np.ndarray:
@@ -232,7 +232,7 @@ def test_flow_log_determinant_is_the_jacobians() -> None:
     """normflows' log-determinant against autograd, flow by flow in float64."""
     model = trained("flow").double()
     weights = banana(4, 7)
-    for flow in model.flow.flows:
+    for flow in model.density.flow.flows:
         for row in weights:
             _, log_det = flow.inverse(row[None])
             jacobian = torch.autograd.functional.jacobian(lambda x, f=flow: f.inverse(x[None])[0][0], row)
@@ -243,5 +243,5 @@ def test_flow_inverts_itself() -> None:
     model = trained("flow").double()
     weights = banana(64, 7)
     with torch.no_grad():
-        back = model.flow.forward(model.flow.inverse(weights))
+        back = model.density.flow.forward(model.density.flow.inverse(weights))
     torch.testing.assert_close(back, weights, rtol=1e-8, atol=1e-8)

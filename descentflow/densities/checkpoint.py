@@ -8,12 +8,18 @@ from zipfile import BadZipFile
 
 import torch
 
-from descentflow import models
+from descentflow import densities
 from descentflow.data.representation import Representation
+from descentflow.densities import MODULES
+from descentflow.densities.base import Density
 from descentflow.errors import CheckpointError
-from descentflow.models import MODULES
-from descentflow.models.base import FORMAT, SECTION, LatentModel
 
+SECTION = "descentflow"
+"""Key of a checkpoint under which everything stands that Lightning does not save itself."""
+FORMAT = 2
+"""Version of that section."""
+PREFIX = "_density."
+"""What the names of the density's parameters begin with in a checkpoint."""
 MEND = "pass a .ckpt file that `descentflow fit` wrote, for instance runs/.../checkpoints/best.ckpt"
 
 
@@ -71,14 +77,14 @@ def _incomplete(path: str | Path, error: Exception) -> CheckpointError:
     )
 
 
-def load_model(path: str | Path) -> LatentModel:
-    """Load a latent model with its representation, ready to sample.
+def load_model(path: str | Path) -> Density:
+    """Load a latent density with its representation, ready to sample; no trainer is imported.
 
     Args:
         path: Checkpoint that ``descentflow fit`` wrote.
 
     Returns:
-        The model in evaluation mode on the CPU.
+        The density in evaluation mode on the CPU.
 
     Raises:
         CheckpointError: If the file cannot be used; the message says why.
@@ -89,20 +95,32 @@ def load_model(path: str | Path) -> LatentModel:
         torch.Size([10, 12])
     """
     content = read_checkpoint(path)
-    name = content[SECTION]["model"]
-    if name not in LatentModel.models and name not in MODULES:
-        raise CheckpointError(
-            f"{path}: model {name!r}",
-            expected=f"one of {', '.join(sorted({*LatentModel.models, *MODULES}))}",
-            mend="import the module that defines this model before loading",
-        )
-    kind = LatentModel.models[name] if name in LatentModel.models else getattr(models, name)
     try:
-        # LightningCLI adds notes of its own, which begin with an underscore.
-        settings = {k: v for k, v in content.get("hyper_parameters", {}).items() if not k.startswith("_")}
-        model = kind(**settings)
-        model.on_load_checkpoint(content)
-        model.load_state_dict(content["state_dict"])
+        density = density_of(content[SECTION])
+        saved = {k.removeprefix(PREFIX): v for k, v in content["state_dict"].items() if k.startswith(PREFIX)}
+        density.load_state_dict(saved)
+    except CheckpointError as error:
+        raise CheckpointError(f"{path}: {error.got}", expected=error.expected, mend=error.mend) from error
     except (KeyError, TypeError, RuntimeError) as error:
         raise _incomplete(path, error) from error
-    return model.eval()
+    return density.eval()
+
+
+def density_of(section: dict[str, Any]) -> Density:
+    """The density that a checkpoint's section describes, its parameters not yet those of the checkpoint.
+
+    Raises:
+        CheckpointError: If no such density is known.
+    """
+    name = section["model"]
+    if name not in Density.kinds and name not in MODULES:
+        raise CheckpointError(
+            f"density {name!r}",
+            expected=f"one of {', '.join(sorted({*Density.kinds, *MODULES} - {'Density'}))}",
+            mend="import the module that defines this density before loading",
+        )
+    kind = Density.kinds[name] if name in Density.kinds else getattr(densities, name)
+    representation = Representation.from_state(section["representation"])
+    density: Density = kind(representation.decoder.dimension, **section["settings"])
+    density.attach(representation)
+    return density

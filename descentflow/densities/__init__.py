@@ -1,0 +1,30 @@
+"""Latent densities over the weights: log density, sampling and checkpoints. No trainer is imported here.
+
+Each is imported when it is first asked for: a checkpoint of one need not pay for the libraries of the others.
+:mod:`descentflow.models` trains them.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from descentflow.densities.base import Density
+    from descentflow.densities.flow import MaskedAffineFlowDensity
+    from descentflow.densities.gaussian import GaussianDensity
+    from descentflow.densities.gmm import GaussianMixtureDensity
+
+__all__ = ["Density", "GaussianDensity", "GaussianMixtureDensity", "MaskedAffineFlowDensity"]
+
+MODULES = {
+    "Density": "base",
+    "GaussianDensity": "gaussian",
+    "GaussianMixtureDensity": "gmm",
+    "MaskedAffineFlowDensity": "flow",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a density on first use (PEP 562)."""
+    if name not in MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{MODULES[name]}"), name)

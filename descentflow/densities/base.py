@@ -1,0 +1,94 @@
+"""The base of every latent density: what it offers to sampling, scoring and checkpoints."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor, nn
+
+from descentflow.data.representation import Representation
+from descentflow.errors import ConfigError
+
+
+class Density(nn.Module, ABC):
+    """A density over d standardised weights (paper, section 2.3), with the representation that gives them meaning.
+
+    A subclass says its log density and how to draw from it; its constructor takes the number of weights and whatever
+    :meth:`settings` returns. It knows nothing of training.
+
+    Example:
+        >>> model = load_model("best.ckpt")
+        >>> weights = model.sample(1000, seed=0)  # (1000, d)
+        >>> model.log_prob(weights).mean()
+    """
+
+    kinds: ClassVar[dict[str, type["Density"]]] = {}
+    """Every known density by the name that checkpoints carry."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Make the subclass known to checkpoints by its name."""
+        super().__init_subclass__(**kwargs)
+        Density.kinds[cls.__name__] = cls
+
+    def __init__(self, dimension: int) -> None:
+        """Start without a representation.
+
+        Args:
+            dimension: Number of weights d.
+        """
+        super().__init__()
+        self.dimension = dimension
+        self._representation: Representation | None = None
+
+    @abstractmethod
+    def log_prob(self, weights: Tensor) -> Tensor:
+        """Log density (n,) of standardised weights (n, d), in nats."""
+
+    @abstractmethod
+    def draw(self, n: int) -> Tensor:
+        """Draw (n, d) standardised weights with torch's global generator; call :meth:`sample` instead."""
+
+    def settings(self) -> dict[str, Any]:
+        """Primitives that the constructor needs besides the dimension to make parameters of the same shapes."""
+        return {}
+
+    @torch.no_grad()
+    def sample(self, n: int, seed: int) -> Tensor:
+        """Draw (n, d) standardised weights, the same for the same seed, leaving the global generator as it was."""
+        with seeded(seed, self.device):
+            return self.draw(n)
+
+    @property
+    def device(self) -> torch.device:
+        """Where the parameters are."""
+        return next(self.parameters()).device
+
+    @property
+    def representation(self) -> Representation:
+        """Bases, scaler, bounds and split.
+
+        Raises:
+            ConfigError: If none was given.
+        """
+        if self._representation is None:
+            raise ConfigError(
+                "a density without a representation",
+                expected="one that was fitted or loaded from a checkpoint",
+                mend="fit it, or load it with descentflow.densities.checkpoint.load_model",
+            )
+        return self._representation
+
+    def attach(self, representation: Representation) -> None:
+        """Take the representation that gives the weights their meaning."""
+        self._representation = representation.to(self.device)
+
+
+@contextmanager
+def seeded(seed: int, device: torch.device) -> Iterator[None]:
+    """Seed torch's global generators inside the block and restore them after it."""
+    cuda = [device] if device.type == "cuda" else []
+    with torch.random.fork_rng(devices=cuda):
+        torch.manual_seed(seed)
+        yield

@@ -16,6 +16,7 @@ COMMANDS = {
     "test": "scores of a checkpoint against held-out flights, with figures",
     "predict": "log-likelihood of each held-out flight (the smaller, the less usual the descent)",
     "sample": "draw plausible descents from a checkpoint",
+    "predict-descent": "the rest of a descent from its first part: time to each level, occupancy of levels",
     "evaluate": "scores of a checkpoint against the descents of any prepared file",
 }
 TRAINER = ("fit", "validate", "test", "predict")
@@ -26,7 +27,7 @@ OVERVIEW = f"""usage: descentflow COMMAND [options]
 Learn realistic aircraft descents from surveillance data, sample them, and compare them with reality.
 
 commands, in the order of the data's path:
-{chr(10).join(f"  {name:<10}{purpose}" for name, purpose in COMMANDS.items())}
+{chr(10).join(f"  {name:<16}{purpose}" for name, purpose in COMMANDS.items())}
 
 `descentflow COMMAND --help` explains one command. A first run without data of your own:
   descentflow simulate --typecode A320 --flights 2000 --out rows.parquet
@@ -71,7 +72,7 @@ def _run(name: str, rest: list[str]) -> int:
             return 0
         import_module("descentflow.training").run(name, rest)
         return 0
-    module = import_module(f"descentflow.commands.{name}")
+    module = import_module(f"descentflow.commands.{name.replace('-', '_')}")
     parser = argparse.ArgumentParser(prog=f"descentflow {name}")
     module.add_arguments(parser)
     module.run(parser.parse_args(rest))

@@ -16,6 +16,7 @@ from descentflow.data.datamodule import DescentDataModule
 from descentflow.densities.checkpoint import SECTION, read_checkpoint
 from descentflow.errors import CheckpointError, ConfigError
 from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
+from descentflow.threads import one_thread_unless_told
 
 MODELS = (Gaussian, GaussianMixture, MaskedAffineFlow)
 """Imported so that `--model NAME` finds them by their short names."""
@@ -72,9 +73,7 @@ def run(command: str, rest: Sequence[str]) -> None:
         if command != "fit":
             words = _with_run_settings(command, words)
     _quiet()
-    if "OMP_NUM_THREADS" not in os.environ:
-        # A batch of a few hundred flights is too small to share: on two busy cores a step took nine times longer.
-        torch.set_num_threads(1)
+    one_thread_unless_told()
     # The best checkpoint's own `save_last` writes only in epochs that are the best so far; a killed run resumes here.
     every_epoch = ModelCheckpoint(filename="last", save_top_k=1, enable_version_counter=False)
     DescentCLI(

@@ -72,14 +72,13 @@ def representation_of(dimension: int) -> Representation:
     """A representation of exactly ``dimension`` weights, for densities that are tested on their own."""
     levels = torch.arange(150, 371, dtype=torch.float64)
     modes = torch.linalg.qr(torch.eye(len(levels), dtype=torch.float64)[:, :dimension]).Q.T / FL_M**0.5
-    empty, zero = torch.zeros(len(levels), 0), torch.zeros(())
+    empty, zero, ones = torch.zeros(len(levels), 0), torch.zeros(()), torch.ones(dimension)
 
     def basis(mean: float, components: Tensor) -> FunctionalBasis:
         share = torch.full((len(components),), 1 / len(components))
-        return FunctionalBasis(torch.full((len(levels),), mean), components, empty, zero, share, FL_M)
+        return FunctionalBasis(torch.full((len(levels),), mean), components, empty, zero, ones[0], share, FL_M)
 
     drag, cas = basis(40_000.0, modes[:-1]), basis(140.0, modes[-1:])
-    ones = torch.ones(dimension)
     decoder = DescentDecoder(AIRCRAFT, levels, drag, cas, 0 * ones, ones)
     bound = torch.full((len(levels),), 1e9, dtype=torch.float64)
     plausibility = Plausibility(

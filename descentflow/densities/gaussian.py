@@ -4,6 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.densities.base import Density
+from descentflow.densities.em import Mixture
 
 
 class GaussianDensity(Density):
@@ -19,6 +20,11 @@ class GaussianDensity(Density):
     def distribution(self) -> torch.distributions.MultivariateNormal:
         """The density as a torch distribution."""
         return torch.distributions.MultivariateNormal(self.loc, scale_tril=self.scale_tril, validate_args=False)
+
+    @property
+    def mixture(self) -> Mixture:
+        """The density as a mixture of one."""
+        return Mixture(torch.ones(1, dtype=self.loc.dtype), self.loc[None], self.scale_tril[None])
 
     def log_prob(self, weights: Tensor) -> Tensor:
         """Log density (n,) of standardised weights (n, d)."""

@@ -17,7 +17,8 @@ class FunctionalBasis(nn.Module):
     times the square root of a metre.
 
     Shapes: mean (L,), components (k, L), loadings (L, q) and noise variance () of the probabilistic PCA that
-    completes gappy profiles; q = 0 selects the paper's mode-by-mode weights instead.
+    completes gappy profiles; q = 0 selects the paper's mode-by-mode weights instead. The noise stays alike over
+    ``noise_length`` () levels.
 
     Example:
         >>> basis = GappyFPCA(explained_variance=0.8).fit(drag_n, mask, spacing_m=30.48).basis_
@@ -30,6 +31,7 @@ class FunctionalBasis(nn.Module):
     components: Tensor
     loadings: Tensor
     noise_variance: Tensor
+    noise_length: Tensor
     explained_variance: Tensor
 
     def __init__(
@@ -38,6 +40,7 @@ class FunctionalBasis(nn.Module):
         components: Tensor,
         loadings: Tensor,
         noise_variance: Tensor,
+        noise_length: Tensor,
         explained_variance: Tensor,
         spacing_m: float,
     ) -> None:
@@ -49,6 +52,7 @@ class FunctionalBasis(nn.Module):
             ("components", components),
             ("loadings", loadings),
             ("noise_variance", noise_variance),
+            ("noise_length", noise_length),
             ("explained_variance", explained_variance),
         ):
             self.register_buffer(name, value.to(torch.float64), persistent=False)

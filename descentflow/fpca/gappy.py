@@ -106,6 +106,7 @@ class GappyFPCA:
         self._keep(
             mean, eigenvectors[:, :k], share.diff(prepend=share.new_zeros(1))[:k], spacing_m,
             loadings=fitted.loadings * scale, noise=fitted.noise_variance * scale**2,
+            noise_length=ppca.noise_length(centred, mask, fitted.loadings, fitted.noise_variance),
         )  # fmt: skip
         return self
 
@@ -122,18 +123,26 @@ class GappyFPCA:
         self.n_iterations_, self.converged_ = fitted.n_iterations, fitted.converged
         self._keep(
             fitted.mean, fitted.eigenvectors[:, :k], share.diff(prepend=share.new_zeros(1))[:k], spacing_m,
-            loadings=values.new_zeros(values.shape[1], 0), noise=values.new_zeros(()),
+            loadings=values.new_zeros(values.shape[1], 0), noise=values.new_zeros(()), noise_length=values.new_ones(()),
         )  # fmt: skip
         return self
 
     def _keep(
-        self, mean: Tensor, modes: Tensor, ratio: Tensor, spacing_m: float, *, loadings: Tensor, noise: Tensor
+        self,
+        mean: Tensor,
+        modes: Tensor,
+        ratio: Tensor,
+        spacing_m: float,
+        *,
+        loadings: Tensor,
+        noise: Tensor,
+        noise_length: Tensor,
     ) -> None:
         # The sign of an eigenvector is arbitrary; the largest entry positive makes fits comparable.
         largest = modes.abs().argmax(0)
         sign = modes.gather(0, largest[None]).sign()[0]
         components = (modes * sign).T / spacing_m**0.5
-        self.basis_ = FunctionalBasis(mean, components, loadings, noise, ratio, spacing_m)
+        self.basis_ = FunctionalBasis(mean, components, loadings, noise, noise_length, ratio, spacing_m)
         self.explained_variance_ratio_ = ratio
         self.n_components_ = modes.shape[1]
 

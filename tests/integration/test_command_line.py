@@ -241,3 +241,16 @@ def test_a_licence_holders_directory_serves_the_whole_path(tmp_path: Path) -> No
     checkpoint = next(run.rglob("best.ckpt"))
     assert load_model(checkpoint).representation.decoder.aircraft == aircraft("J2H", release)
     assert main(["sample", str(checkpoint), "-n", "5", "--out", str(tmp_path / "samples.parquet")]) == 0
+
+
+def test_predict_descent_writes_intervals_and_occupancy(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
+    words = ["predict-descent", str(run / "checkpoints" / "best.ckpt"), str(descents), "--from-fl", "290", "-n", "40"]
+    assert main([*words, "--out", str(tmp_path / "p.parquet"), "--occupancy", str(tmp_path / "o.parquet")]) == 0
+    said = capsys.readouterr().out
+    assert "calibrated on the checkpoint's validation flights" in said
+    assert "90 % intervals hold" in said
+    table = pl.read_parquet(tmp_path / "p.parquet")
+    assert (table["q05_s"] <= table["q95_s"]).all()
+    assert set(pl.read_parquet(tmp_path / "o.parquet")["flight_id"]) == set(table["flight_id"])
+    assert main([*words, "--flight", "nobody", "--out", str(tmp_path / "p.parquet")]) == 2
+    assert "was not trained or validated on" in capsys.readouterr().err

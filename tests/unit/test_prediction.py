@@ -1,0 +1,191 @@
+"""The rest of a descent from its first part: posteriors against closed forms, occupancy, and coverage."""
+
+import polars as pl
+import pytest
+import torch
+import toys
+from torch import Tensor
+from torch.distributions import MultivariateNormal
+
+from descentflow.decoder.trajectories import Trajectories
+from descentflow.densities.base import Density
+from descentflow.densities.em import Mixture
+from descentflow.densities.gaussian import GaussianDensity
+from descentflow.errors import ConfigError, DataError, SamplingError
+from descentflow.prediction.curves import LinearCurves, linear_curves
+from descentflow.prediction.posterior import Prior, log_density, posterior_of, prior_of
+from descentflow.prediction.predict import DescentPredictor
+from descentflow.prediction.summary import actual_times, coverage, level_occupancy, occupancy_table, time_intervals
+
+
+def normal(*shape: int, seed: int = 0) -> Tensor:
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+def linear(n_weights: int = 3, n_residual: int = 2, n_levels: int = 6) -> LinearCurves:
+    noise = 0.2 + 0.1 * torch.arange(2 * n_levels, dtype=torch.float64)
+    return LinearCurves(normal(2 * n_levels), normal(2 * n_levels, n_weights + n_residual, seed=1), noise, n_weights)
+
+
+def two_clusters() -> Mixture:
+    factors = torch.stack([torch.eye(3, dtype=torch.float64), 0.5 * torch.eye(3, dtype=torch.float64)])
+    factors[0, 1, 0] = 0.4
+    return Mixture(torch.tensor([0.3, 0.7], dtype=torch.float64), torch.stack([normal(3), -normal(3)]), factors)
+
+
+def test_each_cluster_and_its_probability_are_those_of_the_joint_gaussian() -> None:
+    """Condition the joint of (u, observed) by blocks, cluster by cluster: another route to the same posterior."""
+    curves, mixture = linear(), two_clusters()
+    mask = torch.tensor([True, False, True, True, False, False])
+    seen = torch.cat([mask, mask])
+    drag, cas = normal(6, seed=2), normal(6, seed=3)
+    found = posterior_of(Prior(mixture, None), *curves.evidence(drag, cas, mask))
+    rows, observed = curves.loadings[seen], torch.cat([drag, cas])[seen]
+    log_probs = []
+    for k in range(2):
+        mean = torch.cat([mixture.locs[k], torch.zeros(2, dtype=torch.float64)])
+        covariance = torch.block_diag(mixture.scale_trils[k] @ mixture.scale_trils[k].T, torch.eye(2).double())
+        marginal = rows @ covariance @ rows.T + torch.diag(curves.noise_variance[seen])
+        gain = covariance @ rows.T @ torch.linalg.inv(marginal)
+        expected = mean + gain @ (observed - curves.offset[seen] - rows @ mean)
+        torch.testing.assert_close(found.means[k], expected, rtol=1e-9, atol=1e-9)
+        precision = found.precision_trils[k] @ found.precision_trils[k].T
+        torch.testing.assert_close(torch.linalg.inv(precision), covariance - gain @ rows @ covariance)
+        whole = MultivariateNormal(curves.offset[seen] + rows @ mean, marginal)
+        log_probs.append(mixture.probs[k].log() + whole.log_prob(observed))
+    torch.testing.assert_close(found.log_probs, torch.stack(log_probs).log_softmax(0))
+
+
+def test_draws_have_the_posteriors_moments() -> None:
+    curves, mixture = linear(), two_clusters()
+    mask = torch.ones(6, dtype=torch.bool)
+    found = posterior_of(Prior(mixture, None), *curves.evidence(normal(6, seed=2), normal(6, seed=3), mask))
+    drawn, effective = found.draw(40_000, torch.Generator().manual_seed(0))
+    probs = found.log_probs.exp()
+    mean = probs @ found.means
+    spread = found.precision_trils.cholesky_inverse() + (found.means - mean)[:, :, None] * (found.means - mean)[:, None]
+    covariance = (probs[:, None, None] * spread).sum(0)
+    assert effective == 40_000
+    # Five standard errors of 15 independent-looking numbers: fails once in 100,000.
+    error = 5 * covariance.diagonal().sqrt() / 200
+    assert bool(((drawn.mean(0) - mean).abs() < error).all())
+    torch.testing.assert_close(torch.cov(drawn.T), covariance, rtol=0.05, atol=0.05 * float(covariance.abs().max()))
+
+
+class Opaque(Density):
+    """A Gaussian that does not say so."""
+
+    def __init__(self, dimension: int) -> None:
+        super().__init__(dimension)
+        self.hidden = GaussianDensity(dimension)
+
+    def log_prob(self, weights: Tensor) -> Tensor:
+        return self.hidden.log_prob(weights)
+
+    def draw(self, n: int) -> Tensor:
+        return self.hidden.draw(n)
+
+
+def test_importance_resampling_meets_the_closed_form() -> None:
+    opaque, curves = Opaque(3), linear()
+    evidence = curves.evidence(normal(6, seed=2), normal(6, seed=3), torch.ones(6, dtype=torch.bool))
+    exact = posterior_of(prior_of(opaque.hidden), *evidence)
+    weighted = posterior_of(prior_of(opaque), *evidence)
+    assert weighted.prior.exact is opaque
+    drawn, effective = weighted.draw(4000, torch.Generator().manual_seed(0))
+    assert effective > 4000
+    deviation = exact.precision_trils[0].cholesky_inverse().diagonal().sqrt()
+    # Resampled draws repeat: eight standard errors of 4,000.
+    assert bool(((drawn.mean(0) - exact.means[0]).abs() < 8 * deviation / 4000**0.5).all())
+
+
+def test_a_density_that_excludes_the_flight_says_so() -> None:
+    opaque, curves = Opaque(3), linear()
+    far = curves.evidence(1e3 + normal(6), 1e3 + normal(6), torch.ones(6, dtype=torch.bool))
+    posterior = posterior_of(prior_of(opaque), *far)
+    with pytest.raises(SamplingError, match="effective"):
+        posterior.draw(100, torch.Generator().manual_seed(0))
+
+
+def test_log_density_of_a_mixture_is_torchs() -> None:
+    mixture = two_clusters()
+    truth = torch.distributions.MixtureSameFamily(
+        torch.distributions.Categorical(mixture.probs), MultivariateNormal(mixture.locs, scale_tril=mixture.scale_trils)
+    )
+    weights = normal(20, 3)
+    torch.testing.assert_close(log_density(mixture, weights), truth.log_prob(weights))
+
+
+def test_linear_curves_are_the_decoders() -> None:
+    decoder = toys.representation(200).decoder
+    curves, weights = linear_curves(decoder), normal(4, decoder.dimension)
+    u = torch.cat([weights, torch.zeros(4, curves.n_residual, dtype=torch.float64)], 1)
+    for found, expected in zip(curves.profiles(u), decoder.curves(weights), strict=True):
+        torch.testing.assert_close(found, expected)
+
+
+def test_the_papers_iteration_cannot_predict() -> None:
+    with pytest.raises(ConfigError, match="ppca"):
+        linear_curves(toys.representation_of(4).decoder)
+
+
+def trained() -> GaussianDensity:
+    """The Gaussian of toy flights' weights, as training would give it."""
+    parts = toys.representation(600)
+    weights = parts.decoder.encode(toys.flights(600))
+    density = GaussianDensity(parts.decoder.dimension)
+    with torch.no_grad():
+        density.loc.copy_(weights.mean(0))
+        density.scale_tril.copy_(torch.linalg.cholesky(torch.cov(weights.T)))
+    density.attach(parts)
+    return density
+
+
+def test_intervals_cover_what_came() -> None:
+    """Held-out toy flights from FL290: of 100, the 90 % interval of the time to FL150 holds 80 or more."""
+    predictor = DescentPredictor(trained()).calibrated(toys.flights(60, seed=2), n=60)
+    real = toys.flights(150, seed=1)
+    chosen = [i for i in range(150) if int(real.entry_level[i]) > 160][:100]
+    predictions = [predictor.predict(real.subset([i]), 290, 200, seed=i) for i in chosen]
+    intervals = time_intervals(predictions)
+    covered = coverage(intervals, actual_times(predictions, real)).filter(level_fl=150)
+    assert covered["flights"].item() == len(chosen)
+    # A right interval holds fewer than 80 of 100 once in a thousand.
+    assert covered["covered"].item() >= 0.8
+    widths = intervals.select(pl.col("q95_s") - pl.col("q05_s")).to_series()
+    highest = float(real.levels_fl[real.entry_level[chosen[0]]])
+    prior = DescentPredictor(trained()).predict(real.subset([chosen[0]]), highest - 4, 200).trajectories.time_s[:, 0]
+    assert widths.mean() < 2 * float(prior.std()) * 1.645, "what was seen narrows the interval"
+
+
+def test_predictions_repeat_and_refuse_what_they_cannot_use() -> None:
+    predictor, real = DescentPredictor(trained()), toys.flights(3, seed=1, gappy=False)
+    first, again = (predictor.predict(real.subset([0]), 300, 50, seed=4) for _ in range(2))
+    assert torch.equal(first.trajectories.time_s, again.trajectories.time_s)
+    with pytest.raises(DataError, match="levels at and above FL369"):
+        predictor.predict(real.subset([0]), 369)
+    with pytest.raises(DataError, match="one flight"):
+        predictor.predict(real, 300)
+    with pytest.raises(DataError, match="at least ten"):
+        predictor.calibrated(real)
+
+
+def hand_made() -> Trajectories:
+    """Two descents on four levels: one from the top, a level every 10 s, one from the level below, every 20 s."""
+    time_s = torch.tensor([[30.0, 20.0, 10.0, 0.0], [40.0, 20.0, 0.0, -20.0]], dtype=torch.float64)
+    levels = torch.tensor([150.0, 151, 152, 153], dtype=torch.float64)
+    return Trajectories(levels, torch.tensor([3, 2]), time_s, *(torch.zeros_like(time_s) for _ in range(5)))
+
+
+def test_occupancy_of_two_descents_by_hand() -> None:
+    shares = level_occupancy(hand_made(), torch.tensor([0.0, 15.0, 25.0, 35.0, 41.0]))
+    expected = [[0, 0, 0.5, 0.5], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0.5, 0, 0], [0, 0, 0, 0]]
+    torch.testing.assert_close(shares, torch.tensor(expected, dtype=torch.float64))
+
+
+def test_occupancy_table_sums_to_the_share_still_descending() -> None:
+    predictor, real = DescentPredictor(trained()), toys.flights(1, seed=1, gappy=False)
+    table = occupancy_table([predictor.predict(real, 300, 50)], 20.0)
+    sums = table.group_by("time_s").agg(pl.col("probability").sum()).sort("time_s")["probability"]
+    assert sums[0] == pytest.approx(1.0)
+    assert sums.is_sorted(descending=True)

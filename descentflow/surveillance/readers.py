@@ -1,117 +1,100 @@
-"""Read rows from Parquet, CSV and aircraft.json files, told apart by content."""
+"""Read rows of every known kind of file, told apart by content, in blocks that fit in memory."""
 
-import gzip
-import json
-import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import polars as pl
 
 from descentflow.errors import DataError
-from descentflow.surveillance.aircraft_json import rows_of_snapshots
 from descentflow.surveillance.normalise import normalise
 from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.sources.formats import ACCEPTED, FORMATS, check_format, read
+from descentflow.surveillance.sources.streams import opened
 from descentflow.surveillance.units_check import check_units
 
-ACCEPTED = "Parquet, CSV, or aircraft.json snapshots (JSON or JSON lines, gzip too)"
+__all__ = ["FORMATS", "files_of", "read_rows", "read_table", "row_blocks"]
+
+FEWEST_IN_LATER_PARTS = 1000
+"""Rows from which units are looked at again in a later part of a file: the first may say nothing, a small one errs."""
 
 
-def read_rows(paths: Sequence[Path], report: DropReport) -> pl.DataFrame:
-    """Read files, or all files of folders, as rows of the schema.
+def row_blocks(
+    paths: Sequence[Path], report: DropReport, *, format: str | None = None, block_rows: int = 500_000
+) -> Iterator[pl.DataFrame]:
+    """Read files, or all files of folders, one after the other, as rows of the schema.
 
     Args:
         paths: Files and folders.
-        report: Takes the counts of values that could not be read.
+        report: Takes the counts of values and files that could not be read.
+        format: Name in :data:`FORMATS` of what all the files are; found for each from its content if absent.
+        block_rows: About the most rows in a block; memory is bounded by a few times this number.
 
-    Returns:
-        Rows with the columns of :data:`descentflow.surveillance.schema.COLUMNS` that any file has.
+    Yields:
+        Rows with those columns of :data:`descentflow.surveillance.schema.COLUMNS` that the block's files have.
 
     Raises:
+        ConfigError: If there is no such format.
         DataError: If a file cannot be read, is of no known kind, lacks a required column, holds one in a wrong unit,
             or if there is no row.
+
+    Example:
+        >>> sum(len(block) for block in row_blocks([embedded_rows()], DropReport()))
+        12759
     """
-    frames = [_rows_of(path, report) for path in files_of(paths)]
-    rows = pl.concat(frames, how="diagonal")
-    if rows.is_empty():
+    check_format(format)
+    empty = True
+    parts = (part for path in files_of(paths) for part in _parts(path, report, format, block_rows))
+    for block in _blocks(parts, block_rows):
+        empty = False
+        yield block
+    if empty:
         raise DataError(
             f"no row in {', '.join(str(p) for p in paths)}", expected="surveillance rows", mend="pass other files"
         )
-    return rows
 
 
-def _rows_of(path: Path, report: DropReport) -> pl.DataFrame:
-    rows = normalise(read_table(path), path, report)
-    check_units(rows, str(path))
-    return rows
+def read_rows(paths: Sequence[Path], report: DropReport, *, format: str | None = None) -> pl.DataFrame:
+    """All rows at once; arguments and errors as :func:`row_blocks`."""
+    return pl.concat(row_blocks(paths, report, format=format), how="diagonal")
 
 
 def read_table(path: Path) -> pl.DataFrame:
     """Read one file as it is, with its own column names (snapshots become one row an aircraft)."""
-    head = _head(path)
-    if not head:
-        raise DataError(f"{path} is empty", expected=ACCEPTED, mend="check how it was written or copied")
+    return pl.concat(_tables(path, DropReport(), None, 1 << 22), how="diagonal")
+
+
+def _blocks(parts: Iterator[pl.DataFrame], rows: int) -> Iterator[pl.DataFrame]:
+    """Parts joined where they are small and divided where they are large."""
+    waiting: list[pl.DataFrame] = []
+    count = 0
+    for part in parts:
+        for piece in part.iter_slices(rows):
+            if count and count + len(piece) > rows:
+                yield pl.concat(waiting, how="diagonal")
+                waiting, count = [], 0
+            waiting.append(piece)
+            count += len(piece)
+    if count:
+        yield pl.concat(waiting, how="diagonal")
+
+
+def _parts(path: Path, report: DropReport, format: str | None, rows: int) -> Iterator[pl.DataFrame]:
+    """Normalised rows of one file."""
+    for number, table in enumerate(_tables(path, report, format, rows)):
+        part = normalise(table, path, report)
+        if not number or len(part) >= FEWEST_IN_LATER_PARTS:
+            check_units(part, str(path))
+        yield part
+
+
+def _tables(path: Path, report: DropReport, format: str | None, rows: int) -> Iterator[pl.DataFrame]:
+    """Tables of one file; what readers do not foresee ends as a DataError that names it."""
     try:
-        if head.startswith(b"PAR1"):
-            return pl.read_parquet(path)
-        if head.startswith(b"\x1f\x8b"):
-            return _from_text(gzip.decompress(path.read_bytes()), path)
-        return _from_text(path.read_bytes(), path)
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise DataError(f"{path}: damaged gzip ({error})", expected="a whole file", mend="copy it again") from error
+        with opened([path], str(path)) as source:
+            yield from read(source, report, format, rows)
     except (pl.exceptions.PolarsError, OSError) as error:
         reason = str(error).splitlines()[0]
         raise DataError(f"{path}: {reason}", expected="a whole, readable file", mend="copy it again") from error
-
-
-def _from_text(content: bytes, path: Path) -> pl.DataFrame:
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DataError(
-            f"{path}: not UTF-8 at byte {error.start}", expected=ACCEPTED, mend="save text files as UTF-8"
-        ) from error
-    if not text.strip():
-        raise DataError(f"{path} holds no text", expected=ACCEPTED, mend="check how it was written")
-    if text.lstrip()[0] in "{[":
-        return rows_of_snapshots(_snapshots(text, path), path)
-    if "," not in text.splitlines()[0]:
-        raise DataError(f"{path}: a first line without commas", expected=ACCEPTED, mend="convert it to one of these")
-    try:
-        # Everything as text first: a word in a column of numbers is then counted and not a crash.
-        return pl.read_csv(text.encode(), infer_schema=False)
-    except pl.exceptions.ComputeError as error:
-        raise DataError(
-            f"{path}: {str(error).splitlines()[0]}",
-            expected="lines with no more fields than the first names",
-            mend="remove or quote the damaged line",
-        ) from error
-
-
-def _snapshots(text: str, path: Path) -> Iterator[object]:
-    """One JSON document, or one a line."""
-    try:
-        yield json.loads(text)
-        return
-    except RecursionError as error:
-        raise DataError(
-            f"{path}: JSON nested too deeply", expected="aircraft.json", mend="pass another file"
-        ) from error
-    except json.JSONDecodeError:
-        pass
-    except ValueError as error:  # a number of thousands of digits
-        raise DataError(f"{path}: {error}", expected="aircraft.json", mend="pass another file") from error
-    for number, line in enumerate(text.split("\n"), 1):
-        if not line.strip():
-            continue
-        try:
-            yield json.loads(line)
-        except (ValueError, RecursionError) as error:
-            raise DataError(
-                f"{path}, line {number}: not JSON ({error})",
-                expected="one JSON document a line",
-                mend="remove the damaged line, or copy the file again",
-            ) from error
 
 
 def files_of(paths: Sequence[Path]) -> list[Path]:
@@ -127,11 +110,3 @@ def files_of(paths: Sequence[Path]) -> list[Path]:
     if not files:
         raise DataError("no file in the folders given", expected=ACCEPTED, mend="pass files, or folders that hold some")
     return files
-
-
-def _head(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.read(4)
-    except OSError as error:
-        raise DataError(f"{path}: {error}", expected="a readable file", mend="check its permissions") from error

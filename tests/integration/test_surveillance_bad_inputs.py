@@ -125,7 +125,7 @@ BYTES: dict[str, tuple[str, bytes, str]] = {
     "blanks": ("rows.csv", b"\n \n", "holds no text"),
     "corrupt gzip": ("rows.csv.gz", b"\x1f\x8b\x08\x00" + bytes(range(90)), "damaged gzip"),
     "not UTF-8": ("rows.csv", "timestamp,icao24,altitude\n1,ä,3\n".encode("latin-1"), "not UTF-8 at byte 28"),
-    "binary": ("rows.bin", bytes(range(256)), "not UTF-8"),
+    "binary": ("rows.bin", bytes(range(256)), "neither text nor"),
     "words": ("rows.txt", b"these are no rows\nat all\n", "without commas"),
     "semicolons": ("rows.csv", b"timestamp;icao24\n1;a\n", "without commas"),
     "other JSON": ("rows.json", b'{"states": [[1, 2]]}', "JSON without aircraft and time"),

@@ -11,11 +11,11 @@ from polars.testing import assert_frame_equal
 from surveillance_toys import flight, written
 
 from descentflow.errors import DataError
-from descentflow.surveillance.aircraft_json import rows_of_snapshots
 from descentflow.surveillance.normalise import normalise
 from descentflow.surveillance.readers import files_of, read_rows, read_table
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.schema import TIMESTAMP
+from descentflow.surveillance.sources.aircraft_json import rows_of_snapshots
 
 NOON = datetime(2024, 3, 1, 12, 0, 0, 250_000, tzinfo=UTC)
 ROW = {"icao24": "4ca001", "altitude": 30_000.0, "IAS": 270.0, "Mach": 0.7}

@@ -1,11 +1,13 @@
 """The `aircraft.json` snapshots that dump1090-fa, readsb and tar1090 serve."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import polars as pl
 
 from descentflow.errors import DataError
+from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.sources.streams import Input
 
 FIELDS = {
     "icao24": "hex",
@@ -80,3 +82,18 @@ def _number(value: object) -> float | None:
         return float(value)
     except OverflowError:  # an integer of more than 308 digits
         return None
+
+
+def rows(found: Iterable[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+    """Rows of snapshots, about `block` at a time."""
+    waiting: list[object] = []
+    aircraft = 0
+    for snapshot in found:
+        waiting.append(snapshot)
+        if isinstance(snapshot, dict) and isinstance(snapshot.get("aircraft"), list):
+            aircraft += len(snapshot["aircraft"])
+        if aircraft >= block or len(waiting) >= block:
+            yield rows_of_snapshots(waiting, Path(source.label))
+            waiting, aircraft = [], 0
+    if waiting:
+        yield rows_of_snapshots(waiting, Path(source.label))

@@ -1,6 +1,6 @@
 """The account of what cleaning dropped, by reason; nothing is lost in silence."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -49,10 +49,10 @@ class DropReport:
         return after
 
     def extend(self, parts: "Sequence[DropReport]") -> None:
-        """Add the steps of parts of the data, which each went through the same steps with whole flights."""
+        """Add the steps of parts of the data (rows, or whole flights), which each went through the same steps."""
         for same in zip(*(part.steps for part in parts), strict=True):
             rows = sum(s.rows_dropped for s in same), sum(s.rows_left for s in same)
-            flights = sum(s.flights_dropped or 0 for s in same), sum(s.flights_left or 0 for s in same)
+            flights = _sum(s.flights_dropped for s in same), _sum(s.flights_left for s in same)
             self.steps.append(Step(same[0].step, rows[0], flights[0], rows[1], flights[1]))
         for part in parts:
             for what, number in part.notes.items():
@@ -66,6 +66,15 @@ class DropReport:
     def as_dict(self) -> dict[str, Any]:
         """Primitives for JSON."""
         return {"steps": [asdict(step) for step in self.steps], "notes": dict(self.notes)}
+
+    @classmethod
+    def from_dict(cls, primitives: dict[str, Any]) -> "DropReport":
+        """The report that :meth:`as_dict` wrote."""
+        return cls([Step(**step) for step in primitives["steps"]], dict(primitives["notes"]))
+
+    def left(self, step: str) -> int | None:
+        """Rows that a step left; None if it was not taken."""
+        return next((one.rows_left for one in self.steps if one.step == step), None)
 
     def __str__(self) -> str:
         """The table for a terminal."""
@@ -82,6 +91,11 @@ class DropReport:
             return None
         name = frame["flight_id"]
         return int((name != name.shift()).fill_null(True).sum())
+
+
+def _sum(numbers: Iterable[int | None]) -> int | None:
+    known = [number for number in numbers if number is not None]
+    return sum(known) if known else None
 
 
 def _shown(number: int | None) -> str:

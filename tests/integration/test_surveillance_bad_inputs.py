@@ -171,7 +171,8 @@ def test_paths_that_lead_nowhere_are_refused(good: pl.DataFrame, prepare: Prepar
     prepare.refuses(prepare.folder / "absent.parquet", saying="no file or folder")
     prepare.refuses(prepare.folder / "bare", saying="no file in the folders given")
     prepare.refuses(rows, saying="folder that does not exist", out=prepare.folder / "absent" / "d.parquet")
-    prepare.refuses(rows, saying="is a folder", out=prepare.folder / "bare")
+    (prepare.folder / "folder.parquet").mkdir()
+    prepare.refuses(rows, saying="is a folder", out=prepare.folder / "folder.parquet")
     prepare.refuses(rows, saying="also an input", out=rows)
     prepare.refuses(saying="no rows")
     assert pl.read_parquet(rows).equals(good), "the input must survive"

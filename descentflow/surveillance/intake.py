@@ -14,7 +14,7 @@ import polars as pl
 from descentflow.surveillance.flights import names_given, usable
 from descentflow.surveillance.readers import row_blocks
 from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.spill import Bucket, Spill
+from descentflow.surveillance.spill import Bucket, Memory, Spill
 
 Item = TypeVar("Item")
 
@@ -48,7 +48,7 @@ class Group:
     files: tuple[Path, ...]
     format: str | None
     folder: Path
-    limit_bytes: int
+    memory: Memory
 
 
 def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
@@ -64,7 +64,7 @@ def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
     return [tuple(group) for group in groups]
 
 
-def take_in(files: Sequence[Path], format: str | None, spill: Spill) -> Intake:
+def take_in(files: Sequence[Path], format: str | None, spill: Spill, block_rows: int = 500_000) -> Intake:
     """Read files into a spill.
 
     Raises:
@@ -74,7 +74,7 @@ def take_in(files: Sequence[Path], format: str | None, spill: Spill) -> Intake:
     columns: dict[str, None] = {}
     names: list[pl.DataFrame] = []
     parts: list[DropReport] = []
-    for block in _ahead(row_blocks(files, read, format=format)):
+    for block in _ahead(row_blocks(files, read, format=format, block_rows=block_rows)):
         columns |= dict.fromkeys(block.columns)
         parts.append(DropReport())
         good = usable(block, parts[-1])
@@ -103,7 +103,9 @@ def read_group(group: Group, always: bool) -> Intake | None:
     group.folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(dir=group.folder.parent, prefix=f".{group.folder.name}-"))
     try:
-        intake = take_in(group.files, group.format, Spill(temporary, group.limit_bytes, always=always))
+        intake = take_in(
+            group.files, group.format, Spill(temporary, group.memory.rows_bytes, always=always), group.memory.block_rows
+        )
         if intake.buckets is None:
             return intake
         intake.names.write_parquet(temporary / "names.parquet")

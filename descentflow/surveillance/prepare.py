@@ -206,10 +206,7 @@ def _read(request: Request, files: Sequence[Path], folder: Path, memory: Memory,
     groups = groups_of(files)
     rows = folder / ROWS
     local = isinstance(engine, LocalEngine)
-    tasks = [
-        Group(group, request.format, rows / f"group-{number:05d}", memory.rows_bytes)
-        for number, group in enumerate(groups)
-    ]
+    tasks = [Group(group, request.format, rows / f"group-{number:05d}", memory) for number, group in enumerate(groups)]
     if local and len(tasks) == 1 and not tasks[0].folder.exists():
         held = read_group(tasks[0], always=False)
         if held is not None:

@@ -1,5 +1,6 @@
 """The account of what cleaning dropped, by reason; nothing is lost in silence."""
 
+import weakref
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -35,17 +36,18 @@ class DropReport:
     """Counts of what was changed but not dropped (for instance rows put into time order)."""
     by_flight: bool = False
     """Whether rows stand by flight by now, so that flights can be counted."""
-    _last: tuple[pl.DataFrame | None, int | None] = (None, None)
+    _last: "tuple[weakref.ref[pl.DataFrame], int | None] | None" = None
+    """The frame that the last step left (which must not live on here), and its flights."""
 
     def count(self, step: str, before: pl.DataFrame, after: pl.DataFrame) -> pl.DataFrame:
         """Record the difference of two frames and return the second."""
         # Counting flights costs more than many a filter: the frame before is mostly the one that the last step left.
-        known, number = self._last
-        before_flights = number if known is before and number is not None else self._flights(before)
+        last = self._last if self._last and self._last[0]() is before else (None, None)
+        before_flights = self._flights(before) if last[1] is None else last[1]
         after_flights = before_flights if len(after) == len(before) else self._flights(after)
         gone = None if before_flights is None or after_flights is None else before_flights - after_flights
         self.steps.append(Step(step, len(before) - len(after), gone, len(after), after_flights))
-        self._last = after, after_flights
+        self._last = weakref.ref(after), after_flights
         return after
 
     def extend(self, parts: "Sequence[DropReport]") -> None:

@@ -12,8 +12,12 @@ BUCKETS = 64
 """Buckets that rows are spread over by their address; one that is too large is spread again."""
 PROGRAM_BYTES = 300_000_000
 """What the program and its libraries take before any row."""
-WORK_FACTOR = 5
-"""Bytes at work for each byte of rows while they are put into order and cleaned (measured: 4.3)."""
+WORK_FACTOR = 4
+"""Bytes at work for each byte of rows while they are put into order and cleaned (measured: 2.6)."""
+WRITTEN_AT = 3
+"""Part of the rows held that waits to be written once rows are spread: each is there twice while it is written."""
+ROW_BYTES = 200
+"""About what a row takes."""
 DEEPEST = 6
 """Times that buckets are spread again; 64^7 is more than there are addresses."""
 
@@ -24,7 +28,7 @@ class Memory:
 
     Example:
         >>> Memory(2_300_000_000).rows_bytes
-        400000000
+        500000000
     """
 
     total_bytes: int
@@ -34,6 +38,11 @@ class Memory:
         """Rows held and cleaned at once."""
         beside = PROGRAM_BYTES if self.total_bytes > 2 * PROGRAM_BYTES else 0
         return max((self.total_bytes - beside) // WORK_FACTOR, 1)
+
+    @property
+    def block_rows(self) -> int:
+        """Rows that are read at a time: several copies of them exist while names, types and units are mended."""
+        return min(max(self.rows_bytes // ROW_BYTES // 8, 10_000), 500_000)
 
     def partition_bytes(self, workers: int) -> int:
         """Rows of a partition, of which each worker holds one."""
@@ -78,17 +87,14 @@ class Spill:
 
     def add(self, rows: pl.DataFrame) -> None:
         """Take rows, after those taken before."""
-        self._bytes += int(rows.estimated_size())
-        if self.spilled:
-            self._spread(rows)
-        else:
-            self.held.append(rows)
+        self.held.append(rows)
+        if not self.spilled:
+            self._bytes += size_of(rows)
             if self._bytes > self.limit_bytes:
                 self.spilled = True
-                while self.held:
-                    self._spread(self.held.pop(0))
-        if self.spilled and self._bytes > self.limit_bytes:
-            self._write()
+                self._bytes = 0
+        while self.spilled and self.held:
+            self._spread(self.held.pop(0))
 
     def finish(self) -> None:
         """Write what waits, if anything was written."""
@@ -101,7 +107,10 @@ class Spill:
         for (bucket,), part in parts.items():
             self._waiting[bucket].append(part)
             self.buckets[bucket].rows += len(part)
-            self.buckets[bucket].bytes += int(part.estimated_size())
+            self.buckets[bucket].bytes += size_of(part)
+        self._bytes += size_of(rows)
+        if self._bytes > self.limit_bytes // WRITTEN_AT:
+            self._write()
 
     def _write(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -113,6 +122,12 @@ class Spill:
                 parts.clear()
         self._number += 1
         self._bytes = 0
+
+
+def size_of(rows: pl.DataFrame) -> int:
+    """Bytes that rows take: texts have a view of 16 bytes each besides their letters."""
+    texts = sum(kind == pl.String for kind in rows.dtypes)
+    return int(rows.estimated_size()) + 16 * texts * len(rows)
 
 
 def joined(spills: Sequence[Sequence[Bucket]]) -> list[Bucket]:

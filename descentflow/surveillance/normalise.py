@@ -22,7 +22,7 @@ DATE_FORMATS = (
 """Written dates: RFC 3339, `traffic`'s CSV, and the same without a zone (taken as UTC)."""
 
 
-def normalise(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFrame:
+def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
     """Rename, convert and cast a table's columns.
 
     Args:
@@ -65,7 +65,7 @@ def normalise(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFra
     return frame.with_columns(pl.col("icao24").str.strip_chars(" ~").str.to_lowercase())
 
 
-def _renamed(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFrame:
+def _renamed(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
     renames: dict[str, str] = {}
     for name in table.columns:
         target = ALIASES.get(name, ALIASES.get(name.lower(), name))
@@ -98,7 +98,7 @@ def _from_state_vectors(table: pl.DataFrame) -> pl.DataFrame:
     return table.with_columns(**converted).drop("baroaltitude", "velocity", "vertrate", "heading", strict=False)
 
 
-def _cast(column: pl.Series, kind: pl.DataType, path: Path) -> pl.Series:
+def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
     if column.dtype.is_nested() or column.dtype in (pl.Binary, pl.Object, pl.Date, pl.Time, pl.Duration):
         raise DataError(
             f"{path}: column {column.name} of type {column.dtype}",

@@ -155,7 +155,7 @@ def test_snapshots_in_every_packing(form: str, tmp_path: Path) -> None:
         text, expected = json.dumps(snapshots[0], indent=1), [270.0]
     elif form == "list":
         (tmp_path / "a.json").write_text(json.dumps(snapshots))
-        with pytest.raises(DataError, match="without aircraft"):
+        with pytest.raises(DataError, match="of no known kind"):
             read_table(tmp_path / "a.json")
         return
     else:

@@ -14,7 +14,10 @@ from descentflow.surveillance.sources.streams import HEAD, Input
 LARGEST_HEADER = 1 << 20
 """Bytes that the description of a member may ask for at once; a long name has a few hundred."""
 COMPANION = re.compile(
-    r"(^|/)(heatmap|acas)/|(^|/)(readme|license|copying|notice|receiver\.json|stats\.json|trace_recent_)[^/]*$", re.I
+    r"(^|/)(heatmap|acas)/"
+    r"|(^|/)(readme|license|copying|notice|trace_recent_)[^/]*$"
+    r"|(^|/)(receiver|stats|airspace|grib_meteo)\.json$",
+    re.IGNORECASE,
 )
 """What lies beside rows in published archives and folders, by name; `trace_recent` repeats the end of `trace_full`."""
 PART = re.compile(r"(?P<whole>.+\.(?:tar|tgz|tar\.gz))\.(?P<number>[a-z]{2,3}|\d{2,3})$")

@@ -7,7 +7,7 @@ import polars as pl
 
 from descentflow.errors import ConfigError, DataError
 from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.sources import aircraft_json, readsb_trace, tables
+from descentflow.surveillance.sources import aircraft_json, mode_s_frames, readsb_trace, scat, tables
 from descentflow.surveillance.sources.documents import documents
 from descentflow.surveillance.sources.streams import Input
 
@@ -17,6 +17,9 @@ FORMATS = {
     "csv": "CSV with column names and commas",
     "readsb-trace": "trace_full_*.json of readsb, tar1090 and adsb.lol",
     "aircraft-json": "snapshots that dump1090-fa, readsb and tar1090 serve, one or one a line",
+    "jet1090": "JSON lines of jet1090, decoded or with frames alone",
+    "modes-hex": "lines of time (seconds since 1970) and raw Mode S frame in hexadecimal digits",
+    "scat": "SCAT, Swedish radar with flight plans and clearances, one flight a file",
 }
 """Name -> meaning; each is also known by content, in gzip and in tar archives too."""
 ACCEPTED = "one of " + "; ".join(f"{name} ({meaning})" for name, meaning in FORMATS.items())
@@ -26,7 +29,13 @@ OfDocuments = Callable[[Iterator[object], Input, DropReport, int], Iterator[pl.D
 
 TABLES: dict[str, Reader] = {"parquet": tables.parquet, "feather": tables.feather, "csv": tables.csv}
 """Tables of anybody's making: names and units have to be looked at file by file."""
-JSON: dict[str, OfDocuments] = {"aircraft-json": aircraft_json.rows, "readsb-trace": readsb_trace.rows}
+JSON: dict[str, OfDocuments] = {
+    "aircraft-json": aircraft_json.rows,
+    "readsb-trace": readsb_trace.rows,
+    "jet1090": mode_s_frames.jet1090,
+    "scat": scat.rows,
+}
+OTHERS: dict[str, Reader] = {"modes-hex": mode_s_frames.lines}
 
 FINISH = {"readsb-trace": readsb_trace.finished}
 """What is left to be done for many small tables of a format at once, which costs less than for each."""
@@ -58,6 +67,8 @@ def recognised(source: Input, report: DropReport, name: str | None, rows: int) -
     kind = name or kind_of(head, source.label)
     if kind in TABLES:
         return kind, TABLES[kind](source, report, rows)
+    if kind in OTHERS:
+        return kind, OTHERS[kind](source, report, rows)
     found = documents(source)
     first = next(found, None)
     kind = kind_of_document(first, source.label) if kind == "json" else kind
@@ -105,7 +116,9 @@ def kind_of(head: bytes, label: str) -> str:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if not text:
         raise DataError(f"{label} holds no text", expected=ACCEPTED, mend="check how it was written")
-    return "json" if text[:1] in (b"{", b"[") else "csv"
+    if text[:1] in (b"{", b"["):
+        return "json"
+    return "modes-hex" if mode_s_frames.looks_raw(text) else "csv"
 
 
 def kind_of_document(document: object, label: str) -> str:
@@ -114,11 +127,16 @@ def kind_of_document(document: object, label: str) -> str:
     Raises:
         DataError: If it is none of these.
     """
-    keys = document.keys() if isinstance(document, dict) else ()
+    known = document if isinstance(document, dict) else {}
+    keys = known.keys()
     if "trace" in keys:
         return "readsb-trace"
     if "aircraft" in keys:
         return "aircraft-json"
+    if keys >= {"timestamp", "frame"}:
+        return "jet1090"
+    if scat.is_flight(known):
+        return "scat"
     raise DataError(
         f"{label}: JSON of no known kind (it has {', '.join(map(str, list(keys)[:8])) or type(document).__name__})",
         expected=ACCEPTED,

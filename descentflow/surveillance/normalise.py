@@ -9,8 +9,10 @@ from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.schema import ALIASES, COLUMNS, REQUIRED, TIMESTAMP
 from descentflow.units import FPM_MPS, FT_M, KT_MPS
 
-STATE_VECTOR = {"baroaltitude", "velocity", "vertrate"}
-"""Columns that only OpenSky's state vectors have; they are in SI units."""
+STATE_VECTOR = "baroaltitude"
+"""Column that only OpenSky's state vectors have; they are in SI units."""
+STALE_S = 10.0
+"""Age of the last message from which a state vector is left out: OpenSky repeats the last one for minutes."""
 
 DATE_FORMATS = (
     "%+",
@@ -33,7 +35,7 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
     Raises:
         DataError: If a required column is missing, is given twice, or holds hardly anything that can be read.
     """
-    table = _from_state_vectors(table) if set(table.columns) >= STATE_VECTOR else table
+    table = _from_state_vectors(table, report) if STATE_VECTOR in table.columns else table
     table = _renamed(table, path, report)
     missing = [name for name in REQUIRED if name not in table.columns]
     if missing:
@@ -82,20 +84,28 @@ def _renamed(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.Da
     return table.rename(renames)
 
 
-def _from_state_vectors(table: pl.DataFrame) -> pl.DataFrame:
+def _from_state_vectors(table: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """OpenSky state vectors: metres, metres a second, and `heading` for what is a track."""
-    numbers = {"baroaltitude", "geoaltitude", "velocity", "vertrate", "heading"} & set(table.columns)
+    numbers = {"baroaltitude", "geoaltitude", "velocity", "vertrate", "lastcontact"} & set(table.columns)
     table = table.with_columns(pl.col(name).cast(pl.Float64, strict=False) for name in numbers)
-    converted = {
-        "altitude": pl.col("baroaltitude") / FT_M,
-        "groundspeed": pl.col("velocity") / KT_MPS,
-        "vertical_rate": pl.col("vertrate") / FPM_MPS,
-    }
-    if "geoaltitude" in table.columns:
-        converted["geoaltitude"] = pl.col("geoaltitude") / FT_M
-    if "heading" in table.columns:
-        converted["track"] = pl.col("heading")
-    return table.with_columns(**converted).drop("baroaltitude", "velocity", "vertrate", "heading", strict=False)
+    converted = {new: pl.col(old) / size for new, (old, size) in SI.items() if old in table.columns}
+    track = {"heading": "track"} if "heading" in table.columns and "track" not in table.columns else {}
+    if all(name in table.columns and not table[name].dtype.is_temporal() for name in ("time", "lastcontact")):
+        age = pl.col("time").cast(pl.Float64, strict=False) - pl.col("lastcontact")
+        fresh = table.filter((age <= STALE_S).fill_null(True))
+        report.note("state vectors without a message for 10 s, left out", len(table) - len(fresh))
+        table = fresh
+    used = {old for old, _ in SI.values()} - set(converted)
+    return table.with_columns(**converted).drop(used, strict=False).rename(track)
+
+
+SI = {
+    "altitude": ("baroaltitude", FT_M),
+    "geoaltitude": ("geoaltitude", FT_M),
+    "groundspeed": ("velocity", KT_MPS),
+    "vertical_rate": ("vertrate", FPM_MPS),
+}
+"""Row column -> column of a state vector, and the size of the row's unit in its."""
 
 
 def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
@@ -108,7 +118,7 @@ def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
     if column.dtype in (pl.Categorical, pl.Enum):
         column = column.cast(pl.String)
     if kind == TIMESTAMP:
-        return _timestamps(column)
+        return timestamps(column)
     if kind == pl.String:
         return column.cast(pl.String).str.strip_chars().replace("", None)
     if column.dtype == pl.String:
@@ -116,7 +126,7 @@ def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
     return column.cast(pl.Float64, strict=False)
 
 
-def _timestamps(column: pl.Series) -> pl.Series:
+def timestamps(column: pl.Series) -> pl.Series:
     """Datetimes in UTC of datetimes, written dates, or seconds (also milliseconds) since 1970."""
     if isinstance(column.dtype, pl.Datetime):
         zoned = column if column.dtype.time_zone else column.dt.replace_time_zone("UTC")

@@ -10,7 +10,7 @@ from descentflow.errors import DataError
 from descentflow.surveillance.normalise import normalise
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.archives import COMPANION, is_tar, members, with_parts
-from descentflow.surveillance.sources.formats import ACCEPTED, FINISH, FORMATS, TABLES, check_format, recognised
+from descentflow.surveillance.sources.formats import ACCEPTED, FINISH, FORMATS, OF_ANYBODY, check_format, recognised
 from descentflow.surveillance.sources.streams import Input, opened, unpacked
 from descentflow.surveillance.units_check import check_units
 
@@ -90,7 +90,7 @@ class _Reading:
             for number, (kind, table) in enumerate(self.tables(source)):
                 if self._waiting and (kind != self._kind or table.schema != self._waiting[0].schema):
                     yield from self._of_waiting()
-                if kind in TABLES:
+                if kind in OF_ANYBODY:
                     yield from self._normalised(table, source.label, later=number > 0)
                     continue
                 self._kind, self._label = kind, self._label or source.label

@@ -7,7 +7,15 @@ import polars as pl
 
 from descentflow.errors import ConfigError, DataError
 from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.sources import aircraft_json, mode_s_frames, readsb_trace, scat, tables
+from descentflow.surveillance.sources import (
+    aircraft_json,
+    asterix,
+    json_rows,
+    mode_s_frames,
+    readsb_trace,
+    scat,
+    tables,
+)
 from descentflow.surveillance.sources.documents import documents
 from descentflow.surveillance.sources.streams import Input
 
@@ -15,11 +23,13 @@ FORMATS = {
     "parquet": "Parquet, as traffic, OpenSky and pandas write it",
     "feather": "Feather (Arrow IPC), as traffic and pandas write it",
     "csv": "CSV with column names and commas",
+    "json-rows": "JSON of rows (a list, one a line, or columns), as traffic and pandas write it",
     "readsb-trace": "trace_full_*.json of readsb, tar1090 and adsb.lol",
     "aircraft-json": "snapshots that dump1090-fa, readsb and tar1090 serve, one or one a line",
     "jet1090": "JSON lines of jet1090, decoded or with frames alone",
     "modes-hex": "lines of time (seconds since 1970) and raw Mode S frame in hexadecimal digits",
     "scat": "SCAT, Swedish radar with flight plans and clearances, one flight a file",
+    "asterix": "data blocks of ASTERIX categories 048 and 062, the day in the file's name",
 }
 """Name -> meaning; each is also known by content, in gzip and in tar archives too."""
 ACCEPTED = "one of " + "; ".join(f"{name} ({meaning})" for name, meaning in FORMATS.items())
@@ -28,15 +38,17 @@ Reader = Callable[[Input, DropReport, int], Iterator[pl.DataFrame]]
 OfDocuments = Callable[[Iterator[object], Input, DropReport, int], Iterator[pl.DataFrame]]
 
 TABLES: dict[str, Reader] = {"parquet": tables.parquet, "feather": tables.feather, "csv": tables.csv}
-"""Tables of anybody's making: names and units have to be looked at file by file."""
 JSON: dict[str, OfDocuments] = {
+    "json-rows": json_rows.rows,
     "aircraft-json": aircraft_json.rows,
     "readsb-trace": readsb_trace.rows,
     "jet1090": mode_s_frames.jet1090,
     "scat": scat.rows,
 }
-OTHERS: dict[str, Reader] = {"modes-hex": mode_s_frames.lines}
+OTHERS: dict[str, Reader] = {"modes-hex": mode_s_frames.lines, "asterix": asterix.rows}
 
+OF_ANYBODY = frozenset({*TABLES, "json-rows"})
+"""Tables of anybody's making: names and units have to be looked at file by file."""
 FINISH = {"readsb-trace": readsb_trace.finished}
 """What is left to be done for many small tables of a format at once, which costs less than for each."""
 
@@ -66,7 +78,12 @@ def recognised(source: Input, report: DropReport, name: str | None, rows: int) -
         raise DataError(f"{source.label} is empty", expected=ACCEPTED, mend="check how it was written or copied")
     kind = name or kind_of(head, source.label)
     if kind in TABLES:
-        return kind, TABLES[kind](source, report, rows)
+        found_tables = TABLES[kind](source, report, rows)
+        first_table = next(found_tables)
+        chained = itertools.chain([first_table], found_tables)
+        if mode_s_frames.is_table(first_table):
+            return "modes-hex", mode_s_frames.of_tables(chained, report)
+        return kind, chained
     if kind in OTHERS:
         return kind, OTHERS[kind](source, report, rows)
     found = documents(source)
@@ -109,6 +126,8 @@ def kind_of(head: bytes, label: str) -> str:
     for magic, (what, mend) in REFUSED.items():
         if head.startswith(magic):
             raise DataError(f"{label} is {what}", expected=ACCEPTED, mend=mend)
+    if asterix.looks_so(head):
+        return "asterix"
     if b"\0" in head:
         raise DataError(
             f"{label}: neither text nor of a known binary kind", expected=ACCEPTED, mend="convert it to one of these"
@@ -137,6 +156,8 @@ def kind_of_document(document: object, label: str) -> str:
         return "jet1090"
     if scat.is_flight(known):
         return "scat"
+    if json_rows.looks_so(document):
+        return "json-rows"
     raise DataError(
         f"{label}: JSON of no known kind (it has {', '.join(map(str, list(keys)[:8])) or type(document).__name__})",
         expected=ACCEPTED,

@@ -8,6 +8,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.errors import DataError
+from descentflow.surveillance.normalise import timestamps
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources import mode_s
 from descentflow.surveillance.sources.streams import Input
@@ -57,27 +58,42 @@ def lines(source: Input, report: DropReport, block: int) -> Iterator[pl.DataFram
                     expected=MADE_BY,
                     mend="write such lines, for instance with jet1090, readsb or dump1090 and a clock",
                 )
+            header = first and not LINE.match(batch[0])  # names of columns
             first = False
-            report.note("lines that are no time and frame", len(batch) - len(parts))
+            report.note("lines that are no time and frame", len(batch) - len(parts) - header)
             frames = [frame.decode() for _, frame in parts]
             yield mode_s.columns_of(decoded(frames, [float(time) for time, _ in parts], report))
 
     yield from mode_s.rows(batches(), report)
 
 
-def table(batches: Iterable[tuple[pl.Series, pl.Series]], report: DropReport) -> Iterator[pl.DataFrame]:
-    """Rows of columns of times (seconds) and frames."""
+def is_table(table: pl.DataFrame) -> bool:
+    """Whether a table holds times and frames, as OpenSky's replies and traffic's raw data do."""
+    return "altitude" not in table.columns and bool(_column(table, TIMES)) and bool(_column(table, FRAMES))
 
-    def decoded_batches() -> Iterator[pl.DataFrame]:
-        for time, frame in batches:
-            usable = pl.DataFrame({"time": time, "frame": frame}).filter(
-                pl.col("frame").str.contains(FRAME) & pl.col("time").is_finite()
-            )
-            report.note("rows without a time and a Mode S frame", len(time) - len(usable))
+
+def of_tables(tables: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.DataFrame]:
+    """Rows of tables of times and frames."""
+
+    def batches() -> Iterator[pl.DataFrame]:
+        for table in tables:
+            time = timestamps(table[_column(table, TIMES)]).dt.epoch("us").cast(pl.Float64) / 1e6
+            both = pl.DataFrame({"time": time, "frame": table[_column(table, FRAMES)].cast(pl.String)})
+            usable = both.filter(pl.col("frame").str.contains(FRAME) & pl.col("time").is_not_null())
+            report.note("rows without a time and a Mode S frame", len(both) - len(usable))
             for part in usable.iter_slices(BATCH):
                 yield mode_s.columns_of(decoded(part["frame"].to_list(), part["time"].to_list(), report))
 
-    yield from mode_s.rows(decoded_batches(), report)
+    yield from mode_s.rows(batches(), report)
+
+
+TIMES = ("mintime", "timestamp", "time")
+FRAMES = ("rawmsg", "frame")
+"""Names of the columns in OpenSky's tables, and in traffic's."""
+
+
+def _column(table: pl.DataFrame, names: tuple[str, ...]) -> str:
+    return next((name for name in names if name in table.columns), "")
 
 
 def decoded(frames: list[str], times: list[float], report: DropReport) -> list[dict[str, Any]]:

@@ -50,3 +50,15 @@ def is_number(value: object) -> bool:
         (True, False, False)
     """
     return type(value) in (int, float) and -1e300 < value < 1e300  # type: ignore[operator]
+
+
+def mixed(values: Sequence[Any]) -> pl.Series:
+    """Numbers, or text if there is any text; lists and objects become missing.
+
+    Example:
+        >>> mixed([1, "2.5", [3]]).to_list()
+        ['1', '2.5', None]
+    """
+    if str not in set(map(type, values)):
+        return numbers(values)
+    return texts([str(value) if type(value) in (int, float) else value for value in values])

@@ -1,5 +1,6 @@
 """Bring a table of any known source to the schema: names, types and units."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
@@ -137,15 +138,34 @@ def timestamps(column: pl.Series) -> pl.Series:
     seconds = column.cast(pl.Float64, strict=False)
     if seconds.null_count() < len(column):
         return _from_epoch(seconds)
-    frame = column.alias("t").to_frame()
-    readings = [_parsed(name) for name in DATE_FORMATS]
-    return frame.select(pl.coalesce(readings)).to_series()
+    found = pl.repeat(None, len(column), dtype=TIMESTAMP, eager=True)
+    for form in DATE_FORMATS:
+        # Reading a date costs more than anything else: only what the forms before did not fit is read again.
+        left = (found.is_null() & column.is_not_null()).arg_true()
+        if left.is_empty():
+            break
+        found = _parsed(column, form) if len(left) == len(column) else found.scatter(left, _parsed(column[left], form))
+    return found
 
 
-def _parsed(form: str) -> pl.Expr:
+def _parsed(column: pl.Series, form: str) -> pl.Series:
     zoned = "z" in form or form == "%+"
-    parsed = pl.col("t").str.to_datetime(form, time_unit="us", strict=False)
+    parsed = column.str.to_datetime(form, time_unit="us", strict=False)
     return (parsed.dt.convert_time_zone("UTC") if zoned else parsed.dt.replace_time_zone("UTC")).cast(TIMESTAMP)
+
+
+def wanted(names: Sequence[str]) -> list[str]:
+    """Columns of a table that may say something; all of them if a required one is missing, so that they can be told.
+
+    Example:
+        >>> wanted(["timestamp", "icao24", "altitude", "ias", "mach", "squawk"])
+        ['timestamp', 'icao24', 'altitude', 'ias', 'mach']
+    """
+    targets = {name: ALIASES.get(name, ALIASES.get(name.lower(), name)) for name in names}
+    vectors = {*(old for old, _ in SI.values()), "heading", "lastcontact"} if STATE_VECTOR in names else set()
+    useful = [name for name in names if targets[name] in COLUMNS or name in vectors]
+    given = {targets[name] for name in useful} | ({"altitude"} if vectors else set())
+    return useful if given >= set(REQUIRED) else list(names)
 
 
 def _from_epoch(seconds: pl.Series) -> pl.Series:

@@ -9,7 +9,7 @@ from typing import IO
 
 from descentflow.errors import DataError
 from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.sources.streams import HEAD, Input
+from descentflow.surveillance.sources.streams import HEAD, Chain, Input
 
 LARGEST_HEADER = 1 << 20
 """Bytes that the description of a member may ask for at once; a long name has a few hundred."""
@@ -49,7 +49,8 @@ def members(source: Input, report: DropReport) -> Iterator[Input]:
             elif not member.isdir():
                 content = archive.extractfile(member)
                 assert content is not None
-                yield Input(content, f"{source.label}: {member.name}", one_of_many=True)
+                # It says that it can seek, but must not go back.
+                yield Input(Chain([content]).buffered(), f"{source.label}: {member.name}", one_of_many=True)
             stream.at_header = True
     except (tarfile.TarError, ValueError, OverflowError, EOFError) as error:
         raise _damaged(source.label, str(error)) from error

@@ -12,7 +12,7 @@ import polars as pl
 
 from descentflow.surveillance.airdata import cas_of_mach_kt
 from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.sources.values import numbers, texts
+from descentflow.surveillance.sources.values import Kinds, table
 
 CLOCK_S = 1.0
 """One row at most in so long: several radars ask, but within a second nothing changes that matters to a descent."""
@@ -34,61 +34,46 @@ Message = dict[str, Any]
 
 def columns_of(messages: list[Message]) -> pl.DataFrame:
     """Messages as columns; names of fields are those of jet1090 and rs1090."""
-    sixty, fifty, forty = ([_part(message, name) for message in messages] for name in ("bds60", "bds50", "bds40"))
-    kinds = [message.get("df") for message in messages]
-    registers = [message.get("bds") for message in messages]
-    airborne = [bds == "05" and m.get("source") == "barometric" for m, bds in zip(messages, registers, strict=True)]
-    velocity = [m if bds == "09" else EMPTY for m, bds in zip(messages, registers, strict=True)]
-    return pl.DataFrame(
-        {
-            "time": numbers([m.get("timestamp") for m in messages]),
-            "icao24": texts([m.get("icao24") for m in messages]),
-            "squitter": [kind in ("11", "17", "18") for kind in kinds],
-            "altitude": numbers(
-                [
-                    m.get("altitude") if of_position or kind in ALTITUDE_REPLIES else None
-                    for m, kind, of_position in zip(messages, kinds, airborne, strict=True)
-                ]
-            ),
-            "IAS": numbers([s.get("IAS") for s in sixty]),
-            "Mach": numbers([s.get("Mach") for s in sixty]),
-            "heading": numbers([s.get("heading") for s in sixty]),
-            "rate": numbers([s.get("vrate_barometric") for s in sixty]),
-            "TAS": numbers([s.get("TAS") for s in fifty]),
-            "roll": numbers([s.get("roll") for s in fifty]),
-            "groundspeed50": numbers([s.get("groundspeed") for s in fifty]),
-            "track50": numbers([s.get("track") for s in fifty]),
-            "selected_altitude": numbers([s.get("selected_mcp") for s in forty]),
-            "groundspeed": numbers([s.get("groundspeed") for s in velocity]),
-            "track": numbers([s.get("track") for s in velocity]),
-            "squittered_rate": numbers([s.get("vertical_rate") for s in velocity]),
-            "barometric": [_of_pressure(s) for s in velocity],
-            "latitude": numbers([m.get("latitude") if x else None for m, x in zip(messages, airborne, strict=True)]),
-            "longitude": numbers([m.get("longitude") if x else None for m, x in zip(messages, airborne, strict=True)]),
-            "callsign": texts([m.get("callsign") or _part(m, "bds20").get("callsign") for m in messages]),
-        }
+    register = pl.col("bds")
+    position = (register == "05") & (pl.col("source") == "barometric")
+    velocity = register == "09"
+    sixty, fifty = (pl.col(name).struct.field for name in ("bds60", "bds50"))
+    return table(messages, KINDS).select(
+        pl.col("timestamp").alias("time"),
+        pl.col("icao24").str.strip_chars().replace("", None),
+        pl.col("df").is_in(["11", "17", "18"]).fill_null(False).alias("squitter"),
+        pl.when(position | pl.col("df").is_in(ALTITUDE_REPLIES)).then("altitude").alias("altitude"),
+        *(sixty(name) for name in ("IAS", "Mach", "heading")),
+        sixty("vrate_barometric").alias("rate"),
+        *(fifty(name) for name in ("TAS", "roll")),
+        *(fifty(name).alias(f"{name}50") for name in ("groundspeed", "track")),
+        pl.col("bds40").struct.field("selected_mcp").alias("selected_altitude"),
+        *(pl.when(velocity).then(name).alias(name) for name in ("groundspeed", "track")),
+        pl.when(velocity).then("vertical_rate").alias("squittered_rate"),
+        pl.when(velocity & (pl.col("frame").str.len_chars() == 28)).then(OF_PRESSURE).alias("barometric"),
+        *(pl.when(position).then(name).alias(name) for name in ("latitude", "longitude")),
+        pl.coalesce("callsign", pl.col("bds20").struct.field("callsign")).str.strip_chars().alias("callsign"),
     )
 
 
 ALTITUDE_REPLIES = ("0", "4", "16", "20")
 """Downlink formats with a pressure altitude."""
-EMPTY: Message = {}
+NUMBER, TEXT = pl.Float64(), pl.String()
+KINDS: Kinds = {
+    **dict.fromkeys(
+        ("timestamp", "altitude", "groundspeed", "track", "vertical_rate", "latitude", "longitude"), NUMBER
+    ),
+    **dict.fromkeys(("icao24", "df", "bds", "source", "frame", "callsign"), TEXT),
+    "bds60": pl.Struct(dict.fromkeys(("IAS", "Mach", "heading", "vrate_barometric"), NUMBER)),
+    "bds50": pl.Struct(dict.fromkeys(("TAS", "roll", "groundspeed", "track"), NUMBER)),
+    "bds40": pl.Struct({"selected_mcp": NUMBER}),
+    "bds20": pl.Struct({"callsign": TEXT}),
+}
+OF_PRESSURE = pl.col("frame").str.slice(16, 1).str.to_lowercase().is_in(list("13579bdf"))
+"""Whether a squittered rate is barometric: bit 36 of the message, as dump1090 reads it.
 
-
-def _part(message: Message, name: str) -> Message:
-    part = message.get(name)
-    return part if type(part) is dict else EMPTY
-
-
-def _of_pressure(velocity: Message) -> bool | None:
-    """Whether a squittered rate is barometric, from bit 36 of the message, as dump1090 reads it.
-
-    The decoder's own word for it (`vrate_src`, rs1090 0.7.0) has the two the wrong way round.
-    """
-    frame = velocity.get("frame")
-    if type(frame) is not str or len(frame) != 28:
-        return None
-    return frame[16] in "13579bdfBDF"
+The decoder's own word for it (`vrate_src`, rs1090 0.7.0) has the two the wrong way round.
+"""
 
 
 def rows(batches: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.DataFrame]:

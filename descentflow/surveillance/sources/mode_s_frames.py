@@ -17,6 +17,7 @@ from descentflow.surveillance.sources.values import is_number
 BATCH = 100_000
 """Messages that are brought together at a time."""
 FRAME = r"^[0-9a-fA-F]{14}(?:[0-9a-fA-F]{14})?$"
+WHOLE = re.compile(FRAME)
 LINE = re.compile(rb"^\s*\"?(\d+(?:\.\d*)?)\"?[\s,;]+\"?\*?((?:[0-9a-fA-F]{14}){1,2});?\"?\s*$")
 """A time in seconds since 1970 and a frame, with blanks, a comma or a semicolon between them; a `*` and `;` around the
 frame are AVR's."""
@@ -30,12 +31,13 @@ def jet1090(found: Iterator[object], source: Input, report: DropReport, block: i
         while documents := list(itertools.islice(found, BATCH)):
             messages = [m for m in documents if isinstance(m, dict) and is_number(m.get("timestamp"))]
             report.note("lines that are no message with a time", len(documents) - len(messages))
-            raw = [m for m in messages if "df" not in m and isinstance(m.get("frame"), str)]
-            if raw:
-                done = [m for m in messages if "df" in m]
+            done = [m for m in messages if "df" in m]
+            if len(done) < len(messages):
+                rest = [m for m in messages if "df" not in m]
+                raw = [m for m in rest if isinstance(m.get("frame"), str) and WHOLE.match(m["frame"])]
+                report.note("lines without fields or a frame of 14 or 28 hexadecimal digits", len(rest) - len(raw))
                 done += decoded([m["frame"] for m in raw], [float(m["timestamp"]) for m in raw], report)
-                messages = sorted(done, key=lambda m: m["timestamp"])
-            yield mode_s.columns_of(messages)
+            yield mode_s.columns_of(done)
 
     yield from mode_s.rows(batches(), report)
 
@@ -112,12 +114,10 @@ def decoded(frames: list[str], times: list[float], report: DropReport) -> list[d
         ) from error
     if not frames:
         return []
-    whole = re.compile(FRAME)
-    good = [(frame, time) for frame, time in zip(frames, times, strict=True) if whole.match(frame)]
-    report.note("frames that are no 14 or 28 hexadecimal digits", len(frames) - len(good))
-    messages = decode([frame for frame, _ in good], [time for _, time in good]) if good else []
-    report.note("Mode S frames that could not be decoded (parity or format)", len(good) - len(messages))
-    return [dict(message) for message in messages]
+    # Digits have been looked at: the decoder would not survive others.
+    messages: list[Any] = decode(frames, times)
+    report.note("Mode S frames that could not be decoded (parity or format)", len(frames) - len(messages))
+    return messages
 
 
 def looks_raw(head: bytes) -> bool:

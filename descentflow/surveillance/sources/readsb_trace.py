@@ -16,7 +16,7 @@ from descentflow.errors import DataError
 from descentflow.surveillance.airdata import mach_of_cas
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.streams import Input
-from descentflow.surveillance.sources.values import is_number, numbers, texts
+from descentflow.surveillance.sources.values import Kinds, is_number, numbers, table, texts
 
 STALE, NEW_LEG, GEOMETRIC_RATE, GEOMETRIC_ALTITUDE = 1, 2, 4, 8
 """Bits of a point's flags."""
@@ -37,6 +37,7 @@ DETAILS = {
     "selected_altitude": "nav_altitude_mcp",
 }
 """Row column -> field of a point's details."""
+KINDS: Kinds = {"flight": pl.String(), **dict.fromkeys(DETAILS.values(), pl.Float64())}
 
 
 def rows(found: Iterator[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
@@ -73,15 +74,11 @@ def points_of_trace(document: object, label: str, report: DropReport) -> pl.Data
         "timestamp": numbers(columns[0]) + float(document["timestamp"]),
         "icao24": _repeated(document.get("icao"), len(points)),
         "typecode": _repeated(document.get("t"), len(points)),
-        "callsign": _spread(texts([thing.get("flight") for thing in objects]), filled, len(points)),
         "flags": numbers(columns[6]),
         **{f"_{name}": numbers(columns[place]) for name, place in PLACES.items()},
-        **{
-            name: _spread(numbers([thing.get(field) for thing in objects]), filled, len(points))
-            for name, field in DETAILS.items()
-        },
     }
-    return pl.DataFrame(frame).with_row_index("place")
+    detailed = table(objects, KINDS).with_columns(place=pl.Series(filled, dtype=pl.UInt32))
+    return pl.DataFrame(frame).with_row_index("place").join(detailed, on="place", how="left", maintain_order="left")
 
 
 def finished(points: pl.DataFrame, report: DropReport) -> pl.DataFrame:
@@ -91,7 +88,10 @@ def finished(points: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     rate = pl.when(~_has(GEOMETRIC_RATE)).then(pl.col("_rate"))
     geometric_rate = pl.when(_has(GEOMETRIC_RATE)).then(pl.col("_rate"))
     bits = pl.when(pl.col("flags").is_between(0, 255)).then(pl.col("flags")).fill_null(0).cast(pl.Int64)
-    frame = points.with_columns(flags=bits).with_columns(
+    named = {"callsign": pl.col("flight").str.strip_chars().replace("", None)}
+    named |= {name: pl.col(field) for name, field in DETAILS.items()}
+    frame = points.with_columns(flags=bits, **named).drop("flight", *(set(DETAILS.values()) - set(DETAILS)))
+    frame = frame.with_columns(
         latitude=pl.col("_latitude"),
         longitude=pl.col("_longitude"),
         groundspeed=pl.col("_groundspeed"),
@@ -130,11 +130,6 @@ def _repeated(value: object, length: int) -> pl.Series:
 
 def _has(bit: int) -> pl.Expr:
     return (pl.col("flags") & bit) != 0
-
-
-def _spread(values: pl.Series, places: list[int], length: int) -> pl.Series:
-    """Values at their places, missing elsewhere."""
-    return pl.repeat(None, length, dtype=values.dtype, eager=True).scatter(places, values)
 
 
 def _by_leg(frame: pl.DataFrame) -> pl.DataFrame:

@@ -14,7 +14,7 @@ import polars as pl
 from descentflow.errors import DataError
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.streams import Input
-from descentflow.surveillance.sources.values import is_number, numbers, texts
+from descentflow.surveillance.sources.values import Kinds, is_number, table, texts
 from descentflow.units import KT_MPS
 
 AIRCRAFT = {
@@ -25,6 +25,18 @@ AIRCRAFT = {
     "selected_altitude": ("subitem6", "altitude"),
 }
 """Row column -> where it stands in I062/380, what the aircraft itself reports."""
+NUMBER, TEXT = pl.Float64(), pl.String()
+KINDS: Kinds = {
+    "time_of_track": TEXT,
+    "I062/105": pl.Struct({"lat": NUMBER, "lon": NUMBER}),
+    "I062/136": pl.Struct({"measured_flight_level": NUMBER}),
+    "I062/185": pl.Struct({"vx": NUMBER, "vy": NUMBER}),
+    "I062/380": pl.Struct({item: pl.Struct({field: NUMBER}) for item, field in AIRCRAFT.values()}),
+}
+CLEARANCE: Kinds = {
+    **dict.fromkeys(("time_stamp", "cfl_unit", "assigned_speed_unit"), TEXT),
+    **dict.fromkeys(("cfl", "assigned_speed_val"), NUMBER),
+}
 CLEARED = ("cleared_flight_level", "cleared_speed_kt", "cleared_mach")
 
 
@@ -54,33 +66,26 @@ def rows_of_flight(document: object, label: str, report: DropReport) -> pl.DataF
     report.note("plots that are no object", len(document["plots"]) - len(plots))
     plan = document.get("fpl")
     base = _last(plan, "fpl_base")
-    reported = [_part(plot, "I062/380") for plot in plots]
-    velocity = [_part(plot, "I062/185") for plot in plots]
-    position = [_part(plot, "I062/105") for plot in plots]
-    east, north = (numbers([v.get(name) for v in velocity]) for name in ("vx", "vy"))
-    number = str(document["id"])
-    frame = pl.DataFrame(
-        {
-            "timestamp": texts([plot.get("time_of_track") for plot in plots]),
-            "altitude": numbers([_part(plot, "I062/136").get("measured_flight_level") for plot in plots]) * 100,
-            **{
-                name: numbers([_part(r, item).get(field) for r in reported]) for name, (item, field) in AIRCRAFT.items()
-            },
-            "latitude": numbers([p.get("lat") for p in position]),
-            "longitude": numbers([p.get("lon") for p in position]),
-            "east": east,
-            "north": north,
-        }
-    ).with_columns(
-        timestamp=_times("timestamp"),
-        groundspeed=(pl.col("east") ** 2 + pl.col("north") ** 2).sqrt() / KT_MPS,
-        track=pl.arctan2("east", "north").degrees() % 360,
-        icao24=pl.lit(f"scat{number}"),
-        flight_id=pl.lit(f"scat{number}"),
-        callsign=pl.lit(texts([base.get("callsign")])[0], pl.String),
-        typecode=pl.lit(texts([base.get("aircraft_type")])[0], pl.String),
+    number = pl.lit(f"scat{document['id']}")
+    velocity = pl.col("I062/185").struct
+    east, north = velocity.field("vx"), velocity.field("vy")
+    frame = table(plots, KINDS).select(
+        _times("time_of_track").alias("timestamp"),
+        (pl.col("I062/136").struct.field("measured_flight_level") * 100).alias("altitude"),
+        *(
+            pl.col("I062/380").struct.field(item).struct.field(field).alias(name)
+            for name, (item, field) in AIRCRAFT.items()
+        ),
+        pl.col("I062/105").struct.field("lat").alias("latitude"),
+        pl.col("I062/105").struct.field("lon").alias("longitude"),
+        ((east**2 + north**2).sqrt() / KT_MPS).alias("groundspeed"),
+        (pl.arctan2(east, north).degrees() % 360).alias("track"),
+        number.alias("icao24"),
+        number.alias("flight_id"),
+        pl.lit(texts([base.get("callsign")])[0], pl.String).alias("callsign"),
+        pl.lit(texts([base.get("aircraft_type")])[0], pl.String).alias("typecode"),
     )
-    return _with_clearances(frame.drop("east", "north"), plan)
+    return _with_clearances(frame, plan)
 
 
 def _with_clearances(frame: pl.DataFrame, plan: object) -> pl.DataFrame:
@@ -88,23 +93,15 @@ def _with_clearances(frame: pl.DataFrame, plan: object) -> pl.DataFrame:
     entries = plan.get("fpl_clearance") if isinstance(plan, dict) else None
     given = [entry for entry in entries if type(entry) is dict] if isinstance(entries, list) else []
     clearances = (
-        pl.DataFrame(
-            {
-                "timestamp": texts([entry.get("time_stamp") for entry in given]),
-                "level": numbers([entry.get("cfl") for entry in given]),
-                "level_unit": texts([entry.get("cfl_unit") for entry in given]),
-                "speed": numbers([entry.get("assigned_speed_val") for entry in given]),
-                "speed_unit": texts([entry.get("assigned_speed_unit") for entry in given]),
-            }
-        )
-        .with_columns(timestamp=_times("timestamp"))
+        table(given, CLEARANCE)
+        .with_columns(timestamp=_times("time_stamp"))
         .drop_nulls("timestamp")
         .sort("timestamp", maintain_order=True)
         .select(
             "timestamp",
-            pl.when(level_unit="F").then("level").when(level_unit="A").then(pl.col("level") / 100).alias(CLEARED[0]),
-            pl.when(speed_unit="KNOT").then("speed").alias(CLEARED[1]),
-            pl.when(speed_unit="MACH").then("speed").alias(CLEARED[2]),
+            pl.when(cfl_unit="F").then("cfl").when(cfl_unit="A").then(pl.col("cfl") / 100).alias(CLEARED[0]),
+            pl.when(assigned_speed_unit="KNOT").then("assigned_speed_val").alias(CLEARED[1]),
+            pl.when(assigned_speed_unit="MACH").then("assigned_speed_val").alias(CLEARED[2]),
         )
     )
     timed = frame.with_row_index("_row").drop_nulls("timestamp").sort("timestamp", maintain_order=True)
@@ -116,11 +113,6 @@ def _times(name: str) -> pl.Expr:
     return (
         pl.col(name).str.to_datetime("%Y-%m-%dT%H:%M:%S%.f", time_unit="us", strict=False).dt.replace_time_zone("UTC")
     )
-
-
-def _part(thing: dict[str, Any], name: str) -> dict[str, Any]:
-    part = thing.get(name)
-    return part if isinstance(part, dict) else {}
 
 
 def _last(plan: object, name: str) -> dict[str, Any]:

@@ -44,6 +44,9 @@ class Input:
     def head(self) -> tuple[bytes, "Input"]:
         """The first bytes, and the input with them in place again."""
         head = self.stream.read(HEAD)
+        if self.stream.seekable():
+            self.stream.seek(-len(head), io.SEEK_CUR)
+            return head, self
         return head, replace(self, stream=Chain([io.BytesIO(head), self.stream]).buffered())
 
     def whole(self) -> bytes:

@@ -1,6 +1,7 @@
 """Read rows of every known kind of file, told apart by content, in blocks that fit in memory."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import polars as pl
@@ -8,8 +9,9 @@ import polars as pl
 from descentflow.errors import DataError
 from descentflow.surveillance.normalise import normalise
 from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.sources.formats import ACCEPTED, FORMATS, check_format, read
-from descentflow.surveillance.sources.streams import opened
+from descentflow.surveillance.sources.archives import COMPANION, is_tar, members, with_parts
+from descentflow.surveillance.sources.formats import ACCEPTED, FINISH, FORMATS, OF_ANYBODY, check_format, recognised
+from descentflow.surveillance.sources.streams import Input, opened, unpacked
 from descentflow.surveillance.units_check import check_units
 
 __all__ = ["FORMATS", "files_of", "read_rows", "read_table", "row_blocks"]
@@ -21,7 +23,7 @@ FEWEST_IN_LATER_PARTS = 1000
 def row_blocks(
     paths: Sequence[Path], report: DropReport, *, format: str | None = None, block_rows: int = 500_000
 ) -> Iterator[pl.DataFrame]:
-    """Read files, or all files of folders, one after the other, as rows of the schema.
+    """Read files, archives, or all files of folders, one after the other, as rows of the schema.
 
     Args:
         paths: Files and folders.
@@ -35,20 +37,21 @@ def row_blocks(
     Raises:
         ConfigError: If there is no such format.
         DataError: If a file cannot be read, is of no known kind, lacks a required column, holds one in a wrong unit,
-            or if there is no row.
+            or if there is no row. Among the members of archives and in trees of traces a file that cannot be read is
+            counted instead, as long as there is one that can.
 
     Example:
         >>> sum(len(block) for block in row_blocks([embedded_rows()], DropReport()))
         12759
     """
     check_format(format)
+    reading = _Reading(report, format, block_rows)
     empty = True
-    parts = (part for path in files_of(paths) for part in _parts(path, report, format, block_rows))
-    for block in _blocks(parts, block_rows):
+    for block in _joined(reading.parts(paths), block_rows):
         empty = False
         yield block
     if empty:
-        raise DataError(
+        raise reading.first_error or DataError(
             f"no row in {', '.join(str(p) for p in paths)}", expected="surveillance rows", mend="pass other files"
         )
 
@@ -60,10 +63,92 @@ def read_rows(paths: Sequence[Path], report: DropReport, *, format: str | None =
 
 def read_table(path: Path) -> pl.DataFrame:
     """Read one file as it is, with its own column names (snapshots become one row an aircraft)."""
-    return pl.concat(_tables(path, DropReport(), None, 1 << 22), how="diagonal")
+    reading = _Reading(DropReport(), None, 1 << 22)
+    with opened([path], str(path)) as source:
+        return pl.concat((table for _, table in reading.tables(source)), how="diagonal")
 
 
-def _blocks(parts: Iterator[pl.DataFrame], rows: int) -> Iterator[pl.DataFrame]:
+@dataclass
+class _Reading:
+    """What reading of one set of paths shares."""
+
+    report: DropReport
+    format: str | None
+    rows: int
+    first_error: DataError | None = None
+    _waiting: list[pl.DataFrame] = field(default_factory=list)
+    _kind: str = ""
+    _label: str = ""
+
+    def parts(self, paths: Sequence[Path]) -> Iterator[pl.DataFrame]:
+        """Normalised rows.
+
+        Tables are looked at file by file. The formats whose names and units are laid down come in many small files:
+        those are put together first.
+        """
+        for source in self._inputs(paths):
+            for number, (kind, table) in enumerate(self.tables(source)):
+                if self._waiting and (kind != self._kind or table.schema != self._waiting[0].schema):
+                    yield from self._of_waiting()
+                if kind in OF_ANYBODY:
+                    yield from self._normalised(table, source.label, later=number > 0)
+                    continue
+                self._kind, self._label = kind, self._label or source.label
+                self._waiting.append(table)
+                if sum(map(len, self._waiting)) >= self.rows or len(self._waiting) >= MANY:
+                    yield from self._of_waiting()
+        yield from self._of_waiting()
+
+    def _of_waiting(self) -> Iterator[pl.DataFrame]:
+        if self._waiting:
+            waiting, label = pl.concat(self._waiting), self._label
+            self._waiting, self._label = [], ""
+            if self._kind in FINISH:
+                waiting = FINISH[self._kind](waiting, self.report)
+            yield from self._normalised(waiting, label, later=False)
+
+    def _normalised(self, table: pl.DataFrame, label: str, *, later: bool) -> Iterator[pl.DataFrame]:
+        rows = normalise(table, label, self.report)
+        if not later or len(rows) >= FEWEST_IN_LATER_PARTS:
+            check_units(rows, label)
+        yield rows
+
+    def tables(self, source: Input) -> Iterator[tuple[str, pl.DataFrame]]:
+        """Format and tables of one file; what readers do not foresee ends as a DataError that names it."""
+        try:
+            try:
+                kind, found = recognised(unpacked(source), self.report, self.format, self.rows)
+                for table in found:
+                    yield kind, table
+            except (pl.exceptions.PolarsError, OSError) as error:
+                reason = str(error).splitlines()[0]
+                raise DataError(
+                    f"{source.label}: {reason}", expected="a whole, readable file", mend="copy it again"
+                ) from error
+        except DataError as error:
+            if not source.one_of_many:
+                raise
+            self.first_error = self.first_error or error
+            self.report.note("traces and members of archives that could not be read", 1)
+
+    def _inputs(self, paths: Sequence[Path]) -> Iterator[Input]:
+        """Files, and the members of those that are archives."""
+        files = with_parts(files_of(paths))
+        for label, parts in files:
+            with opened(parts, label) as source:
+                head, whole = unpacked(source).head()
+                if is_tar(head):
+                    yield from members(whole, self.report)
+                else:
+                    trace = len(files) > 1 and parts[0].name.startswith("trace_full_")
+                    yield replace(whole, one_of_many=trace)
+
+
+MANY = 2000
+"""Tables that are put together at most."""
+
+
+def _joined(parts: Iterator[pl.DataFrame], rows: int) -> Iterator[pl.DataFrame]:
     """Parts joined where they are small and divided where they are large."""
     waiting: list[pl.DataFrame] = []
     count = 0
@@ -78,31 +163,13 @@ def _blocks(parts: Iterator[pl.DataFrame], rows: int) -> Iterator[pl.DataFrame]:
         yield pl.concat(waiting, how="diagonal")
 
 
-def _parts(path: Path, report: DropReport, format: str | None, rows: int) -> Iterator[pl.DataFrame]:
-    """Normalised rows of one file."""
-    for number, table in enumerate(_tables(path, report, format, rows)):
-        part = normalise(table, path, report)
-        if not number or len(part) >= FEWEST_IN_LATER_PARTS:
-            check_units(part, str(path))
-        yield part
-
-
-def _tables(path: Path, report: DropReport, format: str | None, rows: int) -> Iterator[pl.DataFrame]:
-    """Tables of one file; what readers do not foresee ends as a DataError that names it."""
-    try:
-        with opened([path], str(path)) as source:
-            yield from read(source, report, format, rows)
-    except (pl.exceptions.PolarsError, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise DataError(f"{path}: {reason}", expected="a whole, readable file", mend="copy it again") from error
-
-
 def files_of(paths: Sequence[Path]) -> list[Path]:
-    """Files given, and all files of folders given, hidden ones aside."""
+    """Files given, and all files of folders given, hidden ones and what published trees hold beside rows aside."""
     files: list[Path] = []
     for path in paths:
         if path.is_dir():
-            files += sorted(p for p in path.rglob("*") if p.is_file() and not p.name.startswith("."))
+            inside = sorted(p for p in path.rglob("*") if p.is_file() and not p.name.startswith("."))
+            files += [p for p in inside if not COMPANION.search(p.relative_to(path).as_posix())]
         elif path.is_file():
             files.append(path)
         else:

@@ -1,20 +1,19 @@
 """The `aircraft.json` snapshots that dump1090-fa, readsb and tar1090 serve."""
 
 from collections.abc import Iterable, Iterator
-from pathlib import Path
+from typing import Any
 
 import polars as pl
 
 from descentflow.errors import DataError
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.streams import Input
+from descentflow.surveillance.sources.values import Kinds, is_number, table
 
 FIELDS = {
-    "icao24": "hex",
-    "callsign": "flight",
-    "typecode": "t",
     "altitude": "alt_baro",
     "vertical_rate": "baro_rate",
+    "geometric_rate": "geom_rate",
     "IAS": "ias",
     "Mach": "mach",
     "TAS": "tas",
@@ -25,14 +24,18 @@ FIELDS = {
     "geoaltitude": "alt_geom",
     "latitude": "lat",
     "longitude": "lon",
-    "oat": "oat",
+    "temperature": "oat",
+    "wind_direction": "wd",
+    "wind_speed": "ws",
+    "selected_altitude": "nav_altitude_mcp",
 }
 """Row column -> field of an aircraft in a snapshot; `heading` is magnetic, `oat` in degrees Celsius."""
+TEXT = {"icao24": "hex", "callsign": "flight", "typecode": "t"}
+MOST = 50_000
+"""Aircraft that are held as JSON at a time."""
 
-TEXT = ("icao24", "callsign", "typecode")
 
-
-def rows_of_snapshots(snapshots: Iterable[object], path: Path) -> pl.DataFrame:
+def rows(found: Iterable[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
     """One row for each aircraft of each snapshot, timed at its last message (`now` less `seen`).
 
     Aircraft on the ground have the word "ground" for an altitude; it becomes missing and the row is dropped and
@@ -41,59 +44,44 @@ def rows_of_snapshots(snapshots: Iterable[object], path: Path) -> pl.DataFrame:
     Raises:
         DataError: If the JSON holds no list of aircraft.
     """
-    columns: dict[str, list[object]] = {name: [] for name in ("timestamp", *FIELDS)}
-    found = False
-    for snapshot in snapshots:
-        if not isinstance(snapshot, dict) or not isinstance(snapshot.get("aircraft"), list):
+    times: list[float] = []
+    waiting: list[dict[str, Any]] = []
+    any_snapshot = False
+    for snapshot in found:
+        aircraft = snapshot.get("aircraft") if isinstance(snapshot, dict) else None
+        if not isinstance(snapshot, dict) or not isinstance(aircraft, list) or not is_number(snapshot.get("now")):
+            report.note("JSON documents that are no snapshot with aircraft and time", 1)
             continue
-        now = _number(snapshot.get("now"))
-        if now is None:
-            continue
-        found = True
-        for aircraft in snapshot["aircraft"]:
-            if not isinstance(aircraft, dict):
-                continue
-            seen = _number(aircraft.get("seen", 0))
-            columns["timestamp"].append(None if seen is None else now - seen)
-            for name, field in FIELDS.items():
-                columns[name].append(_value(aircraft.get(field), text=name in TEXT))
-    if not found:
+        any_snapshot = True
+        objects = [thing for thing in aircraft if type(thing) is dict]
+        report.note("aircraft in snapshots that are no object", len(aircraft) - len(objects))
+        waiting += objects
+        times += [float(snapshot["now"])] * len(objects)
+        if len(waiting) >= min(block, MOST):
+            yield _frame(times, waiting)
+            times, waiting = [], []
+    if not any_snapshot:
         raise DataError(
-            f"{path}: JSON without aircraft and time",
+            f"{source.label}: JSON without aircraft and time",
             expected="snapshots with `now` and a list `aircraft`, as dump1090-fa and readsb serve them",
             mend="pass such a file",
         )
-    kinds = {name: pl.String() if name in TEXT else pl.Float64() for name in columns}
-    frame = pl.DataFrame(columns, schema=kinds)
-    return frame.with_columns((pl.col("oat") + 273.15).alias("temperature")).drop("oat")
+    yield _frame(times, waiting)
 
 
-def _value(value: object, *, text: bool) -> object:
-    if text:
-        # JSON may escape half a surrogate pair, which is no text that could be stored.
-        return value.encode(errors="replace").decode().strip() or None if isinstance(value, str) else None
-    return _number(value)
+def _frame(times: list[float], aircraft: list[dict[str, Any]]) -> pl.DataFrame:
+    # The word is known, and would slow down the reading of all that have a number there.
+    airborne = [thing if thing.get("alt_baro") != "ground" else {**thing, "alt_baro": None} for thing in aircraft]
+    return table(airborne, KINDS).select(
+        (pl.Series(times, dtype=pl.Float64) - pl.col("seen").fill_null(0.0)).alias("timestamp"),
+        *(pl.col(field).str.strip_chars().replace("", None).alias(name) for name, field in TEXT.items()),
+        *(pl.col(field).alias(name) for name, field in FIELDS.items() if field != "oat"),
+        (pl.col("oat") + 273.15).alias("temperature"),
+    )
 
 
-def _number(value: object) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    try:
-        return float(value)
-    except OverflowError:  # an integer of more than 308 digits
-        return None
-
-
-def rows(found: Iterable[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
-    """Rows of snapshots, about `block` at a time."""
-    waiting: list[object] = []
-    aircraft = 0
-    for snapshot in found:
-        waiting.append(snapshot)
-        if isinstance(snapshot, dict) and isinstance(snapshot.get("aircraft"), list):
-            aircraft += len(snapshot["aircraft"])
-        if aircraft >= block or len(waiting) >= block:
-            yield rows_of_snapshots(waiting, Path(source.label))
-            waiting, aircraft = [], 0
-    if waiting:
-        yield rows_of_snapshots(waiting, Path(source.label))
+KINDS: Kinds = {
+    "seen": pl.Float64(),
+    **dict.fromkeys(TEXT.values(), pl.String()),
+    **dict.fromkeys(FIELDS.values(), pl.Float64()),
+}

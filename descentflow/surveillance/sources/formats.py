@@ -7,7 +7,15 @@ import polars as pl
 
 from descentflow.errors import ConfigError, DataError
 from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.sources import aircraft_json, tables
+from descentflow.surveillance.sources import (
+    aircraft_json,
+    asterix,
+    json_rows,
+    mode_s_frames,
+    readsb_trace,
+    scat,
+    tables,
+)
 from descentflow.surveillance.sources.documents import documents
 from descentflow.surveillance.sources.streams import Input
 
@@ -15,16 +23,34 @@ FORMATS = {
     "parquet": "Parquet, as traffic, OpenSky and pandas write it",
     "feather": "Feather (Arrow IPC), as traffic and pandas write it",
     "csv": "CSV with column names and commas",
+    "json-rows": "JSON of rows (a list, one a line, or columns), as traffic and pandas write it",
+    "readsb-trace": "trace_full_*.json of readsb, tar1090 and adsb.lol",
     "aircraft-json": "snapshots that dump1090-fa, readsb and tar1090 serve, one or one a line",
+    "jet1090": "JSON lines of jet1090, decoded or with frames alone",
+    "modes-hex": "lines of time (seconds since 1970) and raw Mode S frame in hexadecimal digits",
+    "scat": "SCAT, Swedish radar with flight plans and clearances, one flight a file",
+    "asterix": "data blocks of ASTERIX categories 048 and 062, the day in the file's name",
 }
-"""Name -> meaning; each is also known by content, in gzip too."""
+"""Name -> meaning; each is also known by content, in gzip and in tar archives too."""
 ACCEPTED = "one of " + "; ".join(f"{name} ({meaning})" for name, meaning in FORMATS.items())
 
 Reader = Callable[[Input, DropReport, int], Iterator[pl.DataFrame]]
-Documents = Callable[[Iterator[object], Input, DropReport, int], Iterator[pl.DataFrame]]
+OfDocuments = Callable[[Iterator[object], Input, DropReport, int], Iterator[pl.DataFrame]]
 
 TABLES: dict[str, Reader] = {"parquet": tables.parquet, "feather": tables.feather, "csv": tables.csv}
-JSON: dict[str, Documents] = {"aircraft-json": aircraft_json.rows}
+JSON: dict[str, OfDocuments] = {
+    "json-rows": json_rows.rows,
+    "aircraft-json": aircraft_json.rows,
+    "readsb-trace": readsb_trace.rows,
+    "jet1090": mode_s_frames.jet1090,
+    "scat": scat.rows,
+}
+OTHERS: dict[str, Reader] = {"modes-hex": mode_s_frames.lines, "asterix": asterix.rows}
+
+OF_ANYBODY = frozenset({*TABLES, "json-rows"})
+"""Tables of anybody's making: names and units have to be looked at file by file."""
+FINISH = {"readsb-trace": readsb_trace.finished}
+"""What is left to be done for many small tables of a format at once, which costs less than for each."""
 
 
 def check_format(name: str | None) -> None:
@@ -41,8 +67,8 @@ def check_format(name: str | None) -> None:
         )
 
 
-def read(source: Input, report: DropReport, name: str | None, rows: int) -> Iterator[pl.DataFrame]:
-    """Rows as the source names their columns, in parts of about `rows` rows.
+def recognised(source: Input, report: DropReport, name: str | None, rows: int) -> tuple[str, Iterator[pl.DataFrame]]:
+    """Name of a file's format, and its rows as it names their columns, in parts of about `rows` rows.
 
     Raises:
         DataError: If the file is of no known kind or damaged.
@@ -52,12 +78,40 @@ def read(source: Input, report: DropReport, name: str | None, rows: int) -> Iter
         raise DataError(f"{source.label} is empty", expected=ACCEPTED, mend="check how it was written or copied")
     kind = name or kind_of(head, source.label)
     if kind in TABLES:
-        yield from TABLES[kind](source, report, rows)
-        return
+        found_tables = TABLES[kind](source, report, rows)
+        first_table = next(found_tables)
+        chained = itertools.chain([first_table], found_tables)
+        if mode_s_frames.is_table(first_table):
+            return "modes-hex", mode_s_frames.of_tables(chained, report)
+        return kind, chained
+    if kind in OTHERS:
+        return kind, OTHERS[kind](source, report, rows)
     found = documents(source)
     first = next(found, None)
     kind = kind_of_document(first, source.label) if kind == "json" else kind
-    yield from JSON[kind](itertools.chain([first], found), source, report, rows)
+    return kind, JSON[kind](itertools.chain([first], found), source, report, rows)
+
+
+MAGIC = {b"PAR1": "parquet", b"ARROW1": "feather"}
+REFUSED = {
+    b"\x80\x02": ("a pickle", "write the table as Parquet: opening a pickle runs whatever code it holds"),
+    b"\x80\x03": ("a pickle", "write the table as Parquet: opening a pickle runs whatever code it holds"),
+    b"\x80\x04": ("a pickle", "write the table as Parquet: opening a pickle runs whatever code it holds"),
+    b"\x80\x05": ("a pickle", "write the table as Parquet: opening a pickle runs whatever code it holds"),
+    b"PK\x03\x04": ("a zip archive", "unpack it and pass the folder"),
+    b"BZh": ("bzip2", "unpack it, or pack it with gzip"),
+    b"\xfd7zXZ": ("xz", "unpack it, or pack it with gzip"),
+    b"\x28\xb5\x2f\xfd": ("zstandard", "unpack it, or pack it with gzip"),
+    b"\x89HDF": ("HDF5", "write the table as Parquet"),
+    b"FEA1": ("Feather version 1", "write it again as Feather version 2 or Parquet"),
+    b"\xd4\xc3\xb2\xa1": ("a capture of network packets", "take the payloads out of the packets first"),
+    b"\xa1\xb2\xc3\xd4": ("a capture of network packets", "take the payloads out of the packets first"),
+    b"\x0a\x0d\x0d\x0a": ("a capture of network packets", "take the payloads out of the packets first"),
+    b"\x1a\x31": ("Beast binary", "write it as lines of time and frame, or as JSON with jet1090"),
+    b"\x1a\x32": ("Beast binary", "write it as lines of time and frame, or as JSON with jet1090"),
+    b"\x1a\x33": ("Beast binary", "write it as lines of time and frame, or as JSON with jet1090"),
+}
+"""First bytes -> what is recognised but not read, and what to do about it."""
 
 
 def kind_of(head: bytes, label: str) -> str:
@@ -66,10 +120,14 @@ def kind_of(head: bytes, label: str) -> str:
     Raises:
         DataError: If it is none of these.
     """
-    if head.startswith(b"PAR1"):
-        return "parquet"
-    if head.startswith(b"ARROW1"):
-        return "feather"
+    for magic, kind in MAGIC.items():
+        if head.startswith(magic):
+            return kind
+    for magic, (what, mend) in REFUSED.items():
+        if head.startswith(magic):
+            raise DataError(f"{label} is {what}", expected=ACCEPTED, mend=mend)
+    if asterix.looks_so(head):
+        return "asterix"
     if b"\0" in head:
         raise DataError(
             f"{label}: neither text nor of a known binary kind", expected=ACCEPTED, mend="convert it to one of these"
@@ -77,7 +135,9 @@ def kind_of(head: bytes, label: str) -> str:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if not text:
         raise DataError(f"{label} holds no text", expected=ACCEPTED, mend="check how it was written")
-    return "json" if text[:1] in (b"{", b"[") else "csv"
+    if text[:1] in (b"{", b"["):
+        return "json"
+    return "modes-hex" if mode_s_frames.looks_raw(text) else "csv"
 
 
 def kind_of_document(document: object, label: str) -> str:
@@ -86,8 +146,20 @@ def kind_of_document(document: object, label: str) -> str:
     Raises:
         DataError: If it is none of these.
     """
-    if isinstance(document, dict) and isinstance(document.get("aircraft"), list):
+    known = document if isinstance(document, dict) else {}
+    keys = known.keys()
+    if "trace" in keys:
+        return "readsb-trace"
+    if "aircraft" in keys:
         return "aircraft-json"
+    if keys >= {"timestamp", "frame"}:
+        return "jet1090"
+    if scat.is_flight(known):
+        return "scat"
+    if json_rows.looks_so(document):
+        return "json-rows"
     raise DataError(
-        f"{label}: JSON without aircraft and time", expected=ACCEPTED, mend="pass such a file, or name its --format"
+        f"{label}: JSON of no known kind (it has {', '.join(map(str, list(keys)[:8])) or type(document).__name__})",
+        expected=ACCEPTED,
+        mend="pass such a file",
     )

@@ -1,11 +1,11 @@
-"""Bytes of files and of split archives, unpacked as they are read, and never to disk."""
+"""Bytes of files and of split archives, unpacked as they are read and never to disk."""
 
 import gzip
 import io
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
@@ -32,16 +32,22 @@ class Input:
         stream: Its bytes, without the gzip around them.
         label: Its name in messages.
         path: The file, where it is one on disk that can be read at any place.
+        one_of_many: Whether it is a member of an archive or a trace in a tree of them: then a damaged one is counted,
+            because taking it away is more than can be asked.
     """
 
     stream: IO[bytes]
     label: str
     path: Path | None = None
+    one_of_many: bool = False
 
     def head(self) -> tuple[bytes, "Input"]:
         """The first bytes, and the input with them in place again."""
         head = self.stream.read(HEAD)
-        return head, Input(Chain([io.BytesIO(head), self.stream]).buffered(), self.label, self.path)
+        if self.stream.seekable():
+            self.stream.seek(-len(head), io.SEEK_CUR)
+            return head, self
+        return head, replace(self, stream=Chain([io.BytesIO(head), self.stream]).buffered())
 
     def whole(self) -> bytes:
         """All bytes, if they are not too many to be held.
@@ -157,10 +163,10 @@ class _Counted:
 
 @contextmanager
 def opened(paths: Sequence[Path], label: str) -> Iterator[Input]:
-    """Open a file, or the parts of a split one, without the gzip around it; closed when the block ends.
+    """Open a file, or the parts of a split one; closed when the block ends.
 
     Raises:
-        DataError: If it cannot be opened or is gzip inside gzip.
+        DataError: If it cannot be opened.
     """
     with ExitStack() as files:
         try:
@@ -168,17 +174,22 @@ def opened(paths: Sequence[Path], label: str) -> Iterator[Input]:
         except OSError as error:
             raise DataError(f"{label}: {error}", expected="a readable file", mend="check its permissions") from error
         if len(streams) == 1:
-            yield unpacked(Input(streams[0], label, paths[0]))
+            yield Input(streams[0], label, paths[0])
         else:
-            yield unpacked(Input(Chain(streams).buffered(), label))
+            yield Input(Chain(streams).buffered(), label)
 
 
 def unpacked(packed: Input) -> Input:
-    """Take the gzip away, if there is any."""
+    """Take the gzip away, if there is any.
+
+    Raises:
+        DataError: If there is another one inside.
+    """
     head, packed = packed.head()
     if not head.startswith(b"\x1f\x8b"):
         return packed
-    head, plain = Input(io.BufferedReader(Gunzip(packed.stream, packed.label), 1 << 18), packed.label).head()
+    stream = io.BufferedReader(Gunzip(packed.stream, packed.label), 1 << 18)
+    head, plain = replace(packed, stream=stream, path=None).head()
     if head.startswith(b"\x1f\x8b"):
         raise DataError(f"{packed.label}: gzip inside gzip", expected="one layer", mend="unpack the outer one")
     return plain

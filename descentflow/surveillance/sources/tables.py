@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import polars as pl
 
 from descentflow.errors import DataError
+from descentflow.surveillance.normalise import wanted
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.streams import LARGEST_LINE, Input
 
@@ -25,6 +26,7 @@ def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
 
 def _slices(table: pl.LazyFrame, rows: int) -> Iterator[pl.DataFrame]:
     total = table.select(pl.len()).collect().item()
+    table = table.select(wanted(table.collect_schema().names()))
     for start in range(0, max(total, 1), rows):
         yield table.slice(start, rows).collect()
 
@@ -35,28 +37,30 @@ def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
     Raises:
         DataError: If a line has more fields than the first has names.
     """
-    header = _text(source.stream.readline(LARGEST_LINE), source.label, 0)
-    if "," not in header:
+    header = _checked(source.stream.readline(LARGEST_LINE), source.label, 0).removeprefix(BYTE_ORDER_MARK)
+    if b"," not in header:
         raise DataError(
             f"{source.label}: a first line without commas",
             expected="column names with commas between them",
             mend="convert the table to CSV with commas, or to Parquet",
         )
-    if not header.endswith("\n"):
-        header += "\n"
-    place, first = len(header.encode()), True
+    header = header.rstrip(b"\r\n") + b"\n"
+    names = wanted(_parsed(header, None, source.label).columns)
+    place, empty = len(header), True
     for chunk in _chunks(source):
-        text = header + _text(chunk, source.label, place)
+        yield _parsed(header + _checked(chunk, source.label, place), names, source.label)
         place += len(chunk)
-        first = False
-        yield _parsed(text, source.label)
-    if first:
-        yield _parsed(header, source.label)
+        empty = False
+    if empty:
+        yield _parsed(header, names, source.label)
 
 
-def _parsed(text: str, label: str) -> pl.DataFrame:
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+def _parsed(text: bytes, names: list[str] | None, label: str) -> pl.DataFrame:
     try:
-        return pl.read_csv(text.encode(), infer_schema=False)
+        return pl.read_csv(text, infer_schema=False, columns=names)
     except pl.exceptions.ComputeError as error:
         raise DataError(
             f"{label}: {str(error).splitlines()[0]}",
@@ -91,18 +95,18 @@ def _end_of_rows(text: bytes) -> int:
     return end
 
 
-def _text(content: bytes, label: str, place: int) -> str:
-    """Text of UTF-8.
+def _checked(content: bytes, label: str, place: int) -> bytes:
+    """The same bytes, if they are UTF-8.
 
     Raises:
-        DataError: If it is not, with the place.
+        DataError: If they are not, with the place.
     """
     try:
-        text = content.decode()
+        content.decode()
     except UnicodeDecodeError as error:
         raise DataError(
             f"{label}: not UTF-8 at byte {place + error.start}",
             expected="a table, JSON or text in UTF-8",
-            mend="save text files as UTF-8; --format names a kind of file that was not recognised",
+            mend="save text files as UTF-8",
         ) from error
-    return text.removeprefix("\ufeff") if not place else text
+    return content

@@ -45,10 +45,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     rules.add_argument("--config", type=Path, help="YAML file of thresholds; options here go before it")
     for field in fields(Cleaning):
         # Absent options are left to --config, and then to the defaults.
-        kind = int if isinstance(field.default, int) else float
+        optional = "None" in str(field.type)
+        kind = number_or_none if optional else int if isinstance(field.default, int) else float
         text = f"{describe(field.name)[0]} (default: {field.default})".replace("%", "%%")
         name = f"--{field.name.replace('_', '-')}"
         rules.add_argument(name, type=kind, default=argparse.SUPPRESS, metavar="X", help=text)
+
+
+def number_or_none(text: str) -> float | None:
+    """A threshold, or none to switch its filter off.
+
+    Example:
+        >>> number_or_none("25"), number_or_none("none")
+        (25.0, None)
+    """
+    return None if text.lower() == "none" else float(text)
 
 
 def memory_bytes(text: str) -> int:

@@ -12,15 +12,19 @@ from descentflow.surveillance import filters
 from descentflow.surveillance.flights import in_order, name_flights, of_types, with_types
 from descentflow.surveillance.free_rate import FreeRate
 from descentflow.surveillance.grid import to_levels
+from descentflow.surveillance.operations import ClearedSpeed, LargestBank
 from descentflow.surveillance.rates import with_rate
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.schema import COLUMNS
+from descentflow.surveillance.stale import Stale
 from descentflow.surveillance.thresholds import Cleaning
 
 BATCH_ROWS = 250_000
 """Rows that are cleaned at a time: their arrays stay in the processor's cache."""
 LOOKED_AT = ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
-"""Columns that filters look at."""
+"""Columns that filters look at..."""
+TURNS, CLEARED = ("roll", "track", "groundspeed"), ("cleared_speed_kt", "cleared_mach")
+"""...and those that optional filters look at."""
 
 
 @dataclass(frozen=True)
@@ -90,21 +94,33 @@ def clean(rows: pl.DataFrame, work: Work, *, threads: int = 1, say: Callable[[st
 
 
 def before_rates(rules: Cleaning) -> filters.Chain:
-    """Filters of altitude, IAS and Mach, before rates are derived from them."""
+    """Filters of altitude, IAS, Mach and reported rate, before rates are derived where none is reported."""
+    stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
     return (
         filters.Despike("altitude", rules.spike_altitude_ft, fastest=100.0)
         | filters.Despike("IAS", rules.spike_ias_kt, fastest=2.0)
         | filters.Despike("Mach", rules.spike_mach, fastest=0.003)
+        | Stale("altitude", rules.stale_altitude_ft, **stale)
+        | Stale("IAS", rules.stale_ias_kt, **stale)
+        | Stale("Mach", rules.stale_mach, **stale)
+        | Stale("vertical_rate", rules.stale_altitude_ft, **stale)
         | filters.AirspeedsAgree(rules.airspeeds_differ_kt)
     )
 
 
 def after_rates(rules: Cleaning) -> filters.Chain:
     """Filters that keep free descent, in order."""
-    return (
+    descent = (
         filters.Despike("vertical_rate", rules.spike_rate_fpm, fastest=100.0)
         | filters.Descending(rules.slowest_fpm)
         | filters.SteadyDescent(rules.transient_s)
+    )
+    if rules.largest_bank_deg is not None:
+        descent |= LargestBank(rules.largest_bank_deg)
+    if rules.cleared_speed_after_s is not None:
+        descent |= ClearedSpeed(rules.cleared_speed_after_s)
+    return (
+        descent
         | FreeRate(
             seconds=rules.constant_rate_s,
             seconds_alone=rules.constant_rate_alone_s,
@@ -152,7 +168,10 @@ def _cleaned(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.Data
 
 def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
     """Rows of free descent; only the columns that filters look at go through them, the others follow at the end."""
-    needed = [name for name in LOOKED_AT if name in rows.columns]
+    looked_at: tuple[str, ...] = LOOKED_AT
+    looked_at += TURNS if rules.largest_bank_deg is not None else ()
+    looked_at += CLEARED if rules.cleared_speed_after_s is not None else ()
+    needed = [name for name in looked_at if name in rows.columns]
     # Numbers are compared faster than names.
     narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index("_row")
     narrow = before_rates(rules)(narrow, report)

@@ -26,6 +26,16 @@ def flights_of(rows: pl.DataFrame) -> np.ndarray:
     return (name != name.shift()).fill_null(True).cum_sum().cast(pl.Int64).to_numpy()
 
 
+def cut(rows: pl.DataFrame, gone: np.ndarray) -> pl.DataFrame:
+    """Drop rows of a descent; :data:`STRETCH` changes where some stood."""
+    if not gone.any():
+        return rows
+    dropped = pl.Series(gone)
+    if STRETCH in rows.columns:
+        rows = rows.with_columns((pl.col(STRETCH) + dropped.cast(pl.Int64).cum_sum()).alias(STRETCH))
+    return rows.filter(~dropped)
+
+
 class Filter(ABC):
     """Keep some rows, count the others under :attr:`reason`."""
 

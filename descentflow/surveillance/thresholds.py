@@ -23,7 +23,7 @@ STALE = "a register that its aircraft, or the receiver, no longer refreshes; "
 
 @dataclass(frozen=True)
 class Cleaning:
-    """Thresholds of the cleaning; `None` and False switch an optional filter off.
+    """Thresholds of the cleaning; `None` switches an optional filter off.
 
     Example:
         >>> Cleaning(bottom_fl=100).slowest_fpm
@@ -106,6 +106,12 @@ class Cleaning:
         "drop rows banked by more than this, degrees; off by default",
         "lift, and with it induced drag, grows by 1/cos(bank): 25 degrees add 22 % to induced drag",
     )
+    cleared_speed_after_s: float | None = threshold(
+        30.0,
+        "drop rows under an assigned speed or Mach number, where clearances are known, and for this long after, s; "
+        "none keeps them",
+        "paper, section 3: flights without speed constraints; 30 kt are regained in 30 s at 1 kt/s",
+    )
     climb_back_ft: float = threshold(
         1000.0,
         "climb that parts two descents of a flight (go-around), of which the larger is kept, ft",
@@ -152,7 +158,7 @@ def cleaning_of(settings: Mapping[str, Any], origin: str) -> Cleaning:
 
 def _checked(value: object, field: "dataclasses.Field[Any]", origin: str) -> int | float | None:
     whole = isinstance(field.default, int)
-    if value is None and field.default is None:
+    if value is None and "None" in str(field.type):
         return None
     kinds = int if whole else (int, float)
     if isinstance(value, kinds) and not isinstance(value, bool) and 0 <= value < 1e9:

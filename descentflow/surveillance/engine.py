@@ -108,7 +108,9 @@ class DaskEngine(Engine):
             shared = client.scatter(common, broadcast=True, hash=False)
             futures = client.map(function, tasks, [shared] * len(tasks), pure=False, key=function.__name__)
             for future in distributed.as_completed(futures):
-                future.result()
+                # What tasks return is of no use, and might be asked of a worker that is dead by now.
+                if future.status != "finished":
+                    future.result()
                 yield
         finally:
             client.close()

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from descentflow.surveillance.engine import Engine
 
 UNITS = ("", "k", "m", "g", "t")
+SHOWN_AT_RANDOM = 6
+"""Flights of `--figures` besides those that each rule hit most."""
 LEAST_MEMORY = 500_000_000
 """Of which the program itself takes more than half."""
 
@@ -32,6 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--types", type=Path, help="CSV of icao24,typecode for rows that do not name their type")
     parser.add_argument("--typecode", help="keep these types, for instance A320,A321 (default: all)")
     parser.add_argument("--report", type=Path, help="also write the account as JSON")
+    parser.add_argument(
+        "--figures", type=Path, metavar="DIR", help="plots of what was kept and dropped of some flights"
+    )
     size = parser.add_argument_group("size")
     size.add_argument(
         "--memory", type=memory_bytes, default="2GB", help="bound on each process's memory (default: %(default)s)"
@@ -90,7 +95,7 @@ def run(args: argparse.Namespace) -> None:
     paths = [*args.rows, *([embedded_rows()] if args.embedded else [])]
     types = read_table(args.types) if args.types else embedded_types() if args.embedded else None
     wanted = [name.strip() for name in args.typecode.split(",")] if args.typecode else None
-    request = Request(paths, types, wanted, _cleaning(args), args.format)
+    request = Request(paths, types, wanted, _cleaning(args), args.format, SHOWN_AT_RANDOM if args.figures else 0)
     with tqdm(desc="prepare", delay=2, leave=False, bar_format="{desc} [{elapsed}]") as bar:
 
         def show(stage: str) -> None:
@@ -101,6 +106,11 @@ def run(args: argparse.Namespace) -> None:
     if args.report:
         with whole_file(args.report) as temporary:
             temporary.write_text(json.dumps(prepared.metadata, indent=1))
+    if args.figures and prepared.fates is not None:
+        from descentflow.commands.cleaning_page import write_page
+
+        number = write_page(args.figures, prepared.fates, prepared.report)
+        print(f"wrote {args.figures / 'index.html'}: {number} flights")
     print(prepared.report)
     for typecode, top in prepared.metadata["top_fl"].items():
         print(f"{typecode}: {prepared.flights[typecode]:,} descents, a quarter of them from FL{top} or above")
@@ -128,6 +138,8 @@ def _check(args: argparse.Namespace) -> None:
     for output in outputs:
         if output is args.report or output.suffix == ".parquet":
             check_output(output)
+    if args.figures:
+        check_output(args.figures / "index.html" if args.figures.is_dir() else args.figures)
     taken = {path.resolve() for path in (*args.rows, *([args.types] if args.types else []))}
     if taken & {path.resolve() for path in outputs} or len({path.resolve() for path in outputs}) < len(outputs):
         raise ConfigError(

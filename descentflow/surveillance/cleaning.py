@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 
 from descentflow.surveillance import filters
+from descentflow.surveillance.fates import ROW, TracedReport, some_flights
 from descentflow.surveillance.flights import in_order, name_flights, of_types, with_types
 from descentflow.surveillance.free_rate import FreeRate
 from descentflow.surveillance.grid import to_levels
@@ -37,6 +38,7 @@ class Work:
         shared: Flight names that several aircraft share.
         typecodes: Types to keep; all if None.
         types: Table `icao24,typecode` for rows that do not name their type.
+        shown: Flights taken at random whose rows are wanted with their fates; none if 0.
     """
 
     rules: Cleaning
@@ -44,6 +46,7 @@ class Work:
     shared: tuple[str, ...] = ()
     typecodes: tuple[str, ...] | None = None
     types: pl.DataFrame | None = None
+    shown: int = 0
 
 
 @dataclass
@@ -54,6 +57,8 @@ class Outcome:
     report: DropReport
     present: dict[str, int] = field(default_factory=dict)
     """Rows of each type, where only some were wanted."""
+    fates: pl.DataFrame | None = None
+    """Rows of some flights and why they were dropped (:func:`~descentflow.surveillance.fates.some_flights`)."""
 
 
 def clean(rows: pl.DataFrame, work: Work, *, threads: int = 1, say: Callable[[str], None] | None = None) -> Outcome:
@@ -82,15 +87,17 @@ def clean(rows: pl.DataFrame, work: Work, *, threads: int = 1, say: Callable[[st
     del typed
     batches = _batches(rows)
     del rows
-    parts = [DropReport(by_flight=True) for _ in batches]
-    levels = []
+    levels, fates, parts = [], [], []
     with ThreadPoolExecutor(max_workers=threads) as pool:
-        for done in pool.map(lambda batch, part: _cleaned(batch, work.rules, part), batches, parts):
-            levels.append(done)
+        for done in pool.map(lambda batch: _cleaned(batch, work), batches):
+            levels.append(done.levels)
+            parts.append(done.report)
+            fates += [done.fates] if done.fates is not None else []
             if say:
                 say(f"cleaning rows, part {len(levels)} of {len(batches)}")
     report.extend(parts)
-    return Outcome(pl.concat(levels), report, present)
+    shown = some_flights(pl.concat(fates), work.shown) if fates else None
+    return Outcome(pl.concat(levels), report, present, shown)
 
 
 def before_rates(rules: Cleaning) -> filters.Chain:
@@ -148,8 +155,11 @@ def _batches(rows: pl.DataFrame) -> list[pl.DataFrame]:
     return [rows.slice(start, stop - start) for start, stop in itertools.pairwise(bounds.tolist())]
 
 
-def _cleaned(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
+def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
     """Levels of the descents of some flights."""
+    rules = work.rules
+    traced = TracedReport(by_flight=True, rows=len(rows)) if work.shown else None
+    report = traced or DropReport(by_flight=True)
     kept = _free(rows, rules, report)
     levels = to_levels(
         kept,
@@ -163,7 +173,7 @@ def _cleaned(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.Data
     report.count("too_few_levels", kept, left)
     report.note("levels of the kept descents", len(long))
     report.note("levels of descents too short to keep", len(levels) - len(long))
-    return long
+    return Outcome(long, report, fates=traced.fates(rows, work.shown) if traced else None)
 
 
 def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
@@ -173,8 +183,8 @@ def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFra
     looked_at += CLEARED if rules.cleared_speed_after_s is not None else ()
     needed = [name for name in looked_at if name in rows.columns]
     # Numbers are compared faster than names.
-    narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index("_row")
+    narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW)
     narrow = before_rates(rules)(narrow, report)
     narrow = after_rates(rules)(with_rate(narrow), report)
-    others = rows.drop(set(needed) - {"flight_id"})[narrow["_row"]]
+    others = rows.drop(set(needed) - {"flight_id"})[narrow[ROW]]
     return pl.concat([narrow.drop("flight_id"), others], how="horizontal")

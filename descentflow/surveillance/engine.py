@@ -28,6 +28,11 @@ class Partition:
     files: tuple[Path, ...]
     target: Path
 
+    @property
+    def fates(self) -> Path:
+        """File of the flights that are shown, where some are wanted."""
+        return self.target.parent.parent / "fates" / self.target.name
+
 
 def clean_partition(partition: Partition, work: Work) -> None:
     """Clean the rows of some aircraft into a file that appears whole; nothing if it is there already.
@@ -38,6 +43,10 @@ def clean_partition(partition: Partition, work: Work) -> None:
         return
     rows = pl.concat([pl.read_ipc(path) for path in partition.files], how="diagonal")
     outcome = clean(rows, work)
+    if outcome.fates is not None:
+        partition.fates.parent.mkdir(exist_ok=True)
+        with whole_file(partition.fates) as temporary:
+            outcome.fates.write_parquet(temporary)
     described = json.dumps({"report": outcome.report.as_dict(), "present": outcome.present})
     with whole_file(partition.target) as temporary:
         outcome.levels.write_parquet(temporary, metadata={KEY: described}, compression="lz4", row_group_size=ROW_GROUP)

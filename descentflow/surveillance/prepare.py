@@ -18,6 +18,7 @@ from descentflow.surveillance import store
 from descentflow.surveillance.cleaning import Outcome, Work, clean
 from descentflow.surveillance.descents import KEY, SCHEMA_VERSION, Descents, top_levels
 from descentflow.surveillance.engine import Engine, LocalEngine, Partition, clean_partition, version
+from descentflow.surveillance.fates import some_flights
 from descentflow.surveillance.flights import check_left, names_shared
 from descentflow.surveillance.intake import Group, Intake, groups_of, read_again, read_group, take_in
 from descentflow.surveillance.job import PARTS, ROWS, fingerprint, job_folder
@@ -42,6 +43,7 @@ class Request:
         typecodes: Types to keep; all if None.
         cleaning: Thresholds.
         format: Name of what the files are; found from their content if None.
+        shown: Flights taken at random to show what became of their rows, besides those that each rule hit most.
     """
 
     paths: Sequence[Path]
@@ -49,12 +51,13 @@ class Request:
     typecodes: Sequence[str] | None = None
     cleaning: Cleaning = field(default_factory=Cleaning)
     format: str | None = None
+    shown: int = 0
 
     def work(self, intake: Intake) -> Work:
         """What is to be done with the rows that were read."""
         shared = tuple(names_shared(intake.names))
         wanted = None if self.typecodes is None else tuple(self.typecodes)
-        return Work(self.cleaning, intake.columns, shared, wanted, self.types)
+        return Work(self.cleaning, intake.columns, shared, wanted, self.types, self.shown)
 
     def facts(self, files: Sequence[Path]) -> dict[str, Any]:
         """All that the descents depend on."""
@@ -78,11 +81,13 @@ class Prepared:
         metadata: The description that stands in the output.
         report: Of everything dropped.
         flights: Descents of each type.
+        fates: Rows of some flights and why they were dropped, if some are to be shown.
     """
 
     metadata: dict[str, Any]
     report: DropReport
     flights: dict[str, int]
+    fates: pl.DataFrame | None = None
 
 
 def prepare(
@@ -156,6 +161,12 @@ def prepare_to(
     facts = request.facts(files)
     is_store = out.suffix != ".parquet"
     if is_store and (before := _finished(out, facts)):
+        if request.shown:
+            raise ConfigError(
+                f"{out} is finished, and flights are shown while they are cleaned",
+                expected="a store that is not there yet",
+                mend="choose another --out",
+            )
         return before
     if not (is_store and out.is_dir()):
         check_output(out)
@@ -183,10 +194,12 @@ def _run(
     if intake.buckets is None:
         outcome = _in_memory(intake, request, say)
         parts, report = store.Parts.of([outcome.levels.lazy()]), intake.report
+        fates = [] if outcome.fates is None else [outcome.fates]
     else:
-        paths = _clean_partitions(request, intake, folder, memory, engine, say)
-        parts, report = store.Parts.of([pl.scan_parquet(path) for path in paths]), intake.report
-        _account(request, report, [_described(path) for path in paths])
+        tasks = _clean_partitions(request, intake, folder, memory, engine, say)
+        parts, report = store.Parts.of([pl.scan_parquet(task.target) for task in tasks]), intake.report
+        _account(request, report, [_described(task.target) for task in tasks])
+        fates = [pl.read_parquet(task.fates) for task in tasks if request.shown and task.fates.exists()]
     if parts.flights.is_empty():
         raise _nothing_left(request.cleaning, report)
     metadata = _metadata(facts, report, parts.flights)
@@ -198,7 +211,8 @@ def _run(
         shutil.rmtree(made, ignore_errors=True)
         store.write_store(parts, {**metadata, "fingerprint": fingerprint(facts)}, made)
         made.replace(out)
-    return Prepared(metadata, report, dict(parts.flights["typecode"].value_counts().sort("typecode").iter_rows()))
+    numbers = dict(parts.flights["typecode"].value_counts().sort("typecode").iter_rows())
+    return Prepared(metadata, report, numbers, some_flights(pl.concat(fates), request.shown) if fates else None)
 
 
 def _read(request: Request, files: Sequence[Path], folder: Path, memory: Memory, engine: Engine, say: Say) -> Intake:
@@ -228,8 +242,8 @@ def _read(request: Request, files: Sequence[Path], folder: Path, memory: Memory,
 
 def _clean_partitions(
     request: Request, intake: Intake, folder: Path, memory: Memory, engine: Engine, say: Say
-) -> list[Path]:
-    """Files of levels, one a partition."""
+) -> list[Partition]:
+    """Clean partition after partition into files of levels."""
     (folder / PARTS).mkdir(exist_ok=True)
     size = memory.partition_bytes(engine.workers)
     planned = _plan(intake, folder, size, memory)
@@ -246,7 +260,7 @@ def _clean_partitions(
         for _ in runner.run(clean_partition, waiting, work):
             number += 1
             say(f"cleaning rows, part {number} of {len(tasks)}")
-    return [task.target for task in tasks]
+    return tasks
 
 
 def _plan(intake: Intake, folder: Path, size: int, memory: Memory) -> list[tuple[tuple[Path, ...], int]]:

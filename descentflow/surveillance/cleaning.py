@@ -105,8 +105,8 @@ def before_rates(rules: Cleaning) -> filters.Chain:
     stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
     return (
         filters.Despike("altitude", rules.spike_altitude_ft, fastest=100.0)
-        | filters.Despike("IAS", rules.spike_ias_kt, fastest=2.0)
-        | filters.Despike("Mach", rules.spike_mach, fastest=0.003)
+        | filters.Despike("IAS", rules.spike_ias_kt, fastest=2.0, agreeing_kt=rules.spike_agreeing_kt)
+        | filters.Despike("Mach", rules.spike_mach, fastest=0.003, agreeing_kt=rules.spike_agreeing_kt)
         | Stale("altitude", rules.stale_altitude_ft, **stale)
         | Stale("IAS", rules.stale_ias_kt, **stale)
         | Stale("Mach", rules.stale_mach, **stale)
@@ -125,7 +125,7 @@ def after_rates(rules: Cleaning) -> filters.Chain:
     if rules.largest_bank_deg is not None:
         descent |= LargestBank(rules.largest_bank_deg)
     if rules.cleared_speed_after_s is not None:
-        descent |= ClearedSpeed(rules.cleared_speed_after_s)
+        descent |= ClearedSpeed(rules.cleared_speed_after_s, rules.cleared_speed_within_kt)
     return (
         descent
         | FreeRate(

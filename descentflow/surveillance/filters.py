@@ -83,6 +83,9 @@ class Despike(Filter):
     robust standard deviations (1.4826 times their median absolute deviation). The median of a monotone stretch is its
     middle, so a steep path is no spike; at the ends of a flight, where there is no middle, the change that `fastest`
     allows within 5 reports is added to `floor`.
+
+    Of IAS and Mach, rows in which the two agree are no spikes, however far they stand out: where reports are sparse an
+    aircraft that hurries and slows down looks like one (real flights showed it), and two registers do not err alike.
     """
 
     column: str
@@ -90,6 +93,8 @@ class Despike(Filter):
     """In the column's unit; far above noise and quantisation, so that smooth manoeuvres are never spikes."""
     fastest: float = 0.0
     """Fastest change a second that an aircraft makes."""
+    agreeing_kt: float | None = None
+    """IAS and the CAS of Mach and altitude agree within this; none to let them not witness for each other."""
 
     @property
     def reason(self) -> str:  # type: ignore[override]
@@ -105,6 +110,8 @@ class Despike(Filter):
         spikes = np.zeros(len(rows), dtype=bool)
         some = np.isin(flights_of(rows), np.unique(flights_of(rows)[suspects]))
         spikes[some] = self._spikes(rows.filter(pl.Series(some))).to_numpy()
+        if self.agreeing_kt is not None and spikes.any():
+            spikes[spikes] = ~AirspeedsAgree(self.agreeing_kt).agree(rows.filter(pl.Series(spikes)))
         return rows.filter(pl.Series(~spikes))
 
     def _suspects(self, rows: pl.DataFrame) -> np.ndarray:
@@ -155,8 +162,13 @@ class AirspeedsAgree(Filter):
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows within the limit."""
-        cas = pl.Series(cas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy()))
-        return rows.filter((pl.col("IAS") - cas).abs() <= self.limit_kt)
+        agree = self.agree(rows)
+        return rows if agree.all() else rows.filter(pl.Series(agree))
+
+    def agree(self, rows: pl.DataFrame) -> np.ndarray:
+        """Which rows are within the limit."""
+        cas = cas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy())
+        return np.asarray(np.abs(rows["IAS"].to_numpy() - cas) <= self.limit_kt)
 
 
 @dataclass(frozen=True)

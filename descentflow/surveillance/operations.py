@@ -57,20 +57,29 @@ class LargestBank(Filter):
 class ClearedSpeed(Filter):
     """Drop rows flown under a speed instruction, and for a while after it: the speed is not the aircraft's own choice.
 
-    Only sources with clearances know (:data:`~descentflow.surveillance.schema.INSTRUCTIONS`).
+    An instruction holds from its issue to its end, if the aircraft comes within `within_kt` of it (0.002 Mach for each
+    kt) meanwhile. One that it never comes near is no constraint: "280 kt or less" is none to an aircraft that flies
+    260. Only sources with clearances know (:data:`~descentflow.surveillance.schema.INSTRUCTIONS`).
     """
 
     after_s: float
+    within_kt: float = 10.0
     reason = "cleared_speed"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows without an instruction; the stretch changes where one stood."""
-        cleared = [name for name in ("cleared_speed_kt", "cleared_mach") if name in rows.columns]
-        if rows.is_empty() or not cleared:
+        limits = {"cleared_speed_kt": ("IAS", 1.0), "cleared_mach": ("Mach", 0.002)}
+        known = {name: limit for name, limit in limits.items() if name in rows.columns and rows[name].count()}
+        if rows.is_empty() or not known:
             return rows
-        under = rows.select(pl.any_horizontal(pl.col(cleared).is_not_null())).to_series().to_numpy()
-        if not under.any():
-            return rows
-        clock = clock_of(flights_of(rows), rows["timestamp"].dt.epoch("us").to_numpy() / 1e6)
+        flight = flights_of(rows)
+        clock = clock_of(flight, rows["timestamp"].dt.epoch("us").to_numpy() / 1e6)
+        under = np.zeros(len(rows), dtype=bool)
+        for name, (flown, step) in known.items():
+            cleared = rows[name].to_numpy()
+            # Missing values differ from each other, and so stand alone.
+            begins = np.flatnonzero((cleared != np.roll(cleared, 1)) | (np.diff(flight, prepend=-1) != 0))
+            near = np.abs(rows[flown].to_numpy() - cleared) <= self.within_kt * step
+            under |= np.repeat(np.logical_or.reduceat(near, begins), np.diff(begins, append=len(rows)))
         last = np.maximum.accumulate(np.where(under, clock, -np.inf))
         return cut(rows, under | (clock - last <= self.after_s))

@@ -50,6 +50,11 @@ class Cleaning:
     spike_rate_fpm: float = threshold(
         1500.0, "smallest spike of vertical rate, ft/min", HAMPEL + "23 steps of 64 ft/min; turbulence stays below"
     )
+    spike_agreeing_kt: float = threshold(
+        8.0,
+        "IAS and Mach that agree within this (as CAS) are no spikes, kt",
+        "seen in real flights: sparse reports of an aircraft that hurries and slows down; four steps of 0.004 Mach",
+    )
     stale_s: float = threshold(
         20.0,
         "shortest repetition of one value that is held against the other channels, s",
@@ -111,6 +116,11 @@ class Cleaning:
         "drop rows under an assigned speed or Mach number, where clearances are known, and for this long after, s; "
         "none keeps them",
         "paper, section 3: flights without speed constraints; 30 kt are regained in 30 s at 1 kt/s",
+    )
+    cleared_speed_within_kt: float = threshold(
+        10.0,
+        "an assigned speed that is never flown to within this is no constraint (`or less`, `or greater`), kt",
+        "ICAO Doc 4444, 4.6.1.4: speeds are instructed in steps of 10 kt; a SCAT flight descends at 260 kt under 280",
     )
     climb_back_ft: float = threshold(
         1000.0,

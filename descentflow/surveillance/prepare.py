@@ -1,11 +1,10 @@
 """From files of rows to prepared descents: every step in its order, every drop counted, memory bounded."""
 
-import hashlib
 import json
 import os
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +14,16 @@ from descentflow import __version__
 from descentflow.errors import ConfigError, DataError
 from descentflow.files import check_output, whole_file
 from descentflow.surveillance import store
-from descentflow.surveillance.cleaning import Outcome, Work, clean
+from descentflow.surveillance.cleaning import Outcome, clean
 from descentflow.surveillance.descents import KEY, SCHEMA_VERSION, Descents, top_levels
-from descentflow.surveillance.engine import Engine, LocalEngine, Partition, clean_partition, version
+from descentflow.surveillance.engine import Engine, LocalEngine, Partition, clean_partition
 from descentflow.surveillance.fates import some_flights
-from descentflow.surveillance.flights import check_left, names_shared
+from descentflow.surveillance.flights import check_left
 from descentflow.surveillance.intake import Group, Intake, groups_of, read_again, read_group, take_in
 from descentflow.surveillance.job import PARTS, ROWS, fingerprint, job_folder
 from descentflow.surveillance.readers import files_of
 from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.request import Request
 from descentflow.surveillance.spill import Memory, Spill, joined, partitions
 from descentflow.surveillance.thresholds import Cleaning
 
@@ -31,46 +31,6 @@ __all__ = ["MEMORY_BYTES", "Cleaning", "Prepared", "Request", "prepare", "prepar
 
 MEMORY_BYTES = 2_000_000_000
 Say = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is to be prepared, and how.
-
-    Attributes:
-        paths: Files or folders of rows.
-        types: Table `icao24,typecode` for rows that do not name their type.
-        typecodes: Types to keep; all if None.
-        cleaning: Thresholds.
-        format: Name of what the files are; found from their content if None.
-        shown: Flights taken at random to show what became of their rows, besides those that each rule hit most.
-    """
-
-    paths: Sequence[Path]
-    types: pl.DataFrame | None = None
-    typecodes: Sequence[str] | None = None
-    cleaning: Cleaning = field(default_factory=Cleaning)
-    format: str | None = None
-    shown: int = 0
-
-    def work(self, intake: Intake) -> Work:
-        """What is to be done with the rows that were read."""
-        shared = tuple(names_shared(intake.names))
-        wanted = None if self.typecodes is None else tuple(self.typecodes)
-        return Work(self.cleaning, intake.columns, shared, wanted, self.types, self.shown)
-
-    def facts(self, files: Sequence[Path]) -> dict[str, Any]:
-        """All that the descents depend on."""
-        types = None if self.types is None else hashlib.sha256(self.types.write_csv().encode()).hexdigest()
-        return {
-            "made_by": version(),
-            "schema_version": SCHEMA_VERSION,
-            "settings": asdict(self.cleaning),
-            "typecodes": None if self.typecodes is None else sorted(self.typecodes),
-            "types_sha256": types,
-            "format": self.format,
-            "inputs": [_provenance(path) for path in files],
-        }
 
 
 @dataclass(frozen=True)
@@ -344,9 +304,3 @@ def _finished(out: Path, facts: dict[str, Any]) -> Prepared | None:
         )
     flights = {file["typecode"]: file["flights_of_type"] for file in found["files"] if "flights_of_type" in file}
     return Prepared(found, DropReport.from_dict(found["report"]), flights)
-
-
-def _provenance(path: Path) -> dict[str, object]:
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return {"name": path.name, "bytes": path.stat().st_size, "sha256": digest}

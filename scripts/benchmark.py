@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable
 
 import torch
+from benchmarks.prepare import prepare
 from torch import Tensor
 
 from descentflow.decoder.trajectories import integrate, integrate_plain
@@ -96,9 +97,11 @@ def _decode_row(dtype: torch.dtype, threads: int, peer: float | None) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", nargs="+", choices=["decode"], help="which part of the path")
-    for what in parser.parse_args().what:
-        {"decode": decode}[what]()
+    parser.add_argument("what", nargs="+", choices=["decode", "prepare"], help="which part of the path")
+    parser.add_argument("--rows", type=float, nargs="+", default=[1, 2, 5], help="prepare: sizes in millions of rows")
+    args = parser.parse_args()
+    for what in args.what:
+        {"decode": decode, "prepare": lambda: prepare(args.rows)}[what]()
 
 
 if __name__ == "__main__":

@@ -21,8 +21,10 @@ SECONDS = pl.col("timestamp").dt.epoch("us") / 1e6
 
 
 def flights_of(rows: pl.DataFrame) -> np.ndarray:
-    """Ascending number of every row's flight."""
+    """Ascending number of every row's flight, which the column may hold itself."""
     name = rows[FLIGHT]
+    if name.dtype.is_integer():
+        return name.cast(pl.Int64).to_numpy()
     return (name != name.shift()).fill_null(True).cum_sum().cast(pl.Int64).to_numpy()
 
 

@@ -34,7 +34,7 @@ def jet1090(found: Iterator[object], source: Input, report: DropReport, block: i
             done = [m for m in messages if "df" in m]
             if len(done) < len(messages):
                 rest = [m for m in messages if "df" not in m]
-                raw = [m for m in rest if isinstance(m.get("frame"), str) and WHOLE.match(m["frame"])]
+                raw = [m for m in rest if isinstance(m.get("frame"), str) and WHOLE.fullmatch(m["frame"])]
                 report.note("lines without fields or a frame of 14 or 28 hexadecimal digits", len(rest) - len(raw))
                 done += decoded([m["frame"] for m in raw], [float(m["timestamp"]) for m in raw], report)
             yield mode_s.columns_of(done)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tarfile import TarError
 
 import polars as pl
 
@@ -125,11 +126,13 @@ class _Reading:
                 kind, found = recognised(unpacked(source), self.report, self.format, self.rows)
                 for table in found:
                     yield kind, table
-            except (pl.exceptions.PolarsError, OSError) as error:
-                reason = str(error).splitlines()[0]
-                raise DataError(
-                    f"{source.label}: {reason}", expected="a whole, readable file", mend="copy it again"
-                ) from error
+            except (pl.exceptions.PolarsError, OSError, TarError) as error:
+                raise _unreadable(source.label, error) from error
+            except BaseException as error:
+                # Polars and the decoder of Mode S panic on some damage; this is no Exception.
+                if type(error).__name__ != "PanicException":
+                    raise
+                raise _unreadable(source.label, error) from error
         except DataError as error:
             if not source.one_of_many:
                 raise
@@ -147,6 +150,11 @@ class _Reading:
                 else:
                     trace = len(files) > 1 and parts[0].name.startswith("trace_full_")
                     yield replace(whole, one_of_many=trace)
+
+
+def _unreadable(label: str, error: BaseException) -> DataError:
+    reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
+    return DataError(f"{label}: {reason}", expected="a whole, readable file", mend="copy it again")
 
 
 def _joined(parts: Iterator[pl.DataFrame], rows: int) -> Iterator[pl.DataFrame]:

@@ -12,6 +12,7 @@ import polars as pl
 
 from descentflow.surveillance.airdata import cas_of_mach_kt
 from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.schema import POSSIBLE
 from descentflow.surveillance.sources.values import Kinds, table
 
 CLOCK_S = 1.0
@@ -161,9 +162,12 @@ def _with_altitude(found: pl.DataFrame, ordered: pl.DataFrame) -> pl.DataFrame:
 
 
 def _agrees(found: pl.DataFrame) -> pl.Series:
-    usable = found.select(pl.col("Mach").fill_null(0.0), pl.col("altitude").fill_null(0.0), pl.col("IAS").fill_null(0))
-    cas = cas_of_mach_kt(usable["Mach"].to_numpy(), usable["altitude"].to_numpy())
-    return pl.Series(abs(usable["IAS"].to_numpy() - cas) <= AGREES * cas)
+    """Whether IAS and Mach say the same at the altitude; not, where it is missing or either is impossible."""
+    possible = [pl.col(name).is_between(*POSSIBLE[name]).fill_null(False) for name in ("altitude", "IAS", "Mach")]
+    usable = found.select(pl.when(pl.all_horizontal(possible)).then(pl.col("altitude", "IAS", "Mach")).fill_null(0.0))
+    altitude, ias, mach = (usable[name].to_numpy() for name in ("altitude", "IAS", "Mach"))
+    cas = cas_of_mach_kt(mach, altitude)
+    return pl.Series((abs(ias - cas) <= AGREES * cas) & (mach > 0), dtype=pl.Boolean)
 
 
 def _near(found: pl.DataFrame, others: pl.DataFrame, kind: str) -> pl.DataFrame:

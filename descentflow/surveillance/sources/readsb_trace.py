@@ -16,6 +16,7 @@ import polars as pl
 from descentflow.errors import DataError
 from descentflow.surveillance.airdata import mach_of_cas
 from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.schema import POSSIBLE
 from descentflow.surveillance.sources.streams import Input
 from descentflow.surveillance.sources.values import Kinds, is_number, numbers, table, texts
 
@@ -172,8 +173,9 @@ def _with_mach(frame: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     Only in legs whose details report Mach: there the aircraft is known to answer with both.
     """
     reported = pl.col("Mach").is_not_null().any().over("leg")
+    possible = [pl.col(name).is_between(*POSSIBLE[name]) for name in ("IAS", "altitude")]
     fillable = frame.select(
-        reported & pl.col("Mach").is_null() & pl.col("IAS").is_between(40, 500) & pl.col("altitude").is_not_null()
+        (reported & pl.col("Mach").is_null() & pl.all_horizontal(possible)).fill_null(False)
     ).to_series()
     count = int(fillable.sum())
     if not count:

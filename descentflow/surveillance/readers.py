@@ -7,7 +7,7 @@ from tarfile import TarError
 
 import polars as pl
 
-from descentflow.errors import DataError
+from descentflow.errors import ConfigError, DataError
 from descentflow.surveillance.normalise import normalise
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.archives import COMPANION, is_tar, members, with_parts
@@ -55,6 +55,8 @@ def row_blocks(
         12759
     """
     check_format(format)
+    if block_rows < 1:
+        raise ConfigError(f"blocks of {block_rows} rows", expected="1 or more", mend="pass another number")
     reading = _Reading(report, format, block_rows)
     empty = True
     for block in _joined(reading.parts(paths), block_rows):
@@ -134,22 +136,31 @@ class _Reading:
                     raise
                 raise _unreadable(source.label, error) from error
         except DataError as error:
-            if not source.one_of_many:
-                raise
-            self.first_error = self.first_error or error
-            self.report.note("traces and members of archives that could not be read", 1)
+            self._count(error, source)
+
+    def _count(self, error: DataError, source: Input) -> None:
+        """Count a file that cannot be read as long as it is one of many."""
+        if not source.one_of_many:
+            raise error
+        self.first_error = self.first_error or error
+        self.report.note("traces and members of archives that could not be read", 1)
 
     def _inputs(self, paths: Sequence[Path]) -> Iterator[Input]:
         """Files, and the members of those that are archives."""
         files = with_parts(files_of(paths))
         for label, parts in files:
             with opened(parts, label) as source:
-                head, whole = unpacked(source).head()
+                of_tree = len(files) > 1 and parts[0].name.startswith("trace_full_")
+                source = replace(source, one_of_many=of_tree)
+                try:
+                    head, whole = unpacked(source).head()
+                except DataError as error:
+                    self._count(error, source)
+                    continue
                 if is_tar(head):
                     yield from members(whole, self.report)
                 else:
-                    trace = len(files) > 1 and parts[0].name.startswith("trace_full_")
-                    yield replace(whole, one_of_many=trace)
+                    yield whole
 
 
 def _unreadable(label: str, error: BaseException) -> DataError:

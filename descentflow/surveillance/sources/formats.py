@@ -159,6 +159,12 @@ def kind_of(head: bytes, label: str) -> str:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if not text:
         raise DataError(f"{label} holds no text", expected=ACCEPTED, mend="check how it was written")
+    if mode_s_frames.looks_untimed(text):
+        raise DataError(
+            f"{label}: Mode S frames without the time of each",
+            expected=mode_s_frames.MADE_BY,
+            mend="record frames with a clock in seconds, for instance with jet1090",
+        )
     if text[:1] in (b"{", b"["):
         return "json"
     return "modes-hex" if mode_s_frames.looks_raw(text) else "csv"

@@ -124,3 +124,12 @@ def looks_raw(head: bytes) -> bool:
     """Whether text begins with lines of time and frame, under a line of names or not."""
     first = [line for line in head.splitlines()[:4] if line.strip()]
     return any(LINE.match(line) for line in first[:2])
+
+
+def looks_untimed(head: bytes) -> bool:
+    """Whether text begins with AVR's frames, alone or with the ticks of a receiver's counter before each."""
+    first = next((line.strip() for line in head.splitlines() if line.strip()), b"")
+    return bool(UNTIMED.match(first))
+
+
+UNTIMED = re.compile(rb"^(?:[*:]|@[0-9a-fA-F]{12})?(?:[0-9a-fA-F]{14}){1,2};?$")

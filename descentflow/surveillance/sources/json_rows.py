@@ -26,10 +26,13 @@ def rows(found: Iterator[object], source: Input, report: DropReport, block: int)
         DataError: If the JSON holds no rows.
     """
     first = next(found, None)
+    documents = itertools.chain([first], found)
     if isinstance(first, dict) and _of_columns(first):
-        yield _table_of_columns(first, source.label)
+        for document in documents:
+            yield _table_of_columns(document if isinstance(document, dict) else {}, source.label)
         return
-    stream = iter(first) if isinstance(first, list) else itertools.chain([first], found)
+    each = (document if isinstance(document, list) else [document] for document in documents)
+    stream = itertools.chain.from_iterable(each)
     names: list[str] | None = None
     while batch := list(itertools.islice(stream, min(block, MOST))):
         objects = [row for row in batch if type(row) is dict]

@@ -42,7 +42,7 @@ def columns_of(messages: list[Message]) -> pl.DataFrame:
     return table(messages, KINDS).select(
         pl.col("timestamp").alias("time"),
         pl.col("icao24").str.strip_chars().replace("", None),
-        pl.col("df").is_in(["11", "17", "18"]).fill_null(False).alias("squitter"),
+        pl.col("df").is_in(PROTECTED).fill_null(False).alias("protected"),
         pl.when(position | pl.col("df").is_in(ALTITUDE_REPLIES)).then("altitude").alias("altitude"),
         *(sixty(name) for name in ("IAS", "Mach", "heading")),
         sixty("vrate_barometric").alias("rate"),
@@ -57,6 +57,8 @@ def columns_of(messages: list[Message]) -> pl.DataFrame:
     )
 
 
+PROTECTED = ("17", "18")
+"""Downlink formats whose parity protects the address; in others it is mixed with an address or interrogator."""
 ALTITUDE_REPLIES = ("0", "4", "16", "20")
 """Downlink formats with a pressure altitude."""
 NUMBER, TEXT = pl.Float64(), pl.String()
@@ -88,7 +90,7 @@ def rows(batches: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.Dat
         # A single clock error must not say how far the batch reaches.
         reach = messages["time"].tail(1000).median()
         until = float(reach) - HOLD_S if isinstance(reach, float) else 0.0
-        known |= set(messages.filter("squitter")["icao24"])
+        known |= set(messages.filter("protected")["icao24"])
         due = (pl.col("age") == 1) | ((pl.col("age") == 0) & (pl.col("time") <= until))
         yield _rows_of(messages, due, known, report)
         kept = messages.with_columns(age=pl.when(due).then(2).otherwise(pl.col("age") + 1)).filter(

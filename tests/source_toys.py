@@ -9,6 +9,8 @@ from pathlib import Path
 
 import polars as pl
 
+from descentflow.surveillance.schema import POSSIBLE, REQUIRED
+
 GENERATOR = 0x1FFF409
 """Of the parity of Mode S (ICAO Annex 10, volume IV, 3.1.2.3.3)."""
 
@@ -43,6 +45,14 @@ def trace_of(flight: pl.DataFrame, *, details_every: int = 4, extended: bool = T
         ]
         points.append(point + (["adsb_icao", round(row["altitude"]) + 800, -16, round(row["IAS"]), -0.4] * extended))
     return {"icao": flight["icao24"][0], "r": "EI-TST", "t": flight["typecode"][0], "timestamp": begin, "trace": points}
+
+
+def possible(rows: pl.DataFrame) -> pl.DataFrame:
+    """Rows that have all that is required, within what is possible; the first of each time."""
+    inside = [pl.col(name).is_between(*POSSIBLE[name]) for name in REQUIRED if name in POSSIBLE]
+    return (
+        rows.drop_nulls(list(REQUIRED)).filter(inside).unique(["icao24", "timestamp"], keep="first").sort("timestamp")
+    )
 
 
 def packed(document: object) -> bytes:

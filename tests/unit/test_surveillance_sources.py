@@ -26,6 +26,7 @@ from source_toys import (
 from surveillance_toys import START, flight
 
 from descentflow.errors import ConfigError, DataError
+from descentflow.surveillance.airdata import cas_of_mach_kt, mach_of_cas
 from descentflow.surveillance.readers import FORMATS, read_rows, row_blocks
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.archives import with_parts
@@ -371,6 +372,19 @@ def test_snapshots(tmp_path: Path) -> None:
     found, notes = rows_of(written_to(tmp_path / "aircraft.json", snapshots_of(FLIGHT)))
     assert notes == {}
     same(found, altitude=1e-9, vertical_rate=1e-9)
+
+
+def test_answers_of_open_apis(tmp_path: Path) -> None:
+    answers = [json.loads(line) for line in snapshots_of(FLIGHT).splitlines()]
+    answers = [{"ac": answer["aircraft"], "now": 1000 * answer["now"], "total": 1} for answer in answers]
+    found, _ = rows_of(written_to(tmp_path / "answers.jsonl", "\n".join(map(json.dumps, answers))))
+    same(found, altitude=1e-9, vertical_rate=1e-9)
+
+
+def test_mach_of_cas_is_the_inverse_of_cas_of_mach() -> None:
+    altitude = np.array([0.0, 10_000, 36_000, 39_000])
+    mach = np.array([0.3, 0.5, 0.78, 0.85])
+    assert mach_of_cas(cas_of_mach_kt(mach, altitude), altitude) == pytest.approx(mach, rel=1e-12)
 
 
 def test_values_from_json_are_numbers_text_or_missing() -> None:

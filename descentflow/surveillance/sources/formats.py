@@ -180,7 +180,7 @@ def kind_of_document(document: object, label: str) -> str:
     keys = known.keys()
     if "trace" in keys:
         return "readsb-trace"
-    if "aircraft" in keys:
+    if "aircraft" in keys or keys >= {"ac", "now"}:
         return "aircraft-json"
     if keys >= {"timestamp", "frame"}:
         return "jet1090"

@@ -70,8 +70,9 @@ def lines(source: Input, report: DropReport, block: int) -> Iterator[pl.DataFram
 
 
 def is_table(table: pl.DataFrame) -> bool:
-    """Whether a table holds times and frames, as OpenSky's replies and traffic's raw data do."""
-    return "altitude" not in table.columns and bool(_column(table, TIMES)) and bool(_column(table, FRAMES))
+    """Whether a table holds times and frames that are not decoded, as OpenSky's replies and traffic's raw data do."""
+    decoded_already = {name.lower() for name in table.columns} >= {"ias", "mach"}
+    return not decoded_already and bool(_column(table, TIMES)) and bool(_column(table, FRAMES))
 
 
 def of_tables(tables: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.DataFrame]:

@@ -3,14 +3,24 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tarfile import TarError
 
 import polars as pl
 
-from descentflow.errors import DataError
+from descentflow.errors import ConfigError, DataError
 from descentflow.surveillance.normalise import normalise
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.archives import COMPANION, is_tar, members, with_parts
-from descentflow.surveillance.sources.formats import ACCEPTED, FINISH, FORMATS, OF_ANYBODY, check_format, recognised
+from descentflow.surveillance.sources.formats import (
+    ACCEPTED,
+    FORMATS,
+    OF_ANYBODY,
+    Rows,
+    belongs,
+    check_format,
+    put_together,
+    recognised,
+)
 from descentflow.surveillance.sources.streams import Input, opened, unpacked
 from descentflow.surveillance.units_check import check_units
 
@@ -45,6 +55,8 @@ def row_blocks(
         12759
     """
     check_format(format)
+    if block_rows < 1:
+        raise ConfigError(f"blocks of {block_rows} rows", expected="1 or more", mend="pass another number")
     reading = _Reading(report, format, block_rows)
     empty = True
     for block in _joined(reading.parts(paths), block_rows):
@@ -65,7 +77,8 @@ def read_table(path: Path) -> pl.DataFrame:
     """Read one file as it is, with its own column names (snapshots become one row an aircraft)."""
     reading = _Reading(DropReport(), None, 1 << 22)
     with opened([path], str(path)) as source:
-        return pl.concat((table for _, table in reading.tables(source)), how="diagonal")
+        tables = [put_together([part], reading.report) for _, part in reading.tables(source)]
+    return pl.concat(tables, how="diagonal")
 
 
 @dataclass
@@ -76,8 +89,7 @@ class _Reading:
     format: str | None
     rows: int
     first_error: DataError | None = None
-    _waiting: list[pl.DataFrame] = field(default_factory=list)
-    _kind: str = ""
+    _waiting: list[Rows] = field(default_factory=list)
     _label: str = ""
 
     def parts(self, paths: Sequence[Path]) -> Iterator[pl.DataFrame]:
@@ -87,25 +99,21 @@ class _Reading:
         those are put together first.
         """
         for source in self._inputs(paths):
-            for number, (kind, table) in enumerate(self.tables(source)):
-                if self._waiting and (kind != self._kind or table.schema != self._waiting[0].schema):
+            for number, (kind, part) in enumerate(self.tables(source)):
+                if kind in OF_ANYBODY or not belongs(part, self._waiting, self.rows):
                     yield from self._of_waiting()
                 if kind in OF_ANYBODY:
-                    yield from self._normalised(table, source.label, later=number > 0)
-                    continue
-                self._kind, self._label = kind, self._label or source.label
-                self._waiting.append(table)
-                if sum(map(len, self._waiting)) >= self.rows or len(self._waiting) >= MANY:
-                    yield from self._of_waiting()
+                    yield from self._normalised(put_together([part], self.report), source.label, later=number > 0)
+                else:
+                    self._label = self._label or source.label
+                    self._waiting.append(part)
         yield from self._of_waiting()
 
     def _of_waiting(self) -> Iterator[pl.DataFrame]:
         if self._waiting:
-            waiting, label = pl.concat(self._waiting), self._label
+            table, label = put_together(self._waiting, self.report), self._label
             self._waiting, self._label = [], ""
-            if self._kind in FINISH:
-                waiting = FINISH[self._kind](waiting, self.report)
-            yield from self._normalised(waiting, label, later=False)
+            yield from self._normalised(table, label, later=False)
 
     def _normalised(self, table: pl.DataFrame, label: str, *, later: bool) -> Iterator[pl.DataFrame]:
         rows = normalise(table, label, self.report)
@@ -113,39 +121,51 @@ class _Reading:
             check_units(rows, label)
         yield rows
 
-    def tables(self, source: Input) -> Iterator[tuple[str, pl.DataFrame]]:
+    def tables(self, source: Input) -> Iterator[tuple[str, Rows]]:
         """Format and tables of one file; what readers do not foresee ends as a DataError that names it."""
         try:
             try:
                 kind, found = recognised(unpacked(source), self.report, self.format, self.rows)
                 for table in found:
                     yield kind, table
-            except (pl.exceptions.PolarsError, OSError) as error:
-                reason = str(error).splitlines()[0]
-                raise DataError(
-                    f"{source.label}: {reason}", expected="a whole, readable file", mend="copy it again"
-                ) from error
+            except (pl.exceptions.PolarsError, OSError, TarError) as error:
+                raise _unreadable(source.label, error) from error
+            except BaseException as error:
+                # Polars and the decoder of Mode S panic on some damage; this is no Exception.
+                if type(error).__name__ != "PanicException":
+                    raise
+                raise _unreadable(source.label, error) from error
         except DataError as error:
-            if not source.one_of_many:
-                raise
-            self.first_error = self.first_error or error
-            self.report.note("traces and members of archives that could not be read", 1)
+            self._count(error, source)
+
+    def _count(self, error: DataError, source: Input) -> None:
+        """Count a file that cannot be read as long as it is one of many."""
+        if not source.one_of_many:
+            raise error
+        self.first_error = self.first_error or error
+        self.report.note("traces and members of archives that could not be read", 1)
 
     def _inputs(self, paths: Sequence[Path]) -> Iterator[Input]:
         """Files, and the members of those that are archives."""
         files = with_parts(files_of(paths))
         for label, parts in files:
             with opened(parts, label) as source:
-                head, whole = unpacked(source).head()
+                of_tree = len(files) > 1 and parts[0].name.startswith("trace_full_")
+                source = replace(source, one_of_many=of_tree)
+                try:
+                    head, whole = unpacked(source).head()
+                except DataError as error:
+                    self._count(error, source)
+                    continue
                 if is_tar(head):
                     yield from members(whole, self.report)
                 else:
-                    trace = len(files) > 1 and parts[0].name.startswith("trace_full_")
-                    yield replace(whole, one_of_many=trace)
+                    yield whole
 
 
-MANY = 2000
-"""Tables that are put together at most."""
+def _unreadable(label: str, error: BaseException) -> DataError:
+    reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
+    return DataError(f"{label}: {reason}", expected="a whole, readable file", mend="copy it again")
 
 
 def _joined(parts: Iterator[pl.DataFrame], rows: int) -> Iterator[pl.DataFrame]:

@@ -1,4 +1,7 @@
-"""The `aircraft.json` snapshots that dump1090-fa, readsb and tar1090 serve."""
+"""The `aircraft.json` snapshots that dump1090-fa, readsb and tar1090 serve, and answers of version 2 of the open APIs.
+
+The APIs (adsb.lol, airplanes.live, adsbexchange) name the list `ac` and give `now` in milliseconds.
+"""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -31,6 +34,8 @@ FIELDS = {
 }
 """Row column -> field of an aircraft in a snapshot; `heading` is magnetic, `oat` in degrees Celsius."""
 TEXT = {"icao24": "hex", "callsign": "flight", "typecode": "t"}
+MILLISECONDS = 1e11
+"""Numbers above cannot be seconds since 1970 before the year 5138."""
 MOST = 50_000
 """Aircraft that are held as JSON at a time."""
 
@@ -48,7 +53,7 @@ def rows(found: Iterable[object], source: Input, report: DropReport, block: int)
     waiting: list[dict[str, Any]] = []
     any_snapshot = False
     for snapshot in found:
-        aircraft = snapshot.get("aircraft") if isinstance(snapshot, dict) else None
+        aircraft = snapshot.get("aircraft", snapshot.get("ac")) if isinstance(snapshot, dict) else None
         if not isinstance(snapshot, dict) or not isinstance(aircraft, list) or not is_number(snapshot.get("now")):
             report.note("JSON documents that are no snapshot with aircraft and time", 1)
             continue
@@ -56,7 +61,8 @@ def rows(found: Iterable[object], source: Input, report: DropReport, block: int)
         objects = [thing for thing in aircraft if type(thing) is dict]
         report.note("aircraft in snapshots that are no object", len(aircraft) - len(objects))
         waiting += objects
-        times += [float(snapshot["now"])] * len(objects)
+        now = float(snapshot["now"])
+        times += [now / 1000 if now > MILLISECONDS else now] * len(objects)
         if len(waiting) >= min(block, MOST):
             yield _frame(times, waiting)
             times, waiting = [], []

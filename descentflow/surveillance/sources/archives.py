@@ -134,7 +134,8 @@ def with_parts(files: Sequence[Path]) -> list[tuple[str, list[Path]]]:
             continue
         parts = [file for file, _ in groupby(sorted(together))]
         numbers = [_number(str(file)) for file in parts]
-        if numbers[0] > 1 or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
+        first = 1 if str(parts[0])[-1].isdigit() else 0
+        if numbers[0] > first or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
             raise DataError(
                 f"parts {', '.join(file.name for file in parts)} of a split archive, but not those between or before",
                 expected="all parts from the first",

@@ -214,12 +214,15 @@ def _frame(waiting: list[Row], seconds: list[float | None]) -> pl.DataFrame:
 
 
 def looks_so(head: bytes) -> bool:
-    """Whether a file begins with whole blocks of known categories, 048 or 062 among them."""
-    place, seen = 0, set()
+    """Whether a file begins with whole blocks of known categories, 048 or 062 among them.
+
+    After three good ones it is taken for ASTERIX whatever follows, so that damage is told as such.
+    """
+    place, seen = 0, list[int]()
     while place + HEADER <= len(head):
         category, length = head[place], int.from_bytes(head[place + 1 : place + HEADER], "big")
         if category not in KNOWN or not HEADER < length <= LARGEST_BLOCK:
-            return False
-        seen.add(category)
+            return len(seen) > 2 and bool({48, 62} & set(seen))
+        seen.append(category)
         place += length
-    return bool(seen & {48, 62})
+    return bool({48, 62} & set(seen))

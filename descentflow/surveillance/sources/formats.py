@@ -1,7 +1,7 @@
 """The kinds of files that can be read, and how each is known by its first bytes."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import polars as pl
 
@@ -18,6 +18,7 @@ from descentflow.surveillance.sources import (
 )
 from descentflow.surveillance.sources.documents import documents
 from descentflow.surveillance.sources.streams import Input
+from descentflow.surveillance.sources.values import without_cycle_search
 
 FORMATS = {
     "parquet": "Parquet, as traffic, OpenSky and pandas write it",
@@ -34,8 +35,9 @@ FORMATS = {
 """Name -> meaning; each is also known by content, in gzip and in tar archives too."""
 ACCEPTED = "one of " + "; ".join(f"{name} ({meaning})" for name, meaning in FORMATS.items())
 
+Rows = pl.DataFrame | readsb_trace.Trace
 Reader = Callable[[Input, DropReport, int], Iterator[pl.DataFrame]]
-OfDocuments = Callable[[Iterator[object], Input, DropReport, int], Iterator[pl.DataFrame]]
+OfDocuments = Callable[[Iterator[object], Input, DropReport, int], Iterator[Rows]]
 
 TABLES: dict[str, Reader] = {"parquet": tables.parquet, "feather": tables.feather, "csv": tables.csv}
 JSON: dict[str, OfDocuments] = {
@@ -49,8 +51,30 @@ OTHERS: dict[str, Reader] = {"modes-hex": mode_s_frames.lines, "asterix": asteri
 
 OF_ANYBODY = frozenset({*TABLES, "json-rows"})
 """Tables of anybody's making: names and units have to be looked at file by file."""
-FINISH = {"readsb-trace": readsb_trace.finished}
-"""What is left to be done for many small tables of a format at once, which costs less than for each."""
+MOST_POINTS = 50_000
+"""Points of traces that are held as JSON."""
+
+
+def put_together(parts: Sequence[Rows], report: DropReport) -> pl.DataFrame:
+    """One table of many small ones of one kind."""
+    traces = [part for part in parts if isinstance(part, readsb_trace.Trace)]
+    with without_cycle_search():
+        return readsb_trace.finished(traces, report) if traces else pl.concat(parts)  # type: ignore[type-var, return-value]
+
+
+def belongs(part: Rows, waiting: Sequence[Rows], rows: int) -> bool:
+    """Whether a part can be put together with those that wait, by kind and number of rows."""
+    if not waiting:
+        return True
+    count = sum(map(len, waiting))
+    if isinstance(part, readsb_trace.Trace):
+        return isinstance(waiting[0], readsb_trace.Trace) and count < MOST_POINTS
+    same = isinstance(waiting[0], pl.DataFrame) and part.schema == waiting[0].schema
+    return same and count < rows and len(waiting) < MOST_TABLES
+
+
+MOST_TABLES = 2000
+"""Tables that are put together at once."""
 
 
 def check_format(name: str | None) -> None:
@@ -67,7 +91,7 @@ def check_format(name: str | None) -> None:
         )
 
 
-def recognised(source: Input, report: DropReport, name: str | None, rows: int) -> tuple[str, Iterator[pl.DataFrame]]:
+def recognised(source: Input, report: DropReport, name: str | None, rows: int) -> tuple[str, Iterator[Rows]]:
     """Name of a file's format, and its rows as it names their columns, in parts of about `rows` rows.
 
     Raises:
@@ -135,6 +159,12 @@ def kind_of(head: bytes, label: str) -> str:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if not text:
         raise DataError(f"{label} holds no text", expected=ACCEPTED, mend="check how it was written")
+    if mode_s_frames.looks_untimed(text):
+        raise DataError(
+            f"{label}: Mode S frames without the time of each",
+            expected=mode_s_frames.MADE_BY,
+            mend="record frames with a clock in seconds, for instance with jet1090",
+        )
     if text[:1] in (b"{", b"["):
         return "json"
     return "modes-hex" if mode_s_frames.looks_raw(text) else "csv"
@@ -150,7 +180,7 @@ def kind_of_document(document: object, label: str) -> str:
     keys = known.keys()
     if "trace" in keys:
         return "readsb-trace"
-    if "aircraft" in keys:
+    if "aircraft" in keys or keys >= {"ac", "now"}:
         return "aircraft-json"
     if keys >= {"timestamp", "frame"}:
         return "jet1090"

@@ -13,6 +13,8 @@ from descentflow.surveillance.sources.values import mixed
 
 TIME = frozenset({"timestamp", "time"})
 ADDRESS = frozenset({"icao24", "hex"})
+MOST = 50_000
+"""Rows that are held as JSON at a time."""
 NAMES_LOOKED_AT = 1000
 """Rows whose keys name the columns; later rows have no others."""
 
@@ -24,12 +26,15 @@ def rows(found: Iterator[object], source: Input, report: DropReport, block: int)
         DataError: If the JSON holds no rows.
     """
     first = next(found, None)
+    documents = itertools.chain([first], found)
     if isinstance(first, dict) and _of_columns(first):
-        yield _table_of_columns(first, source.label)
+        for document in documents:
+            yield _table_of_columns(document if isinstance(document, dict) else {}, source.label)
         return
-    stream = iter(first) if isinstance(first, list) else itertools.chain([first], found)
+    each = (document if isinstance(document, list) else [document] for document in documents)
+    stream = itertools.chain.from_iterable(each)
     names: list[str] | None = None
-    while batch := list(itertools.islice(stream, block)):
+    while batch := list(itertools.islice(stream, min(block, MOST))):
         objects = [row for row in batch if type(row) is dict]
         report.note("JSON values that are no row", len(batch) - len(objects))
         if names is None:

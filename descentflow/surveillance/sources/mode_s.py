@@ -12,6 +12,7 @@ import polars as pl
 
 from descentflow.surveillance.airdata import cas_of_mach_kt
 from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.schema import POSSIBLE
 from descentflow.surveillance.sources.values import Kinds, table
 
 CLOCK_S = 1.0
@@ -24,8 +25,10 @@ CONTEXT_S = 30.0
 """What is kept of one batch of messages for the next."""
 HOLD_S = 10.0
 """Rows within this time of a batch's end wait for the next batch."""
-AGREES = 0.1
-"""Relative difference of IAS and the CAS of Mach up to which bits that may be BDS 5,0 or 6,0 are taken for 6,0."""
+AGREES = 0.03
+"""Relative difference of IAS and the CAS of Mach up to which bits that may be BDS 5,0 or 6,0 are taken for 6,0.
+
+Replies that can only be 6,0 agree within 0.013 (4,688 seconds of an A319 over France)."""
 FEWEST_REPLIES = 5
 """Replies from which an address counts that never squittered: bit errors make up addresses, but rarely one twice."""
 
@@ -41,7 +44,7 @@ def columns_of(messages: list[Message]) -> pl.DataFrame:
     return table(messages, KINDS).select(
         pl.col("timestamp").alias("time"),
         pl.col("icao24").str.strip_chars().replace("", None),
-        pl.col("df").is_in(["11", "17", "18"]).fill_null(False).alias("squitter"),
+        pl.col("df").is_in(PROTECTED).fill_null(False).alias("protected"),
         pl.when(position | pl.col("df").is_in(ALTITUDE_REPLIES)).then("altitude").alias("altitude"),
         *(sixty(name) for name in ("IAS", "Mach", "heading")),
         sixty("vrate_barometric").alias("rate"),
@@ -56,6 +59,8 @@ def columns_of(messages: list[Message]) -> pl.DataFrame:
     )
 
 
+PROTECTED = ("17", "18")
+"""Downlink formats whose parity protects the address; in others it is mixed with an address or interrogator."""
 ALTITUDE_REPLIES = ("0", "4", "16", "20")
 """Downlink formats with a pressure altitude."""
 NUMBER, TEXT = pl.Float64(), pl.String()
@@ -87,7 +92,7 @@ def rows(batches: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.Dat
         # A single clock error must not say how far the batch reaches.
         reach = messages["time"].tail(1000).median()
         until = float(reach) - HOLD_S if isinstance(reach, float) else 0.0
-        known |= set(messages.filter("squitter")["icao24"])
+        known |= set(messages.filter("protected")["icao24"])
         due = (pl.col("age") == 1) | ((pl.col("age") == 0) & (pl.col("time") <= until))
         yield _rows_of(messages, due, known, report)
         kept = messages.with_columns(age=pl.when(due).then(2).otherwise(pl.col("age") + 1)).filter(
@@ -106,12 +111,12 @@ def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: Drop
     )
     ordered = messages.with_columns(due=due).filter(trusted).sort("time", maintain_order=True)
     reports = ordered.filter(pl.col("IAS").is_not_null() & pl.col("due"))
-    single = reports.filter(pl.struct("icao24", (pl.col("time") / CLOCK_S).floor()).is_first_distinct())
-    report.note("BDS 6,0 reports within the same second as another", len(reports) - len(single))
-    found = _with_altitude(single, ordered)
-    ambiguous = found["TAS"].is_not_null() & ~_agrees(found)
-    report.note("Mode S replies that may be BDS 5,0 or 6,0 and fit neither", int(ambiguous.sum()))
-    found = found.filter(~ambiguous).select("time", "icao24", "altitude", "IAS", "Mach", "heading", "rate")
+    possible = _with_altitude(reports, ordered)
+    sure = possible.filter(pl.col("TAS").is_null() | _agrees(possible))
+    report.note("Mode S replies that may be BDS 5,0 or 6,0 and fit neither", len(possible) - len(sure))
+    found = sure.filter(pl.struct("icao24", (pl.col("time") / CLOCK_S).floor()).is_first_distinct())
+    report.note("BDS 6,0 reports within the same second as another", len(sure) - len(found))
+    found = found.select("time", "icao24", "altitude", "IAS", "Mach", "heading", "rate")
     certain = pl.col("IAS").is_null()
     turn = ordered.filter(pl.col("TAS").is_not_null() & certain)
     found = _near(found, turn.select("time", "icao24", "TAS", "roll", "groundspeed50", "track50"), "turn")
@@ -161,9 +166,12 @@ def _with_altitude(found: pl.DataFrame, ordered: pl.DataFrame) -> pl.DataFrame:
 
 
 def _agrees(found: pl.DataFrame) -> pl.Series:
-    usable = found.select(pl.col("Mach").fill_null(0.0), pl.col("altitude").fill_null(0.0), pl.col("IAS").fill_null(0))
-    cas = cas_of_mach_kt(usable["Mach"].to_numpy(), usable["altitude"].to_numpy())
-    return pl.Series(abs(usable["IAS"].to_numpy() - cas) <= AGREES * cas)
+    """Whether IAS and Mach say the same at the altitude; not, where it is missing or either is impossible."""
+    possible = [pl.col(name).is_between(*POSSIBLE[name]).fill_null(False) for name in ("altitude", "IAS", "Mach")]
+    usable = found.select(pl.when(pl.all_horizontal(possible)).then(pl.col("altitude", "IAS", "Mach")).fill_null(0.0))
+    altitude, ias, mach = (usable[name].to_numpy() for name in ("altitude", "IAS", "Mach"))
+    cas = cas_of_mach_kt(mach, altitude)
+    return pl.Series((abs(ias - cas) <= AGREES * cas) & (mach > 0), dtype=pl.Boolean)
 
 
 def _near(found: pl.DataFrame, others: pl.DataFrame, kind: str) -> pl.DataFrame:

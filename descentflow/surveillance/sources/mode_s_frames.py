@@ -34,7 +34,7 @@ def jet1090(found: Iterator[object], source: Input, report: DropReport, block: i
             done = [m for m in messages if "df" in m]
             if len(done) < len(messages):
                 rest = [m for m in messages if "df" not in m]
-                raw = [m for m in rest if isinstance(m.get("frame"), str) and WHOLE.match(m["frame"])]
+                raw = [m for m in rest if isinstance(m.get("frame"), str) and WHOLE.fullmatch(m["frame"])]
                 report.note("lines without fields or a frame of 14 or 28 hexadecimal digits", len(rest) - len(raw))
                 done += decoded([m["frame"] for m in raw], [float(m["timestamp"]) for m in raw], report)
             yield mode_s.columns_of(done)
@@ -70,8 +70,9 @@ def lines(source: Input, report: DropReport, block: int) -> Iterator[pl.DataFram
 
 
 def is_table(table: pl.DataFrame) -> bool:
-    """Whether a table holds times and frames, as OpenSky's replies and traffic's raw data do."""
-    return "altitude" not in table.columns and bool(_column(table, TIMES)) and bool(_column(table, FRAMES))
+    """Whether a table holds times and frames that are not decoded, as OpenSky's replies and traffic's raw data do."""
+    decoded_already = {name.lower() for name in table.columns} >= {"ias", "mach"}
+    return not decoded_already and bool(_column(table, TIMES)) and bool(_column(table, FRAMES))
 
 
 def of_tables(tables: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.DataFrame]:
@@ -124,3 +125,12 @@ def looks_raw(head: bytes) -> bool:
     """Whether text begins with lines of time and frame, under a line of names or not."""
     first = [line for line in head.splitlines()[:4] if line.strip()]
     return any(LINE.match(line) for line in first[:2])
+
+
+def looks_untimed(head: bytes) -> bool:
+    """Whether text begins with AVR's frames, alone or with the ticks of a receiver's counter before each."""
+    first = next((line.strip() for line in head.splitlines() if line.strip()), b"")
+    return bool(UNTIMED.match(first))
+
+
+UNTIMED = re.compile(rb"^(?:[*:]|@[0-9a-fA-F]{12})?(?:[0-9a-fA-F]{14}){1,2};?$")

@@ -6,7 +6,8 @@ Details are fields of aircraft.json, with every fourth point or so. Source: READ
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import polars as pl
 from descentflow.errors import DataError
 from descentflow.surveillance.airdata import mach_of_cas
 from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.schema import POSSIBLE
 from descentflow.surveillance.sources.streams import Input
 from descentflow.surveillance.sources.values import Kinds, is_number, numbers, table, texts
 
@@ -40,62 +42,47 @@ DETAILS = {
 KINDS: Kinds = {"flight": pl.String(), **dict.fromkeys(DETAILS.values(), pl.Float64())}
 
 
-def rows(found: Iterator[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
-    """Points of traces, a table each, for :func:`finished`.
+@dataclass(frozen=True)
+class Trace:
+    """One trace as read, to be put together with others: columns of many points cost less than of a few."""
+
+    icao24: object
+    typecode: object
+    begin: float
+    points: list[list[Any]]
+
+    def __len__(self) -> int:
+        """Number of points."""
+        return len(self.points)
+
+
+def rows(found: Iterator[object], source: Input, report: DropReport, block: int) -> Iterator[Trace]:
+    """Traces for :func:`finished`.
 
     Raises:
-        DataError: If a document is no trace.
+        DataError: If a document lacks the address, the time or the list of points.
     """
     for document in found:
-        yield points_of_trace(document, source.label, report)
+        trace = document.get("trace") if isinstance(document, dict) else None
+        if not isinstance(document, dict) or not isinstance(trace, list) or not is_number(document.get("timestamp")):
+            raise DataError(
+                f"{source.label}: JSON without a trace and its time",
+                expected="`icao`, `timestamp` and a list `trace`, as readsb and adsb.lol write them",
+                mend="pass such a file",
+            )
+        points = [point for point in trace if type(point) is list and len(point) >= SHORTEST]
+        report.note("trace points that are no list of 9 values or more", len(trace) - len(points))
+        yield Trace(document.get("icao"), document.get("t"), float(document["timestamp"]), points)
 
 
-def points_of_trace(document: object, label: str, report: DropReport) -> pl.DataFrame:
-    """Values of a trace's points, column by column, as they are.
-
-    Raises:
-        DataError: If the document lacks the address, the time or the list of points.
-    """
-    trace = document.get("trace") if isinstance(document, dict) else None
-    if not isinstance(document, dict) or not isinstance(trace, list) or not is_number(document.get("timestamp")):
-        raise DataError(
-            f"{label}: JSON without a trace and its time",
-            expected="`icao`, `timestamp` and a list `trace`, as readsb and adsb.lol write them",
-            mend="pass such a file",
-        )
-    points = [point for point in trace if type(point) is list and len(point) >= 9]
-    report.note("trace points that are no list of 9 values or more", len(trace) - len(points))
-    columns: list[Any] = [*itertools.islice(itertools.zip_longest(*points), POINT)]
-    columns += [[None] * len(points)] * (POINT - len(columns))
-    details = columns[8]
-    filled = [place for place, value in enumerate(details) if type(value) is dict]
-    objects = [details[place] for place in filled]
-    frame = {
-        "timestamp": numbers(columns[0]) + float(document["timestamp"]),
-        "icao24": _repeated(document.get("icao"), len(points)),
-        "typecode": _repeated(document.get("t"), len(points)),
-        "flags": numbers(columns[6]),
-        **{f"_{name}": numbers(columns[place]) for name, place in PLACES.items()},
-    }
-    detailed = table(objects, KINDS).with_columns(place=pl.Series(filled, dtype=pl.UInt32))
-    return pl.DataFrame(frame).with_row_index("place").join(detailed, on="place", how="left", maintain_order="left")
-
-
-def finished(points: pl.DataFrame, report: DropReport) -> pl.DataFrame:
-    """Rows of the points of whole traces: none with a stale position, and a flight of its own for each leg."""
+def finished(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
+    """Rows of whole traces: none with a stale position, and a flight of its own for each leg."""
+    frame = _columns(traces)
     barometric = pl.when(~_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))
     geometric = pl.when(_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))
     rate = pl.when(~_has(GEOMETRIC_RATE)).then(pl.col("_rate"))
     geometric_rate = pl.when(_has(GEOMETRIC_RATE)).then(pl.col("_rate"))
-    bits = pl.when(pl.col("flags").is_between(0, 255)).then(pl.col("flags")).fill_null(0).cast(pl.Int64)
-    named = {"callsign": pl.col("flight").str.strip_chars().replace("", None)}
-    named |= {name: pl.col(field) for name, field in DETAILS.items()}
-    frame = points.with_columns(flags=bits, **named).drop("flight", *(set(DETAILS.values()) - set(DETAILS)))
     frame = frame.with_columns(
-        latitude=pl.col("_latitude"),
-        longitude=pl.col("_longitude"),
-        groundspeed=pl.col("_groundspeed"),
-        track=pl.when(pl.col("_altitude").is_not_null()).then(pl.col("_track")),  # on the ground it is a heading
         altitude=barometric,
         geoaltitude=pl.coalesce("geoaltitude", "_geoaltitude", geometric),
         vertical_rate=pl.coalesce(rate, "vertical_rate"),
@@ -103,29 +90,66 @@ def finished(points: pl.DataFrame, report: DropReport) -> pl.DataFrame:
         IAS=pl.coalesce("IAS", "_IAS"),
         roll=pl.coalesce("roll", "_roll"),
         temperature=pl.col("temperature") + 273.15,
+        track=pl.when(pl.col("_altitude").is_not_null()).then(pl.col("track")),  # on the ground it is a heading
     )
     fresh = _by_leg(frame).filter(~_has(STALE))
     report.note("trace points with a stale position, left out", len(frame) - len(fresh))
-    return _with_mach(fresh, report).drop("place", "flags", "leg", *(f"_{name}" for name in PLACES))
+    beside = [name for name in fresh.columns if name.startswith("_")]
+    return _with_mach(fresh, report).drop("begins", "flags", "leg", *beside)
 
 
+def _columns(traces: Sequence[Trace]) -> pl.DataFrame:
+    """Values of the points as they are, those of details beside them."""
+    points = list(itertools.chain.from_iterable(trace.points for trace in traces))
+    columns: list[Any] = [*itertools.islice(itertools.zip_longest(*points), POINT)]
+    columns += [[None] * len(points)] * (POINT - len(columns))
+    columns[ALTITUDE] = [None if value == "ground" else value for value in columns[ALTITUDE]]
+    lengths = np.array([len(trace) for trace in traces], dtype=np.int64)
+    whole = pl.DataFrame(
+        {
+            "icao24": texts([trace.icao24 for trace in traces]),
+            "typecode": texts([trace.typecode for trace in traces]),
+            "begin": numbers([trace.begin for trace in traces]),
+        }
+    )[np.repeat(np.arange(len(traces)), lengths)]
+    begins = np.zeros(len(points), dtype=bool)
+    begins[(np.cumsum(lengths) - lengths)[lengths > 0]] = True
+    details = [(place, value) for place, value in enumerate(columns[DETAIL]) if type(value) is dict]
+    detailed = table([value for _, value in details], KINDS).select(
+        pl.Series([place for place, _ in details], dtype=pl.UInt32).alias("place"),
+        pl.col("flight").str.strip_chars().replace("", None).alias("callsign"),
+        *(pl.col(field).alias(name) for name, field in DETAILS.items()),
+    )
+    flags = numbers(columns[FLAGS])
+    own = pl.DataFrame({name: numbers(columns[place]) for name, place in PLACES.items()})
+    return (
+        pl.concat([whole, own], how="horizontal")
+        .with_columns(
+            timestamp=pl.col("begin") + numbers(columns[0]),
+            begins=pl.Series(begins),
+            flags=pl.when(flags.is_between(0, 255)).then(flags).fill_null(0).cast(pl.Int64),
+        )
+        .with_row_index("place")
+        .join(detailed, on="place", how="left", maintain_order="left")
+        .drop("place", "begin")
+    )
+
+
+ALTITUDE, FLAGS, DETAIL = 3, 6, 8
+SHORTEST = 9
 PLACES = {
     "latitude": 1,
     "longitude": 2,
-    "altitude": 3,
+    "_altitude": ALTITUDE,
     "groundspeed": 4,
     "track": 5,
-    "rate": 7,
-    "geoaltitude": 10,
-    "geometric_rate": 11,
-    "IAS": 12,
-    "roll": 13,
+    "_rate": 7,
+    "_geoaltitude": 10,
+    "_geometric_rate": 11,
+    "_IAS": 12,
+    "_roll": 13,
 }
-"""Where the numbers of a point stand."""
-
-
-def _repeated(value: object, length: int) -> pl.Series:
-    return pl.repeat(texts([value])[0], length, dtype=pl.String, eager=True)
+"""Where the numbers of a point stand; those with a line before the name are combined with others."""
 
 
 def _has(bit: int) -> pl.Expr:
@@ -134,8 +158,7 @@ def _has(bit: int) -> pl.Expr:
 
 def _by_leg(frame: pl.DataFrame) -> pl.DataFrame:
     """Name each leg by address and time of its first point; a callsign holds until the next one of its leg."""
-    begins = (pl.col("place") == 0) | _has(NEW_LEG)
-    legs = frame.with_columns(leg=begins.cast(pl.Int64).cum_sum())
+    legs = frame.with_columns(leg=(pl.col("begins") | _has(NEW_LEG)).cast(pl.Int64).cum_sum())
     begin = pl.col("timestamp").first()
     first = pl.from_epoch(pl.when(begin.is_between(0, 1e10)).then(begin).cast(pl.Int64)).dt.strftime("%Y%m%dT%H%M%S")
     return legs.with_columns(
@@ -150,8 +173,9 @@ def _with_mach(frame: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     Only in legs whose details report Mach: there the aircraft is known to answer with both.
     """
     reported = pl.col("Mach").is_not_null().any().over("leg")
+    possible = [pl.col(name).is_between(*POSSIBLE[name]) for name in ("IAS", "altitude")]
     fillable = frame.select(
-        reported & pl.col("Mach").is_null() & pl.col("IAS").is_between(40, 500) & pl.col("altitude").is_not_null()
+        (reported & pl.col("Mach").is_null() & pl.all_horizontal(possible)).fill_null(False)
     ).to_series()
     count = int(fillable.sum())
     if not count:

@@ -20,7 +20,7 @@ RATIO_FROM = 16 << 20
 """Bytes out below which the ratio is not looked at: so much fits in memory whatever it is."""
 LARGEST_LINE = 64 << 20
 """Bytes of one line; a snapshot of every aircraft of the world has about 10 MB."""
-LARGEST_DOCUMENT = 256 << 20
+LARGEST_DOCUMENT = 128 << 20
 """Bytes of what has to be read as a whole: a JSON document that is not one a line, a table inside of an archive."""
 
 

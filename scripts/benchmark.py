@@ -3,7 +3,10 @@
 import argparse
 from importlib import import_module
 
-PARTS = {"decode": "the decoder beside power, memory and pyBADA"}
+PARTS = {
+    "decode": "the decoder beside power, memory and pyBADA",
+    "prepare": "rows to free descents beside pandas, with the curve over sizes",
+}
 """Modules of `benchmarks`, each with `add_arguments` and `run`."""
 
 

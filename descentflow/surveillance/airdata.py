@@ -39,3 +39,15 @@ def cas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:
     impact = pressure_ratio(altitude_ft) * ((1 + 0.2 * mach**2) ** 3.5 - 1)
     scale_mps = np.sqrt(1.4 * 101_325.0 / 1.225)
     return np.asarray(scale_mps * np.sqrt(5 * ((1 + impact) ** (1 / 3.5) - 1)) / KT_MPS)
+
+
+def mach_of_cas(cas_kt: Array, altitude_ft: Array) -> Array:
+    """Mach number, the inverse of :func:`cas_of_mach_kt`.
+
+    Example:
+        >>> round(float(mach_of_cas(np.array([266.0]), np.array([35000.0]))[0]), 2)
+        0.78
+    """
+    scale_mps = np.sqrt(1.4 * 101_325.0 / 1.225)
+    impact = ((1 + 0.2 * (cas_kt * KT_MPS / scale_mps) ** 2) ** 3.5 - 1) / pressure_ratio(altitude_ft)
+    return np.asarray(np.sqrt(5 * ((1 + impact) ** (1 / 3.5) - 1)))

@@ -16,7 +16,7 @@ KEY = "descentflow"
 REQUIRED = ("flight_id", "icao24", "typecode", "level_fl", "timestamp", "time_s", "IAS", "Mach", "vertical_rate")
 REACHED_BY = 0.25
 """The grid ends at the highest level that this share of the flights reach (paper, appendix A)."""
-MEND = "pass the Parquet file that `descentflow prepare` wrote"
+MEND = "pass the Parquet file or the folder that `descentflow prepare` wrote"
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def write_descents(descents: Descents, path: Path) -> None:
 
 
 def read_descents(path: str | Path) -> Descents:
-    """Read a prepared table.
+    """Read a prepared table: one file, or a store (a folder of Parquet files by type).
 
     Raises:
         DataError: If the file is missing, damaged, not written by `descentflow prepare`, of another schema version,
@@ -63,16 +63,12 @@ def read_descents(path: str | Path) -> Descents:
         >>> read_descents("a320.parquet").frame["flight_id"].n_unique()
         2000
     """
-    if not Path(path).is_file():
-        raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
-    try:
-        description = pl.read_parquet_metadata(path).get(KEY)
-        frame = pl.read_parquet(path)
-    except (pl.exceptions.PolarsError, OSError) as error:
-        raise DataError(f"{path}: {str(error).splitlines()[0]}", expected="a whole Parquet file", mend=MEND) from error
-    if description is None:
-        raise DataError(f"{path}: Parquet, but not prepared descents", expected="a prepared table", mend=MEND)
-    metadata = _description(description, path)
+    if Path(path).is_dir():
+        from descentflow.surveillance.store import read_store
+
+        frame, metadata = read_store(Path(path))
+    else:
+        frame, metadata = _read_file(path)
     if metadata.get("schema_version") != SCHEMA_VERSION:
         raise DataError(
             f"{path}: schema version {metadata.get('schema_version')}",
@@ -87,7 +83,25 @@ def read_descents(path: str | Path) -> Descents:
     return Descents(frame, metadata)
 
 
-def _description(text: str, path: str | Path) -> dict[str, Any]:
+def _read_file(path: str | Path) -> tuple[pl.DataFrame, dict[str, Any]]:
+    if not Path(path).is_file():
+        raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
+    try:
+        description = pl.read_parquet_metadata(path).get(KEY)
+        frame = pl.read_parquet(path)
+    except (pl.exceptions.PolarsError, OSError) as error:
+        raise DataError(f"{path}: {str(error).splitlines()[0]}", expected="a whole Parquet file", mend=MEND) from error
+    if description is None:
+        raise DataError(f"{path}: Parquet, but not prepared descents", expected="a prepared table", mend=MEND)
+    return frame, described(description, path)
+
+
+def described(text: str, path: str | Path) -> dict[str, Any]:
+    """The description of a prepared table.
+
+    Raises:
+        DataError: If it is no JSON object.
+    """
     try:
         found = json.loads(text)
     except ValueError:

@@ -21,9 +21,21 @@ SECONDS = pl.col("timestamp").dt.epoch("us") / 1e6
 
 
 def flights_of(rows: pl.DataFrame) -> np.ndarray:
-    """Ascending number of every row's flight."""
+    """Ascending number of every row's flight, which the column may hold itself."""
     name = rows[FLIGHT]
+    if name.dtype.is_integer():
+        return name.cast(pl.Int64).to_numpy()
     return (name != name.shift()).fill_null(True).cum_sum().cast(pl.Int64).to_numpy()
+
+
+def cut(rows: pl.DataFrame, gone: np.ndarray) -> pl.DataFrame:
+    """Drop rows of a descent; :data:`STRETCH` changes where some stood."""
+    if not gone.any():
+        return rows
+    dropped = pl.Series(gone)
+    if STRETCH in rows.columns:
+        rows = rows.with_columns((pl.col(STRETCH) + dropped.cast(pl.Int64).cum_sum()).alias(STRETCH))
+    return rows.filter(~dropped)
 
 
 class Filter(ABC):
@@ -73,6 +85,9 @@ class Despike(Filter):
     robust standard deviations (1.4826 times their median absolute deviation). The median of a monotone stretch is its
     middle, so a steep path is no spike; at the ends of a flight, where there is no middle, the change that `fastest`
     allows within 5 reports is added to `floor`.
+
+    Of IAS and Mach, rows in which the two agree are no spikes, however far they stand out: where reports are sparse an
+    aircraft that hurries and slows down looks like one (real flights showed it), and two registers do not err alike.
     """
 
     column: str
@@ -80,6 +95,8 @@ class Despike(Filter):
     """In the column's unit; far above noise and quantisation, so that smooth manoeuvres are never spikes."""
     fastest: float = 0.0
     """Fastest change a second that an aircraft makes."""
+    agreeing_kt: float | None = None
+    """IAS and the CAS of Mach and altitude agree within this; none to let them not witness for each other."""
 
     @property
     def reason(self) -> str:  # type: ignore[override]
@@ -95,6 +112,8 @@ class Despike(Filter):
         spikes = np.zeros(len(rows), dtype=bool)
         some = np.isin(flights_of(rows), np.unique(flights_of(rows)[suspects]))
         spikes[some] = self._spikes(rows.filter(pl.Series(some))).to_numpy()
+        if self.agreeing_kt is not None and spikes.any():
+            spikes[spikes] = ~AirspeedsAgree(self.agreeing_kt).agree(rows.filter(pl.Series(spikes)))
         return rows.filter(pl.Series(~spikes))
 
     def _suspects(self, rows: pl.DataFrame) -> np.ndarray:
@@ -145,8 +164,13 @@ class AirspeedsAgree(Filter):
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows within the limit."""
-        cas = pl.Series(cas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy()))
-        return rows.filter((pl.col("IAS") - cas).abs() <= self.limit_kt)
+        agree = self.agree(rows)
+        return rows if agree.all() else rows.filter(pl.Series(agree))
+
+    def agree(self, rows: pl.DataFrame) -> np.ndarray:
+        """Which rows are within the limit."""
+        cas = cas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy())
+        return np.asarray(np.abs(rows["IAS"].to_numpy() - cas) <= self.limit_kt)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from descentflow.surveillance.airdata import Array
-from descentflow.surveillance.filters import FLIGHT, STRETCH, Filter
+from descentflow.surveillance.filters import FLIGHT, Filter, cut
 from descentflow.surveillance.windows import Index, clock_of, window_max, window_sum, windows
 
 Mask = NDArray[np.bool_]
@@ -66,12 +66,7 @@ class FreeRate(Filter):
             return rows
         flight = rows[FLIGHT].rle_id().to_numpy().astype(np.int64)
         seconds = (rows["timestamp"] - rows["timestamp"].min()).dt.total_microseconds().to_numpy() / 1e6
-        managed = pl.Series(self.managed(flight, seconds, rows["vertical_rate"].to_numpy()))
-        if not managed.any():
-            return rows
-        if STRETCH in rows.columns:
-            rows = rows.with_columns((pl.col(STRETCH) + managed.cast(pl.Int64).cum_sum()).alias(STRETCH))
-        return rows.filter(~managed)
+        return cut(rows, self.managed(flight, seconds, rows["vertical_rate"].to_numpy()))
 
     def managed(self, flight: Index, seconds: Array, rate_fpm: Array) -> Mask:
         """Which rows lie in a stretch of held rate.

@@ -6,7 +6,7 @@ import polars as pl
 from descentflow.surveillance.filters import STRETCH, flights_of
 from descentflow.surveillance.schema import CHANNELS
 
-CIRCULAR = ("track", "heading")
+CIRCULAR = ("track", "heading", "wind_direction")
 """Angles, interpolated the short way round."""
 
 

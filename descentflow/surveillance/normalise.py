@@ -1,5 +1,6 @@
 """Bring a table of any known source to the schema: names, types and units."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
@@ -9,8 +10,10 @@ from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.schema import ALIASES, COLUMNS, REQUIRED, TIMESTAMP
 from descentflow.units import FPM_MPS, FT_M, KT_MPS
 
-STATE_VECTOR = {"baroaltitude", "velocity", "vertrate"}
-"""Columns that only OpenSky's state vectors have; they are in SI units."""
+STATE_VECTOR = "baroaltitude"
+"""Column that only OpenSky's state vectors have; they are in SI units."""
+STALE_S = 10.0
+"""Age of the last message from which a state vector is left out: OpenSky repeats the last one for minutes."""
 
 DATE_FORMATS = (
     "%+",
@@ -22,7 +25,7 @@ DATE_FORMATS = (
 """Written dates: RFC 3339, `traffic`'s CSV, and the same without a zone (taken as UTC)."""
 
 
-def normalise(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFrame:
+def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
     """Rename, convert and cast a table's columns.
 
     Args:
@@ -33,7 +36,7 @@ def normalise(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFra
     Raises:
         DataError: If a required column is missing, is given twice, or holds hardly anything that can be read.
     """
-    table = _from_state_vectors(table) if set(table.columns) >= STATE_VECTOR else table
+    table = _from_state_vectors(table, report) if STATE_VECTOR in table.columns else table
     table = _renamed(table, path, report)
     missing = [name for name in REQUIRED if name not in table.columns]
     if missing:
@@ -65,7 +68,7 @@ def normalise(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFra
     return frame.with_columns(pl.col("icao24").str.strip_chars(" ~").str.to_lowercase())
 
 
-def _renamed(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFrame:
+def _renamed(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
     renames: dict[str, str] = {}
     for name in table.columns:
         target = ALIASES.get(name, ALIASES.get(name.lower(), name))
@@ -82,23 +85,31 @@ def _renamed(table: pl.DataFrame, path: Path, report: DropReport) -> pl.DataFram
     return table.rename(renames)
 
 
-def _from_state_vectors(table: pl.DataFrame) -> pl.DataFrame:
+def _from_state_vectors(table: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """OpenSky state vectors: metres, metres a second, and `heading` for what is a track."""
-    numbers = {"baroaltitude", "geoaltitude", "velocity", "vertrate", "heading"} & set(table.columns)
+    numbers = {"baroaltitude", "geoaltitude", "velocity", "vertrate", "lastcontact"} & set(table.columns)
     table = table.with_columns(pl.col(name).cast(pl.Float64, strict=False) for name in numbers)
-    converted = {
-        "altitude": pl.col("baroaltitude") / FT_M,
-        "groundspeed": pl.col("velocity") / KT_MPS,
-        "vertical_rate": pl.col("vertrate") / FPM_MPS,
-    }
-    if "geoaltitude" in table.columns:
-        converted["geoaltitude"] = pl.col("geoaltitude") / FT_M
-    if "heading" in table.columns:
-        converted["track"] = pl.col("heading")
-    return table.with_columns(**converted).drop("baroaltitude", "velocity", "vertrate", "heading", strict=False)
+    converted = {new: pl.col(old) / size for new, (old, size) in SI.items() if old in table.columns}
+    track = {"heading": "track"} if "heading" in table.columns and "track" not in table.columns else {}
+    if all(name in table.columns and not table[name].dtype.is_temporal() for name in ("time", "lastcontact")):
+        age = pl.col("time").cast(pl.Float64, strict=False) - pl.col("lastcontact")
+        fresh = table.filter((age <= STALE_S).fill_null(True))
+        report.note("state vectors without a message for 10 s, left out", len(table) - len(fresh))
+        table = fresh
+    used = {old for old, _ in SI.values()} - set(converted)
+    return table.with_columns(**converted).drop(used, strict=False).rename(track)
 
 
-def _cast(column: pl.Series, kind: pl.DataType, path: Path) -> pl.Series:
+SI = {
+    "altitude": ("baroaltitude", FT_M),
+    "geoaltitude": ("geoaltitude", FT_M),
+    "groundspeed": ("velocity", KT_MPS),
+    "vertical_rate": ("vertrate", FPM_MPS),
+}
+"""Row column -> column of a state vector, and the size of the row's unit in its."""
+
+
+def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
     if column.dtype.is_nested() or column.dtype in (pl.Binary, pl.Object, pl.Date, pl.Time, pl.Duration):
         raise DataError(
             f"{path}: column {column.name} of type {column.dtype}",
@@ -108,7 +119,7 @@ def _cast(column: pl.Series, kind: pl.DataType, path: Path) -> pl.Series:
     if column.dtype in (pl.Categorical, pl.Enum):
         column = column.cast(pl.String)
     if kind == TIMESTAMP:
-        return _timestamps(column)
+        return timestamps(column)
     if kind == pl.String:
         return column.cast(pl.String).str.strip_chars().replace("", None)
     if column.dtype == pl.String:
@@ -116,7 +127,7 @@ def _cast(column: pl.Series, kind: pl.DataType, path: Path) -> pl.Series:
     return column.cast(pl.Float64, strict=False)
 
 
-def _timestamps(column: pl.Series) -> pl.Series:
+def timestamps(column: pl.Series) -> pl.Series:
     """Datetimes in UTC of datetimes, written dates, or seconds (also milliseconds) since 1970."""
     if isinstance(column.dtype, pl.Datetime):
         zoned = column if column.dtype.time_zone else column.dt.replace_time_zone("UTC")
@@ -127,15 +138,34 @@ def _timestamps(column: pl.Series) -> pl.Series:
     seconds = column.cast(pl.Float64, strict=False)
     if seconds.null_count() < len(column):
         return _from_epoch(seconds)
-    frame = column.alias("t").to_frame()
-    readings = [_parsed(name) for name in DATE_FORMATS]
-    return frame.select(pl.coalesce(readings)).to_series()
+    found = pl.repeat(None, len(column), dtype=TIMESTAMP, eager=True)
+    for form in DATE_FORMATS:
+        # Reading a date costs more than anything else: only what the forms before did not fit is read again.
+        left = (found.is_null() & column.is_not_null()).arg_true()
+        if left.is_empty():
+            break
+        found = _parsed(column, form) if len(left) == len(column) else found.scatter(left, _parsed(column[left], form))
+    return found
 
 
-def _parsed(form: str) -> pl.Expr:
+def _parsed(column: pl.Series, form: str) -> pl.Series:
     zoned = "z" in form or form == "%+"
-    parsed = pl.col("t").str.to_datetime(form, time_unit="us", strict=False)
+    parsed = column.str.to_datetime(form, time_unit="us", strict=False)
     return (parsed.dt.convert_time_zone("UTC") if zoned else parsed.dt.replace_time_zone("UTC")).cast(TIMESTAMP)
+
+
+def wanted(names: Sequence[str]) -> list[str]:
+    """Columns of a table that may say something; all of them if a required one is missing, so that they can be told.
+
+    Example:
+        >>> wanted(["timestamp", "icao24", "altitude", "ias", "mach", "squawk"])
+        ['timestamp', 'icao24', 'altitude', 'ias', 'mach']
+    """
+    targets = {name: ALIASES.get(name, ALIASES.get(name.lower(), name)) for name in names}
+    vectors = {*(old for old, _ in SI.values()), "heading", "lastcontact"} if STATE_VECTOR in names else set()
+    useful = [name for name in names if targets[name] in COLUMNS or name in vectors]
+    given = {targets[name] for name in useful} | ({"altitude"} if vectors else set())
+    return useful if given >= set(REQUIRED) else list(names)
 
 
 def _from_epoch(seconds: pl.Series) -> pl.Series:

@@ -1,77 +1,53 @@
-"""From files of rows to prepared descents: every step in its order, every drop counted."""
+"""From files of rows to prepared descents: every step in its order, every drop counted, memory bounded."""
 
-import hashlib
-import itertools
+import json
 import os
+import shutil
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import polars as pl
 
 from descentflow import __version__
-from descentflow.errors import DataError
-from descentflow.surveillance import filters
-from descentflow.surveillance.descents import SCHEMA_VERSION, Descents, top_levels
-from descentflow.surveillance.flights import FLIGHT_GAP_S, name_flights, of_types, tidy, with_types
-from descentflow.surveillance.free_rate import FreeRate
-from descentflow.surveillance.grid import to_levels
-from descentflow.surveillance.rates import with_rate
-from descentflow.surveillance.readers import files_of, read_rows
+from descentflow.errors import ConfigError, DataError
+from descentflow.files import check_output, whole_file
+from descentflow.surveillance import store
+from descentflow.surveillance.cleaning import Outcome, clean
+from descentflow.surveillance.descents import KEY, SCHEMA_VERSION, Descents, top_levels
+from descentflow.surveillance.engine import Engine, LocalEngine, Partition, clean_partition
+from descentflow.surveillance.fates import some_flights
+from descentflow.surveillance.flights import check_left
+from descentflow.surveillance.intake import Group, Intake, groups_of, read_again, read_group, take_in
+from descentflow.surveillance.job import PARTS, ROWS, fingerprint, job_folder
+from descentflow.surveillance.readers import files_of
 from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.request import Request
+from descentflow.surveillance.spill import Memory, Spill, joined, partitions
+from descentflow.surveillance.thresholds import Cleaning
 
-BATCH_ROWS = 250_000
-"""Rows that are cleaned at a time: their arrays stay in the processor's cache."""
+__all__ = ["MEMORY_BYTES", "Cleaning", "Prepared", "Request", "prepare", "prepare_to"]
+
+MEMORY_BYTES = 2_000_000_000
+Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Cleaning:
-    """Thresholds of the cleaning; each filter's docstring gives its reason."""
+class Prepared:
+    """What was written.
 
-    bottom_fl: int = 150
-    """Lowest level of the grid; below FL150 arrivals are procedural (paper, section 2.2)."""
-    flight_gap_s: float = FLIGHT_GAP_S
-    slowest_fpm: float = 500.0
-    transient_s: float = 20.0
-    constant_rate_s: float = 50.0
-    constant_rate_alone_s: float = 180.0
-    constant_rate_jump_fpm: float = 150.0
-    constant_rate_drift_fpm: float = 80.0
-    constant_rate_scatter_fpm: float = 64.0
-    longest_gap_s: float = 60.0
-    """Neighbouring rows further apart leave the levels between them open..."""
-    highest_gap_ft: float = 3000.0
-    """...and so do rows further apart in altitude."""
-    fewest_levels: int = 20
-    """A descent with fewer levels on the grid is dropped."""
+    Attributes:
+        metadata: The description that stands in the output.
+        report: Of everything dropped.
+        flights: Descents of each type.
+        fates: Rows of some flights and why they were dropped, if some are to be shown.
+    """
 
-    def filters(self) -> filters.Chain:
-        """The cleaning of rows, in order."""
-        return (
-            filters.Despike("vertical_rate", 1500.0, fastest=100.0)
-            | filters.Descending(self.slowest_fpm)
-            | filters.SteadyDescent(self.transient_s)
-            | FreeRate(
-                seconds=self.constant_rate_s,
-                seconds_alone=self.constant_rate_alone_s,
-                jump_fpm=self.constant_rate_jump_fpm,
-                drift_fpm=self.constant_rate_drift_fpm,
-                scatter_fpm=self.constant_rate_scatter_fpm,
-                longest_gap_s=self.longest_gap_s,
-            )
-            | filters.LargestDescent()
-            | filters.Falling()
-        )
-
-
-DESPIKE = (
-    filters.Despike("altitude", 300.0, fastest=100.0)
-    | filters.Despike("IAS", 15.0, fastest=2.0)
-    | filters.Despike("Mach", 0.03, fastest=0.003)
-)
-"""Before anything is derived; then IAS is held against Mach."""
+    metadata: dict[str, Any]
+    report: DropReport
+    flights: dict[str, int]
+    fates: pl.DataFrame | None = None
 
 
 def prepare(
@@ -80,15 +56,17 @@ def prepare(
     types: pl.DataFrame | None = None,
     typecodes: Sequence[str] | None = None,
     cleaning: Cleaning | None = None,
-    progress: Callable[[str], None] | None = None,
+    format: str | None = None,
+    progress: Say | None = None,
 ) -> tuple[Descents, DropReport]:
-    """Read rows, clean them to free descents and put those on flight levels (paper, section 3).
+    """Read rows, clean them to free descents and put those on flight levels (paper, section 3), all in memory.
 
     Args:
         paths: Files or folders of rows.
         types: Table `icao24,typecode` for rows that do not name their type.
         typecodes: Types to keep; all if absent.
         cleaning: Thresholds.
+        format: What the files are; found from their content if absent.
         progress: Called with what is being done, at every stage and part.
 
     Returns:
@@ -101,91 +79,228 @@ def prepare(
         >>> descents, report = prepare([Path("rows.parquet")], typecodes=["A320"])
         >>> print(report)
     """
-    rules = cleaning or Cleaning()
-    report = DropReport()
+    request = Request(paths, types, typecodes, cleaning or Cleaning(), format)
     say = progress or (lambda _: None)
+    files = files_of(paths)
     say("reading rows")
-    read = read_rows(paths, report)
-    say("telling flights apart")
-    rows = name_flights(tidy(read, report), rules.flight_gap_s)
-    del read
-    report.by_flight = True
-    report.count("flights_told_apart", rows, rows)
-    rows = of_types(with_types(rows, types), typecodes, report)
-    levels = _descents(rows, rules, report, say)
-    if levels.is_empty():
+    intake = take_in(files, format, Spill(Path(), 2**62))
+    outcome = _in_memory(intake, request, say)
+    metadata = _metadata(request.facts(files), intake.report, outcome.levels)
+    return Descents(outcome.levels, metadata), intake.report
+
+
+def prepare_to(
+    out: Path,
+    request: Request,
+    *,
+    memory_bytes: int = MEMORY_BYTES,
+    engine: Engine | None = None,
+    progress: Say | None = None,
+) -> Prepared:
+    """As :func:`prepare`, but to a file (a name that ends in .parquet) or a store (any other), of any size.
+
+    Rows that do not fit are spread over partitions of whole aircraft on disk, in a folder beside the output. What is
+    done of a run that was killed stays there, and the same call goes on from it. The descents do not depend on memory,
+    engine, partitions or interruptions.
+
+    Args:
+        out: File or folder.
+        request: What is to be prepared.
+        memory_bytes: Bound on this process, and on each worker.
+        engine: Where partitions are worked on; threads of this process by default.
+        progress: Called with what is being done.
+
+    Raises:
+        DataError: If the rows cannot be used, or no descent is left.
+        ConfigError: If the output cannot be written or belongs to another run.
+    """
+    say = progress or (lambda _: None)
+    engine = engine or LocalEngine(os.cpu_count() or 1)
+    files = files_of(request.paths)
+    say("hashing inputs")
+    facts = request.facts(files)
+    is_store = out.suffix != ".parquet"
+    if is_store and (before := _finished(out, facts)):
+        if request.shown:
+            raise ConfigError(
+                f"{out} is finished, and flights are shown while they are cleaned",
+                expected="a store that is not there yet",
+                mend="choose another --out",
+            )
+        return before
+    if not (is_store and out.is_dir()):
+        check_output(out)
+    try:
+        with job_folder(out, facts) as folder:
+            return _run(out, request, files, facts, folder, Memory(memory_bytes), engine, say)
+    except OSError as error:
         raise DataError(
-            f"no free descent of {rules.fewest_levels} levels above FL{rules.bottom_fl} is left\n{report}",
-            expected="descents of airliners with IAS, Mach and a rate of 500 ft/min or more",
-            mend="see which step dropped the rows; a lower --bottom-fl keeps lower descents",
-        )
-    metadata = {
+            f"{out}: {error}", expected="room and permission to write", mend="free or choose a disk"
+        ) from error
+
+
+def _run(
+    out: Path,
+    request: Request,
+    files: Sequence[Path],
+    facts: dict[str, Any],
+    folder: Path,
+    memory: Memory,
+    engine: Engine,
+    say: Say,
+) -> Prepared:
+    say("reading rows")
+    intake = _read(request, files, folder, memory, engine, say)
+    if intake.buckets is None:
+        outcome = _in_memory(intake, request, say)
+        parts, report = store.Parts.of([outcome.levels.lazy()]), intake.report
+        fates = [] if outcome.fates is None else [outcome.fates]
+    else:
+        tasks = _clean_partitions(request, intake, folder, memory, engine, say)
+        parts, report = store.Parts.of([pl.scan_parquet(task.target) for task in tasks]), intake.report
+        _account(request, report, [_described(task.target) for task in tasks])
+        fates = [pl.read_parquet(task.fates) for task in tasks if request.shown and task.fates.exists()]
+    if parts.flights.is_empty():
+        raise _nothing_left(request.cleaning, report)
+    metadata = _metadata(facts, report, parts.flights)
+    say("writing descents")
+    if out.suffix == ".parquet":
+        store.write_file(parts, metadata, out)
+    else:
+        made = folder / "store"
+        shutil.rmtree(made, ignore_errors=True)
+        store.write_store(parts, {**metadata, "fingerprint": fingerprint(facts)}, made)
+        made.replace(out)
+    numbers = dict(parts.flights["typecode"].value_counts().sort("typecode").iter_rows())
+    return Prepared(metadata, report, numbers, some_flights(pl.concat(fates), request.shown) if fates else None)
+
+
+def _read(request: Request, files: Sequence[Path], folder: Path, memory: Memory, engine: Engine, say: Say) -> Intake:
+    """Rows in memory if they are few, else in buckets."""
+    groups = groups_of(files)
+    rows = folder / ROWS
+    local = isinstance(engine, LocalEngine)
+    tasks = [Group(group, request.format, rows / f"group-{number:05d}", memory) for number, group in enumerate(groups)]
+    if local and len(tasks) == 1 and not tasks[0].folder.exists():
+        held = read_group(tasks[0], always=False)
+        if held is not None:
+            return held
+    # Readers hold blocks of their own, and Polars reads with all processors: one group at a time on this machine.
+    for number, _ in enumerate((LocalEngine(1) if local else engine).run(read_group, tasks, True), 1):
+        say(f"reading rows, group {number} of {len(tasks)}")
+    intakes = [read_again(task.folder) for task in tasks]
+    report = DropReport()
+    report.extend([intake.report for intake in intakes])
+    return Intake(
+        tuple(dict.fromkeys(name for intake in intakes for name in intake.columns)),
+        report,
+        pl.concat([intake.names for intake in intakes]).unique(),
+        [],
+        joined([intake.buckets or [] for intake in intakes]),
+    )
+
+
+def _clean_partitions(
+    request: Request, intake: Intake, folder: Path, memory: Memory, engine: Engine, say: Say
+) -> list[Partition]:
+    """Clean partition after partition into files of levels."""
+    (folder / PARTS).mkdir(exist_ok=True)
+    size = memory.partition_bytes(engine.workers)
+    planned = _plan(intake, folder, size, memory)
+    tasks = [Partition(files, folder / PARTS / f"{number:05d}.parquet") for number, (files, _) in enumerate(planned)]
+    work = request.work(intake)
+    large = [task for task, (_, in_memory) in zip(tasks, planned, strict=True) if in_memory > size]
+    small = [task for task in tasks if task not in large]
+    number = 0
+    for runner, some in ((engine, small), (LocalEngine(1) if isinstance(engine, LocalEngine) else engine, large)):
+        waiting = [task for task in some if not task.target.exists()]
+        number += len(some) - len(waiting)
+        if len(waiting) < len(some):
+            say(f"going on after {number} of {len(tasks)} parts")
+        for _ in runner.run(clean_partition, waiting, work):
+            number += 1
+            say(f"cleaning rows, part {number} of {len(tasks)}")
+    return tasks
+
+
+def _plan(intake: Intake, folder: Path, size: int, memory: Memory) -> list[tuple[tuple[Path, ...], int]]:
+    """Files and size in memory of each partition; as planned before if this is a rerun, whatever the memory now."""
+    path = folder / "partitions.json"
+    if not path.exists():
+        shutil.rmtree(folder / "again", ignore_errors=True)
+        planned = [
+            {"files": [file.relative_to(folder).as_posix() for file in bucket.files], "bytes": bucket.bytes}
+            for bucket in partitions(intake.buckets or [], folder / "again", size, memory.rows_bytes)
+        ]
+        with whole_file(path) as temporary:
+            temporary.write_text(json.dumps(planned))
+    return [(tuple(folder / name for name in part["files"]), part["bytes"]) for part in json.loads(path.read_text())]
+
+
+def _in_memory(intake: Intake, request: Request, say: Say) -> Outcome:
+    """Clean rows that fit in memory, and complete the report."""
+    say("telling flights apart")
+    rows = pl.concat(intake.held, how="diagonal")
+    intake.held.clear()
+    outcome = clean(rows, request.work(intake), threads=os.cpu_count() or 1, say=say)
+    _account(request, intake.report, [(outcome.report, outcome.present)])
+    if outcome.levels.is_empty():
+        raise _nothing_left(request.cleaning, intake.report)
+    return outcome
+
+
+def _account(request: Request, report: DropReport, parts: Sequence[tuple[DropReport, dict[str, int]]]) -> None:
+    """Add the parts' reports, and refuse rows of which nothing is left."""
+    report.extend([part for part, _ in parts])
+    present: dict[str, int] = {}
+    for _, some in parts:
+        for name, number in some.items():
+            present[name] = present.get(name, 0) + number
+    check_left(report, request.typecodes, present)
+
+
+def _described(path: Path) -> tuple[DropReport, dict[str, int]]:
+    found = json.loads(pl.read_parquet_metadata(path)[KEY])
+    return DropReport.from_dict(found["report"]), found["present"]
+
+
+def _nothing_left(rules: Cleaning, report: DropReport) -> DataError:
+    return DataError(
+        f"no free descent of {rules.fewest_levels} levels above FL{rules.bottom_fl} is left\n{report}",
+        expected="descents of airliners with IAS, Mach and a rate of 500 ft/min or more",
+        mend="see which step dropped the rows; a lower --bottom-fl keeps lower descents",
+    )
+
+
+def _metadata(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame) -> dict[str, Any]:
+    return {
         "schema_version": SCHEMA_VERSION,
         "descentflow": __version__,
-        "bottom_fl": rules.bottom_fl,
+        "bottom_fl": facts["settings"]["bottom_fl"],
         "top_fl": top_levels(levels),
-        "settings": asdict(rules),
-        "inputs": [_provenance(path) for path in files_of(paths)],
+        "settings": facts["settings"],
+        "typecodes": facts["typecodes"],
+        "inputs": facts["inputs"],
         "report": report.as_dict(),
     }
-    return Descents(levels, metadata), report
 
 
-def _descents(rows: pl.DataFrame, rules: Cleaning, report: DropReport, say: Callable[[str], None]) -> pl.DataFrame:
-    """Clean and grid whole flights, batch by batch: flights know nothing of one another.
-
-    Batches keep the arrays in work small, and as many as there are processors are worked on at once (Polars and NumPy
-    let others run while they compute).
-    """
-    name = rows["flight_id"]
-    begins = np.append((name != name.shift()).fill_null(True).arg_true().to_numpy(), len(rows))
-    # The first flight that begins at or after every multiple of the size.
-    bounds = np.unique(
-        begins[np.searchsorted(begins, np.arange(0, len(rows) + BATCH_ROWS, BATCH_ROWS).clip(0, len(rows)))]
-    )
-    batches = [rows.slice(start, stop - start) for start, stop in itertools.pairwise(bounds.tolist())]
-    parts = [DropReport(by_flight=True) for _ in batches]
-    levels = []
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        for part in pool.map(lambda batch, part: _batch(batch, rules, part), batches, parts):
-            levels.append(part)
-            say(f"cleaning rows, part {len(levels)} of {len(batches)}")
-    report.extend(parts)
-    return pl.concat(levels)
-
-
-def _batch(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
-    """Levels of the descents of some flights."""
-    cleaned = _cleaned(rows, rules, report)
-    levels = to_levels(
-        cleaned,
-        rules.bottom_fl,
-        longest_gap_s=rules.longest_gap_s,
-        highest_gap_ft=rules.highest_gap_ft,
-        slowest_fpm=rules.slowest_fpm,
-    )
-    long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
-    kept = cleaned.filter(pl.col("flight_id").is_in(long["flight_id"].unique().implode()))
-    report.count("too_few_levels", cleaned, kept)
-    report.note("levels of the kept descents", len(long))
-    report.note("levels of descents too short to keep", len(levels) - len(long))
-    return long
-
-
-def _cleaned(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
-    """Rows of free descent; only the columns that filters look at go through them, the others follow at the end."""
-    needed = [
-        name for name in ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach") if name in rows.columns
-    ]
-    # Numbers are compared faster than names.
-    narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index("_row")
-    narrow = (DESPIKE | filters.AirspeedsAgree())(narrow, report)
-    narrow = rules.filters()(with_rate(narrow), report)
-    others = rows.drop(set(needed) - {"flight_id"})[narrow["_row"]]
-    return pl.concat([narrow.drop("_row", "flight_id"), others], how="horizontal")
-
-
-def _provenance(path: Path) -> dict[str, object]:
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return {"name": path.name, "bytes": path.stat().st_size, "sha256": digest}
+def _finished(out: Path, facts: dict[str, Any]) -> Prepared | None:
+    """What a store holds that is finished already; None if there is none."""
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return None
+    if not out.is_dir() or not (out / store.MANIFEST).is_file():
+        raise ConfigError(
+            f"output {out} exists and is no prepared store",
+            expected="a name of its own for the store's folder, or a file that ends in .parquet",
+            mend="choose another --out",
+        )
+    found = store.read_manifest(out)
+    if found.get("fingerprint") != fingerprint(facts):
+        raise ConfigError(
+            f"{out} is a store of other inputs or settings",
+            expected="those of its manifest, or a folder of its own",
+            mend="delete it, or choose another --out",
+        )
+    flights = {file["typecode"]: file["flights_of_type"] for file in found["files"] if "flights_of_type" in file}
+    return Prepared(found, DropReport.from_dict(found["report"]), flights)

@@ -1,6 +1,7 @@
 """The account of what cleaning dropped, by reason; nothing is lost in silence."""
 
-from collections.abc import Sequence
+import weakref
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -35,24 +36,25 @@ class DropReport:
     """Counts of what was changed but not dropped (for instance rows put into time order)."""
     by_flight: bool = False
     """Whether rows stand by flight by now, so that flights can be counted."""
-    _last: tuple[pl.DataFrame | None, int | None] = (None, None)
+    _last: "tuple[weakref.ref[pl.DataFrame], int | None] | None" = None
+    """The frame that the last step left (which must not live on here), and its flights."""
 
     def count(self, step: str, before: pl.DataFrame, after: pl.DataFrame) -> pl.DataFrame:
         """Record the difference of two frames and return the second."""
         # Counting flights costs more than many a filter: the frame before is mostly the one that the last step left.
-        known, number = self._last
-        before_flights = number if known is before and number is not None else self._flights(before)
+        last = self._last if self._last and self._last[0]() is before else (None, None)
+        before_flights = self._flights(before) if last[1] is None else last[1]
         after_flights = before_flights if len(after) == len(before) else self._flights(after)
         gone = None if before_flights is None or after_flights is None else before_flights - after_flights
         self.steps.append(Step(step, len(before) - len(after), gone, len(after), after_flights))
-        self._last = after, after_flights
+        self._last = weakref.ref(after), after_flights
         return after
 
     def extend(self, parts: "Sequence[DropReport]") -> None:
-        """Add the steps of parts of the data, which each went through the same steps with whole flights."""
+        """Add the steps of parts of the data (rows, or whole flights), which each went through the same steps."""
         for same in zip(*(part.steps for part in parts), strict=True):
             rows = sum(s.rows_dropped for s in same), sum(s.rows_left for s in same)
-            flights = sum(s.flights_dropped or 0 for s in same), sum(s.flights_left or 0 for s in same)
+            flights = _sum(s.flights_dropped for s in same), _sum(s.flights_left for s in same)
             self.steps.append(Step(same[0].step, rows[0], flights[0], rows[1], flights[1]))
         for part in parts:
             for what, number in part.notes.items():
@@ -66,6 +68,15 @@ class DropReport:
     def as_dict(self) -> dict[str, Any]:
         """Primitives for JSON."""
         return {"steps": [asdict(step) for step in self.steps], "notes": dict(self.notes)}
+
+    @classmethod
+    def from_dict(cls, primitives: dict[str, Any]) -> "DropReport":
+        """The report that :meth:`as_dict` wrote."""
+        return cls([Step(**step) for step in primitives["steps"]], dict(primitives["notes"]))
+
+    def left(self, step: str) -> int | None:
+        """Rows that a step left; None if it was not taken."""
+        return next((one.rows_left for one in self.steps if one.step == step), None)
 
     def __str__(self) -> str:
         """The table for a terminal."""
@@ -82,6 +93,11 @@ class DropReport:
             return None
         name = frame["flight_id"]
         return int((name != name.shift()).fill_null(True).sum())
+
+
+def _sum(numbers: Iterable[int | None]) -> int | None:
+    known = [number for number in numbers if number is not None]
+    return sum(known) if known else None
 
 
 def _shown(number: int | None) -> str:

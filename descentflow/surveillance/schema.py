@@ -23,18 +23,32 @@ COLUMNS: dict[str, pl.DataType] = {
     "latitude": pl.Float64(),
     "longitude": pl.Float64(),
     "temperature": pl.Float64(),
+    "wind_direction": pl.Float64(),
+    "wind_speed": pl.Float64(),
+    "geometric_rate": pl.Float64(),
+    "selected_altitude": pl.Float64(),
+    "cleared_flight_level": pl.Float64(),
+    "cleared_speed_kt": pl.Float64(),
+    "cleared_mach": pl.Float64(),
 }
 """Every column of a row and its type.
 
-Units: `altitude` (pressure altitude) and `geoaltitude` in ft, `vertical_rate` in ft/min, `IAS`, `TAS` and
-`groundspeed` in kt, angles in degrees (`track` true; `heading` as the source gives it, magnetic from Mode S),
-`temperature` in K.
+Units: `altitude` (pressure altitude), `geoaltitude` and `selected_altitude` (of the autopilot's panel) in ft,
+`vertical_rate` and `geometric_rate` in ft/min, `IAS`, `TAS`, `groundspeed` and `wind_speed` in kt, angles in degrees
+(`track` true; `heading` as the source gives it, magnetic from Mode S; `wind_direction` true, from where it blows),
+`temperature` in K. What a controller has cleared: `cleared_flight_level` in hundreds of feet, `cleared_speed_kt` (IAS)
+and `cleared_mach`, missing where nothing is assigned.
 """
 
 REQUIRED = ("timestamp", "icao24", "altitude", "IAS", "Mach")
 """A row without one of these says nothing about a descent; `vertical_rate` can be differenced from `altitude`."""
 
-CHANNELS = tuple(name for name, kind in COLUMNS.items() if kind == pl.Float64 and name != "altitude")
+INSTRUCTIONS = ("selected_altitude", "cleared_flight_level", "cleared_speed_kt", "cleared_mach")
+"""What was asked of the flight: it changes in steps, and says nothing of the flight between two values."""
+
+CHANNELS = tuple(
+    name for name, kind in COLUMNS.items() if kind == pl.Float64 and name not in ("altitude", *INSTRUCTIONS)
+)
 """Numbers that are interpolated to flight levels."""
 
 POSSIBLE = {
@@ -46,6 +60,11 @@ POSSIBLE = {
     "groundspeed": (0.0, 900.0),
     "roll": (-90.0, 90.0),
     "temperature": (150.0, 340.0),
+    "wind_speed": (0.0, 300.0),
+    "geometric_rate": (-15_000.0, 15_000.0),
+    "cleared_flight_level": (0.0, 600.0),
+    "cleared_speed_kt": (100.0, 400.0),
+    "cleared_mach": (0.3, 1.0),
 }
 """What an airliner or business aircraft can report: ICAO Doc 9684's register ranges, narrowed to flight."""
 
@@ -66,5 +85,14 @@ ALIASES = {
     "hex": "icao24",
     "aircraft_type": "typecode",
     "mag_heading": "heading",
+    "magnetic_heading": "heading",
+    "vrate_barometric": "vertical_rate",
+    "baro_vertical_rate": "vertical_rate",
+    "selected_mcp": "selected_altitude",
+    "nav_altitude_mcp": "selected_altitude",
+    "true_track": "track",
+    "geom_rate": "geometric_rate",
+    "wd": "wind_direction",
+    "ws": "wind_speed",
 }
 """Other names under which sources carry the same quantity in the same unit."""

@@ -125,11 +125,11 @@ BYTES: dict[str, tuple[str, bytes, str]] = {
     "blanks": ("rows.csv", b"\n \n", "holds no text"),
     "corrupt gzip": ("rows.csv.gz", b"\x1f\x8b\x08\x00" + bytes(range(90)), "damaged gzip"),
     "not UTF-8": ("rows.csv", "timestamp,icao24,altitude\n1,ä,3\n".encode("latin-1"), "not UTF-8 at byte 28"),
-    "binary": ("rows.bin", bytes(range(256)), "not UTF-8"),
+    "binary": ("rows.bin", bytes(range(256)), "neither text nor"),
     "words": ("rows.txt", b"these are no rows\nat all\n", "without commas"),
     "semicolons": ("rows.csv", b"timestamp;icao24\n1;a\n", "without commas"),
-    "other JSON": ("rows.json", b'{"states": [[1, 2]]}', "JSON without aircraft and time"),
-    "list of numbers": ("rows.json", b"[1, 2, 3]", "JSON without aircraft and time"),
+    "other JSON": ("rows.json", b'{"states": [[1, 2]]}', "JSON of no known kind"),
+    "list of numbers": ("rows.json", b"[1, 2, 3]", "JSON of no known kind"),
     "deep JSON": ("rows.json", b"[" * 200_000, "nested too deeply"),
     "deep JSON line": ("rows.json", b'{"now": 1, "aircraft": []}\n' + b"[" * 200_000, "line 2"),
     "broken JSON line": ("rows.json", b'{"now": 1, "aircraft": []}\n{"now": 2, "aircr', "line 2: not JSON"),
@@ -171,7 +171,8 @@ def test_paths_that_lead_nowhere_are_refused(good: pl.DataFrame, prepare: Prepar
     prepare.refuses(prepare.folder / "absent.parquet", saying="no file or folder")
     prepare.refuses(prepare.folder / "bare", saying="no file in the folders given")
     prepare.refuses(rows, saying="folder that does not exist", out=prepare.folder / "absent" / "d.parquet")
-    prepare.refuses(rows, saying="is a folder", out=prepare.folder / "bare")
+    (prepare.folder / "folder.parquet").mkdir()
+    prepare.refuses(rows, saying="is a folder", out=prepare.folder / "folder.parquet")
     prepare.refuses(rows, saying="also an input", out=rows)
     prepare.refuses(saying="no rows")
     assert pl.read_parquet(rows).equals(good), "the input must survive"

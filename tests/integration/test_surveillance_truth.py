@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 from descentflow.cli import main
-from descentflow.surveillance.filters import AirspeedsAgree
-from descentflow.surveillance.prepare import DESPIKE, Cleaning, prepare
+from descentflow.surveillance.cleaning import after_rates, before_rates
+from descentflow.surveillance.prepare import Cleaning, prepare
 from descentflow.surveillance.rates import with_rate
 from descentflow.surveillance.report import DropReport
 from descentflow.units import FL_M, FPM_MPS, KT_MPS
@@ -32,7 +32,7 @@ def fates(rows: pl.DataFrame, truth: pl.DataFrame) -> pl.DataFrame:
     )
     left = rows.sort("flight_id", "timestamp").with_row_index("row")
     labelled, dropped = left.select("row", "label"), pl.DataFrame(schema={"row": pl.UInt32, "reason": pl.String})
-    for one in (*(DESPIKE | AirspeedsAgree()).filters, *Cleaning().filters().filters):
+    for one in (*before_rates(Cleaning()).filters, *after_rates(Cleaning()).filters):
         before = left = with_rate(left)
         left = one(left, DropReport())
         gone = before.join(left, on="row", how="anti").select("row", pl.lit(one.reason).alias("reason"))

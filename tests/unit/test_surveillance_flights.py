@@ -6,13 +6,22 @@ import pytest
 from surveillance_toys import fleet, flight, rows_at
 
 from descentflow.errors import DataError
-from descentflow.surveillance.flights import name_flights, of_types, tidy, with_types
+from descentflow.surveillance.flights import (
+    check_left,
+    in_order,
+    name_flights,
+    names_given,
+    names_shared,
+    of_types,
+    usable,
+    with_types,
+)
 from descentflow.surveillance.rates import local_slope, with_rate
-from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.report import DropReport, Step
 from descentflow.surveillance.units_check import check_rate_units, check_units
 
 
-def test_tidy_counts_each_kind_of_bad_row_once() -> None:
+def test_unusable_rows_and_duplicates_count_each_kind_of_bad_row_once() -> None:
     good = flight().head(20)
     index = pl.int_range(pl.len())
     bad = good.with_columns(
@@ -23,7 +32,7 @@ def test_tidy_counts_each_kind_of_bad_row_once() -> None:
         icao24=pl.when(index == 6).then(None).otherwise("icao24"),
     )
     report = DropReport()
-    rows = tidy(pl.concat([bad.slice(10), bad.head(10), bad.slice(8, 3)]), report)
+    rows = in_order(usable(pl.concat([bad.slice(10), bad.head(10), bad.slice(8, 3)]), report), report)
     counts = {step.step: step.rows_dropped for step in report.steps}
     assert counts == {
         "read": 0,
@@ -76,8 +85,28 @@ def test_types_wanted_are_kept_in_any_case_of_letters() -> None:
         ("unknown_type", 1, 1),
         ("other_type", 1, 1),
     ]
-    with pytest.raises(DataError, match="expected one of"):
-        of_types(rows, ["C172"], report)
+
+
+def test_nothing_left_is_explained_by_the_step_that_left_nothing() -> None:
+    def report(**left: int) -> DropReport:
+        return DropReport([Step(name, 5, None, rows, None) for name, rows in left.items()])
+
+    with pytest.raises(DataError, match="no row with a time"):
+        check_left(report(duplicate=0, unknown_type=0), None, {})
+    with pytest.raises(DataError, match="without any typecode"):
+        check_left(report(duplicate=3, unknown_type=0), None, {})
+    with pytest.raises(DataError, match="no row of type C172; expected one of A320, A319, B738;"):
+        check_left(report(duplicate=3, unknown_type=3, other_type=0), ["C172"], {"B738": 1, "A320": 5, "A319": 1})
+    check_left(report(duplicate=3, unknown_type=3, other_type=1), ["C172"], {})
+    check_left(report(duplicate=3, unknown_type=3), None, {})
+
+
+def test_a_given_name_that_looks_made_for_another_aircraft_gets_its_address() -> None:
+    rows = rows_at([0.0, 10.0], "4ca002_20240301T100000", altitude=[1.0, 2.0])
+    assert names_shared(names_given(rows)).to_list() == ["4ca002_20240301T100000"]
+    own = rows.with_columns(flight_id=pl.lit("4ca001_20240301T100000"))
+    assert names_shared(names_given(own)).to_list() == []
+    assert names_given(rows.drop("flight_id")).is_empty()
 
 
 def test_rates_given_stay_and_missing_ones_are_the_slope() -> None:

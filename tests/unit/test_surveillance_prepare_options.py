@@ -1,11 +1,68 @@
-"""Options of the command and the defaults of the library say the same."""
+"""Thresholds are said once: the options, the YAML file and the library agree; wrong ones are refused."""
 
+import argparse
 from dataclasses import fields
+from pathlib import Path
 
-from descentflow.commands.prepare import THRESHOLDS
-from descentflow.surveillance.prepare import Cleaning
+import pytest
+
+from descentflow.commands.prepare import _cleaning, add_arguments, memory_bytes
+from descentflow.errors import ConfigError
+from descentflow.surveillance.thresholds import Cleaning, as_yaml, cleaning_of, describe, read_cleaning
+
+DEFAULT = Path(__file__).resolve().parents[2] / "configs" / "prepare" / "default.yaml"
 
 
-def test_every_threshold_is_an_option_with_its_default() -> None:
-    rules = {field.name: field.default for field in fields(Cleaning) if field.name != "bottom_fl"}
-    assert {name.replace("-", "_"): default for name, (default, _) in THRESHOLDS.items()} == rules
+def test_the_yaml_file_holds_every_threshold_with_its_source() -> None:
+    assert DEFAULT.read_text() == as_yaml(Cleaning())
+    assert cleaning_of(read_cleaning(DEFAULT), "file") == Cleaning()
+    for field in fields(Cleaning):
+        meaning, source = describe(field.name)
+        assert len(meaning) > 10
+        assert len(source) > 10
+
+
+def test_options_go_before_the_file_and_the_file_before_defaults(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("slowest_fpm: 400\ntransient_s: 10\n")
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    args = parser.parse_args(["x", "--out", "y", "--config", str(file), "--transient-s", "15", "--bottom-fl", "100"])
+    assert _cleaning(args) == Cleaning(slowest_fpm=400.0, transient_s=15.0, bottom_fl=100)
+    every = [word for f in fields(Cleaning) for word in (f"--{f.name.replace('_', '-')}", "7")]
+    assert _cleaning(parser.parse_args(["x", "--out", "y", *every])) == Cleaning(*[7] * len(fields(Cleaning)))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("slowest: 400", "no threshold slowest"),
+        ("slowest_fpm: fast", "slowest_fpm is 'fast'"),
+        ("slowest_fpm: -1", "slowest_fpm is -1"),
+        ("slowest_fpm: true", "slowest_fpm is True"),
+        ("slowest_fpm: .nan", "slowest_fpm is nan"),
+        ("slowest_fpm:", "slowest_fpm is None"),
+        ("bottom_fl: 99.5", "a whole number"),
+        ("- 400", "holds a list"),
+        ("a: [", "expected a YAML file"),
+        ("\x00", "expected a YAML file"),
+    ],
+)
+def test_wrong_thresholds_are_refused(text: str, words: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=words):
+        cleaning_of(read_cleaning(file), str(file))
+
+
+def test_sizes_are_read_as_people_write_them() -> None:
+    assert [memory_bytes(text) for text in ("2GB", "800 MB", "1.5g", "123", "1GiB")] == [
+        2_000_000_000,
+        800_000_000,
+        1_500_000_000,
+        123,
+        2**30,
+    ]
+    for text in ("", "GB", "-2GB", "2 apples"):
+        with pytest.raises(argparse.ArgumentTypeError, match="no size"):
+            memory_bytes(text)

@@ -1,6 +1,7 @@
 """Every kind of file gives the same rows."""
 
 import gzip
+import io
 import json
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,11 +12,12 @@ from polars.testing import assert_frame_equal
 from surveillance_toys import flight, written
 
 from descentflow.errors import DataError
-from descentflow.surveillance.aircraft_json import rows_of_snapshots
 from descentflow.surveillance.normalise import normalise
 from descentflow.surveillance.readers import files_of, read_rows, read_table
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.schema import TIMESTAMP
+from descentflow.surveillance.sources import aircraft_json
+from descentflow.surveillance.sources.streams import Input
 
 NOON = datetime(2024, 3, 1, 12, 0, 0, 250_000, tzinfo=UTC)
 ROW = {"icao24": "4ca001", "altitude": 30_000.0, "IAS": 270.0, "Mach": 0.7}
@@ -138,8 +140,9 @@ def test_text_among_numbers_is_missing_and_noted_and_not_finite_is_missing() -> 
 
 def test_snapshots_are_timed_at_the_last_message_and_ground_is_no_altitude() -> None:
     craft = {"hex": "~4CA001", "flight": "TST1  ", "t": "A320", "alt_baro": "ground", "ias": 120, "mach": 0.2}
-    air = craft | {"alt_baro": 30_000, "seen": 2.5, "mag_heading": 90.5, "oat": -40, "baro_rate": -1984, "gs": True}
-    rows = rows_of_snapshots([{"now": 1709294400.0, "aircraft": [craft, air]}], Path("aircraft.json"))
+    air = craft | {"alt_baro": 30_000, "seen": 2.5, "mag_heading": 90.5, "oat": -40, "baro_rate": -1984, "gs": [3]}
+    snapshots = [{"now": 1709294400.0, "aircraft": [craft, air]}]
+    rows = pl.concat(aircraft_json.rows(snapshots, Input(io.BytesIO(), "aircraft.json"), DropReport(), 100))
     assert rows["timestamp"].to_list() == [1709294400.0, 1709294397.5]
     assert rows["altitude"].to_list() == [None, 30_000.0]
     assert rows["callsign"][0] == "TST1"
@@ -155,7 +158,7 @@ def test_snapshots_in_every_packing(form: str, tmp_path: Path) -> None:
         text, expected = json.dumps(snapshots[0], indent=1), [270.0]
     elif form == "list":
         (tmp_path / "a.json").write_text(json.dumps(snapshots))
-        with pytest.raises(DataError, match="without aircraft"):
+        with pytest.raises(DataError, match="of no known kind"):
             read_table(tmp_path / "a.json")
         return
     else:

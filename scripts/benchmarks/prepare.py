@@ -1,0 +1,152 @@
+"""Rows a second, memory and the curve of `descentflow prepare`, beside the same cleaning done with pandas."""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO
+
+import polars as pl
+
+FLIGHTS = 1000
+FILE_ROWS = 2_500_000
+PEER_ROWS = 400_000
+"""Rows that pandas is given: its time grows in proportion, and it needs a minute for a million."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the part's options."""
+    parser.add_argument("--rows", type=float, nargs="+", default=[1, 2, 5], help="sizes in millions of rows")
+    parser.add_argument("--memory", default="2GB", help="bound given to prepare (default: %(default)s)")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Print the curve and the peers."""
+    prepare(args.rows, args.memory)
+
+
+def prepare(millions: Sequence[float], memory: str) -> None:
+    """Print the curve over sizes, in millions of rows."""
+    print(
+        f"descentflow prepare --memory {memory} on {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start"
+    )
+    print("CPU seconds are user + system of the whole process; other work on the machine makes both grow")
+    head = ("rows", "files MB", "wall s", "CPU s", "rows/s", "rows/s of CPU", "us CPU/row", "peak MB", "levels", "load")
+    print("".join(f"{name:>14}" for name in head))
+    with tempfile.TemporaryDirectory(prefix="descentflow-benchmark-") as folder:
+        world = _world(Path(folder))
+        for size in millions:
+            _curve_row(world, Path(folder), round(size * 1e6), memory)
+        _peers(world, Path(folder))
+
+
+def _world(folder: Path) -> pl.DataFrame:
+    path = folder / "world.parquet"
+    _measured("simulate", "--flights", str(FLIGHTS), "--out", str(path))
+    return pl.read_parquet(path)
+
+
+def make_rows(world: pl.DataFrame, folder: Path, number: int) -> int:
+    """Write at least so many rows: copies of the world's flights with addresses and names of their own.
+
+    Rows of a file stand in time order, so that those of a flight are far apart, as in a network's recordings.
+    """
+    folder.mkdir()
+    addresses = world["icao24"].unique().sort()
+    place = world["icao24"].replace_strict(addresses, range(len(addresses)), return_dtype=pl.Int64)
+    written = copies = 0
+    while written < number:
+        frames: list[pl.DataFrame] = []
+        while written < number and len(frames) * len(world) < FILE_ROWS:
+            hexes = [f"{100_000 + copies * len(addresses) + n:06x}" for n in range(len(addresses))]
+            frames.append(
+                world.with_columns(
+                    pl.Series("icao24", hexes).gather(place),
+                    pl.col("timestamp") + pl.duration(seconds=7 * copies),
+                    pl.col("flight_id") + f"-{copies}",
+                ).head(number - written)
+            )
+            written += len(frames[-1])
+            copies += 1
+        pl.concat(frames).sort("timestamp").write_parquet(folder / f"rows-{copies:06d}.parquet")
+    return sum(path.stat().st_size for path in folder.iterdir())
+
+
+def _curve_row(world: pl.DataFrame, folder: Path, number: int, memory: str) -> None:
+    rows, out = folder / f"rows-{number}", folder / f"descents-{number}.parquet"
+    size = make_rows(world, rows, number)
+    wall, cpu, peak = _measured("prepare", str(rows), "--out", str(out), "--memory", memory)
+    levels = pl.scan_parquet(out).select(pl.len()).collect().item()
+    cells = (
+        f"{number:,}",
+        f"{size / 1e6:,.0f}",
+        f"{wall:.1f}",
+        f"{cpu:.1f}",
+        f"{number / wall:,.0f}",
+        f"{number / cpu:,.0f}",
+        f"{cpu / number * 1e6:.2f}",
+        f"{peak / 1e6:,.0f}",
+        f"{levels:,}",
+        f"{os.getloadavg()[0]:.1f}",
+    )
+    print("".join(f"{cell:>14}" for cell in cells), flush=True)
+    for path in (*rows.iterdir(), out):
+        path.unlink()
+
+
+def _measured(*words: str) -> tuple[float, float, int]:
+    """Wall and CPU seconds, and peak resident bytes, of one command in a process of its own."""
+    start = time.perf_counter()
+    command = [sys.executable, "-m", "descentflow.cli", *words]
+    with tempfile.TemporaryFile() as said:
+        return _waited(subprocess.Popen(command, stdout=said, stderr=said), said, start)
+
+
+def _waited(run: "subprocess.Popen[bytes]", said: IO[bytes], start: float) -> tuple[float, float, int]:
+    _, status, usage = os.wait4(run.pid, 0)
+    wall = time.perf_counter() - start
+    run.returncode = os.waitstatus_to_exitcode(status)
+    if run.returncode:
+        said.seek(0)
+        raise SystemExit(f"{run.args} ended with {run.returncode}:\n{said.read().decode()}")
+    return wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
+
+
+def _peers(world: pl.DataFrame, folder: Path) -> None:
+    rows = folder / "peer"
+    make_rows(world, rows, PEER_ROWS)
+    path = next(rows.iterdir())
+    from descentflow.surveillance.prepare import prepare as in_memory
+
+    wall, cpu = time.perf_counter(), time.process_time()
+    ours = in_memory([path])[0].frame
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    print(f"{PEER_ROWS:,} rows, once more in this process: {PEER_ROWS / wall:,.0f} rows/s, {cpu:.1f} CPU s")
+    try:
+        from benchmarks.peer_pandas import pd, prepare_pandas
+    except ImportError:
+        print("pandas is not installed: nothing to compare with")
+        return
+    frame = pl.read_parquet(path)
+    table = pd.DataFrame({name: frame[name].to_numpy() for name in frame.columns})
+    start, cpu = time.perf_counter(), time.process_time()
+    theirs = prepare_pandas(table)
+    seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
+    print(
+        f"the same cleaning with pandas, flight by flight, without reading: {PEER_ROWS / seconds:,.0f} rows/s, "
+        f"{cpu:.1f} CPU s; {len(theirs):,} levels (descentflow: {len(ours):,}); "
+        f"descentflow is {seconds / wall:.0f} times as fast"
+    )
+    try:
+        from traffic.core import Traffic
+    except ImportError:
+        print("traffic is not installed: no comparison with it")
+        return
+    start = time.perf_counter()
+    Traffic(table).filter().eval()
+    seconds = time.perf_counter() - start
+    print(f"traffic's filter() of spikes alone, flight by flight: {PEER_ROWS / seconds:,.0f} rows/s")

@@ -1,0 +1,64 @@
+"""The page of plots shows every rule at work, the same flights whatever the partitions."""
+
+import json
+from pathlib import Path
+
+import polars as pl
+import pytest
+from polars.testing import assert_frame_equal
+from surveillance_toys import fleet, written
+
+from descentflow.cli import main
+from descentflow.errors import ConfigError
+from descentflow.surveillance.engine import LocalEngine
+from descentflow.surveillance.fates import SHOWN, some_flights
+from descentflow.surveillance.prepare import Request, prepare_to
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    at = pl.int_range(pl.len())
+    rows = fleet(9).with_columns(
+        altitude=pl.when(at % 397 == 50).then(pl.col("altitude") + 4000).otherwise("altitude"),
+        Mach=pl.when(at % 101 == 7).then(pl.col("Mach") * 0.8).otherwise("Mach"),
+    )
+    return written(rows, tmp_path_factory.mktemp("rows") / "rows.parquet")
+
+
+def test_fates_account_for_every_row_and_do_not_depend_on_partitions(path: Path, tmp_path: Path) -> None:
+    whole = prepare_to(tmp_path / "a.parquet", Request([path], shown=100))
+    assert whole.fates is not None
+    assert whole.fates.columns == [*SHOWN, "reason"]
+    counts = dict(whole.fates["reason"].value_counts().iter_rows())
+    after = whole.report.steps[[step.step for step in whole.report.steps].index("flights_told_apart") :]
+    assert {step.step: step.rows_dropped for step in after if step.rows_dropped} == {
+        k: v for k, v in counts.items() if k
+    }
+    assert counts[None] == after[-1].rows_left
+    few = [
+        prepare_to(tmp_path / f"{memory}.parquet", Request([path], shown=2), memory_bytes=memory, engine=LocalEngine(2))
+        for memory in (10**9, 500_000)
+    ]
+    frames = [prepared.fates.sort("flight_id", "timestamp") for prepared in few if prepared.fates is not None]
+    assert_frame_equal(*frames)
+    assert_frame_equal(frames[0], some_flights(whole.fates, 2).sort("flight_id", "timestamp"))
+    assert frames[0]["flight_id"].n_unique() < whole.fates["flight_id"].n_unique()
+
+
+def test_a_page_is_written_whole_and_names_every_rule(path: Path, tmp_path: Path) -> None:
+    folder, report = tmp_path / "figures", tmp_path / "r.json"
+    words = ["prepare", str(path), "--out", str(tmp_path / "s"), "--figures", str(folder), "--report", str(report)]
+    assert main(words) == 0
+    page = (folder / "index.html").read_text()
+    pictures = sorted(p.name for p in folder.iterdir() if p.suffix == ".png")
+    assert pictures
+    assert all(f'src="{name}"' in page for name in pictures)
+    assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in pictures)
+    assert {p.name for p in folder.iterdir()} == {"index.html", *pictures}
+    for step in json.loads(report.read_text())["report"]["steps"]:
+        if step["rows_dropped"] and step["flights_left"] is not None:
+            assert step["step"].replace("_", " ") in page
+    # The store is finished: there is nothing left to be shown.
+    assert main(words) == 2
+    with pytest.raises(ConfigError, match="shown while they are cleaned"):
+        prepare_to(tmp_path / "s", Request([path], shown=1))

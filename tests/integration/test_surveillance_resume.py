@@ -1,0 +1,153 @@
+"""A killed run or worker loses nothing: the rerun goes on, and its result is that of an unbroken run."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import polars as pl
+import pytest
+from polars.testing import assert_frame_equal
+from surveillance_toys import fleet, written
+
+from descentflow.errors import ConfigError, DataError
+from descentflow.surveillance import engine as engines
+from descentflow.surveillance.descents import read_descents
+from descentflow.surveillance.engine import DaskEngine, LocalEngine
+from descentflow.surveillance.prepare import Cleaning, Request, prepare, prepare_to
+
+MEMORY = 800_000
+"""So little that the fleet makes some twenty partitions."""
+SLOW_RUN = """
+import sys, time
+from pathlib import Path
+from descentflow.surveillance import engine, prepare
+clean = engine.clean
+engine.clean = lambda *args: (time.sleep(0.15), clean(*args))[1]
+prepare.prepare_to(Path(sys.argv[2]), prepare.Request([Path(sys.argv[1])]), memory_bytes={memory},
+                   engine=engine.LocalEngine(1))
+"""
+
+SLOW_WORKER = """
+import time
+from descentflow.surveillance import engine
+engine.clean = lambda *args, clean=engine.clean: (time.sleep(0.15), clean(*args))[1]
+"""
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Rows of sixty aircraft, braided in time."""
+    one = fleet(12)
+    many = pl.concat(
+        one.with_columns(icao24=pl.col("icao24").str.replace("4ca", f"{number:03x}")) for number in range(5)
+    )
+    return written(many.sort("timestamp"), tmp_path_factory.mktemp("rows") / "rows.parquet")
+
+
+def wait_for_parts(folder: Path, number: int) -> list[Path]:
+    """Parts that are whole, as soon as there are so many."""
+    for _ in range(3000):
+        parts = sorted(folder.glob("parts/[0-9]*.parquet"))
+        if len(parts) >= number:
+            return parts
+        time.sleep(0.01)
+    raise AssertionError(f"no {number} parts within half a minute")
+
+
+@pytest.mark.parametrize("out", ["store", "d.parquet"])
+def test_a_killed_run_leaves_its_parts_and_the_rerun_goes_on(out: str, rows: Path, tmp_path: Path) -> None:
+    target, work = tmp_path / out, tmp_path / f"{out}.work"
+    program = SLOW_RUN.format(memory=MEMORY)
+    with subprocess.Popen([sys.executable, "-c", program, str(rows), str(target)]) as run:
+        wait_for_parts(work, 3)
+        run.send_signal(signal.SIGKILL)
+    assert run.returncode == -signal.SIGKILL
+    assert not target.exists()
+    done = {path: path.stat().st_mtime_ns for path in wait_for_parts(work, 3)}
+    planned = len(json.loads((work / "partitions.json").read_text()))
+    assert len(done) < planned
+
+    with pytest.raises(ConfigError, match="other inputs or settings"):
+        prepare_to(target, Request([rows], cleaning=Cleaning(bottom_fl=100)))
+    said: list[str] = []
+    cleaned: list[Path] = []
+
+    class Watched(LocalEngine):
+        def run(self, function, tasks, common):  # type: ignore[no-untyped-def]
+            cleaned.extend(task.target for task in tasks if isinstance(task, engines.Partition))
+            return super().run(function, tasks, common)
+
+    prepare_to(target, Request([rows]), engine=Watched(2), progress=said.append)
+    assert f"going on after {len(done)} of {planned} parts" in said
+    assert len(cleaned) == planned - len(done)
+    assert not set(cleaned) & set(done)
+    assert [path.name for path in tmp_path.iterdir()] == [out]
+    whole, report = prepare([rows])
+    found = read_descents(target)
+    assert_frame_equal(found.frame, whole.frame, check_exact=True)
+    assert found.metadata["report"] == report.as_dict()
+
+
+def test_two_runs_at_once_on_one_output_are_refused(rows: Path, tmp_path: Path) -> None:
+    def again(words: str) -> None:
+        if words.startswith("cleaning"):
+            prepare_to(tmp_path / "d.parquet", Request([rows]), memory_bytes=MEMORY)
+
+    with pytest.raises(ConfigError, match="another run is at work"):
+        prepare_to(tmp_path / "d.parquet", Request([rows]), memory_bytes=MEMORY, progress=again)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failing_partition_is_an_error_and_no_output(
+    rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(engines, "clean", broken)
+    with pytest.raises(DataError, match="No space left"):
+        prepare_to(tmp_path / "s", Request([rows]), memory_bytes=MEMORY)
+    assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_dask_workers_give_the_same_even_when_one_is_killed(rows: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
+    whole, report = prepare([rows])
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, memory_limit=0, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        client.wait_for_workers(2)
+        # Slow enough to be killed at work; as text, because workers do not know the tests' modules.
+        client.run(exec, SLOW_WORKER, {})
+        victim = next(iter(client.run(os.getpid).values()))
+        killed: list[int] = []
+
+        def kill() -> None:
+            killed.append(len(wait_for_parts(tmp_path / "s.work", 3)))
+            os.kill(victim, signal.SIGKILL)
+
+        killer = threading.Thread(target=kill)
+        killer.start()
+        engine = DaskEngine(scheduler=cluster.scheduler_address)
+        prepared = prepare_to(tmp_path / "s", Request([rows]), memory_bytes=MEMORY, engine=engine)
+        killer.join()
+    assert 3 <= killed[0] < 12
+    found = read_descents(tmp_path / "s")
+    assert_frame_equal(found.frame, whole.frame, check_exact=True)
+    assert prepared.report.as_dict() == report.as_dict()
+    assert [path.name for path in tmp_path.iterdir()] == ["s"]
+
+
+def test_without_dask_or_a_scheduler_the_error_says_what_to_do(
+    rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ConfigError, match=r"pip install 'descentflow\[dask\]'"):
+        prepare_to(tmp_path / "d.parquet", Request([rows]), memory_bytes=MEMORY, engine=DaskEngine(2))

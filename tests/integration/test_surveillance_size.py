@@ -1,0 +1,178 @@
+"""Any memory, any number of partitions, file or store: the same descents and the same account."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import polars as pl
+import pytest
+from polars.testing import assert_frame_equal
+from surveillance_toys import fleet, written
+
+from descentflow.errors import ConfigError, DataError
+from descentflow.surveillance import intake, spill, store
+from descentflow.surveillance.descents import Descents, read_descents
+from descentflow.surveillance.engine import LocalEngine
+from descentflow.surveillance.prepare import Cleaning, Request, prepare, prepare_to
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two files that share aircraft and differ in columns, their rows braided in time: something of everything."""
+    rows = fleet(12).with_columns(
+        icao24=pl.concat_str(pl.lit("4ca00"), pl.col("icao24").str.slice(5).str.to_integer(strict=False) % 5),
+        typecode=pl.when(pl.col("icao24") < "4ca006").then(pl.lit("A320")).otherwise(pl.lit("B738")),
+    )
+    at = pl.int_range(pl.len())
+    rows = rows.with_columns(
+        altitude=pl.when(at % 97 == 50).then(pl.col("altitude") + 4000).otherwise("altitude"),
+        IAS=pl.when(at % 89 == 3).then(None).otherwise("IAS"),
+        vertical_rate=pl.when(at % 3 == 0).then("vertical_rate"),
+    )
+    folder = tmp_path_factory.mktemp("inputs")
+    mixed = rows.sample(fraction=1.0, shuffle=True, seed=1)
+    first = mixed.head(len(mixed) // 2).drop("track").with_columns(flight_id=pl.lit("AB12"))
+    second = pl.concat([mixed.tail(-(len(mixed) // 2)), mixed.tail(40)])
+    return [written(first, folder / "a.parquet"), written(second, folder / "b.parquet")]
+
+
+@pytest.fixture(scope="module")
+def whole(inputs: list[Path]) -> Descents:
+    descents, report = prepare(inputs, cleaning=Cleaning(bottom_fl=100))
+    assert descents.frame["flight_id"].n_unique() > 8
+    assert all(step.flights_left is None or step.flights_left for step in report.steps)
+    return descents
+
+
+def same(found: Descents, whole: Descents) -> None:
+    assert_frame_equal(found.frame, whole.frame, check_exact=True)
+    described = {key: value for key, value in found.metadata.items() if key != "fingerprint"}
+    assert described == whole.metadata
+
+
+@pytest.mark.parametrize("out", ["d.parquet", "store"])
+@pytest.mark.parametrize(
+    ("memory", "workers", "number"), [(10**9, 2, 1), (800_000, 1, 2), (500_000, 1, 3), (800_000, 5, 5)]
+)
+def test_descents_do_not_depend_on_memory_or_form(
+    memory: int,
+    workers: int,
+    number: int,
+    out: str,
+    inputs: list[Path],
+    whole: Descents,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(intake, "GROUP_BYTES", 1)
+    monkeypatch.setattr(store, "CHUNK_ROWS", 300)
+    monkeypatch.setattr(store, "FILE_ROWS", 600)
+    request = Request(inputs, cleaning=Cleaning(bottom_fl=100))
+    said: list[str] = []
+    prepared = prepare_to(
+        tmp_path / out, request, memory_bytes=memory, engine=LocalEngine(workers), progress=said.append
+    )
+    partitions = [int(words.split()[-1]) for words in said if words.startswith("cleaning rows")]
+    assert max(partitions) == 1 if number == 1 else max(partitions) >= number
+    found = read_descents(tmp_path / out)
+    same(found, whole)
+    assert prepared.flights == dict(
+        whole.frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).sort("typecode").iter_rows()
+    )
+    assert [path.name for path in tmp_path.iterdir()] == [out]
+
+
+def test_a_store_is_partitioned_by_type_and_says_how_it_was_made(
+    inputs: list[Path], whole: Descents, tmp_path: Path
+) -> None:
+    rules = Cleaning(bottom_fl=100)
+    prepare_to(tmp_path / "s", Request(inputs, cleaning=rules))
+    hive = pl.scan_parquet(tmp_path / "s" / "**" / "*.parquet", hive_partitioning=True).collect()
+    assert_frame_equal(hive.select(whole.frame.columns).sort("flight_id", maintain_order=True), whole.frame)
+    assert {p.name for p in (tmp_path / "s").iterdir()} == {"typecode=A320", "typecode=B738", "_descentflow.json"}
+    manifest = json.loads((tmp_path / "s" / "_descentflow.json").read_text())
+    assert manifest["schema_version"] == 1
+    assert manifest["settings"] == asdict(rules)
+    assert [len(file["sha256"]) for file in manifest["inputs"]] == [64, 64]
+    assert manifest["report"]["steps"][-1]["flights_left"] == whole.frame["flight_id"].n_unique()
+
+
+def test_types_of_any_name_stay_inside_the_store(tmp_path: Path) -> None:
+    names = ["../A3 20", "..", "A/B", "Ü%2F"]
+    rows = pl.concat(
+        fleet(4).filter(icao24=f"4ca{n:03d}").with_columns(typecode=pl.lit(name)) for n, name in enumerate(names)
+    )
+    path = written(rows, tmp_path / "rows.parquet")
+    prepare_to(tmp_path / "s", Request([path]))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["rows.parquet", "s"]
+    found = read_descents(tmp_path / "s").frame
+    assert_frame_equal(found, prepare([path])[0].frame)
+    assert set(found["typecode"]) == {name.upper() for name in names}
+
+
+def test_a_finished_store_is_left_alone_and_another_refused(inputs: list[Path], tmp_path: Path) -> None:
+    out = tmp_path / "s"
+    first = prepare_to(out, Request(inputs))
+    times = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
+    again = prepare_to(out, Request(inputs))
+    assert again.flights == first.flights
+    assert again.report.as_dict() == first.report.as_dict()
+    assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == times
+    with pytest.raises(ConfigError, match="other inputs or settings"):
+        prepare_to(out, Request(inputs, cleaning=Cleaning(bottom_fl=100)))
+    with pytest.raises(ConfigError, match="other inputs or settings"):
+        prepare_to(out, Request(inputs[:1]))
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("x")
+    with pytest.raises(ConfigError, match="no prepared store"):
+        prepare_to(tmp_path / "mine", Request(inputs))
+
+
+def test_damaged_stores_are_refused(inputs: list[Path], tmp_path: Path) -> None:
+    out = tmp_path / "s"
+    prepare_to(out, Request(inputs))
+    manifest = out / "_descentflow.json"
+    good = manifest.read_text()
+    for bad, words in (
+        ("{", "damaged description"),
+        ("[]", "damaged description"),
+        ("{}", "its list of files"),
+        (good.replace('"schema_version": 1', '"schema_version": 9'), "version 1"),
+        (good.replace('"rows": ', '"rows": 1'), "rows; expected"),
+        (good.replace("part-00000", "part-77777"), "a store as it was written"),
+    ):
+        manifest.write_text(bad)
+        with pytest.raises(DataError, match=words):
+            read_descents(out)
+    manifest.unlink()
+    with pytest.raises(DataError, match=r"without a readable _descentflow.json"):
+        read_descents(out)
+
+
+def test_an_aircraft_that_does_not_fit_is_named(tmp_path: Path) -> None:
+    path = written(fleet(2).with_columns(icao24=pl.lit("4ca009")), tmp_path / "rows.parquet")
+    with pytest.raises(DataError, match=r"aircraft 4ca009 has .* rows .* raise --memory"):
+        prepare_to(tmp_path / "d.parquet", Request([path]), memory_bytes=50_000)
+    assert [p.name for p in tmp_path.iterdir()] == ["rows.parquet"]
+
+
+def test_buckets_that_are_too_large_are_spread_again_in_the_order_of_the_input(tmp_path: Path) -> None:
+    rows = pl.concat(
+        pl.DataFrame({"icao24": [f"{aircraft:06x}" for aircraft in range(640)], "block": [block] * 640})
+        for block in range(4)
+    )
+    spilled = spill.Spill(tmp_path / "rows", 40_000, always=True)
+    for block in rows.iter_slices(1000):
+        spilled.add(block)
+    spilled.finish()
+    assert sum(bucket.rows for bucket in spilled.buckets) == len(rows)
+    seen = []
+    for part in spill.partitions(spilled.buckets, tmp_path / "again", 500, 100_000):
+        found = pl.concat([pl.read_ipc(path) for path in part.files])
+        assert len(found) == part.rows
+        assert found.group_by("icao24", maintain_order=True).agg("block")["block"].to_list() == [[0, 1, 2, 3]] * (
+            len(found) // 4
+        )
+        seen += found["icao24"].unique().to_list()
+    assert sorted(seen) == rows["icao24"].unique().sort().to_list()
+    assert (tmp_path / "again").is_dir()

@@ -1,0 +1,1 @@
+"""The paper's whole study, type by type, from rows to tables and a report."""

@@ -1,0 +1,111 @@
+"""The study of one type, in steps that each leave one file: a step whose file is there is not done again."""
+
+import shutil
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+from descentflow import cli
+from descentflow.errors import DescentflowError
+from descentflow.files import whole_file
+from descentflow.performance.registry import aircraft
+from descentflow.study.plan import StudyPlan
+
+BLOCK = 4_000
+"""Flights simulated at a time: their rows and truth are some 300 MB."""
+CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "model"
+Say = Callable[[str], None]
+
+
+def study_type(plan: StudyPlan, typecode: str, folder: Path, say: Say) -> None:
+    """Rows, descents, fits and scores of one type.
+
+    Args:
+        plan: The study.
+        typecode: One of its types.
+        folder: The type's folder; a rerun goes on with the first file that is missing.
+        say: Called with what is being done.
+
+    Raises:
+        DescentflowError: If a command fails; the message names its log.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    descents = folder / "descents.parquet"
+    if not descents.exists():
+        _descents(plan, typecode, folder, say)
+    for name in plan.models:
+        model = folder / name
+        model.mkdir(exist_ok=True)
+        if not (model / "model.ckpt").exists():
+            say(f"{typecode}: fitting {name}")
+            _fit(plan, name, descents, model)
+        if not (model / "done").exists():
+            say(f"{typecode}: scoring {name}")
+            words = ["evaluate", str(model / "model.ckpt"), "--real", str(descents), "--out", str(model)]
+            _command([*words, "-n", str(plan.n_samples), "--seed", str(plan.seed)], model / "scores.log")
+            (model / "done").touch()
+
+
+def _descents(plan: StudyPlan, typecode: str, folder: Path, say: Say) -> None:
+    rows = folder / "rows"
+    if plan.store is not None:
+        from descentflow.surveillance.descents import read_descents, write_descents
+
+        source = read_descents(plan.store)
+        chosen = type(source)(source.frame.filter(typecode=typecode), source.metadata)
+        write_descents(chosen, folder / "descents.parquet")
+        return
+    rows.mkdir(exist_ok=True)
+    for number, first in enumerate(range(0, plan.flights[typecode], BLOCK)):
+        path = rows / f"{number:03d}.parquet"
+        if not path.exists():
+            say(f"{typecode}: simulating flights from {first:,}")
+            _simulate(plan, typecode, number, min(BLOCK, plan.flights[typecode] - first), path)
+    say(f"{typecode}: preparing descents")
+    bottom = min(150, _low_bottom(typecode))
+    words = ["prepare", str(rows), "--out", str(folder / "descents.parquet"), "--bottom-fl", str(bottom)]
+    _command([*words, "--report", str(folder / "prepare.json")], folder / "prepare.log")
+    # The rows can be simulated again; at the paper's counts they take gigabytes.
+    shutil.rmtree(rows)
+
+
+def _low_bottom(typecode: str) -> int:
+    """Lowest level of the grid: FL150 as in the paper, lower for types whose ceiling leaves too little above that."""
+    ceiling_fl = float(aircraft(typecode).altitude_maximum_ft) / 100
+    return 150 if ceiling_fl > 300 else 100
+
+
+def _simulate(plan: StudyPlan, typecode: str, block: int, number: int, path: Path) -> None:
+    from descentflow.world.world import simulate
+
+    # A seed for each block, so that flights have names of their own and a block can be made again alone.
+    world = simulate(aircraft(typecode), number, 1000 * plan.seed + block)
+    with whole_file(path) as temporary:
+        world.rows.write_parquet(temporary)
+
+
+def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path) -> None:
+    runs = folder / "runs"
+    # What a killed fit left would only be in the way: a fit of minutes starts again.
+    shutil.rmtree(runs, ignore_errors=True)
+    words = ["fit", "--config", str(CONFIGS / f"{name}.yaml"), "--data.descents", str(descents)]
+    words += ["--seed_everything", str(plan.seed), "--trainer.logger.init_args.save_dir", str(runs)]
+    words += ["--trainer.enable_progress_bar", "false", "--trainer.enable_model_summary", "false"]
+    words += ["--scores.n_samples", "200"]
+    if plan.max_epochs is not None:
+        words += ["--trainer.max_epochs", str(plan.max_epochs)]
+    _command(words, folder / "fit.log")
+    best = next(runs.rglob("best.ckpt"))
+    with whole_file(folder / "model.ckpt") as temporary:
+        shutil.copyfile(best, temporary)
+
+
+def _command(words: list[str], log: Path) -> None:
+    """Run one of descentflow's commands, what it prints going into a log."""
+    with log.open("w") as file, redirect_stdout(file), redirect_stderr(file):
+        status = cli.main(words)
+    if status:
+        last = log.read_text().strip().splitlines()[-1:] or ["nothing printed"]
+        raise DescentflowError(
+            f"descentflow {words[0]} ended with: {last[0]}", expected="a command that succeeds", mend=f"see {log}"
+        )

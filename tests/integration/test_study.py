@@ -1,0 +1,99 @@
+"""The paper's study in little: three types, two models, hundreds of flights; it resumes, and its tables add up."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from descentflow.densities.checkpoint import load_model
+from descentflow.errors import ConfigError
+from descentflow.study.plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
+from descentflow.study.report import write_report
+from descentflow.study.steps import study_type
+from descentflow.study.tables import all_scores, means, table, with_best
+
+PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "gmm"), n_samples=300, max_epochs=2)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("study")
+    begin(PLAN, folder)
+    for typecode in PLAN.flights:
+        study_type(PLAN, typecode, folder / typecode, lambda _: None)
+    write_report(PLAN, folder)
+    return folder
+
+
+def test_every_type_and_model_has_its_fifteen_scores(study: Path) -> None:
+    scores = all_scores(PLAN, study)
+    assert scores.group_by("typecode", "model").len()["len"].to_list() == [15] * 6
+    assert scores.filter(pl.col("quantity") == "cas_below_transition")["score"].is_not_null().all()
+
+
+def test_the_page_holds_the_tables_and_figures(study: Path) -> None:
+    page = (study / "report.html").read_text()
+    assert page.count("<table>") == 7
+    assert page.count("data:image/png") == 3 * 2 * 2
+    assert 'src="http' not in page
+
+
+def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) -> None:
+    """Without a model and with half a fit left over, the rerun fits it again and the page is the same to the byte."""
+    before = (study / "report.html").read_bytes()
+    untouched = (study / "A320" / "gmm" / "model.ckpt").stat().st_mtime_ns
+    for name in ("model.ckpt", "done", "scores.csv"):
+        (study / "BE20" / "gaussian" / name).unlink()
+    (study / "BE20" / "gaussian" / "runs" / "stray").mkdir()
+    begin(PLAN, study)
+    for typecode in PLAN.flights:
+        study_type(PLAN, typecode, study / typecode, lambda _: None)
+    write_report(PLAN, study)
+    assert (study / "A320" / "gmm" / "model.ckpt").stat().st_mtime_ns == untouched
+    assert (study / "report.html").read_bytes() == before
+    assert load_model(study / "BE20" / "gaussian" / "model.ckpt").sample(3, seed=0).shape[0] == 3
+
+
+def test_another_plan_is_refused(study: Path) -> None:
+    with pytest.raises(ConfigError, match="another plan"):
+        begin(StudyPlan({"A320": 200}), study)
+
+
+def test_published_figures_stand_in_columns_of_their_own(study: Path) -> None:
+    published = pl.DataFrame(
+        {"quantity": ["cas_below_transition"], "typecode": ["A320"], "statistic": ["ks"]}
+        | {"gaussian": [0.5], "gmm": [0.4], "flow": [0.3], "bada": [None]}
+    )
+    found = table(all_scores(PLAN, study), "cas_below_transition", published)
+    row = found.filter(typecode="A320", statistic="ks").row(0, named=True)
+    assert row["paper_gmm"] == 0.4
+    assert row["gaussian"] != 0.5
+    assert found.filter(typecode="BE20")["paper_gmm"].is_null().all()
+
+
+def test_models_within_five_percent_of_the_best_are_marked() -> None:
+    scores = pl.DataFrame(
+        {"typecode": "X", "quantity": "q", "statistic": "s", "model": ["a", "b", "c"], "score": [1.0, 1.05, 1.06]}
+    )
+    assert with_best(scores)["best"].to_list() == [True, True, False]
+
+
+def test_means_are_over_types() -> None:
+    rows = {"quantity": "cas_below_transition", "statistic": "ks", "unit": "1", "model": "a"}
+    scores = pl.DataFrame(
+        {**rows, "score": [1.0, 3.0], "equal_size": [2.0, 6.0], "floor": [1.0, 2.0], "nominal": [None, None]},
+        schema_overrides={"nominal": pl.Float64},
+    )
+    row = means(scores).row(0, named=True)
+    assert (row["types"], row["score"], row["over_floor"]) == (2, 2.0, 2.5)
+
+
+def test_the_papers_counts_and_impossible_plans() -> None:
+    assert sum(PAPER_FLIGHTS.values()) == 116_066
+    assert paper_plan(0.1, ["B738", "BE20"]).flights == {"B738": 4101, "BE20": 150}
+    with pytest.raises(ConfigError, match="Concorde"):
+        paper_plan(1.0, ["Concorde"])
+    with pytest.raises(ConfigError, match="models diffusion"):
+        StudyPlan({"A320": 100}, models=("diffusion",))
+    with pytest.raises(ConfigError, match="50 flights"):
+        StudyPlan({"A320": 10})

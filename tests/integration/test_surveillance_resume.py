@@ -119,6 +119,33 @@ def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, mo
     assert_frame_equal(read_descents(tmp_path / "s").frame, prepare([rows])[0].frame, check_exact=True)
 
 
+def test_groups_keep_parts_together_and_small_files_in_company(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes = {"a.csv": 90, "b.tar.aa": 60, "b.tar.ab": 60, "c.csv": 90, "d.csv": 20, "e.csv": 20}
+    for name, size in sizes.items():
+        (tmp_path / name).write_bytes(b"x" * size)
+    monkeypatch.setattr(intake, "GROUP_BYTES", 100)
+    files = [tmp_path / name for name in sizes]
+    groups = [[path.name for path in group] for group in intake.groups_of(files)]
+    assert groups == [["a.csv"], ["b.tar.aa", "b.tar.ab"], ["c.csv"], ["d.csv", "e.csv"]]
+    groups = [[path.name for path in group] for group in intake.groups_of(files[:-1])]
+    assert groups == [["a.csv"], ["b.tar.aa", "b.tar.ab"], ["c.csv", "d.csv"]]
+
+
+def test_a_group_without_a_row_is_counted_unless_all_are_so(
+    rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(intake, "GROUP_BYTES", 1)
+    empty = written(pl.read_parquet(rows).clear(), tmp_path / "empty.parquet")
+    prepared = prepare_to(tmp_path / "d.parquet", Request([empty, rows]))
+    assert prepared.report.notes["groups of files without a row"] == 1
+    assert_frame_equal(read_descents(tmp_path / "d.parquet").frame, prepare([rows])[0].frame, check_exact=True)
+    again = written(pl.read_parquet(rows).clear(), tmp_path / "again.parquet")
+    with pytest.raises(DataError, match="no row"):
+        prepare_to(tmp_path / "n.parquet", Request([empty, again]))
+    with pytest.raises(DataError, match="no row in"):
+        prepare_to(tmp_path / "n.parquet", Request([empty]))
+
+
 def test_two_runs_at_once_on_one_output_are_refused(rows: Path, tmp_path: Path) -> None:
     def again(words: str) -> None:
         if words.startswith("cleaning"):

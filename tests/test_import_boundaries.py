@@ -15,6 +15,8 @@ ONLY_IN = {
     "normflows": ("densities/flow.py",),
     "lightning": ("data/", "models/", "callbacks/", "training.py"),
     "tensorboard": ("callbacks/",),
+    "rs1090": ("surveillance/sources/",),
+    "pyasteryx": ("surveillance/sources/",),
 }
 """Library -> the places that may import it."""
 

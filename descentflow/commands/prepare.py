@@ -22,8 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.description = (
         "Clean surveillance rows into free descents on flight levels, with an account of everything dropped. Rows come "
-        "from Parquet or CSV as the traffic library and OpenSky write them, or from aircraft.json snapshots of "
-        "dump1090-fa, readsb and tar1090; each needs a time, an address, pressure altitude, IAS and Mach."
+        "from any source that the README lists, each with a time, an address, pressure altitude, IAS and Mach. There "
+        "may be any number: memory is bounded, and a run that was killed goes on where it was when it is called again."
     )
     parser.add_argument("rows", type=Path, nargs="*", help="files or folders of rows")
     parser.add_argument(

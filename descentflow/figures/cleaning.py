@@ -64,7 +64,7 @@ def cleaning_figure(flights: Sequence[pl.DataFrame]) -> Figure:
     for ax, label in zip(grid[:, 0], PANELS, strict=True):
         ax.set_ylabel(label)
     tidy(grid.flat)
-    legend_below(figure, grid.flat, columns=6)
+    legend_below(figure, grid.flat, columns=2 * len(flights))
     return figure
 
 

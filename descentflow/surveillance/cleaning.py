@@ -167,6 +167,7 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
         longest_gap_s=rules.longest_gap_s,
         highest_gap_ft=rules.highest_gap_ft,
         slowest_fpm=rules.slowest_fpm,
+        report=report,
     )
     long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
     left = kept.filter(pl.col("flight_id").is_in(long["flight_id"].unique().implode()))

@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 
 from descentflow.surveillance.filters import STRETCH, flights_of
+from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.schema import CHANNELS
 
 CIRCULAR = ("track", "heading", "wind_direction")
@@ -16,7 +17,13 @@ QUANTUM_FT = 25.0
 
 
 def to_levels(
-    rows: pl.DataFrame, bottom_fl: int, *, longest_gap_s: float, highest_gap_ft: float, slowest_fpm: float = 0.0
+    rows: pl.DataFrame,
+    bottom_fl: int,
+    *,
+    longest_gap_s: float,
+    highest_gap_ft: float,
+    slowest_fpm: float = 0.0,
+    report: DropReport | None = None,
 ) -> pl.DataFrame:
     """Interpolate every descent linearly in altitude to whole flight levels (paper, section 2.2).
 
@@ -30,6 +37,7 @@ def to_levels(
         longest_gap_s: Longest gap that is bridged.
         highest_gap_ft: Highest gap that is bridged.
         slowest_fpm: Slowest mean rate that is bridged.
+        report: Takes the number of gaps left open.
 
     Returns:
         One row a flight and level, sorted by flight and falling level: `flight_id icao24 typecode callsign level_fl
@@ -39,11 +47,15 @@ def to_levels(
     altitude_fl = rows["altitude"].to_numpy() / 100.0
     micros = rows["timestamp"].dt.epoch("us").to_numpy()
     gap_s, gap_fl = np.diff(micros) / 1e6, -np.diff(altitude_fl)
-    bridged = (flight[1:] == flight[:-1]) & (gap_s <= longest_gap_s) & (gap_fl * 100 <= highest_gap_ft)
+    same = flight[1:] == flight[:-1]
+    bridged = same & (gap_s <= longest_gap_s) & (gap_fl * 100 <= highest_gap_ft)
     # Half a step of quantisation at either end may be missing from the height.
     bridged &= (gap_s <= HIDDEN_S) | (60 * (gap_fl * 100 + QUANTUM_FT) >= slowest_fpm * gap_s)
-    if STRETCH in rows.columns:
-        bridged &= np.diff(rows[STRETCH].to_numpy()) == 0
+    stretch = np.diff(rows[STRETCH].to_numpy()) if STRETCH in rows.columns else np.zeros(len(same), dtype=np.int64)
+    if report:
+        report.note("gaps of reception left open", int((same & (stretch == 0) & ~bridged).sum()))
+        report.note("level or held stretches left open", int((same & (stretch != 0)).sum()))
+    bridged &= stretch == 0
     # The interval from a row down to the next: levels above or at the next row and strictly below this one, so that a
     # level on which a row stands is counted once; the first row of a stretch adds its own level.
     top, low = np.ceil(altitude_fl[:-1]) - 1, np.ceil(altitude_fl[1:])

@@ -11,9 +11,12 @@ from typing import TypeVar
 
 import polars as pl
 
+from descentflow.errors import DataError
 from descentflow.surveillance.flights import names_given, usable
 from descentflow.surveillance.readers import row_blocks
 from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.schema import COLUMNS, REQUIRED
+from descentflow.surveillance.sources.archives import with_parts
 from descentflow.surveillance.spill import Bucket, Memory, Spill
 
 Item = TypeVar("Item")
@@ -49,23 +52,44 @@ class Group:
     format: str | None
     folder: Path
     memory: Memory
+    alone: bool = True
+    """Whether there is no other group: then a group without a row is an error."""
 
 
 def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
-    """Neighbouring files in groups of about a size."""
+    """Neighbouring files in groups of about a size; parts of a split archive stay together.
+
+    A small file is not left alone: among others a damaged one is counted, alone it is an error.
+    """
     groups: list[list[Path]] = [[]]
     total = 0
-    for path in files:
-        if groups[-1] and total + path.stat().st_size > GROUP_BYTES:
+    for _, parts in with_parts(files):
+        size = sum(path.stat().st_size for path in parts)
+        if groups[-1] and total + size > GROUP_BYTES:
             groups.append([])
             total = 0
-        groups[-1].append(path)
-        total += path.stat().st_size
-    return [tuple(group) for group in groups]
+        groups[-1] += parts
+        total += size
+    together: list[list[Path]] = []
+    for group in groups:
+        if together and len(group) == 1 and group[0].stat().st_size < GROUP_BYTES // 2:
+            together[-1] += group
+        else:
+            together.append(group)
+    return [tuple(group) for group in together]
 
 
-def take_in(files: Sequence[Path], format: str | None, spill: Spill, block_rows: int = 500_000) -> Intake:
+def take_in(
+    files: Sequence[Path], format: str | None, spill: Spill, block_rows: int = 500_000, alone: bool = True
+) -> Intake:
     """Read files into a spill.
+
+    Args:
+        files: What to read.
+        format: Name of what they are; found from their content if None.
+        spill: Takes the rows.
+        block_rows: Rows that are read at a time.
+        alone: Whether there are no other files, so that files without a row are an error.
 
     Raises:
         DataError: As :func:`~descentflow.surveillance.readers.row_blocks`.
@@ -74,7 +98,7 @@ def take_in(files: Sequence[Path], format: str | None, spill: Spill, block_rows:
     columns: dict[str, None] = {}
     names: list[pl.DataFrame] = []
     parts: list[DropReport] = []
-    for block in _ahead(row_blocks(files, read, format=format, block_rows=block_rows)):
+    for block in _ahead(_blocks(files, read, format, block_rows, alone)):
         columns |= dict.fromkeys(block.columns)
         parts.append(DropReport())
         good = usable(block, parts[-1])
@@ -103,9 +127,8 @@ def read_group(group: Group, always: bool) -> Intake | None:
     group.folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(dir=group.folder.parent, prefix=f".{group.folder.name}-"))
     try:
-        intake = take_in(
-            group.files, group.format, Spill(temporary, group.memory.rows_bytes, always=always), group.memory.block_rows
-        )
+        spill = Spill(temporary, group.memory.rows_bytes, always=always)
+        intake = take_in(group.files, group.format, spill, group.memory.block_rows, group.alone)
         if intake.buckets is None:
             return intake
         intake.names.write_parquet(temporary / "names.parquet")
@@ -130,6 +153,19 @@ def read_again(folder: Path) -> Intake:
     buckets = [Bucket([folder / name for name in b["files"]], b["rows"], b["bytes"]) for b in found["buckets"]]
     names = pl.read_parquet(folder / "names.parquet")
     return Intake(tuple(found["columns"]), DropReport.from_dict(found["report"]), names, [], buckets)
+
+
+def _blocks(
+    files: Sequence[Path], report: DropReport, format: str | None, block_rows: int, alone: bool
+) -> Iterator[pl.DataFrame]:
+    """Blocks of rows; of a group that holds none, but is one of several, an empty one."""
+    try:
+        yield from row_blocks(files, report, format=format, block_rows=block_rows)
+    except DataError as error:
+        if alone or not error.got.startswith("no row in "):
+            raise
+        report.note("groups of files without a row", 1)
+        yield pl.DataFrame(schema={name: COLUMNS[name] for name in REQUIRED})
 
 
 def _ahead(items: Iterator[Item]) -> Iterator[Item]:

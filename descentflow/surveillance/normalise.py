@@ -168,11 +168,14 @@ def wanted(names: Sequence[str]) -> list[str]:
     return useful if given >= set(REQUIRED) else list(names)
 
 
+def in_seconds(s: pl.Expr) -> pl.Expr:
+    """Seconds; of milli-, micro- or nanoseconds where the number could only be that (up to the year 5138)."""
+    return pl.when(s > 1e17).then(s / 1e9).when(s > 1e14).then(s / 1e6).when(s > 1e11).then(s / 1e3).otherwise(s)
+
+
 def _from_epoch(seconds: pl.Series) -> pl.Series:
-    """Seconds; milli-, micro- or nanoseconds where the number could only be that (up to the year 5138)."""
-    s = pl.col("s")
-    in_seconds = pl.when(s > 1e17).then(s / 1e9).when(s > 1e14).then(s / 1e6).when(s > 1e11).then(s / 1e3).otherwise(s)
-    valid = pl.when(in_seconds.is_finite() & in_seconds.is_between(0, 1e10)).then(in_seconds)
+    read = in_seconds(pl.col("s"))
+    valid = pl.when(read.is_finite() & read.is_between(0, 1e10)).then(read)
     micro = (valid * 1e6).round().cast(pl.Int64)
     return (
         seconds.alias("s")

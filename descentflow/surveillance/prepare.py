@@ -156,6 +156,8 @@ def _run(
         parts, report = store.Parts.of([outcome.levels.lazy()]), intake.report
         fates = [] if outcome.fates is None else [outcome.fates]
     else:
+        if not intake.report.steps[-1].rows_left:
+            check_left(intake.report, request.typecodes, {})
         tasks = _clean_partitions(request, intake, folder, memory, engine, say)
         parts, report = store.Parts.of([pl.scan_parquet(task.target) for task in tasks]), intake.report
         _account(request, report, [_described(task.target) for task in tasks])
@@ -180,7 +182,10 @@ def _read(request: Request, files: Sequence[Path], folder: Path, memory: Memory,
     groups = groups_of(files)
     rows = folder / ROWS
     local = isinstance(engine, LocalEngine)
-    tasks = [Group(group, request.format, rows / f"group-{number:05d}", memory) for number, group in enumerate(groups)]
+    tasks = [
+        Group(group, request.format, rows / f"group-{number:05d}", memory, len(groups) == 1)
+        for number, group in enumerate(groups)
+    ]
     if local and len(tasks) == 1 and not tasks[0].folder.exists():
         held = read_group(tasks[0], always=False)
         if held is not None:

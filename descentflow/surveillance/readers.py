@@ -95,15 +95,15 @@ class _Reading:
     def parts(self, paths: Sequence[Path]) -> Iterator[pl.DataFrame]:
         """Normalised rows.
 
-        Tables are looked at file by file. The formats whose names and units are laid down come in many small files:
-        those are put together first.
+        Names and units of tables are looked at file by file. Those of other formats are laid down, and their files are
+        small and many: they are put together first.
         """
         for source in self._inputs(paths):
             for number, (kind, part) in enumerate(self.tables(source)):
                 if kind in OF_ANYBODY or not belongs(part, self._waiting, self.rows):
                     yield from self._of_waiting()
                 if kind in OF_ANYBODY:
-                    yield from self._normalised(put_together([part], self.report), source.label, later=number > 0)
+                    yield self._checked(put_together([part], self.report), source.label, later=number > 0)
                 else:
                     self._label = self._label or source.label
                     self._waiting.append(part)
@@ -113,13 +113,13 @@ class _Reading:
         if self._waiting:
             table, label = put_together(self._waiting, self.report), self._label
             self._waiting, self._label = [], ""
-            yield from self._normalised(table, label, later=False)
+            yield normalise(table, label, self.report)
 
-    def _normalised(self, table: pl.DataFrame, label: str, *, later: bool) -> Iterator[pl.DataFrame]:
+    def _checked(self, table: pl.DataFrame, label: str, *, later: bool) -> pl.DataFrame:
         rows = normalise(table, label, self.report)
         if not later or len(rows) >= FEWEST_IN_LATER_PARTS:
             check_units(rows, label)
-        yield rows
+        return rows
 
     def tables(self, source: Input) -> Iterator[tuple[str, Rows]]:
         """Format and tables of one file; what readers do not foresee ends as a DataError that names it."""

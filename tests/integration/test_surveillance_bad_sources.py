@@ -276,6 +276,15 @@ def test_lines_and_documents_that_are_too_long_to_be_held(tmp_path: Path, monkey
     refused(written_to(tmp_path / "a.csv", quote), "look for a quote that is not closed")
 
 
+def test_a_quote_that_is_never_closed_costs_no_more_than_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("descentflow.surveillance.sources.tables.CSV_BYTES", 4 << 20)
+    text = FLIGHT.write_csv() + '1,"' + "\n" * (10 << 20)
+    rows, words = outcome(written_to(tmp_path / "a.csv", text))
+    assert rows is None or len(rows) <= len(FLIGHT) + 1, words
+
+
 # Archives -----------------------------------------------------------------------------------------------------------
 
 

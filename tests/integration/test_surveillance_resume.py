@@ -16,6 +16,7 @@ from surveillance_toys import fleet, written
 
 from descentflow.errors import ConfigError, DataError
 from descentflow.surveillance import engine as engines
+from descentflow.surveillance import intake
 from descentflow.surveillance.descents import read_descents
 from descentflow.surveillance.engine import DaskEngine, LocalEngine
 from descentflow.surveillance.prepare import Cleaning, Request, prepare, prepare_to
@@ -93,6 +94,58 @@ def test_a_killed_run_leaves_its_parts_and_the_rerun_goes_on(out: str, rows: Pat
     assert found.metadata["report"] == report.as_dict()
 
 
+def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = pl.read_parquet(rows)
+    folder = tmp_path / "many"
+    folder.mkdir()
+    for number, part in enumerate(frame.iter_slices(len(frame) // 5 + 1)):
+        part.write_parquet(folder / f"{number}.parquet")
+    monkeypatch.setattr(intake, "GROUP_BYTES", 1)
+    read: list[str] = []
+    take_in = intake.take_in
+
+    def interrupted(files, *args):  # type: ignore[no-untyped-def]
+        if len(read) == 2:
+            raise KeyboardInterrupt
+        read.append(files[0].name)
+        return take_in(files, *args)
+
+    monkeypatch.setattr(intake, "take_in", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        prepare_to(tmp_path / "s", Request([folder]), memory_bytes=MEMORY)
+    read.append("interrupted")
+    prepare_to(tmp_path / "s", Request([folder]), memory_bytes=MEMORY)
+    assert read == ["0.parquet", "1.parquet", "interrupted", "2.parquet", "3.parquet", "4.parquet"]
+    assert_frame_equal(read_descents(tmp_path / "s").frame, prepare([rows])[0].frame, check_exact=True)
+
+
+def test_groups_keep_parts_together_and_small_files_in_company(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes = {"a.csv": 90, "b.tar.aa": 60, "b.tar.ab": 60, "c.csv": 90, "d.csv": 20, "e.csv": 20}
+    for name, size in sizes.items():
+        (tmp_path / name).write_bytes(b"x" * size)
+    monkeypatch.setattr(intake, "GROUP_BYTES", 100)
+    files = [tmp_path / name for name in sizes]
+    groups = [[path.name for path in group] for group in intake.groups_of(files)]
+    assert groups == [["a.csv"], ["b.tar.aa", "b.tar.ab"], ["c.csv"], ["d.csv", "e.csv"]]
+    groups = [[path.name for path in group] for group in intake.groups_of(files[:-1])]
+    assert groups == [["a.csv"], ["b.tar.aa", "b.tar.ab"], ["c.csv", "d.csv"]]
+
+
+def test_a_group_without_a_row_is_counted_unless_all_are_so(
+    rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(intake, "GROUP_BYTES", 1)
+    empty = written(pl.read_parquet(rows).clear(), tmp_path / "empty.parquet")
+    prepared = prepare_to(tmp_path / "d.parquet", Request([empty, rows]))
+    assert prepared.report.notes["groups of files without a row"] == 1
+    assert_frame_equal(read_descents(tmp_path / "d.parquet").frame, prepare([rows])[0].frame, check_exact=True)
+    again = written(pl.read_parquet(rows).clear(), tmp_path / "again.parquet")
+    with pytest.raises(DataError, match="no row"):
+        prepare_to(tmp_path / "n.parquet", Request([empty, again]))
+    with pytest.raises(DataError, match="no row in"):
+        prepare_to(tmp_path / "n.parquet", Request([empty]))
+
+
 def test_two_runs_at_once_on_one_output_are_refused(rows: Path, tmp_path: Path) -> None:
     def again(words: str) -> None:
         if words.startswith("cleaning"):
@@ -151,3 +204,12 @@ def test_without_dask_or_a_scheduler_the_error_says_what_to_do(
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ConfigError, match=r"pip install 'descentflow\[dask\]'"):
         prepare_to(tmp_path / "d.parquet", Request([rows]), memory_bytes=MEMORY, engine=DaskEngine(2))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_the_command_starts_workers_of_its_own(rows: Path, tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="the extra `dask` is not installed")
+    words = ["prepare", str(rows), "--out", str(tmp_path / "d.parquet"), "--engine", "dask", "--workers", "2"]
+    subprocess.run([sys.executable, "-m", "descentflow.cli", *words], check=True)
+    assert_frame_equal(read_descents(tmp_path / "d.parquet").frame, prepare([rows])[0].frame, check_exact=True)

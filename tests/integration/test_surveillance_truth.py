@@ -51,10 +51,16 @@ def test_level_offs_and_held_rates_go_and_idle_descent_stays(rate: str, world: t
 
     assert len(found.filter(label="level_off")) > 200
     assert share("level_off") > 0.99
+    level = found.filter(reason="not_descending")["label"]
+    assert level.is_in(["level_off", "transient"]).mean() > 0.99  # level flight, or on the way into and out of it
     assert len(found.filter(label="constant_rate")) > 200
     held = share("constant_rate", "constant_rate")
     lost = share("idle", "constant_rate")
-    # Measured on 1,500 flights: 0.81 and 0.009 (0.81 and 0.013 with rates from altitude); few flights scatter.
+    taken = found.filter(reason="constant_rate")["label"]
+    precision = float((taken == "constant_rate").mean())
+    # Measured on 1,500 flights: 0.83 and 0.009 (0.83 and 0.011 with rates from altitude), and of what is taken 0.59
+    # (0.55) is held, a sixth is a transient, the rest idle: held rates are 2 % of the rows. Few flights scatter.
+    assert precision > 0.3
     assert held > 0.6
     assert lost < 0.03
     # Besides held rates, only rows of a repeated altitude go.

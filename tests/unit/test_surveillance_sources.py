@@ -26,7 +26,7 @@ from source_toys import (
 from surveillance_toys import START, flight
 
 from descentflow.errors import ConfigError, DataError
-from descentflow.surveillance.airdata import cas_of_mach_kt, mach_of_cas
+from descentflow.surveillance.airdata import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
 from descentflow.surveillance.readers import FORMATS, read_rows, row_blocks
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.archives import with_parts
@@ -128,6 +128,17 @@ def test_state_vectors_that_opensky_repeats_are_left_out(tmp_path: Path) -> None
     assert np.allclose(found["vertical_rate"], FLIGHT["vertical_rate"][10:], atol=1e-6)
     assert np.allclose(found["groundspeed"], 400.0)
     assert found["track"].to_list() == FLIGHT["track"][10:].to_list()
+
+
+def test_a_headwind_is_not_taken_for_metres_a_second(tmp_path: Path) -> None:
+    airspeed = isa_tas_of_mach_kt(FLIGHT["Mach"].to_numpy(), FLIGHT["altitude"].to_numpy())
+    slow = FLIGHT.with_columns(groundspeed=0.6 * airspeed)
+    slow.write_parquet(tmp_path / "rows.parquet")
+    assert len(rows_of(tmp_path / "rows.parquet")[0]) == len(FLIGHT)
+    aircraft = [slow.with_columns(icao24=pl.lit(f"4ca00{number}")) for number in range(3)]
+    pl.concat(aircraft).write_parquet(tmp_path / "rows.parquet")
+    with pytest.raises(DataError, match="groundspeed seems to be in m/s"):
+        rows_of(tmp_path / "rows.parquet")
 
 
 def test_names_of_registers_in_traffic_and_pymodes(tmp_path: Path) -> None:
@@ -280,6 +291,14 @@ def test_frames_with_times_are_decoded_and_brought_together(form: str, tmp_path:
     assert set(found["groundspeed"]) == {400.0}
     assert np.allclose(found["roll"], -5.0, atol=0.1)
     assert np.allclose(found["track"], 90.0, atol=0.1)
+
+
+def test_frames_in_milliseconds_are_brought_together_as_well(tmp_path: Path) -> None:
+    pytest.importorskip("rs1090")
+    plain, _ = rows_of(written_to(tmp_path / "s", "\n".join(f"{time} {frame}" for time, frame in frames_of(FLIGHT))))
+    lines = "\n".join(f"{round(1000 * time)} {frame}" for time, frame in frames_of(FLIGHT))
+    milli, _ = rows_of(written_to(tmp_path / "ms", lines))
+    assert_frame_equal(milli, plain)
 
 
 def test_batches_of_messages_make_no_difference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.surveillance.airdata import cas_of_mach_kt
+from descentflow.surveillance.normalise import in_seconds
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.schema import POSSIBLE
 from descentflow.surveillance.sources.values import Kinds, table
@@ -42,7 +43,7 @@ def columns_of(messages: list[Message]) -> pl.DataFrame:
     velocity = register == "09"
     sixty, fifty = (pl.col(name).struct.field for name in ("bds60", "bds50"))
     return table(messages, KINDS).select(
-        pl.col("timestamp").alias("time"),
+        in_seconds(pl.col("timestamp")).alias("time"),
         pl.col("icao24").str.strip_chars().replace("", None),
         pl.col("df").is_in(PROTECTED).fill_null(False).alias("protected"),
         pl.when(position | pl.col("df").is_in(ALTITUDE_REPLIES)).then("altitude").alias("altitude"),

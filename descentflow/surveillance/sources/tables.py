@@ -89,9 +89,14 @@ def _chunks(source: Input) -> Iterator[bytes]:
 
 
 def _end_of_rows(text: bytes) -> int:
+    """Place after the last end of a line before which all quotes are closed; 0 if there is none."""
     end = text.rfind(b"\n") + 1
-    while end and text.count(b'"', 0, end) % 2:
-        end = text.rfind(b"\n", 0, end - 1) + 1
+    open_quote = text.count(b'"', 0, end) % 2
+    while end and open_quote:
+        # No row ends behind the last quote. Only what lies between is counted again: the text is passed once.
+        before = text.rfind(b"\n", 0, text.rfind(b'"', 0, end)) + 1
+        open_quote ^= text.count(b'"', before, end) % 2
+        end = before
     return end
 
 

@@ -102,7 +102,7 @@ def select(contest: Contest, discrepancy: Tensor, say: Callable[[str], None]) ->
         say(f"fitting {name}")
         fit = contest.fit((name,))
         singles[name] = Candidate(fit, *contest.compare(fit.log_score, null.log_score))
-    chosen, outside = null, False
+    chosen = null
     candidates = singles
     while len(chosen.effects) < MOST:
         free, error = _free(contest, chosen, discrepancy)
@@ -110,7 +110,6 @@ def select(contest: Contest, discrepancy: Tensor, say: Callable[[str], None]) ->
         left = free - (0.0 if best is None else best.gain)
         if _stands_out(left, error) and (best is None or best.gain < OUTSIDE_SHARE * free):
             # No effect does what a shift without a cause does: adding more would only imitate it.
-            outside = True
             break
         if best is None:
             break
@@ -127,7 +126,7 @@ def select(contest: Contest, discrepancy: Tensor, say: Callable[[str], None]) ->
     chosen = _pruned(contest, chosen)
     left, error = _free(contest, chosen, discrepancy)
     explained = contest.compare(chosen.log_score, null.log_score)[0]
-    outside = _stands_out(left, error) and (outside or left > LEFT_SHARE * (explained + left))
+    outside = _stands_out(left, error) and left > LEFT_SHARE * (explained + left)
     groups, probability, gains = {}, {}, {}
     for name in chosen.effects:
         rest = tuple(e for e in chosen.effects if e != name)
@@ -210,7 +209,8 @@ def _group(contest: Contest, chosen: Fit, others: dict[str, Fit], without: Fit) 
     for name, fit in others.items():
         lead, error = contest.compare(chosen.log_score, fit.log_score)
         gain = contest.compare(fit.log_score, without.log_score)[0]
-        if gain >= worth and (lead < SAME * error or lead < SAME_NATS):
+        credible = contest.catalogue[name].plausible(fit.theta[name])
+        if credible and gain >= worth and (lead < SAME * error or lead < SAME_NATS):
             same.append(name)
         totals.append(by_cluster(fit.log_score, contest.compared.cluster))
     scores = torch.stack(totals)

@@ -19,7 +19,7 @@ LEAST_STANDING = 2.0
 FURTHER_GAIN = 12.0
 """The same for a further effect: what the first leaves of itself must not be named..."""
 FURTHER_STANDING = 3.0
-FURTHER_SHARE = 0.01
+FURTHER_SHARE = 0.004
 """...nor what is this share of the whole."""
 OUTSIDE_SHARE = 0.7
 """An effect must explain this share of what a free discrepancy explains in its place..."""

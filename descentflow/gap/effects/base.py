@@ -1,5 +1,6 @@
 """What an effect is: parameters with bounds, channels that it needs, and the shift it makes in what is measured."""
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -80,8 +81,10 @@ class Effect(ABC):
         for i, parameter in enumerate(self.parameters[:first]):
             along = torch.zeros_like(theta)
             along[i] = 0.0 if parameter.by_law else 1.0
-            # Plain dual numbers: torch.func's own wrappers cost ten times the arithmetic here.
-            with forward_ad.dual_level():
+            # Plain dual numbers: torch.func's own wrappers cost ten times the arithmetic here. Torch compiles some of
+            # its own derivatives on first use, in a way of which it warns.
+            with forward_ad.dual_level(), warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)
                 moved = self.shift(state, forward_ad.make_dual(theta, along))  # type: ignore[no-untyped-call]
                 tangents = {q: forward_ad.unpack_dual(v).tangent for q, v in moved.items()}  # type: ignore[no-untyped-call]
             columns.append({q: torch.zeros_like(plain[q]) if t is None else t for q, t in tangents.items()})

@@ -14,7 +14,7 @@ class GeometricPath(Effect):
     name = "geometric_path"
     parameters = (
         Parameter("share", 0.0, 1.0, "1", 0.1),
-        Parameter("shallower", 0.0, 0.5, "1", 0.05, 0.1),
+        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1),
     )
     law = "window mixture"
     splits = ("groundspeed",)

@@ -18,6 +18,7 @@ COMMANDS = {
     "sample": "draw plausible descents from a checkpoint",
     "predict-descent": "the rest of a descent from its first part: time to each level, occupancy of levels",
     "evaluate": "scores of a checkpoint against the descents of any prepared file",
+    "diagnose": "where a simulator and real descents differ, and which unmodelled effect causes it",
 }
 TRAINER = ("fit", "validate", "test", "predict")
 """Commands of the LightningCLI, which know every option of trainer, model and data."""

@@ -8,7 +8,7 @@ from zipfile import BadZipFile
 
 import torch
 
-from descentflow import densities
+from descentflow import __version__, densities
 from descentflow.data.representation import Representation
 from descentflow.densities import MODULES
 from descentflow.densities.base import Density
@@ -104,6 +104,25 @@ def load_model(path: str | Path) -> Density:
     except (KeyError, TypeError, RuntimeError) as error:
         raise _incomplete(path, error) from error
     return density.eval()
+
+
+def section_of(density: Density) -> dict[str, Any]:
+    """What a checkpoint says of a density and its representation: tensors and primitives."""
+    return {
+        "format": FORMAT,
+        "version": __version__,
+        "model": type(density).__name__,
+        "settings": density.settings(),
+        "representation": density.representation.to_state(),
+    }
+
+
+def content_of(density: Density) -> dict[str, Any]:
+    """A checkpoint of a density alone, from which :func:`load_model` rebuilds it."""
+    return {
+        "state_dict": {f"{PREFIX}{name}": value for name, value in density.state_dict().items()},
+        SECTION: section_of(density),
+    }
 
 
 def density_of(section: dict[str, Any]) -> Density:

@@ -6,10 +6,9 @@ from typing import Any, Generic, TypeVar
 from lightning.pytorch import LightningModule
 from torch import Tensor
 
-from descentflow import __version__
 from descentflow.data.representation import Representation
 from descentflow.densities.base import Density
-from descentflow.densities.checkpoint import FORMAT, SECTION, density_of
+from descentflow.densities.checkpoint import SECTION, density_of, section_of
 from descentflow.errors import CheckpointError, ConfigError
 
 D = TypeVar("D", bound=Density)
@@ -98,13 +97,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         # The command line's PositiveInt and the like are classes of their own, which weights_only refuses.
         if "hyper_parameters" in checkpoint:
             checkpoint["hyper_parameters"] = {k: _primitive(v) for k, v in checkpoint["hyper_parameters"].items()}
-        checkpoint[SECTION] = {
-            "format": FORMAT,
-            "version": __version__,
-            "model": type(self.density).__name__,
-            "settings": self.density.settings(),
-            "representation": self.representation.to_state(),
-        }
+        checkpoint[SECTION] = section_of(self.density)
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Restore the density's shape and representation; refuse a checkpoint of other flights when a fit resumes."""

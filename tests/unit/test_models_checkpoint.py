@@ -10,7 +10,7 @@ import toys
 from lightning.pytorch import Trainer
 
 from descentflow.densities import GaussianDensity
-from descentflow.densities.checkpoint import load_model, load_representation, read_checkpoint
+from descentflow.densities.checkpoint import content_of, load_model, load_representation, read_checkpoint
 from descentflow.errors import CheckpointError, ConfigError
 from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 from descentflow.sampling.rejection import sample_descents
@@ -147,3 +147,9 @@ def test_a_model_without_a_density_and_a_density_without_a_representation_say_so
         _ = Gaussian().representation
     with pytest.raises(ConfigError, match="without a representation"):
         _ = GaussianDensity(3).representation
+
+
+def test_a_density_in_memory_becomes_a_checkpoint(tmp_path: Path) -> None:
+    model, _ = saved("mixture", tmp_path)
+    torch.save(content_of(model.density), tmp_path / "copy.ckpt")
+    assert torch.equal(load_model(tmp_path / "copy.ckpt").sample(5, seed=1), model.sample(5, seed=1))

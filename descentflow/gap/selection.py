@@ -1,0 +1,221 @@
+"""Which effects are named: forward selection with a backward pass, groups of what cannot be told apart, abstention."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from descentflow.gap.contest import Contest, Fit, by_cluster
+
+MOST = 4
+"""Effects named together at most."""
+LEAST_PROMISE = 1.0
+"""Gain (nats) that an effect must promise by its sensitivity alone to be fitted at all."""
+LEAST_GAIN = 4.0
+"""Held-out gain (nats) below which no effect is named..."""
+LEAST_STANDING = 2.0
+"""...nor with a gain of fewer standard errors."""
+FURTHER_GAIN = 12.0
+"""The same for a further effect: what the first leaves of itself must not be named..."""
+FURTHER_STANDING = 3.0
+FURTHER_SHARE = 0.004
+"""...nor what is this share of the whole."""
+OUTSIDE_SHARE = 0.7
+"""An effect must explain this share of what a free discrepancy explains in its place..."""
+OUTSIDE_GAIN = 30.0
+"""...where that leaves more than so many nats..."""
+OUTSIDE_STANDING = 4.0
+"""...and so many standard errors unexplained."""
+LEFT_SHARE = 0.15
+"""Nor may the chosen effects together leave more than this share of the whole to a free discrepancy."""
+LEAST_SIZE = 1.5
+"""Mean shift, in negligible shifts of its quantity, below which no effect is named."""
+SAME = 1.64
+"""Effects are told apart if the better one's score is so many standard errors higher..."""
+SAME_NATS = 2.0
+"""...and so many nats."""
+WORTH = 0.5
+"""A member of the group explains at least this share of what the winner explains."""
+DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What an effect adds to those already chosen."""
+
+    fit: Fit
+    gain: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Outside:
+    """What a free discrepancy explains beyond the chosen effects, and whether it must be named."""
+
+    explained: float
+    rest: float
+    error: float
+    named: bool
+
+    @property
+    def share_explained(self) -> float:
+        """Of what effects and discrepancy explain together."""
+        whole = self.explained + max(self.rest, 0.0)
+        return self.explained / whole if whole > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The outcome.
+
+    ``singles`` each effect alone; ``path`` the sets in the order in which they grew; ``groups`` by chosen effect: the
+    names that could stand in its place; ``probability`` of each chosen effect against those; ``gains`` of each chosen
+    effect over the set without it.
+    """
+
+    null: Fit
+    outside: "Outside"
+    singles: dict[str, Candidate]
+    fit: Fit
+    groups: dict[str, tuple[str, ...]]
+    probability: dict[str, float]
+    gains: dict[str, tuple[float, float]]
+
+
+def select(contest: Contest, discrepancy: Tensor, say: Callable[[str], None]) -> Chosen:
+    """Run the contest, in which a discrepancy of no particular cause competes at every step.
+
+    Args:
+        contest: Flights and catalogue.
+        discrepancy: (n, p, e) its columns, with unit prior spread.
+        say: Told what is being fitted.
+    """
+    null = contest.fit(())
+    singles: dict[str, Candidate] = {}
+    promises = contest.promise(null.shift)
+    for name, effect in contest.catalogue.items():
+        if promises[name] < LEAST_PROMISE:
+            start = effect.starts(contest.compared.state)[0]
+            singles[name] = Candidate(replace(null, effects=(name,), theta={name: start}), 0.0, 0.0)
+            continue
+        say(f"fitting {name}")
+        fit = contest.fit((name,))
+        singles[name] = Candidate(fit, *contest.compare(fit.log_score, null.log_score))
+    chosen = null
+    candidates = singles
+    while len(chosen.effects) < MOST:
+        free, error = _free(contest, chosen, discrepancy)
+        best = _best(contest, candidates, contest.compare(chosen.log_score, null.log_score)[0])
+        left = free - (0.0 if best is None else best.gain)
+        if _stands_out(left, error) and (best is None or best.gain < OUTSIDE_SHARE * free):
+            # No effect does what a shift without a cause does: adding more would only imitate it.
+            break
+        if best is None:
+            break
+        chosen = best.fit
+        if len(chosen.effects) == MOST:
+            break
+        candidates = {}
+        promises = contest.promise(chosen.shift)
+        for name in contest.catalogue:
+            if name not in chosen.effects and promises[name] >= LEAST_GAIN:
+                say(f"fitting {name} beside {', '.join(chosen.effects)}")
+                fit = contest.fit((*chosen.effects, name), chosen.theta)
+                candidates[name] = Candidate(fit, *contest.compare(fit.log_score, chosen.log_score))
+    chosen = _pruned(contest, chosen)
+    left, error = _free(contest, chosen, discrepancy)
+    explained = contest.compare(chosen.log_score, null.log_score)[0]
+    outside = _stands_out(left, error) and left > LEFT_SHARE * (explained + left)
+    groups, probability, gains = {}, {}, {}
+    for name in chosen.effects:
+        rest = tuple(e for e in chosen.effects if e != name)
+        say(f"what could stand for {name}")
+        without = singles[rest[0]].fit if len(rest) == 1 else null if not rest else contest.fit(rest, chosen.theta)
+        gains[name] = contest.compare(chosen.log_score, without.log_score)
+        others = _rivals(contest, chosen, rest, singles, WORTH * gains[name][0])
+        groups[name], probability[name] = _group(contest, chosen, others, without)
+    return Chosen(null, Outside(explained, left, error, outside), singles, chosen, groups, probability, gains)
+
+
+def size_of(contest: Contest, name: str, theta: Tensor) -> float:
+    """Largest mean shift over the entries, in negligible shifts."""
+    shift = contest.all_shift(name, theta)[contest.real]
+    seen = contest.compared.y[contest.real].isfinite()
+    mean = torch.where(seen, shift, 0.0).sum(0) / seen.sum(0).clamp(min=1)
+    return float((mean.abs() / contest.compared.negligible()).max())
+
+
+def _free(contest: Contest, chosen: Fit, discrepancy: Tensor) -> tuple[float, float]:
+    """Held-out gain of a free discrepancy beside the chosen effects, and its standard error."""
+    free = contest.held_out(chosen.shift, contest.design(chosen.theta, discrepancy, 1.0))
+    return contest.compare(free, chosen.log_score)
+
+
+def _stands_out(rest: float, error: float) -> bool:
+    return rest > OUTSIDE_GAIN and rest > OUTSIDE_STANDING * error
+
+
+def _best(contest: Contest, candidates: dict[str, Candidate], so_far: float) -> Candidate | None:
+    """The candidate of the largest gain that counts, if any."""
+    for candidate in sorted(candidates.values(), key=lambda c: -c.gain):
+        name = candidate.fit.effects[-1]
+        theta = candidate.fit.theta[name]
+        least, standing = LEAST_GAIN, LEAST_STANDING
+        if len(candidate.fit.effects) > 1:
+            least, standing = max(FURTHER_GAIN, FURTHER_SHARE * so_far), FURTHER_STANDING
+        if candidate.gain < least:
+            return None
+        if candidate.gain < standing * candidate.error or not contest.catalogue[name].plausible(theta):
+            continue
+        if size_of(contest, name, theta) >= LEAST_SIZE:
+            return candidate
+    return None
+
+
+def _pruned(contest: Contest, chosen: Fit) -> Fit:
+    """Without effects that later ones have made needless."""
+    while len(chosen.effects) > 1:
+        weakest, loss = None, float("inf")
+        for name in chosen.effects:
+            fit = contest.fit([e for e in chosen.effects if e != name], chosen.theta)
+            gain, error = contest.compare(chosen.log_score, fit.log_score)
+            needless = gain < FURTHER_GAIN or gain < FURTHER_STANDING * error
+            if needless and gain < loss:
+                weakest, loss = fit, gain
+        if weakest is None:
+            return chosen
+        chosen = weakest
+    return chosen
+
+
+def _rivals(
+    contest: Contest, chosen: Fit, rest: Sequence[str], singles: dict[str, Candidate], worth: float
+) -> dict[str, Fit]:
+    """Other effects in the place of a chosen one, where they promise to be worth it."""
+    others = [e for e in contest.catalogue if e not in chosen.effects]
+    if not rest:
+        return {e: singles[e].fit for e in others}
+    start = {e: chosen.theta[e] for e in rest}
+    promises = contest.promise(contest.shift(start))
+    return {e: contest.fit((*rest, e), start) for e in others if promises[e] >= 0.5 * worth}
+
+
+def _group(contest: Contest, chosen: Fit, others: dict[str, Fit], without: Fit) -> tuple[tuple[str, ...], float]:
+    """Names that do as well, and the share of resampled fleets in which the chosen one does best."""
+    worth = WORTH * contest.compare(chosen.log_score, without.log_score)[0]
+    same = []
+    totals = [by_cluster(chosen.log_score, contest.compared.cluster)]
+    for name, fit in others.items():
+        lead, error = contest.compare(chosen.log_score, fit.log_score)
+        gain = contest.compare(fit.log_score, without.log_score)[0]
+        credible = contest.catalogue[name].plausible(fit.theta[name])
+        if credible and gain >= worth and (lead < SAME * error or lead < SAME_NATS):
+            same.append(name)
+        totals.append(by_cluster(fit.log_score, contest.compared.cluster))
+    scores = torch.stack(totals)
+    generator = torch.Generator().manual_seed(0)
+    # Rubin's Bayesian bootstrap over aircraft.
+    weights = -torch.rand(scores.shape[1], DRAWS, generator=generator, dtype=torch.float64).clamp(min=1e-12).log()
+    wins = (scores @ weights).argmax(0) == 0
+    return tuple(same), float(wins.double().mean())

@@ -1,0 +1,156 @@
+"""A Gaussian over vectors with missing entries: covariance by EM, and precision matrices by pattern of what is seen."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+ITERATIONS = 6
+"""Of EM; what is missing is mostly the top of the grid, and its neighbours say nearly all of it."""
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """Precision of what each flight shows.
+
+    Shapes: ``pattern`` (n,) index of each flight's pattern, ``precision`` (patterns, p, p) zero where an entry is
+    missing, ``covariance`` (p, p).
+    """
+
+    pattern: Tensor
+    precision: Tensor
+    covariance: Tensor
+
+    def apply(self, values: Tensor) -> Tensor:
+        """Precision times values: (n, p) or (n, p, k) of the flights, missing entries anything finite."""
+        flat = values if values.dim() == 3 else values[..., None]
+        found = torch.empty_like(flat)
+        for k in range(len(self.precision)):
+            at = torch.nonzero(self.pattern == k)[:, 0]
+            if len(at):
+                part = flat[at]
+                stacked = self.precision[k] @ part.permute(1, 0, 2).reshape(part.shape[1], -1)
+                found[at] = stacked.reshape(part.shape[1], len(at), -1).permute(1, 0, 2)
+        return found if values.dim() == 3 else found[..., 0]
+
+    def rows(self, index: Tensor) -> "Whitening":
+        """Of the flights at these positions."""
+        return Whitening(self.pattern[index], self.precision, self.covariance)
+
+    def total(self, chosen: Tensor) -> Tensor:
+        """Sum of the precisions (p, p) of the chosen flights (n,) bool or weights."""
+        weight = torch.zeros(len(self.precision), dtype=self.precision.dtype)
+        weight.index_add_(0, self.pattern, chosen.to(weight.dtype))
+        return torch.einsum("k,kij->ij", weight, self.precision)
+
+
+def whiten(y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor, sides: Tensor | None = None) -> Whitening:
+    """Estimate a covariance within groups and invert it for every pattern.
+
+    Two things are added to the spread between flights, so that weights are right for differences of means. Flights of
+    one aircraft are alike, so in what they share (their schedule) they count as one: the covariance of the sum over an
+    aircraft, a flight's share of it, is used. And no model is exact: a shift smaller than ``nugget`` means nothing,
+    however many flights show it.
+
+    Args:
+        y: (n, p), NaN where missing.
+        groups: (n,) bool: both groups have a mean of their own, which is taken off.
+        cluster: (n,) aircraft.
+        nugget: (p,) variance to add.
+        sides: (n,) bool: both sides' means are taken off before asking what flights of one aircraft share, or a
+            difference between sides would pass for it; the groups if absent.
+    """
+    seen = y.isfinite()
+    patterns, pattern = torch.unique(seen, dim=0, return_inverse=True)
+    centred = y.clone()
+    for side in (groups, ~groups):
+        if bool(side.any()):
+            centred[side] = y[side] - y[side].nanmean(0).nan_to_num(0.0)
+    scale = centred.square().nanmean(0).sqrt().clamp(min=1e-12)
+    z = torch.where(seen, centred / scale, 0.0)
+    n, p = z.shape
+    # Many flights speak for themselves; few are helped by a pull towards no correlation.
+    pull = 2.0 + 0.25 * p * max(0.0, 1.0 - n / (4.0 * p))
+    eye = torch.eye(p, dtype=z.dtype)
+    covariance = _start(z, seen, pull)
+    members = [torch.nonzero(pattern == k)[:, 0] for k in range(len(patterns))]
+    for _ in range(ITERATIONS):
+        moment = torch.zeros_like(covariance)
+        for k, at in enumerate(members):
+            there, gone = patterns[k], ~patterns[k]
+            filled = z[at]
+            if bool(gone.any()) and bool(there.any()):
+                part = covariance[there][:, there]
+                weights = torch.linalg.solve(part + 1e-9 * eye[there][:, there], covariance[there][:, gone])
+                filled = filled.clone()
+                filled[:, gone] = filled[:, there] @ weights
+                rest = covariance[gone][:, gone] - covariance[gone][:, there] @ weights
+                block = torch.zeros_like(covariance)
+                block[gone.nonzero(), gone.nonzero()[:, 0]] = rest
+                moment += len(at) * block
+            elif bool(gone.all()):
+                moment += len(at) * covariance
+            moment += filled.T @ filled
+        covariance = (moment + pull * eye) / (n + pull)
+        covariance = (covariance + covariance.T) / 2
+    completed = _completed(z, patterns, members, covariance)
+    for side in () if sides is None else (sides, ~sides):
+        if bool(side.any()):
+            completed[side] -= completed[side].mean(0)
+    covariance = covariance + _shared(completed, cluster, covariance) + torch.diag(nugget / scale**2)
+    precision = torch.zeros(len(patterns), p, p, dtype=z.dtype)
+    for k, there in enumerate(patterns):
+        at = torch.nonzero(there)[:, 0]
+        if len(at):
+            inverse = torch.linalg.inv(covariance[at][:, at] + 1e-8 * eye[at][:, at])
+            precision[k][at[:, None], at] = inverse / (scale[at, None] * scale[at])
+    return Whitening(pattern, precision, covariance * scale[:, None] * scale)
+
+
+def _completed(z: Tensor, patterns: Tensor, members: list[Tensor], covariance: Tensor) -> Tensor:
+    """Values with what is missing replaced by its expectation."""
+    filled = z.clone()
+    for there, at in zip(patterns, members, strict=True):
+        if bool(there.any()) and not bool(there.all()):
+            weights = torch.linalg.solve(
+                covariance[there][:, there] + 1e-9 * torch.eye(int(there.sum()), dtype=z.dtype),
+                covariance[there][:, ~there],
+            )
+            block = filled[at]
+            block[:, ~there] = block[:, there] @ weights
+            filled[at] = block
+    return filled
+
+
+def _shared(z: Tensor, cluster: Tensor, covariance: Tensor) -> Tensor:
+    """What flights of one aircraft share, (p, p) positive semidefinite, of few dimensions.
+
+    The cross-products of different flights of an aircraft, where they stand out from what chance would give.
+    """
+    n, p = z.shape
+    names, index = torch.unique(cluster, return_inverse=True)
+    total = torch.zeros(len(names), p, dtype=z.dtype).index_add_(0, index, z)
+    counts = torch.bincount(index).double()
+    pairs = float((counts * (counts - 1)).sum())
+    if pairs == 0:
+        return torch.zeros_like(covariance)
+    between = (total.T @ total - z.T @ z) / n
+    values, vectors = torch.linalg.eigh(covariance)
+    root = (vectors * values.clamp(min=1e-9).sqrt()) @ vectors.T
+    inverse = (vectors * values.clamp(min=1e-9).rsqrt()) @ vectors.T
+    size, direction = torch.linalg.eigh(inverse @ between @ inverse)
+    # The largest eigenvalue of as many pairs of independent flights.
+    chance = 2.0 * (p * pairs) ** 0.5 / n
+    kept = torch.where(size > chance, size, 0.0)
+    shared: Tensor = root @ (direction * kept) @ direction.T @ root
+    return shared
+
+
+def _start(z: Tensor, seen: Tensor, pull: float) -> Tensor:
+    """Pairwise covariance, made positive definite."""
+    there = seen.to(z.dtype)
+    pairs = there.T @ there
+    covariance = (z.T @ z + pull * torch.eye(z.shape[1], dtype=z.dtype)) / (pairs + pull)
+    values, vectors = torch.linalg.eigh(covariance)
+    start: Tensor = (vectors * values.clamp(min=1e-3)) @ vectors.T
+    return start

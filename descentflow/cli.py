@@ -17,6 +17,7 @@ COMMANDS = {
     "predict": "log-likelihood of each held-out flight (the smaller, the less usual the descent)",
     "sample": "draw plausible descents from a checkpoint",
     "evaluate": "scores of a checkpoint against the descents of any prepared file",
+    "diagnose": "where a simulator and real descents differ, and which unmodelled effect causes it",
 }
 TRAINER = ("fit", "validate", "test", "predict")
 """Commands of the LightningCLI, which know every option of trainer, model and data."""

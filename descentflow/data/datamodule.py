@@ -16,6 +16,7 @@ from descentflow.data.representation import Representation, Split, fit_represent
 from descentflow.data.splitting import SplitBy, split_flights
 from descentflow.errors import ConfigError, DataError
 from descentflow.fpca.gappy import Method
+from descentflow.gap.quantities import reference_state
 from descentflow.models.checkpoint import load_representation
 from descentflow.performance.aircraft import Aircraft
 from descentflow.performance.registry import aircraft as find_aircraft
@@ -111,6 +112,9 @@ class DescentDataModule(LightningDataModule):
                 profiles, split = self._fresh(frame, source)
                 begin("fitting components")
                 representation = self._fit(profiles, split, source)
+                seen = frame.filter(pl.col("flight_id").is_in([*split.train, *split.validation]))
+                levels = profiles.levels_fl
+                representation.reference = reference_state(seen, float(levels[0]), float(levels[-1]))
             begin("encoding flights")
             self._profiles = _parts(profiles, split)
             self._weights = {part: representation.decoder.encode(self._profiles[part]) for part in self._profiles}

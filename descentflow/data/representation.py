@@ -37,7 +37,12 @@ class Representation(nn.Module):
     """Decoder, plausibility bounds and split: all that a latent model needs besides its own density."""
 
     def __init__(
-        self, decoder: DescentDecoder, plausibility: Plausibility, split: Split, provenance: dict[str, Any]
+        self,
+        decoder: DescentDecoder,
+        plausibility: Plausibility,
+        split: Split,
+        provenance: dict[str, Any],
+        reference: dict[str, Any] | None = None,
     ) -> None:
         """Hold the parts.
 
@@ -46,19 +51,23 @@ class Representation(nn.Module):
             plausibility: Bounds and entry levels of the training flights.
             split: Which flights are in which part.
             provenance: Primitives that say where the descents came from.
+            reference: What the training flights measured, in bands of altitude, by which a diagnosis holds other
+                flights against them with the same instrument (:mod:`descentflow.gap.quantities`); may be absent.
         """
         super().__init__()
         self.decoder, self.plausibility = decoder, plausibility
         self.split, self.provenance = split, provenance
+        self.reference = reference
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the whole."""
-        return {
+        state = {
             "decoder": self.decoder.to_state(),
             "plausibility": self.plausibility.to_state(),
             "split": self.split.to_state(),
             "provenance": self.provenance,
         }
+        return state if self.reference is None else {**state, "reference": self.reference}
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Representation":
@@ -68,6 +77,7 @@ class Representation(nn.Module):
             Plausibility.from_state(state["plausibility"]),
             Split.from_state(state["split"]),
             state["provenance"],
+            state.get("reference"),
         )
 
 

@@ -1,0 +1,26 @@
+"""A position or instrument error of indicated airspeed: IAS disagrees with Mach number and pressure."""
+
+from torch import Tensor
+
+from descentflow.gap.effects.base import Effect, Parameter, Shift
+from descentflow.gap.physics import FlightState, log_rate
+from descentflow.units import KT_MPS
+
+
+class AirspeedBias(Effect):
+    """IAS reads too high by a constant and a part that grows with Mach number; the aircraft flies as it did."""
+
+    name = "airspeed_bias"
+    parameters = (
+        Parameter("bias_kt", -25.0, 25.0, "kt", 1.0),
+        Parameter("growth_kt", -40.0, 40.0, "kt per 0.1 of Mach", 1.0),
+    )
+    needs = ("IAS", "Mach")
+    sensor = True
+    says = "reported airspeeds are biased"
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """IAS, its difference to the CAS of the Mach number, and the rate expected at a wrong speed."""
+        bias = theta[0] + theta[1] * (state.mach() - 0.65) / 0.1
+        wrong = log_rate(state, cas_mps=state.cas_mps + bias * KT_MPS)
+        return {"cas": bias, "mismatch": bias, "rate": log_rate(state) - wrong}

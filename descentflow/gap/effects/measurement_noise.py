@@ -1,0 +1,24 @@
+"""Noisier or coarser reports: more variance from level to level, and nothing else."""
+
+import torch
+from torch import Tensor
+
+from descentflow.gap.effects.base import Effect, Parameter, Shift
+from descentflow.gap.physics import FlightState
+
+CHANNELS = ("rate", "cas", "mach", "tas", "groundspeed", "time")
+"""Quantities whose short-scale noise is measured; time stands for the altitude, whose crossing it is."""
+
+
+class MeasurementNoise(Effect):
+    """Logarithm of the ratio of short-scale standard deviations, channel by channel."""
+
+    name = "measurement_noise"
+    parameters = tuple(Parameter(f"ln_ratio_{name}", -3.0, 3.0, "1", 0.1) for name in CHANNELS)
+    sensor = True
+    says = "reports are noisier or coarser"
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Noise of each channel."""
+        each = torch.ones_like(state.cas_mps[:, 0])
+        return {f"noise_{name}": theta[i] * each for i, name in enumerate(CHANNELS)}

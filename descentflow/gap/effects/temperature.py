@@ -1,0 +1,31 @@
+"""Air warmer or colder than the standard atmosphere, by the same amount at every altitude."""
+
+import torch
+from torch import Tensor
+
+from descentflow.gap.effects.base import Effect, Parameter, Shift
+from descentflow.gap.physics import FlightState, log_rate
+from descentflow.performance.airspeed import mach_to_tas_mps
+from descentflow.performance.atmosphere import geometric_altitude_m
+
+
+class Temperature(Effect):
+    """Deviation from ISA: true airspeed at a Mach number, rate of pressure altitude, height between pressure levels."""
+
+    name = "temperature"
+    parameters = (Parameter("deviation_k", -40.0, 40.0, "K", 5.0),)
+    law = "measured covariate"
+    splits = ("TAS", "geoaltitude")
+    says = "the air is warmer or colder than the standard atmosphere"
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Rate by the energy equation, ln TAS at the same Mach number, geometric height within the flight."""
+        deviation = theta[0]
+        mach = state.mach()
+        tas = mach_to_tas_mps(mach, state.altitude_m, deviation) / mach_to_tas_mps(mach, state.altitude_m)
+        height = geometric_altitude_m(state.altitude_m, deviation) - state.altitude_m
+        return {
+            "rate": log_rate(state, deviation_k=deviation) - log_rate(state),
+            "tas": tas.log(),
+            "height": state.centred(height + torch.zeros_like(state.cas_mps)),
+        }

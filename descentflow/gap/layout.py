@@ -1,0 +1,181 @@
+"""Quantities as one vector a flight: which entries are compared, and what the simulator claims of each."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.gap.physics import FlightState, implied_mass_kg, log_rate
+from descentflow.gap.quantities import BY_BAND, OF_FLIGHT, Quantities
+from descentflow.performance.aircraft import Aircraft
+from descentflow.units import FL_M
+
+CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
+"""What physics claims to be zero, whether or not the simulator's own flights measured it."""
+FEWEST = 10
+SHARE = 0.1
+"""An entry is compared if so many, and this share, of the flights of either side show it."""
+EXTREME = 6.0
+"""Values are drawn in to this many robust standard deviations: one misread flight must not decide."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One number of the vector: a quantity, and its band (-1 for a quantity of the whole flight)."""
+
+    quantity: str
+    band: int
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Flights of both sides as vectors.
+
+    Shapes: ``y`` (n, p) with NaN where not seen, simulator's flights first; ``real`` (n,) bool; ``free`` (p,) bool, true
+    where the simulator's own flights say what is normal and false where physics claims zero; ``scale`` (p,) spread
+    between flights; ``cluster`` (n,).
+    """
+
+    entries: tuple[Entry, ...]
+    y: Tensor
+    real: Tensor
+    free: Tensor
+    scale: Tensor
+    cluster: Tensor
+    state: FlightState
+    band_fl: float
+
+    def columns(self, quantity: str) -> Tensor:
+        """Positions (k,) of a quantity's entries."""
+        return torch.tensor([i for i, e in enumerate(self.entries) if e.quantity == quantity], dtype=torch.long)
+
+    def quantities(self) -> tuple[str, ...]:
+        """Quantities that are compared, each once, in order."""
+        return tuple(dict.fromkeys(e.quantity for e in self.entries))
+
+    def vector(self, shift: Mapping[str, Tensor]) -> Tensor:
+        """A shift of quantities, (n, K), (n,), (n, K, k) or (n, k), as vectors (n, p) or (n, p, k)."""
+        some = next(iter(shift.values()))
+        n = len(some)
+        parts = []
+        for e in self.entries:
+            value = shift.get(e.quantity)
+            if value is None:
+                parts.append(None)
+            else:
+                parts.append(value[:, e.band] if e.band >= 0 else value)
+        shape = next((p.shape for p in parts if p is not None), None)
+        if shape is None:
+            # Nothing of it is compared; what it would shift says how many columns it has.
+            is_band = next(iter(shift)) in BY_BAND
+            trailing = some.shape[2:] if is_band else some.shape[1:]
+            return torch.zeros(n, len(self.entries), *trailing, dtype=torch.float64)
+        zero = torch.zeros(shape, dtype=torch.float64)
+        return torch.stack([zero if p is None else p for p in parts], 1)
+
+    def level_range(self, e: Entry) -> tuple[float, float]:
+        """Flight levels that an entry covers."""
+        levels = self.state.altitude_m / FL_M
+        if e.band < 0:
+            return float(levels[0] - self.band_fl / 2), float(levels[-1] + self.band_fl / 2)
+        return float(levels[e.band] - self.band_fl / 2), float(levels[e.band] + self.band_fl / 2)
+
+
+def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightState:
+    """What effects may look at; bands without a report have the column's mean speed, and no mask."""
+    physics = flights.physics
+    cas = physics["cas_mps"]
+    filled = torch.where(cas.isfinite(), cas, cas.nanmean(0).nan_to_num(140.0))
+    return FlightState(
+        aircraft,
+        mass_kg,
+        flights.altitude_m,
+        flights.band_fl * FL_M,
+        filled,
+        physics["cas_slope_per_s"],
+        physics["log_rate_slope_per_m"],
+        physics["tailwind_mps"],
+        physics["log_rate"].isfinite(),
+    )
+
+
+def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft) -> Compared:
+    """Join both sides.
+
+    Args:
+        reference: The simulator's flights; None for a simulator that claims the polar's rate at the reference mass.
+        real: Real flights, on the same bands.
+        aircraft: Coefficients of the simulator.
+    """
+    both = real if reference is None else _joined(reference, real)
+    n_before = 0 if reference is None else len(reference)
+    state = state_of(both, aircraft, float(aircraft.mass_reference_kg))
+    if reference is not None:
+        own = state_of(reference, aircraft, state.mass_kg)
+        mass = implied_mass_kg(own, reference.physics["log_rate"], own.mask)
+        state = state_of(both, aircraft, mass)
+    values = dict(both.values)
+    expected = log_rate(state)
+    values["rate"] = both.physics["log_rate"] - expected
+    is_real = torch.arange(len(both)) >= n_before
+    entries, columns, free = [], [], []
+    for name in (*BY_BAND, *OF_FLIGHT):
+        if name not in values or (reference is None and name not in CLAIMED_ZERO):
+            continue
+        table = values[name] if name in BY_BAND else values[name][:, None]
+        for band in range(table.shape[1]):
+            column = table[:, band]
+            anchored = reference is not None and _enough(column[~is_real])
+            if not _enough(column[is_real]) or not (anchored or name in CLAIMED_ZERO):
+                continue
+            if float(column[column.isfinite()].std()) < 1e-9:
+                continue
+            entries.append(Entry(name, band if name in BY_BAND else -1))
+            columns.append(_drawn_in(column))
+            free.append(anchored)
+    y = torch.stack(columns, 1)
+    scale = _spread(y, is_real)
+    return Compared(tuple(entries), y, is_real, torch.tensor(free), scale, both.cluster, state, real.band_fl)
+
+
+def _enough(column: Tensor) -> bool:
+    count = int(column.isfinite().sum())
+    return count >= FEWEST and count >= SHARE * len(column)
+
+
+def _drawn_in(column: Tensor) -> Tensor:
+    middle = column.nanmedian()
+    spread = 1.4826 * (column - middle).abs().nanmedian()
+    if float(spread) < 1e-9:
+        return column
+    return torch.where(
+        column.isfinite(), column.clamp(float(middle - EXTREME * spread), float(middle + EXTREME * spread)), column
+    )
+
+
+def _spread(y: Tensor, real: Tensor) -> Tensor:
+    """Standard deviation (p,) between flights of one side, pooled over both."""
+    seen = y.isfinite()
+    total, count = torch.zeros(y.shape[1], dtype=y.dtype), torch.zeros(y.shape[1], dtype=y.dtype)
+    for side in (real, ~real):
+        part, there = y[side].nan_to_num(0.0), seen[side]
+        n = there.sum(0).clamp(min=1)
+        total += (part.square().sum(0) - part.sum(0) ** 2 / n).clamp(min=0.0)
+        count += (n - 1).clamp(min=0)
+    return (total / count.clamp(min=1)).sqrt().clamp(min=1e-9)
+
+
+def _joined(first: Quantities, second: Quantities) -> Quantities:
+    def cat(a: dict[str, Tensor], b: dict[str, Tensor]) -> dict[str, Tensor]:
+        found = {}
+        for name in {**a, **b}:
+            like = a[name] if name in a else b[name]
+            blank = [torch.full((len(q), *like.shape[1:]), torch.nan, dtype=like.dtype) for q in (first, second)]
+            found[name] = torch.cat([a.get(name, blank[0]), b.get(name, blank[1])])
+        return found
+
+    cluster = torch.cat([first.cluster, second.cluster + first.cluster.max() + 1])
+    return Quantities(
+        second.levels_fl, second.band_fl, cat(first.values, second.values), cat(first.physics, second.physics), cluster
+    )

@@ -1,0 +1,122 @@
+"""The rate that the performance equations give a flight at its own speed, and how it answers to a changed cause."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from descentflow.performance.aircraft import Aircraft, Number
+from descentflow.performance.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.performance.energy import descent_rate_mps, energy_share_factor_local
+from descentflow.performance.forces import descent_thrust_n, drag_n
+
+SLOWEST_MPS = 0.5
+"""Rates are kept this fast before their logarithm is taken: drag that falls to the thrust is no descent."""
+
+
+@dataclass(frozen=True)
+class FlightState:
+    """n flights at K pressure altitudes: all that an effect may look at.
+
+    Shapes: ``altitude_m`` (K,), ``width_m`` () the height of the bands around them, all else (n, K). ``mass_kg`` is the
+    one mass at which the polar explains the simulator's drag on average (:func:`implied_mass_kg`).
+    """
+
+    aircraft: Aircraft
+    mass_kg: float
+    altitude_m: Tensor
+    width_m: float
+    cas_mps: Tensor
+    cas_slope_per_s: Tensor
+    """dCAS/dHp."""
+    log_rate_slope_per_m: Tensor
+    """d ln(rate of descent)/dHp, as flown."""
+    tailwind_mps: Tensor
+    mask: Tensor
+
+    def rows(self, index: Tensor) -> "FlightState":
+        """The flights at these positions."""
+        return replace(
+            self,
+            **{
+                name: getattr(self, name)[index]
+                for name in ("cas_mps", "cas_slope_per_s", "log_rate_slope_per_m", "tailwind_mps", "mask")
+            },
+        )
+
+    def mach(self) -> Tensor:
+        """Mach number (n, K) of the CAS."""
+        return cas_to_mach(self.cas_mps, self.altitude_m)
+
+    def centred(self, values: Tensor) -> Tensor:
+        """Values (n, K) less each flight's mean over its observed bands."""
+        count = self.mask.sum(1, keepdim=True).clamp(min=1)
+        return values - (values * self.mask).sum(1, keepdim=True) / count
+
+    def share_between(self, low_m: Tensor, high_m: Tensor) -> Tensor:
+        """Share (K,) of each band that lies between two altitudes; differentiable in both."""
+        bottom, top = self.altitude_m - self.width_m / 2, self.altitude_m + self.width_m / 2
+        return (torch.minimum(top, high_m) - torch.maximum(bottom, low_m)).clamp(min=0.0) / self.width_m
+
+
+def log_rate(
+    state: FlightState,
+    *,
+    mass: Number = 1.0,
+    thrust: Number = 1.0,
+    parasitic: Number = 1.0,
+    deviation_k: Number = 0.0,
+    wind_slope_per_s: Number = 0.0,
+    cas_mps: Tensor | None = None,
+) -> Tensor:
+    """Logarithm of the rate of descent (m/s of pressure altitude) on the polar, by the energy equation.
+
+    Args:
+        state: The flights.
+        mass: Factor of the mass.
+        thrust: Factor of idle thrust.
+        parasitic: Factor of CD0, broadcasts against (n, K).
+        deviation_k: Temperature deviation from ISA.
+        wind_slope_per_s: Growth of the tailwind with pressure altitude.
+        cas_mps: Another CAS than the flights' own, with their slope.
+
+    Returns:
+        (n, K).
+
+    Example:
+        >>> (log_rate(state, mass=0.9) - log_rate(state)).mean()  # a lighter aircraft falls faster
+        tensor(0.06, dtype=torch.float64)
+    """
+    cas = state.cas_mps if cas_mps is None else cas_mps
+    aircraft = replace(state.aircraft, cd0_cr=state.aircraft.cd0_cr * parasitic)
+    altitude, kg = state.altitude_m, state.mass_kg * mass
+    tas = mach_to_tas_mps(cas_to_mach(cas, altitude), altitude, deviation_k)
+    share = energy_share_factor_local(cas, altitude, state.cas_slope_per_s, wind_slope_per_s, deviation_k)
+    idle = thrust * descent_thrust_n(aircraft, altitude, tas, deviation_k)
+    drag = drag_n(aircraft, tas, altitude, deviation_k, kg)
+    rate = descent_rate_mps(aircraft, drag, idle, tas, share, altitude, deviation_k, kg)
+    return (-rate).clamp(min=SLOWEST_MPS).log()
+
+
+def implied_mass_kg(state: FlightState, log_rate_seen: Tensor, mask: Tensor) -> float:
+    """The mass at which the polar's rate is the seen one on average, by bisection within the type's limits.
+
+    Inferred drag holds each flight's own mass; sensitivities must be taken where the flights are, not at the reference
+    mass. Rate falls with mass as long as parasitic drag dominates, as it does in every clean descent.
+
+    Args:
+        state: The flights; its own mass is not used.
+        log_rate_seen: (n, K).
+        mask: (n, K) where it was seen.
+
+    Returns:
+        Mass in kg, at a limit of the type if the polar cannot explain the rate.
+    """
+    low, high = float(state.aircraft.mass_minimum_kg), float(state.aircraft.mass_maximum_kg)
+    weight = mask.double()
+    for _ in range(30):
+        middle = (low + high) / 2
+        excess = (log_rate(replace(state, mass_kg=middle)) - log_rate_seen) * weight
+        # Too steep on the polar: the aircraft must be heavier.
+        low, high = (middle, high) if float(torch.where(mask, excess, 0.0).sum()) > 0 else (low, middle)
+    return (low + high) / 2

@@ -6,6 +6,7 @@ It stands beside :mod:`descentflow.evaluation` because it opens checkpoints; the
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 
@@ -112,12 +113,22 @@ def _simulator(
     if isinstance(simulator, NominalSimulator):
         return Simulator(simulator.aircraft)
     if isinstance(simulator, LatentModel):
-        return Simulator(simulator.representation.decoder.aircraft, simulator, simulator.representation)
+        parts = simulator.representation
+        return Simulator(
+            parts.decoder.aircraft, simulator, parts, lambda: _content(simulator), type(simulator).__name__
+        )
     path = Path(str(simulator))
     model = load_model(path)
     return Simulator(
         model.representation.decoder.aircraft, model, model.representation, lambda: read_checkpoint(path), path.name
     )
+
+
+def _content(model: LatentModel) -> dict[str, Any]:
+    """A checkpoint's content of a model in memory."""
+    content = {"state_dict": model.state_dict(), "hyper_parameters": dict(model.hparams)}
+    model.on_save_checkpoint(content)
+    return content
 
 
 def _descents(

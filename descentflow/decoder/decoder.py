@@ -6,6 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from descentflow.decoder.correction import Correction
 from descentflow.decoder.trajectories import Trajectories, integrate
 from descentflow.fpca.basis import FunctionalBasis
 from descentflow.performance.aircraft import Aircraft, Number
@@ -41,6 +42,7 @@ class DescentDecoder(nn.Module):
         weight_mean: Tensor,
         weight_scale: Tensor,
         mass_kg: float | None = None,
+        correction: Correction | None = None,
     ) -> None:
         """Build from fitted parts.
 
@@ -52,8 +54,10 @@ class DescentDecoder(nn.Module):
             weight_mean: (d,) mean of the training flights' weights.
             weight_scale: (d,) their standard deviation.
             mass_kg: Mass that inferred the drag and flies it; the reference mass if absent.
+            correction: Effects that a diagnosis found, applied to what was flown.
         """
         super().__init__()
+        self.correction = correction
         self.aircraft = aircraft if mass_kg is None else replace(aircraft, mass_reference_kg=mass_kg)
         self.drag_basis, self.cas_basis = drag_basis, cas_basis
         self.register_buffer("levels_fl", levels_fl.to(torch.float64), persistent=False)
@@ -105,11 +109,12 @@ class DescentDecoder(nn.Module):
             entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
         altitude_m = (self.levels_fl * FL_M).to(weights)
         flown = aircraft if aircraft is not None else self.aircraft
-        return integrate(flown, self.levels_fl, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k)
+        found = integrate(flown, self.levels_fl, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k)
+        return found if self.correction is None else self.correction.apply(self.aircraft, found)
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the decoder."""
-        return {
+        state = {
             "aircraft": self.aircraft.to_state(),
             "levels_fl": self.levels_fl.cpu(),
             "drag_basis": self.drag_basis.to_state(),
@@ -117,6 +122,7 @@ class DescentDecoder(nn.Module):
             "weight_mean": self.weight_mean.cpu(),
             "weight_scale": self.weight_scale.cpu(),
         }
+        return state if self.correction is None else {**state, "correction": self.correction.to_state()}
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "DescentDecoder":
@@ -128,4 +134,5 @@ class DescentDecoder(nn.Module):
             FunctionalBasis.from_state(state["cas_basis"]),
             state["weight_mean"],
             state["weight_scale"],
+            correction=Correction.from_state(state["correction"]) if "correction" in state else None,
         )

@@ -5,16 +5,43 @@ from dataclasses import dataclass
 from typing import Any
 
 import polars as pl
+import torch
+from torch import Tensor
 
 from descentflow.data.representation import Representation
-from descentflow.errors import DataError
+from descentflow.errors import ConfigError, DataError
+from descentflow.gap.answer import causes_of, would_split
+from descentflow.gap.closure import Closure
+from descentflow.gap.contest import Contest
+from descentflow.gap.correct import corrected
+from descentflow.gap.discrepancy import discrepancy_columns
 from descentflow.gap.effects import Effect
+from descentflow.gap.layout import Compared, compare
+from descentflow.gap.permutation import null_test
+from descentflow.gap.quantities import Quantities, checked, grid_of, measured
+from descentflow.gap.reference import reference_of
 from descentflow.gap.report import GapReport
+from descentflow.gap.selection import Chosen, select
+from descentflow.gap.stages import stages_of
+from descentflow.gap.where import middles_fl, strongest_block, where
+from descentflow.gap.whitening import whiten
 from descentflow.performance.aircraft import Aircraft
+from descentflow.performance.transition import transition_altitude_m
 from descentflow.sampling.rejection import Sampler
 from descentflow.surveillance.prepare import Cleaning
+from descentflow.units import FL_M
 
 FEWEST_FLIGHTS = 20
+SIGNIFICANT = 0.03
+"""A gap is called from this p-value; it leaves room below five false alarms in a hundred."""
+OUTSIDE = 0.6
+"""Chosen effects must explain this share of what they and a free discrepancy explain together..."""
+OUTSIDE_STANDING = 3.0
+"""...unless the rest is smaller than so many standard errors..."""
+OUTSIDE_GAIN = 8.0
+"""...or than so many nats."""
+NOMINAL_FL = (150.0, 370.0)
+"""Grid of a nominal simulator, cut to the flights' own."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +61,16 @@ class Simulator:
             return Cleaning()
         return Cleaning(bottom_fl=int(self.representation.decoder.levels_fl[0]))
 
+    def levels(self, frame: pl.DataFrame) -> tuple[float, float]:
+        """Lowest and highest level of its grid."""
+        if self.representation is not None:
+            levels = self.representation.decoder.levels_fl
+            return float(levels[0]), float(levels[-1])
+        reached = frame.group_by("flight_id").agg(pl.col("level_fl").max())["level_fl"].to_numpy()
+        lowest = frame["level_fl"].to_numpy().min(initial=10_000)
+        top = sorted(reached.tolist(), reverse=True)[max(len(reached) // 4 - 1, 0)] if len(reached) else lowest
+        return float(lowest), float(max(top, lowest + 20))
+
 
 def run(
     frame: pl.DataFrame,
@@ -44,5 +81,239 @@ def run(
     dropped: Mapping[str, int],
     say: Callable[[str], None],
 ) -> GapReport:
-    """Diagnose."""
-    raise DataError("the engine is being written", expected="its next commit", mend="wait for it")
+    """Diagnose.
+
+    Args:
+        frame: Prepared descents.
+        simulator: What is diagnosed.
+        channels: Channels to use.
+        catalogue: Effects that may be named.
+        seed: Of permutations, folds, bootstrap and samples.
+        dropped: Rows that preparation left out, by reason.
+        say: Told what is being done.
+
+    Raises:
+        DataError: If too few flights show levels of the simulator's grid.
+        ConfigError: If the catalogue is empty.
+    """
+    if not catalogue:
+        raise ConfigError("an empty catalogue", expected="at least one effect", mend="pass EFFECTS, or some of them")
+    _check_type(frame, simulator)
+    low, high = simulator.levels(frame)
+    say("measuring flights")
+    grid = grid_of(frame, low, high, channels)
+    real = checked(measured(grid))
+    _check_count(real, frame, low, high)
+    reference, source = reference_of(simulator, grid, seed)
+    if reference is not None:
+        reference = _kept_channels(reference, real)
+    compared = compare(reference, real, simulator.aircraft)
+    counts = {
+        "flights_given": frame["flight_id"].n_unique(),
+        "flights_off_the_grid": frame["flight_id"].n_unique() - len(real),
+        "flights_compared": len(real),
+        "simulator_flights": 0 if reference is None else len(reference),
+        **dropped,
+    }
+    return Diagnosis(compared, catalogue, simulator, source, seed, say).report(counts, frame)
+
+
+class Diagnosis:
+    """The steps of one diagnosis, in their order."""
+
+    def __init__(
+        self,
+        compared: Compared,
+        catalogue: Mapping[str, Effect],
+        simulator: Simulator,
+        source: str,
+        seed: int,
+        say: Callable[[str], None],
+    ) -> None:
+        """Prepare the contest."""
+        self.compared, self.catalogue, self.simulator = compared, catalogue, simulator
+        self.source, self.seed, self.say = source, seed, say
+        say("estimating the spread between flights")
+        weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget())
+        self.contest = Contest(compared, weights, catalogue, seed)
+        self.discrepancy, self.shapes = discrepancy_columns(compared)
+        self.transition_fl = float(transition_altitude_m(simulator.aircraft)) / FL_M
+
+    def report(self, counts: Mapping[str, int], frame: pl.DataFrame) -> GapReport:
+        """Run the steps and put the answer together."""
+        self.say("asking whether there is a gap")
+        everyone = torch.ones_like(self.compared.real)
+        blind = whiten(self.compared.y, everyone, self.compared.cluster, self.compared.nugget())
+        test = null_test(Contest(self.compared, blind, self.catalogue, self.seed), self.discrepancy, self.seed)
+        self.say("asking where it lies")
+        cells, affected = where(self.contest, self.transition_fl, self.seed)
+        if not bool(affected.any()):
+            affected = torch.ones_like(affected)
+        chosen = select(self.contest, self.say)
+        verdict, outside = self._verdict(test.p_value, chosen)
+        named = chosen if verdict != "none" else None
+        fit = chosen.fit if verdict == "effect" else chosen.null
+        self.say("measuring how far the gap shrinks")
+        closure = Closure(self.contest, affected, self.seed)
+        gap = closure.gap(fit.shift)
+        causes = causes_of(self.contest, chosen, closure, self.say) if verdict == "effect" else []
+        self.say("asking at which stage the simulator loses most")
+        stages = stages_of(self.simulator, frame, self.seed)
+        remaining = self._remaining(fit.shift, gap.after, gap.floor, outside)
+        details = self._details(chosen, test.__dict__, outside, fit.shift, counts)
+        write = corrected(self.simulator, self.compared.state.mass_kg, self.catalogue, fit.theta)
+        return GapReport(
+            verdict=verdict,
+            p_value=test.p_value,
+            floor=gap.floor,
+            gap_before=gap.before,
+            where=cells,
+            stages=stages,
+            causes=causes,
+            gap_after=gap.after,
+            remaining=remaining,
+            would_split=would_split(self.contest, named, causes) if named is not None else [],
+            dropped=dict(counts),
+            details=details,
+            write_corrected=write if verdict == "effect" else None,
+        )
+
+    def _verdict(self, p_value: float, chosen: Chosen) -> tuple[str, dict[str, float]]:
+        """``none``, ``effect`` or ``unknown``; and what a free discrepancy explains beyond the chosen effects."""
+        contest, fit = self.contest, chosen.fit
+        design = contest.design(fit.theta, self.discrepancy, 1.0)
+        free = contest.held_out(fit.shift, design)
+        explained, _ = contest.compare(fit.log_score, chosen.null.log_score)
+        extra, error = contest.compare(free, fit.log_score)
+        whole = explained + max(extra, 0.0)
+        found = {
+            "explained_nats": explained,
+            "rest_nats": extra,
+            "rest_error_nats": error,
+            "share_explained": explained / whole if whole > 0 else 0.0,
+        }
+        if p_value > SIGNIFICANT:
+            return "none", found
+        if not fit.effects:
+            return "unknown", found
+        stands_out = extra > OUTSIDE_GAIN and extra > OUTSIDE_STANDING * error
+        return ("unknown" if stands_out and found["share_explained"] < OUTSIDE else "effect"), found
+
+    def _remaining(self, shift: Tensor, after: float, floor: float, outside: Mapping[str, float]) -> dict[str, Any]:
+        """What is left once the causes are in the simulator, and where the most of it lies."""
+        contest = self.contest
+        left = self.compared.y - shift
+        mean = left[contest.real].nanmean(0)
+        if contest.has_reference:
+            mean = mean - left[~contest.real].nanmean(0)
+        standing = (mean.abs() / self.compared.negligible()).nan_to_num(0.0)
+        most = int(standing.argmax())
+        entry = self.compared.entries[most]
+        low, high = self.compared.level_range(entry)
+        return {
+            "gap": max(after - floor, 0.0),
+            "share_unexplained": 1.0 - outside["share_explained"],
+            "largest": {
+                "quantity": entry.quantity,
+                "level_low_fl": low,
+                "level_high_fl": high,
+                "difference": float(mean[most]),
+                "in_negligible_shifts": float(standing[most]),
+            },
+            "block": strongest_block(contest, left),
+        }
+
+    def _details(
+        self,
+        chosen: Chosen,
+        test: Mapping[str, Any],
+        outside: Mapping[str, float],
+        shift: Tensor,
+        counts: Mapping[str, int],
+    ) -> dict[str, Any]:
+        """What figures and careful readers need besides the answer."""
+        contest = self.contest
+        ladder = sorted(chosen.singles.items(), key=lambda item: -item[1].gain)
+        return {
+            "simulator": self.simulator.name,
+            "typecode": self.simulator.aircraft.typecode,
+            "normal_from": self.source,
+            "seed": self.seed,
+            "quantities": list(self.compared.quantities()),
+            "transition_fl": self.transition_fl,
+            "mass_kg": self.compared.state.mass_kg,
+            "test": dict(test),
+            "discrepancy": dict(outside),
+            "contest": [
+                {
+                    "effect": name,
+                    "score_gain": c.gain,
+                    "error": c.error,
+                    "parameters": {
+                        p.name: float(v)
+                        for p, v in zip(self.catalogue[name].parameters, c.fit.theta[name], strict=True)
+                    },
+                }
+                for name, c in ladder
+            ],
+            "curves": curves(contest, shift),
+            "flights": dict(counts),
+        }
+
+
+def curves(contest: Contest, shift: Tensor) -> dict[str, Any]:
+    """Mean difference by band with its error, before and after, for the figures."""
+    compared = contest.compared
+    levels = middles_fl(compared)
+    found: dict[str, Any] = {}
+    for quantity in compared.quantities():
+        at = compared.columns(quantity)
+        y, left = compared.y[:, at], (compared.y - shift)[:, at]
+        before, after = y[contest.real].nanmean(0), left[contest.real].nanmean(0)
+        count = contest.real.sum().double()
+        size = compared.scale[at] / count.sqrt()
+        if contest.has_reference:
+            other = y[~contest.real].nanmean(0).nan_to_num(0.0)
+            before, after = before - other, after - other
+            size = compared.scale[at] * (1 / count + 1 / (~contest.real).sum().double()).sqrt()
+        bands = [compared.entries[i].band for i in at.tolist()]
+        found[quantity] = {
+            "level_fl": [levels[b] if b >= 0 else None for b in bands],
+            "before": before.tolist(),
+            "after": after.tolist(),
+            "error": size.tolist(),
+        }
+    return found
+
+
+def _check_type(frame: pl.DataFrame, simulator: Simulator) -> None:
+    types = {str(t) for t in frame["typecode"].drop_nulls().unique()} if "typecode" in frame.columns else set()
+    known = {simulator.aircraft.typecode}
+    if simulator.representation is not None:
+        known |= set(simulator.representation.provenance.get("typecodes", []))
+    if types and not types & known:
+        raise DataError(
+            f"descents of {', '.join(sorted(types))} for a simulator of {', '.join(sorted(known))}",
+            expected="flights of the simulator's type",
+            mend="choose the flights, or a simulator of their type",
+        )
+
+
+def _check_count(real: Quantities, frame: pl.DataFrame, low: float, high: float) -> None:
+    if len(real) < FEWEST_FLIGHTS:
+        raise DataError(
+            f"{len(real)} flights with levels between FL{low:.0f} and FL{high:.0f} "
+            f"(of {frame['flight_id'].n_unique()} given)",
+            expected=f"at least {FEWEST_FLIGHTS}, and hundreds to tell effects apart",
+            mend="give more flights, or a simulator of their levels",
+        )
+
+
+def _kept_channels(reference: Quantities, real: Quantities) -> Quantities:
+    """The simulator's flights with the quantities that the real ones show: a channel left out is left out of both."""
+    names = set(real.values)
+    values = {name: value for name, value in reference.values.items() if name in names}
+    physics = dict(reference.physics)
+    if "wind" not in names:
+        physics["tailwind_mps"] = torch.zeros_like(physics["tailwind_mps"])
+    return Quantities(reference.levels_fl, reference.band_fl, values, physics, reference.cluster)

@@ -16,6 +16,21 @@ CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
 FEWEST = 10
 SHARE = 0.1
 """An entry is compared if so many, and this share, of the flights of either side show it."""
+NEGLIGIBLE = {
+    "rate": 0.002,
+    "lag": 0.002,
+    "cas": 0.5,
+    "mismatch": 0.1,
+    "tas": 0.0005,
+    "wind": 0.1,
+    "height": 1.0,
+    "noise": 0.03,
+    "level": 2.0,
+    "level_gaps": 0.03,
+    "slow": 2.0,
+    "missing": 0.005,
+}
+"""Shifts of a mean that mean nothing in practice, in each quantity's unit: what equations leave out, and no more."""
 EXTREME = 6.0
 """Values are drawn in to this many robust standard deviations: one misread flight must not decide."""
 
@@ -45,6 +60,19 @@ class Compared:
     cluster: Tensor
     state: FlightState
     band_fl: float
+    depth_m: Tensor
+    """(n, K) of each band below the flight's own highest level."""
+
+    def nugget(self) -> Tensor:
+        """Variance (p,) by which a flight may be off for the means to be off by what is negligible."""
+        n_real, n_before = float(self.real.sum()), float((~self.real).sum())
+        count = n_real * n_before / (n_real + n_before) if n_before else n_real
+        return count * self.negligible() ** 2
+
+    def negligible(self) -> Tensor:
+        """Negligible shift (p,) of each entry."""
+        kinds = [e.quantity.split("_")[0] if e.quantity.startswith("noise") else e.quantity for e in self.entries]
+        return torch.tensor([NEGLIGIBLE[kind] for kind in kinds], dtype=torch.float64)
 
     def columns(self, quantity: str) -> Tensor:
         """Positions (k,) of a quantity's entries."""
@@ -58,7 +86,7 @@ class Compared:
         """A shift of quantities, (n, K), (n,), (n, K, k) or (n, k), as vectors (n, p) or (n, p, k)."""
         some = next(iter(shift.values()))
         n = len(some)
-        parts = []
+        parts: list[Tensor | None] = []
         for e in self.entries:
             value = shift.get(e.quantity)
             if value is None:
@@ -94,7 +122,6 @@ def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightS
         flights.band_fl * FL_M,
         filled,
         physics["cas_slope_per_s"],
-        physics["log_rate_slope_per_m"],
         physics["tailwind_mps"],
         physics["log_rate"].isfinite(),
     )
@@ -132,11 +159,21 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft) 
             if float(column[column.isfinite()].std()) < 1e-9:
                 continue
             entries.append(Entry(name, band if name in BY_BAND else -1))
-            columns.append(_drawn_in(column))
+            columns.append(torch.cat([_drawn_in(column[~is_real]), _drawn_in(column[is_real])]))
             free.append(anchored)
     y = torch.stack(columns, 1)
     scale = _spread(y, is_real)
-    return Compared(tuple(entries), y, is_real, torch.tensor(free), scale, both.cluster, state, real.band_fl)
+    return Compared(
+        tuple(entries),
+        y,
+        is_real,
+        torch.tensor(free),
+        scale,
+        both.cluster,
+        state,
+        real.band_fl,
+        both.physics["depth_m"],
+    )
 
 
 def _enough(column: Tensor) -> bool:
@@ -145,6 +182,9 @@ def _enough(column: Tensor) -> bool:
 
 
 def _drawn_in(column: Tensor) -> Tensor:
+    """One side's values without its extremes."""
+    if not bool(column.isfinite().any()):
+        return column
     middle = column.nanmedian()
     spread = 1.4826 * (column - middle).abs().nanmedian()
     if float(spread) < 1e-9:

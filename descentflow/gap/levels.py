@@ -103,21 +103,26 @@ class Bands:
         spread = xx - x * x / n.clamp(min=1)
         return torch.where(n >= 5, (xv - x * v / n.clamp(min=1)) / spread.clamp(min=1e-6), 0.0)
 
-    def crossing_rate_mps(self, time_s: Tensor) -> Tensor:
-        """Rate of descent (n, K) from the times between neighbouring levels: gaps do not count."""
-        step = time_s[:, :-1] - time_s[:, 1:]
-        seen = (step.isfinite() & (step > 0)).double()
-        pairs = self.inside[:-1] * self.inside[1:]
-        count, total = seen @ pairs, step.nan_to_num(0.0).clamp(min=0.0) @ pairs
-        enough = count >= FEWEST_IN_BAND * pairs.sum(0)
-        return torch.where(enough, count * FL_M / total.clamp(min=1e-3), torch.nan)
+    def rates_mps(self, fall_mps: Tensor) -> tuple[Tensor, Tensor]:
+        """Rate of descent (n, K) as reported, and from the times at levels; both as means over time.
 
-    def slope_of_bands(self, values: Tensor) -> Tensor:
-        """Central difference (n, K) per metre of band values; zero where a neighbour is missing."""
-        padded = torch.nn.functional.pad(values, (1, 1), value=torch.nan)
-        up, down = padded[:, 2:] - values, values - padded[:, :-2]
-        both = torch.where(up.isfinite() & down.isfinite(), (up + down) / 2, torch.where(up.isfinite(), up, down))
-        return both.nan_to_num(0.0) / (self.height_fl * FL_M)
+        Height over time is the mean of the rate over time whatever the rate does within a band, so the two differ by
+        what the report adds alone. Steps across gaps do not count.
+
+        Args:
+            fall_mps: (n, L) reported rate, positive in descent.
+        """
+        time_s = self.grid.time_s
+        step = time_s[:, :-1] - time_s[:, 1:]
+        reported = (fall_mps[:, :-1] + fall_mps[:, 1:]) / 2
+        seen = step.isfinite() & (step > 0) & reported.isfinite()
+        pairs = self.inside[:-1] * self.inside[1:]
+        count = seen.double() @ pairs
+        elapsed = torch.where(seen, step, 0.0) @ pairs
+        fallen = torch.where(seen, reported * step, 0.0) @ pairs
+        enough = count >= FEWEST_IN_BAND * pairs.sum(0)
+        by_report = torch.where(enough, fallen / elapsed.clamp(min=1e-3), torch.nan)
+        return by_report.clamp(min=0.5), torch.where(enough, count * FL_M / elapsed.clamp(min=1e-3), torch.nan)
 
     def depth_m(self) -> Tensor:
         """How far each band's middle lies below the highest level seen of each flight (n, K)."""

@@ -1,12 +1,13 @@
 """The rate that the performance equations give a flight at its own speed, and how it answers to a changed cause."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
 
 from descentflow.performance.aircraft import Aircraft, Number
-from descentflow.performance.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.performance.airspeed import cas_to_mach, mach_to_cas_mps, mach_to_tas_mps
 from descentflow.performance.energy import descent_rate_mps, energy_share_factor_local
 from descentflow.performance.forces import descent_thrust_n, drag_n
 
@@ -29,24 +30,50 @@ class FlightState:
     cas_mps: Tensor
     cas_slope_per_s: Tensor
     """dCAS/dHp."""
-    log_rate_slope_per_m: Tensor
-    """d ln(rate of descent)/dHp, as flown."""
     tailwind_mps: Tensor
     mask: Tensor
+    affected: bool = True
+    """Whether the effect asked for is in these flights already (real ones), or is to be added (a simulator's)."""
 
     def rows(self, index: Tensor) -> "FlightState":
         """The flights at these positions."""
         return replace(
             self,
-            **{
-                name: getattr(self, name)[index]
-                for name in ("cas_mps", "cas_slope_per_s", "log_rate_slope_per_m", "tailwind_mps", "mask")
-            },
+            **{name: getattr(self, name)[index] for name in ("cas_mps", "cas_slope_per_s", "tailwind_mps", "mask")},
         )
 
     def mach(self) -> Tensor:
         """Mach number (n, K) of the CAS."""
         return cas_to_mach(self.cas_mps, self.altitude_m)
+
+    @cached_property
+    def schedule(self) -> "Schedule":
+        """The Mach number and CAS that each flight holds."""
+        mach = self.mach().detach()
+        fastest = torch.where(self.mask, mach, 0.0).amax(1, keepdim=True)
+        beside = constant_mach_slope(mach, self.altitude_m)
+        shows = ((self.cas_slope_per_s / beside > 0.7) & self.mask).any(1, keepdim=True)
+        # A flight seen below its crossover alone does not show its Mach number: it has that of the others.
+        usual = fastest[shows].median() if bool(shows.any()) else fastest.median()
+        planned = torch.where(shows, fastest, torch.maximum(fastest, usual))
+        return Schedule(planned, torch.where(self.mask, self.cas_mps, 0.0).amax(1, keepdim=True))
+
+    @cached_property
+    def schedule_log_rate(self) -> Tensor:
+        """Logarithm of the rate (n, K) on the schedule: without the noise of each flight's own CAS slope."""
+        return self._on_schedule(self.altitude_m)
+
+    @cached_property
+    def schedule_slope_per_m(self) -> Tensor:
+        """Mean d ln(rate)/dHp within each band (n, K) on the schedule, the step at the crossover included."""
+        edges = torch.cat([self.altitude_m - self.width_m / 2, self.altitude_m[-1:] + self.width_m / 2])
+        return self._on_schedule(edges).diff(dim=1) / self.width_m
+
+    def _on_schedule(self, altitude_m: Tensor) -> Tensor:
+        plan = self.schedule
+        cas = plan.at(altitude_m)
+        slope = torch.where(cas < plan.cas_mps, constant_mach_slope(plan.mach, altitude_m), 0.0)
+        return log_rate(replace(self, altitude_m=altitude_m, cas_mps=cas, cas_slope_per_s=slope))
 
     def centred(self, values: Tensor) -> Tensor:
         """Values (n, K) less each flight's mean over its observed bands."""
@@ -57,6 +84,24 @@ class FlightState:
         """Share (K,) of each band that lies between two altitudes; differentiable in both."""
         bottom, top = self.altitude_m - self.width_m / 2, self.altitude_m + self.width_m / 2
         return (torch.minimum(top, high_m) - torch.maximum(bottom, low_m)).clamp(min=0.0) / self.width_m
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Mach number and CAS held, (n, 1) each."""
+
+    mach: Tensor
+    cas_mps: Tensor
+
+    def at(self, altitude_m: Tensor, more_mach: Number = 0.0, more_mps: Number = 0.0) -> Tensor:
+        """CAS (n, K) of the schedule, moved: the slower of the two."""
+        by_mach = mach_to_cas_mps(self.mach + more_mach, altitude_m)
+        return torch.minimum(self.cas_mps + more_mps + 0 * by_mach, by_mach)
+
+
+def constant_mach_slope(mach: Tensor, altitude_m: Tensor) -> Tensor:
+    """dCAS/dHp at constant Mach number, negative."""
+    return (mach_to_cas_mps(mach, altitude_m + 50.0) - mach_to_cas_mps(mach, altitude_m - 50.0)) / 100.0
 
 
 def log_rate(

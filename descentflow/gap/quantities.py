@@ -68,7 +68,7 @@ class Quantities:
     """n flights: ``values`` by quantity, (n, K) or (n,), NaN where not seen; what physics needs beside them.
 
     ``log_rate`` is the logarithm of the reported rate (m/s), of which `rate` will be what the polar does not explain;
-    ``cas_mps``, ``cas_slope_per_s``, ``log_rate_slope_per_m``, ``tailwind_mps`` (n, K); ``cluster`` (n,) number of the
+    ``cas_mps``, ``cas_slope_per_s``, ``tailwind_mps`` (n, K); ``cluster`` (n,) number of the
     aircraft; ``depth_m`` (n, K) below the flight's own highest level.
     """
 
@@ -135,7 +135,12 @@ def band_height_fl(low_fl: float, high_fl: float) -> float:
 
 
 def quantities_of(frame: pl.DataFrame, low_fl: float, high_fl: float, channels: Sequence[str]) -> Quantities:
-    """Measure every flight of a prepared table.
+    """Measure every flight of a prepared table, see :func:`grid_of`."""
+    return checked(measured(grid_of(frame, low_fl, high_fl, channels)))
+
+
+def grid_of(frame: pl.DataFrame, low_fl: float, high_fl: float, channels: Sequence[str]) -> LevelGrid:
+    """Flights of a prepared table on the levels of a simulator.
 
     Args:
         frame: One row a flight and level, as ``descentflow prepare`` writes it.
@@ -143,11 +148,8 @@ def quantities_of(frame: pl.DataFrame, low_fl: float, high_fl: float, channels: 
         high_fl: Highest level of it.
         channels: Channels to use; those that the table lacks are left out.
 
-    Returns:
-        Quantities of the flights with at least one band, in the order of their names.
-
     Raises:
-        DataError: If no flight has a band on the grid.
+        DataError: If no flight has a level on the grid.
 
     Example:
         >>> quantities_of(descents.frame, 150, 370, CHANNELS).values["tas"].shape
@@ -160,18 +162,38 @@ def quantities_of(frame: pl.DataFrame, low_fl: float, high_fl: float, channels: 
             expected="flights with levels on the simulator's grid",
             mend="prepare with another --bottom-fl, or use a simulator of this grid",
         )
+    return grid
+
+
+def checked(found: Quantities) -> Quantities:
+    """The same, unless no flight is left.
+
+    Raises:
+        DataError: If none is.
+    """
+    if not len(found):
+        raise DataError(
+            f"no flight with enough levels in a band of {100 * found.band_fl:g} ft",
+            expected="flights with levels on the simulator's grid",
+            mend="prepare with another --bottom-fl, or use a simulator of this grid",
+        )
+    return found
+
+
+def measured(grid: LevelGrid) -> Quantities:
+    """Quantities of flights on levels; those without a band are left out."""
+    low_fl, high_fl = float(grid.levels_fl[0]), float(grid.levels_fl[-1])
     band = band_height_fl(low_fl, high_fl)
     bands = grid.bands(band)
-    cas_kt, fall = grid.values["IAS"], -grid.values["vertical_rate"]
-    cas = bands.mean(cas_kt)
+    cas_kt = grid.values["IAS"]
     # The mean of the rate and not of its logarithm: noise would pull that down.
-    log_rate = (bands.mean(fall) * FPM_MPS).clamp(min=0.5).log()
-    crossed = bands.crossing_rate_mps(grid.time_s)
+    reported, crossed = bands.rates_mps(-grid.values["vertical_rate"] * FPM_MPS)
+    log_rate = reported.log()
+    cas = torch.where(log_rate.isfinite(), bands.mean(cas_kt), torch.nan)
     physics = {
         "log_rate": log_rate,
         "cas_mps": cas * KT_MPS,
         "cas_slope_per_s": bands.slope(cas_kt) * KT_MPS,
-        "log_rate_slope_per_m": bands.slope_of_bands(crossed.log()),
         "depth_m": bands.depth_m(),
     }
     values = {"lag": log_rate - crossed.log(), "cas": cas}
@@ -190,14 +212,7 @@ def quantities_of(frame: pl.DataFrame, low_fl: float, high_fl: float, channels: 
     physics["tailwind_mps"] = tailwind.nan_to_num(0.0)
     values |= short_scale_noise(grid) | gaps_of(grid)
     good = log_rate.isfinite().any(1)
-    found = Quantities((low_fl, high_fl), band, values, physics, grid.cluster).rows(good)
-    if not len(found):
-        raise DataError(
-            f"no flight with enough levels in a band of {100 * band:g} ft",
-            expected="flights with levels on the simulator's grid",
-            mend="prepare with another --bottom-fl, or use a simulator of this grid",
-        )
-    return found
+    return Quantities((low_fl, high_fl), band, values, physics, grid.cluster).rows(good)
 
 
 def reference_state(frame: pl.DataFrame, low_fl: float, high_fl: float) -> dict[str, Any] | None:

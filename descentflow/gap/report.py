@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.files import whole_file
+from descentflow.gap.page import page
+from descentflow.gap.words import summary
 
 SCHEMA_VERSION = 1
 KEYS = (
@@ -66,6 +68,10 @@ class GapReport:
     write_corrected: Callable[[Path], None] | None = field(default=None, repr=False, compare=False)
     """Writes the simulator with the causes added; None where there is no checkpoint to correct."""
 
+    def __str__(self) -> str:
+        """The answer in a few lines."""
+        return summary(self)
+
     def as_dict(self) -> dict[str, Any]:
         """Primitives for `gap.json`, the keys of :data:`KEYS` first."""
         named: dict[str, Any] = {key: getattr(self, key) for key in KEYS if key != "schema_version"}
@@ -73,8 +79,6 @@ class GapReport:
 
     def write(self, folder: str | Path) -> None:
         """Write `gap.json`, `gap.html` and, for a checkpoint with a cause, `corrected.ckpt`."""
-        from descentflow.gap.page import page
-
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
         with whole_file(target / "gap.json") as temporary:

@@ -13,8 +13,8 @@ ITERATIONS = 6
 class Whitening:
     """Precision of what each flight shows.
 
-    Shapes: ``pattern`` (n,) index of each flight's pattern, ``precision`` (patterns, p, p) zero where an entry is missing,
-    ``covariance`` (p, p).
+    Shapes: ``pattern`` (n,) index of each flight's pattern, ``precision`` (patterns, p, p) zero where an entry is
+    missing, ``covariance`` (p, p).
     """
 
     pattern: Tensor
@@ -44,13 +44,19 @@ class Whitening:
         return torch.einsum("k,kij->ij", weight, self.precision)
 
 
-def whiten(y: Tensor, groups: Tensor, free: Tensor) -> Whitening:
+def whiten(y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor) -> Whitening:
     """Estimate a covariance within groups and invert it for every pattern.
+
+    Two things are added to the spread between flights, so that weights are right for differences of means. Flights of
+    one aircraft are alike, so in what they share (their schedule) they count as one: the covariance of the sum over an
+    aircraft, a flight's share of it, is used. And no model is exact: a shift smaller than ``nugget`` means nothing,
+    however many flights show it.
 
     Args:
         y: (n, p), NaN where missing.
         groups: (n,) bool: both groups have a mean of their own, which is taken off.
-        free: (p,) unused entries of the mean are still taken off: a claim of zero must not inflate the spread.
+        cluster: (n,) aircraft.
+        nugget: (p,) variance to add.
     """
     seen = y.isfinite()
     patterns, pattern = torch.unique(seen, dim=0, return_inverse=True)
@@ -85,6 +91,8 @@ def whiten(y: Tensor, groups: Tensor, free: Tensor) -> Whitening:
             moment += filled.T @ filled
         covariance = (moment + pull * eye) / (n + pull)
         covariance = (covariance + covariance.T) / 2
+    completed = _completed(z, patterns, members, covariance)
+    covariance = covariance + _shared(completed, cluster, covariance) + torch.diag(nugget / scale**2)
     precision = torch.zeros(len(patterns), p, p, dtype=z.dtype)
     for k, there in enumerate(patterns):
         at = torch.nonzero(there)[:, 0]
@@ -94,10 +102,50 @@ def whiten(y: Tensor, groups: Tensor, free: Tensor) -> Whitening:
     return Whitening(pattern, precision, covariance * scale[:, None] * scale)
 
 
+def _completed(z: Tensor, patterns: Tensor, members: list[Tensor], covariance: Tensor) -> Tensor:
+    """Values with what is missing replaced by its expectation."""
+    filled = z.clone()
+    for there, at in zip(patterns, members, strict=True):
+        if bool(there.any()) and not bool(there.all()):
+            weights = torch.linalg.solve(
+                covariance[there][:, there] + 1e-9 * torch.eye(int(there.sum()), dtype=z.dtype),
+                covariance[there][:, ~there],
+            )
+            block = filled[at]
+            block[:, ~there] = block[:, there] @ weights
+            filled[at] = block
+    return filled
+
+
+def _shared(z: Tensor, cluster: Tensor, covariance: Tensor) -> Tensor:
+    """What flights of one aircraft share, (p, p) positive semidefinite, of few dimensions.
+
+    The cross-products of different flights of an aircraft, where they stand out from what chance would give.
+    """
+    n, p = z.shape
+    names, index = torch.unique(cluster, return_inverse=True)
+    total = torch.zeros(len(names), p, dtype=z.dtype).index_add_(0, index, z)
+    counts = torch.bincount(index).double()
+    pairs = float((counts * (counts - 1)).sum())
+    if pairs == 0:
+        return torch.zeros_like(covariance)
+    between = (total.T @ total - z.T @ z) / n
+    values, vectors = torch.linalg.eigh(covariance)
+    root = (vectors * values.clamp(min=1e-9).sqrt()) @ vectors.T
+    inverse = (vectors * values.clamp(min=1e-9).rsqrt()) @ vectors.T
+    size, direction = torch.linalg.eigh(inverse @ between @ inverse)
+    # The largest eigenvalue of as many pairs of independent flights.
+    chance = 2.0 * (p * pairs) ** 0.5 / n
+    kept = torch.where(size > chance, size, 0.0)
+    shared: Tensor = root @ (direction * kept) @ direction.T @ root
+    return shared
+
+
 def _start(z: Tensor, seen: Tensor, pull: float) -> Tensor:
     """Pairwise covariance, made positive definite."""
     there = seen.to(z.dtype)
     pairs = there.T @ there
     covariance = (z.T @ z + pull * torch.eye(z.shape[1], dtype=z.dtype)) / (pairs + pull)
     values, vectors = torch.linalg.eigh(covariance)
-    return (vectors * values.clamp(min=1e-3)) @ vectors.T
+    start: Tensor = (vectors * values.clamp(min=1e-3)) @ vectors.T
+    return start

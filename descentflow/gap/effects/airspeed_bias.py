@@ -22,5 +22,7 @@ class AirspeedBias(Effect):
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """IAS, its difference to the CAS of the Mach number, and the rate expected at a wrong speed."""
         bias = theta[0] + theta[1] * (state.mach() - 0.65) / 0.1
-        wrong = log_rate(state, cas_mps=state.cas_mps + bias * KT_MPS)
-        return {"cas": bias, "mismatch": bias, "rate": log_rate(state) - wrong}
+        # Real flights report the wrong speed, so the true one lies below; a simulator's is the true one.
+        sign = -1.0 if state.affected else 1.0
+        other = log_rate(state, cas_mps=state.cas_mps + sign * bias * KT_MPS)
+        return {"cas": bias, "mismatch": bias, "rate": sign * (log_rate(state) - other)}

@@ -52,6 +52,8 @@ class Effect(ABC):
     """Channels that would tell it from the effects that look like it."""
     sensor: ClassVar[bool] = False
     """Whether it changes what is reported and not what is flown."""
+    rate_follows_cas: ClassVar[bool] = False
+    """Whether a shift of CAS carries the rate along as between flights that fly slower and faster."""
     says: ClassVar[str] = ""
     """One clause for readers who are no specialists: '... than the simulator assumes'."""
 

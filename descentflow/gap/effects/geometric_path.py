@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from descentflow.gap.effects.base import Effect, Parameter, Shift
-from descentflow.gap.physics import FlightState, log_rate
+from descentflow.gap.physics import FlightState
 from descentflow.performance.airspeed import cas_to_tas_mps
 
 
@@ -20,4 +20,4 @@ class GeometricPath(Effect):
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """What the rate loses of its own shape, and gains of that of the groundspeed."""
         ground = cas_to_tas_mps(state.cas_mps, state.altitude_m) + state.tailwind_mps
-        return {"rate": theta[0] * state.centred(ground.clamp(min=30.0).log() - log_rate(state))}
+        return {"rate": theta[0] * state.centred(ground.clamp(min=30.0).log() - state.schedule_log_rate)}

@@ -1,11 +1,9 @@
 """Other speeds: the Mach number and the CAS that flights descend at."""
 
-import torch
 from torch import Tensor
 
 from descentflow.gap.effects.base import Effect, Parameter, Shift
 from descentflow.gap.physics import FlightState
-from descentflow.performance.airspeed import mach_to_cas_mps
 from descentflow.units import KT_MPS
 
 
@@ -16,14 +14,13 @@ class SpeedSchedule(Effect):
     parameters = (Parameter("cas_kt", -60.0, 60.0, "kt", 5.0), Parameter("mach", -0.06, 0.06, "1", 0.005))
     law = "gaussian"
     needs = ("IAS",)
+    rate_follows_cas = True
     says = "crews fly other speeds"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
-        """CAS by how much each flight holds Mach or CAS at a band."""
-        mach = state.mach().detach()
-        beside = mach_to_cas_mps(mach, state.altitude_m + 50.0) - mach_to_cas_mps(mach, state.altitude_m - 50.0)
-        # One where CAS changes as at constant Mach, zero where it does not change.
-        on_mach = (state.cas_slope_per_s / (beside / 100.0)).clamp(0.0, 1.0)
-        by_mach = (mach_to_cas_mps(mach + theta[1], state.altitude_m) - state.cas_mps) / KT_MPS
-        by_mach = by_mach - ((mach_to_cas_mps(mach, state.altitude_m) - state.cas_mps) / KT_MPS)
-        return {"cas": on_mach * by_mach + (1 - on_mach) * theta[0] + torch.zeros_like(state.cas_mps)}
+        """CAS of the schedule with the change less that without: the slower of Mach and CAS decides."""
+        plan, altitude = state.schedule, state.altitude_m
+        # Flights that have the change in them already are moved back.
+        sign = -1.0 if state.affected else 1.0
+        moved = plan.at(altitude, sign * theta[1], sign * theta[0] * KT_MPS)
+        return {"cas": sign * (moved - plan.at(altitude)) / KT_MPS}

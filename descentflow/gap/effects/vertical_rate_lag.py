@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from descentflow.gap.effects.base import Effect, Parameter, Shift
-from descentflow.gap.physics import FlightState, log_rate
+from descentflow.gap.physics import FlightState
 
 
 class VerticalRateLag(Effect):
@@ -17,5 +17,5 @@ class VerticalRateLag(Effect):
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Reported rate, also against the altitude differenced over time."""
-        late = theta[0] * log_rate(state).exp() * state.log_rate_slope_per_m
+        late = theta[0] * state.schedule_log_rate.exp() * state.schedule_slope_per_m
         return {"rate": late, "lag": late}

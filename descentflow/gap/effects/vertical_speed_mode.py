@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from descentflow.gap.effects.base import Effect, Parameter, Shift
-from descentflow.gap.physics import FlightState, log_rate
+from descentflow.gap.physics import FlightState
 
 
 class VerticalSpeedMode(Effect):
@@ -23,7 +23,7 @@ class VerticalSpeedMode(Effect):
         """What the rate loses of its own shape; gaps in the levels, and time lost in them."""
         each = torch.ones_like(state.cas_mps[:, 0])
         return {
-            "rate": -theta[0] * state.centred(log_rate(state)),
+            "rate": -theta[0] * state.centred(state.schedule_log_rate),
             "missing": theta[1] * each,
             "slow": theta[2] * each,
         }

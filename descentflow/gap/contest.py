@@ -1,0 +1,338 @@
+"""The contest of effects: each fitted to what the flights show, judged by flights that it was not fitted to.
+
+Every flight is a vector ``y_i ~ N(m + g_i d_i(theta), S)`` of what it shows, ``g_i`` one for real flights, ``m`` the
+simulator's mean (free where its own flights measured it, zero where physics claims so) and ``d_i(theta)`` the shift
+that an effect makes at this flight's own speed and altitude. ``m`` and ``S`` are the same for all candidates, so a variance
+can never name a mechanism; the mean is estimated along with the effect, so the reference's own error is in the score.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.gap.effects import Effect
+from descentflow.gap.layout import Compared
+from descentflow.gap.whitening import Whitening
+
+FOLDS = 5
+STEPS = 5
+"""Gauss-Newton steps of a fit; effects are close to linear in their parameters."""
+RIDGE = 1e-6
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Some effects, fitted together.
+
+    ``theta`` by effect; ``shift`` (n, p) at theta, zero for the simulator's flights; ``design`` what else is linear;
+    ``log_score`` (n,) of each flight, held out, up to a constant that all fits share.
+    """
+
+    effects: tuple[str, ...]
+    theta: dict[str, Tensor]
+    shift: Tensor
+    design: "Design"
+    log_score: Tensor
+
+    def score(self) -> float:
+        """Sum of the held-out log scores, nats."""
+        return float(self.log_score.sum())
+
+
+@dataclass(frozen=True)
+class Design:
+    """Columns (n, p, q + k) of a linear model beside its mean, precision times them, and prior precision (q + k,).
+
+    The first q belong to all flights: what flights that answer more to a cause show more of anyway, effect or not (a
+    transponder's usual lag shows most where the rate changes most). The k after them belong to real flights alone.
+    """
+
+    columns: Tensor
+    products: Tensor
+    n_common: int
+    ridge: Tensor
+
+    def common(self) -> "Design":
+        """The first q alone."""
+        q = self.n_common
+        return Design(self.columns[:, :, :q], self.products[:, :, :q], q, self.ridge[:q])
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Sums over some flights: precision (f, f) of the free mean, its product with the columns (f, q + k), and so on."""
+
+    mean: Tensor
+    cross: Tensor
+    curvature: Tensor
+    mean_score: Tensor
+    score: Tensor
+    ridge: Tensor
+
+    def solved(self) -> tuple[Tensor, Tensor]:
+        """Mean (f,) and coefficients (q + k,) that maximise the penalised likelihood."""
+        information, score = self.profiled()
+        step = _solve(information + torch.diag(self.ridge), score, self.curvature.diagonal())
+        if not len(self.mean):
+            return self.mean_score, step
+        return torch.linalg.solve(self.mean, self.mean_score - self.cross @ step), step
+
+    def profiled(self) -> tuple[Tensor, Tensor]:
+        """Information and score of the coefficients with the mean at its best."""
+        if not len(self.mean):
+            return self.curvature, self.score
+        stacked = torch.linalg.solve(self.mean, torch.cat([self.mean_score[:, None], self.cross], 1))
+        return self.curvature - self.cross.T @ stacked[:, 1:], self.score - self.cross.T @ stacked[:, 0]
+
+
+def _solve(matrix: Tensor, vector: Tensor, raw: Tensor) -> Tensor:
+    """Solve, leaving alone what the data say nothing about: an absent channel, or a column that the mean contains."""
+    known = matrix.diagonal() > 1e-9 + 1e-7 * raw
+    step = torch.zeros_like(vector)
+    if bool(known.any()):
+        part = matrix[known][:, known]
+        size = part.diagonal().sqrt()
+        scaled = part / (size[:, None] * size) + RIDGE * torch.eye(len(part), dtype=part.dtype)
+        step[known] = torch.linalg.solve(scaled, vector[known] / size) / size
+    return step
+
+
+class Contest:
+    """Flights, their precision, and folds of whole aircraft."""
+
+    def __init__(self, compared: Compared, whitening: Whitening, catalogue: Mapping[str, Effect], seed: int) -> None:
+        """Prepare the sums that all fits share.
+
+        Args:
+            compared: Flights of both sides.
+            whitening: Their precision.
+            catalogue: Effects that may be named.
+            seed: Of the folds.
+        """
+        self.compared, self.whitening, self.catalogue = compared, whitening, catalogue
+        self.y = compared.y.nan_to_num(0.0)
+        self.real = compared.real
+        self.has_reference = bool((~self.real).any())
+        self.fold = folds_of(compared.cluster, compared.real, seed)
+        self.qy = whitening.apply(self.y)
+        self.carry = _carry(compared, whitening)
+        self.common = self._common()
+
+    def all_shift(self, name: str, theta: Tensor) -> Tensor:
+        """Shift (n, p) that an effect makes, or would make, in every flight."""
+        effect = self.catalogue[name]
+        return self._carried(effect, self.compared.vector(effect.shift(self.compared.state, theta)))
+
+    def shift(self, theta: Mapping[str, Tensor]) -> Tensor:
+        """Shift (n, p) of effects together, zero for the simulator's flights."""
+        total = torch.zeros_like(self.y)
+        for name, value in theta.items():
+            total = total + self.all_shift(name, value)
+        return torch.where(self.real[:, None], total, 0.0)
+
+    def jacobian(self, name: str, theta: Tensor) -> Tensor:
+        """Sensitivity (n, p, k) of every flight to one effect's parameters."""
+        effect = self.catalogue[name]
+        return self._carried(effect, self.compared.vector(effect.sensitivity(self.compared.state, theta)))
+
+    def _carried(self, effect: Effect, vector: Tensor) -> Tensor:
+        if not effect.rate_follows_cas:
+            return vector
+        return vector + torch.einsum("ij,nj...->ni...", self.carry, vector)
+
+    def fit(self, effects: Sequence[str], start: Mapping[str, Tensor] | None = None) -> Fit:
+        """Fit effects together.
+
+        Args:
+            effects: Their names.
+            start: Parameters to start from; where an effect has several starts, the one that promises most is taken.
+        """
+        theta: dict[str, Tensor] = {name: start[name] for name in effects if start and name in start}
+        for name in effects:
+            if name not in theta:
+                theta[name] = self._best_start(name, theta)
+        theta = self._climb({name: theta[name] for name in effects})
+        shift, design = self.shift(theta), self.design(theta)
+        return Fit(tuple(effects), theta, shift, design, self.held_out(shift, design))
+
+    def _common(self) -> Design:
+        """Sensitivities that tell flights of one side apart, for all flights alike, with a weak prior."""
+        columns, prior = [torch.zeros(*self.y.shape, 0, dtype=self.y.dtype)], []
+        for name, effect in self.catalogue.items() if self.has_reference else ():
+            starts = effect.starts(self.compared.state)
+            if len(starts) > 1:
+                continue
+            jacobian = self.jacobian(name, starts[0])
+            spread = (jacobian - jacobian.mean(0)).abs().amax((0, 1))
+            kept = [i for i in range(len(effect.parameters)) if float(spread[i]) > 1e-9]
+            columns.append(jacobian[:, :, kept])
+            prior += [(0.5 / effect.parameters[i].scale) ** 2 for i in kept]
+        joined = torch.cat(columns, 2)
+        return Design(joined, self.whitening.apply(joined), joined.shape[2], torch.tensor(prior, dtype=self.y.dtype))
+
+    def theta_of(self, fit: Fit, keep: Tensor) -> dict[str, Tensor]:
+        """Parameters that the flights to keep (n,) alone would give, one step from the fit."""
+        step = self._moments(self._q(fit.shift), fit.design, keep).solved()[1][fit.design.n_common :]
+        return self._moved(fit.theta, step)
+
+    def design(self, theta: Mapping[str, Tensor], extra: Tensor | None = None, ridge: float = 0.0) -> Design:
+        """Columns of the effects' sensitivities, and of anything else (n, p, e) with a prior precision."""
+        parts = [torch.zeros(*self.y.shape, 0, dtype=self.y.dtype)]
+        parts += [self.jacobian(name, value) for name, value in theta.items()]
+        own = torch.cat(parts if extra is None else [*parts, extra], 2)
+        prior = torch.zeros(own.shape[2], dtype=self.y.dtype)
+        if extra is not None:
+            prior[-extra.shape[2] :] = ridge
+        return self._with_common(own, prior)
+
+    def _with_common(self, own: Tensor, prior: Tensor) -> Design:
+        own = torch.where(self.real[:, None, None], own, 0.0)
+        products = torch.zeros_like(own)
+        products[self.real] = self.whitening.rows(self.real).apply(own[self.real])
+        c = self.common
+        return Design(
+            torch.cat([c.columns, own], 2),
+            torch.cat([c.products, products], 2),
+            c.n_common,
+            torch.cat([c.ridge, prior]),
+        )
+
+    def _best_start(self, name: str, known: Mapping[str, Tensor]) -> Tensor:
+        starts = self.catalogue[name].starts(self.compared.state)
+        if len(starts) == 1:
+            return starts[0]
+        first = torch.cat([self.jacobian(name, s)[:, :, :1] for s in starts], 2)
+        design = self._with_common(first, torch.zeros(len(starts), dtype=self.y.dtype))
+        information, score = self._moments(self._q(self.shift(known)), design, None).profiled()
+        size = information.diagonal()[design.n_common :].clamp(min=1e-12)
+        promise = score[design.n_common :]
+        best = int((promise.clamp(min=0.0) ** 2 / size).argmax())
+        begun = starts[best].clone()
+        begun[0] = (promise / size)[best].clamp(min=0.02)
+        return self.catalogue[name].clamp(begun)
+
+    def _climb(self, theta: dict[str, Tensor]) -> dict[str, Tensor]:
+        value = self._objective(self.shift(theta))
+        for _ in range(STEPS if theta else 0):
+            design = self.design(theta)
+            step = self._moments(self._q(self.shift(theta)), design, None).solved()[1][design.n_common :]
+            gained = 0.0
+            for factor in (1.0, 0.4, 0.1):
+                trial = self._moved(theta, factor * step)
+                gained = self._objective(self.shift(trial)) - value
+                if gained > 0:
+                    theta, value = trial, value + gained
+                    break
+            if gained < 1e-2:
+                break
+        return theta
+
+    def _moved(self, theta: Mapping[str, Tensor], step: Tensor) -> dict[str, Tensor]:
+        parts = dict(zip(theta, torch.split(step, [len(value) for value in theta.values()]), strict=True))
+        return {name: self.catalogue[name].clamp(value + parts[name]) for name, value in theta.items()}
+
+    def _q(self, shift: Tensor) -> Tensor:
+        q = self.qy.clone()
+        q[self.real] -= self.whitening.rows(self.real).apply(shift[self.real])
+        return q
+
+    def _objective(self, shift: Tensor) -> float:
+        """Log-likelihood (nats, up to a constant) at a shift, with mean and common columns at their best."""
+        q = self._q(shift)
+        moments = self._moments(q, self.common, None)
+        mean, step = moments.solved()
+        explained = float(moments.score @ step)
+        if len(mean):
+            explained += float(moments.mean_score @ mean)
+        return -0.5 * float(((self.y - shift) * q).sum()) + 0.5 * explained
+
+    def _moments(self, q: Tensor, design: Design, keep: Tensor | None) -> Moments:
+        """Sums over the flights to keep (n,) (all if absent) at precision times residuals (n, p)."""
+        keep = torch.ones(len(self.y), dtype=torch.bool) if keep is None else keep
+        free, columns, products, q = self.compared.free, design.columns[keep], design.products[keep], q[keep]
+        return Moments(
+            self.whitening.total(keep)[free][:, free],
+            products.sum(0)[free],
+            columns.flatten(0, 1).T @ products.flatten(0, 1),
+            q.sum(0)[free],
+            q.flatten() @ columns.flatten(0, 1),
+            design.ridge,
+        )
+
+    def held_out(self, shift: Tensor, design: Design) -> Tensor:
+        """Log score (n,) of each flight under mean and coefficients of the other folds."""
+        q, free = self._q(shift), self.compared.free
+        whole = [self._moments(q, design, self.fold == k) for k in range(FOLDS)]
+        score = torch.zeros(len(self.y), dtype=self.y.dtype)
+        for fold in range(FOLDS):
+            out = self.fold == fold
+            others = [whole[k] for k in range(FOLDS) if k != fold]
+            mean, step = _sum(others).solved()
+            error = (self.y - shift)[out] - design.columns[out] @ step
+            error[:, free] -= mean
+            score[out] = -0.5 * (error * self.whitening.rows(out).apply(error)).sum(1)
+        return score
+
+    def compare(self, first: Tensor, second: Tensor) -> tuple[float, float]:
+        """Sum of paired differences of log scores and its standard error, whole aircraft counted as one."""
+        total = by_cluster(first - second, self.compared.cluster)
+        spread = float(total.var()) * len(total) if len(total) > 1 else float("inf")
+        return float(total.sum()), spread**0.5
+
+    def covariance(self, fit: Fit) -> Tensor:
+        """Covariance (k, k) of the parameters, robust to what flights of one aircraft have in common."""
+        design = fit.design
+        moments = self._moments(self._q(fit.shift), design, None)
+        mean, step = moments.solved()
+        free = self.compared.free
+        error = self.y - fit.shift - design.columns @ step
+        error[:, free] -= mean
+        q = self.whitening.apply(error)
+        score = torch.einsum("npk,np->nk", design.columns, q)
+        if len(mean):
+            score -= q[:, free] @ torch.linalg.solve(moments.mean, moments.cross)
+        total = by_cluster(score, self.compared.cluster)
+        information, _ = moments.profiled()
+        known = information.diagonal() > 1e-9 + 1e-7 * moments.curvature.diagonal()
+        inverse = torch.zeros_like(information)
+        inverse[known.nonzero(), known.nonzero()[:, 0]] = torch.linalg.pinv(information[known][:, known])
+        n = len(total)
+        return (n / max(n - 1, 1) * inverse @ (total.T @ total) @ inverse)[design.n_common :, design.n_common :]
+
+
+def _sum(parts: Sequence[Moments]) -> Moments:
+    first, *rest = parts
+    names = ("mean", "cross", "curvature", "mean_score", "score")
+    totals = {name: sum((getattr(p, name) for p in rest), getattr(first, name)) for name in names}
+    return Moments(**totals, ridge=first.ridge)
+
+
+def by_cluster(values: Tensor, cluster: Tensor) -> Tensor:
+    """Sums over aircraft (c,) or (c, k)."""
+    names, index = torch.unique(cluster, return_inverse=True)
+    total = torch.zeros(len(names), *values.shape[1:], dtype=values.dtype)
+    return total.index_add_(0, index, values)
+
+
+def folds_of(cluster: Tensor, real: Tensor, seed: int) -> Tensor:
+    """Fold (n,) of each flight: whole aircraft, both sides spread evenly."""
+    generator = torch.Generator().manual_seed(seed)
+    fold = torch.zeros(len(cluster), dtype=torch.long)
+    for side in (real, ~real):
+        names, index = torch.unique(cluster[side], return_inverse=True)
+        order = torch.randperm(len(names), generator=generator)
+        fold[side] = (order % FOLDS)[index]
+    return fold
+
+
+def _carry(compared: Compared, whitening: Whitening) -> Tensor:
+    """What a shift of CAS carries over to the rate if flights behave as those that always flew so: (p, p)."""
+    rate, cas = compared.columns("rate"), compared.columns("cas")
+    carry = torch.zeros_like(whitening.covariance)
+    if len(rate) and len(cas):
+        block = whitening.covariance[cas][:, cas]
+        block = block + 0.05 * torch.diag(block.diagonal())
+        carry[rate[:, None], cas] = torch.linalg.solve(block, whitening.covariance[cas][:, rate]).T
+    return carry

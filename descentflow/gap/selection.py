@@ -1,0 +1,158 @@
+"""Which effects are named: forward selection with a backward pass, groups of what cannot be told apart, abstention."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.gap.contest import Contest, Fit, by_cluster
+
+MOST = 4
+"""Effects named together at most."""
+LEAST_GAIN = 4.0
+"""Held-out gain (nats) below which no effect is named..."""
+LEAST_STANDING = 2.0
+"""...nor with a gain of fewer standard errors."""
+LEAST_SIZE = 1.5
+"""Mean shift, in negligible shifts of its quantity, below which no effect is named."""
+SAME = 1.64
+"""Effects are told apart if the better one's score is so many standard errors higher..."""
+SAME_NATS = 2.0
+"""...and so many nats."""
+WORTH = 0.5
+"""A member of the group explains at least this share of what the winner explains."""
+DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What an effect adds to those already chosen."""
+
+    fit: Fit
+    gain: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The outcome.
+
+    ``singles`` each effect alone; ``path`` the sets in the order in which they grew; ``groups`` by chosen effect: the
+    names that could stand in its place; ``probability`` of each chosen effect against those; ``gains`` of each chosen
+    effect over the set without it.
+    """
+
+    null: Fit
+    singles: dict[str, Candidate]
+    fit: Fit
+    groups: dict[str, tuple[str, ...]]
+    probability: dict[str, float]
+    gains: dict[str, tuple[float, float]]
+
+
+def select(contest: Contest, say: Callable[[str], None]) -> Chosen:
+    """Run the contest.
+
+    Args:
+        contest: Flights and catalogue.
+        say: Told what is being fitted.
+    """
+    null = contest.fit(())
+    singles: dict[str, Candidate] = {}
+    for name in contest.catalogue:
+        say(f"fitting {name}")
+        fit = contest.fit((name,))
+        singles[name] = Candidate(fit, *contest.compare(fit.log_score, null.log_score))
+    chosen = null
+    candidates = singles
+    while len(chosen.effects) < MOST:
+        best = _best(contest, candidates)
+        if best is None:
+            break
+        chosen = best.fit
+        if len(chosen.effects) == MOST:
+            break
+        candidates = {}
+        for name in contest.catalogue:
+            if name not in chosen.effects and singles[name].gain > -20.0:
+                say(f"fitting {name} beside {', '.join(chosen.effects)}")
+                fit = contest.fit((*chosen.effects, name), chosen.theta)
+                candidates[name] = Candidate(fit, *contest.compare(fit.log_score, chosen.log_score))
+    chosen = _pruned(contest, chosen)
+    groups, probability, gains = {}, {}, {}
+    for name in chosen.effects:
+        rest = tuple(e for e in chosen.effects if e != name)
+        say(f"what could stand for {name}")
+        without = singles[rest[0]].fit if len(rest) == 1 else null if not rest else contest.fit(rest, chosen.theta)
+        gains[name] = contest.compare(chosen.log_score, without.log_score)
+        others = _rivals(contest, chosen, name, rest, singles)
+        groups[name], probability[name] = _group(contest, chosen, others, without)
+    return Chosen(null, singles, chosen, groups, probability, gains)
+
+
+def size_of(contest: Contest, name: str, theta: Tensor) -> float:
+    """Largest mean shift over the entries, in negligible shifts."""
+    shift = contest.all_shift(name, theta)[contest.real]
+    seen = contest.compared.y[contest.real].isfinite()
+    mean = torch.where(seen, shift, 0.0).sum(0) / seen.sum(0).clamp(min=1)
+    return float((mean.abs() / contest.compared.negligible()).max())
+
+
+def _best(contest: Contest, candidates: dict[str, Candidate]) -> Candidate | None:
+    """The candidate of the largest gain that counts, if any."""
+    for candidate in sorted(candidates.values(), key=lambda c: -c.gain):
+        name = candidate.fit.effects[-1]
+        if candidate.gain < LEAST_GAIN:
+            return None
+        if candidate.gain < LEAST_STANDING * candidate.error:
+            continue
+        if size_of(contest, name, candidate.fit.theta[name]) >= LEAST_SIZE:
+            return candidate
+    return None
+
+
+def _pruned(contest: Contest, chosen: Fit) -> Fit:
+    """Without effects that later ones have made needless."""
+    while len(chosen.effects) > 1:
+        weakest, loss = None, float("inf")
+        for name in chosen.effects:
+            fit = contest.fit([e for e in chosen.effects if e != name], chosen.theta)
+            gain, error = contest.compare(chosen.log_score, fit.log_score)
+            needless = gain < LEAST_GAIN or gain < LEAST_STANDING * error
+            if needless and gain < loss:
+                weakest, loss = fit, gain
+        if weakest is None:
+            return chosen
+        chosen = weakest
+    return chosen
+
+
+def _rivals(
+    contest: Contest, chosen: Fit, name: str, rest: Sequence[str], singles: dict[str, Candidate]
+) -> dict[str, Fit]:
+    """Every other effect in the place of a chosen one."""
+    others = [e for e in contest.catalogue if e not in chosen.effects]
+    if not rest:
+        return {e: singles[e].fit for e in others}
+    start = {e: chosen.theta[e] for e in rest}
+    return {e: contest.fit((*rest, e), start) for e in others if singles[e].gain > -20.0}
+
+
+def _group(contest: Contest, chosen: Fit, others: dict[str, Fit], without: Fit) -> tuple[tuple[str, ...], float]:
+    """Names that do as well, and the share of resampled fleets in which the chosen one does best."""
+    worth = WORTH * contest.compare(chosen.log_score, without.log_score)[0]
+    same = []
+    totals = [by_cluster(chosen.log_score, contest.compared.cluster)]
+    for name, fit in others.items():
+        lead, error = contest.compare(chosen.log_score, fit.log_score)
+        gain = contest.compare(fit.log_score, without.log_score)[0]
+        if gain >= worth and (lead < SAME * error or lead < SAME_NATS):
+            same.append(name)
+        totals.append(by_cluster(fit.log_score, contest.compared.cluster))
+    scores = torch.stack(totals)
+    generator = torch.Generator().manual_seed(0)
+    # Rubin's Bayesian bootstrap over aircraft.
+    weights = -torch.rand(scores.shape[1], DRAWS, generator=generator, dtype=torch.float64).clamp(min=1e-12).log()
+    wins = (scores @ weights).argmax(0) == 0
+    return tuple(same), float(wins.double().mean())

@@ -1,0 +1,110 @@
+"""The answer in words, for the terminal and the top of the page."""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from descentflow.gap.report import GapReport
+
+NAMES = {
+    "rate": "rate of descent",
+    "lag": "reported rate against altitude over time",
+    "cas": "calibrated airspeed",
+    "mismatch": "IAS against Mach number",
+    "tas": "true airspeed against Mach number",
+    "wind": "change of the along-track wind",
+    "height": "geometric against pressure altitude",
+    "noise_rate": "noise of the vertical rate",
+    "noise_cas": "noise of IAS",
+    "noise_mach": "noise of Mach",
+    "noise_tas": "noise of TAS",
+    "noise_groundspeed": "noise of groundspeed",
+    "noise_time": "noise of altitude over time",
+    "level": "time in level-offs",
+    "level_gaps": "number of level-offs",
+    "slow": "time in slow stretches",
+    "missing": "levels cut out as managed",
+}
+SAYS = {
+    "temperature": "air warmer or colder than the standard atmosphere",
+    "wind_gradient": "an along-track wind that changes with altitude",
+    "mass": "heavier or lighter aircraft",
+    "idle_thrust": "more or less thrust at idle",
+    "drag_polar": "more or less drag of the airframe",
+    "speed_brake": "speed brakes, or as much drag, within a band of altitude",
+    "geometric_path": "a fixed path over the ground instead of an idle descent",
+    "vertical_speed_mode": "a selected vertical rate instead of an idle descent",
+    "level_off": "more level-offs or longer ones",
+    "speed_schedule": "other descent speeds",
+    "airspeed_bias": "biased airspeed reports",
+    "vertical_rate_lag": "vertical rates reported late",
+    "measurement_noise": "noisier or coarser reports",
+}
+
+
+def number(value: float) -> str:
+    """Three digits, without an exponent where a reader can do without."""
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def percent(share: float | None) -> str:
+    """A share, or a dash."""
+    return "-" if share is None else f"{100 * share:.0f} %"
+
+
+def sizes(cause: dict[str, Any]) -> str:
+    """Parameters with their intervals."""
+    return "; ".join(
+        f"{name} {number(p['estimate'])} ({number(p['low'])} to {number(p['high'])}) {p['unit']}".rstrip(" 1")
+        for name, p in cause["parameters"].items()
+    )
+
+
+def sentences(report: "GapReport") -> list[str]:
+    """Where, what, and how far: three sentences."""
+    cell = next((c for c in report.where if c["share"] > 0), None)
+    if report.verdict == "none":
+        return [
+            f"The flights do not differ from the simulator's by more than chance would (p = {report.p_value:.2g}).",
+            "No effect is named.",
+            f"The gap of {report.gap_before:.3f} spreads is what two samples of one population show "
+            f"({report.floor:.3f}).",
+        ]
+    place = "no single cell stands out"
+    if cell is not None:
+        name = NAMES.get(cell["quantity"], cell["quantity"])
+        place = f"most of it in the {name}, FL{cell['level_low_fl']:.0f} to FL{cell['level_high_fl']:.0f}"
+    first = f"The flights differ from the simulator's (p = {report.p_value:.2g}): {place}."
+    if report.verdict == "unknown":
+        left = report.remaining["largest"]
+        return [
+            first,
+            "No effect of the catalogue explains it, alone or with others: the cause lies outside.",
+            f"The largest difference is {number(left['difference'])} in the "
+            f"{NAMES.get(left['quantity'], left['quantity'])}, FL{left['level_low_fl']:.0f} to "
+            f"FL{left['level_high_fl']:.0f}.",
+        ]
+    causes = " and ".join(SAYS.get(c["effect"], c["effect"]) for c in report.causes)
+    alike = sorted({name for c in report.causes for name in c["group"]})
+    doubt = f", though these data cannot tell it from {', '.join(alike)}" if alike else ""
+    closed = report.causes[0]["closure"]["marginal"]["estimate"]
+    return [
+        first,
+        f"The cause is {causes}{doubt}.",
+        f"With it in the simulator the gap shrinks from {report.gap_before:.3f} to {report.gap_after:.3f} spreads, "
+        f"where {report.floor:.3f} is the least that can be seen ({percent(closed)} closed).",
+    ]
+
+
+def summary(report: "GapReport") -> str:
+    """For a terminal."""
+    lines = sentences(report)
+    for cause in report.causes:
+        lines.append(f"  {cause['effect']}: {sizes(cause)}")
+        if cause["group"]:
+            lines.append(f"    could also be: {', '.join(cause['group'])}")
+    lines += [
+        f"  would tell more: {', '.join(s['channels'])} (between {', '.join(s['between'])})"
+        for s in report.would_split
+        if s["channels"]
+    ]
+    return "\n".join(lines)

@@ -10,6 +10,7 @@ from descentflow.errors import DataError
 from descentflow.performance.open_aircraft import open_aircraft
 from descentflow.surveillance.prepare import prepare
 from descentflow.withheld.hypsometry import gravity_mps2, hypsometric_deviation, speed_deviation, weighted_mean
+from descentflow.withheld.real import filled
 from descentflow.withheld.winds import tailwind_gradient, wind_profile
 from descentflow.world.config import WorldConfig
 from descentflow.world.world import World, simulate
@@ -89,3 +90,18 @@ def test_what_is_missing_is_said(descents: pl.DataFrame) -> None:
             0.0,
         )
     assert weighted_mean(np.array([3.0]), np.array([1.0]))[1] == float("inf")
+
+
+def test_gaps_between_registers_are_filled_and_long_ones_left() -> None:
+    stamps = pl.Series([0, 5, 10, 15, 60]).cast(pl.Int64) * 1_000_000
+    rows = pl.DataFrame(
+        {
+            "icao24": ["a", "a", "a", "a", "a"],
+            "timestamp": stamps.cast(pl.Datetime("us", "UTC")),
+            "TAS": [200.0, None, 210.0, None, 230.0],
+            "track": [350.0, None, 10.0, None, 20.0],
+        }
+    )
+    done = filled(rows, ["TAS", "track"])
+    assert done["TAS"].to_list() == [200.0, 205.0, 210.0, None, 230.0]
+    assert done["track"].to_list() == [350.0, 0.0, 10.0, None, 20.0]

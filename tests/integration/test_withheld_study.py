@@ -11,15 +11,30 @@ from withheld_toys import perfect_report
 from descentflow.errors import DataError
 from descentflow.models.checkpoint import load_model
 from descentflow.withheld.page import write_page
-from descentflow.withheld.plan import Shares, draw_plan
+from descentflow.withheld.plan import Plan, SetPlan, SimulatorPlan
 from descentflow.withheld.run import diagnose_all, generate
 from descentflow.withheld.score import score
 from descentflow.withheld.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json
 from descentflow.world.causes import CATALOGUED
 
 NAMES = tuple(cause.name for cause in CATALOGUED)
-PLAN = draw_plan(3, seed=3, shares=Shares(flights=((30, 1.0),)), n_simulators=1, extra=False)
+WARM = {"temperature": {"mean_k": 10.0, "spread_k": 2.0}}
+BIASED = {"airspeed_bias": {"bias_kt": 2.0, "slope_kt_per_mach": 25.0}}
+PLAN = Plan(
+    seed=0,
+    nonce="00",
+    sets=(
+        SetPlan("blind_0000", "blind", "null", {}, 0.0, "all", 100, "simulator_000", 11),
+        SetPlan("blind_0001", "blind", "single", WARM, 1.0, "all", 100, "simulator_000", 12),
+        SetPlan("blind_0002", "blind", "single", BIASED, 1.0, "basic", 100, "simulator_000", 13),
+    ),
+    simulators=(SimulatorPlan("simulator_000", 14, 1.0, {}),),
+)
 SETS = {one.name: one for one in PLAN.sets}
+
+
+# torch's own forward-mode differentiation, when it is first used.
+pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated")
 
 
 def quiet(_: str) -> None:
@@ -36,7 +51,7 @@ def knows(rows: Path, simulator: Path, without: str | None) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("study")
-    generate(made, PLAN, reference_flights=60, say=quiet)
+    generate(made, PLAN, reference_flights=140, say=quiet)
     return made
 
 
@@ -47,12 +62,12 @@ def test_what_is_public_before_diagnosis_tells_nothing(folder: Path) -> None:
     assert not any(name in text for name in (*NAMES, "null", "double", "outside", "polar"))
     for one in PLAN.sets:
         rows = pl.read_parquet(folder / "sets" / f"{one.name}.parquet")
-        assert rows["flight_id"].n_unique() == 30
+        assert rows["flight_id"].n_unique() == 100
         assert ("TAS" in rows.columns) == (one.channels == "all")
         assert ("groundspeed" in rows.columns) == (one.channels == "all")
         assert "latitude" not in rows.columns
     model = load_model(folder / "simulators" / f"{PLAN.simulators[0].name}.ckpt")
-    assert len(model.representation.split.train) == pytest.approx(0.72 * 60, abs=2)
+    assert len(model.representation.split.train) == pytest.approx(0.72 * 140, abs=2)
 
 
 def test_it_is_resumed_sealed_and_scored(folder: Path) -> None:
@@ -94,3 +109,18 @@ def test_broken_seals_are_refused(folder: Path) -> None:
     (folder / DIAGNOSES).unlink()
     with pytest.raises(DataError, match="earlier steps"):
         open_key(folder)
+
+
+def test_the_package_finds_what_is_hidden(folder: Path, tmp_path: Path) -> None:
+    """The study in little: nothing where nothing is, and each effect by its name, size and interval."""
+    for name in ("sets", "simulators", MANIFEST, KEY):
+        (tmp_path / name).symlink_to(folder / name)
+    (tmp_path / "diagnoses").mkdir()
+    assert diagnose_all(tmp_path, say=quiet) == 3
+    scored = score(*open_key(tmp_path))
+    assert scored["refused"] == []
+    assert scored["false_alarms"]["share"] == 0
+    assert [row["first"]["share"] for row in scored["by_cause"]] == [1, 1]
+    by_name = {(s["cause"], s["parameter"]): s["estimate"] for s in scored["sizes"]["estimates"]}
+    assert by_name["temperature", "deviation_k"] == pytest.approx(10, abs=1)
+    assert by_name["airspeed_bias", "growth_kt"] == pytest.approx(2.5, abs=0.5)

@@ -33,7 +33,7 @@ def causes_of(contest: Contest, chosen: Chosen, closure: Closure, say: Callable[
     errors = dict(zip(fit.effects, torch.split(spread, [len(fit.theta[n]) for n in fit.effects]), strict=True))
     say("measuring what other effects would claim")
     alone = {name: single.fit.shift for name, single in chosen.singles.items()}
-    rivals = rivals_closure(closure, alone)
+    rivals = rivals_closure(closure, alone, closure.floor(fit.shift))
     whole = {
         "marginal": closure.marginal(fit.shift),
         "conditional": closure.conditional(fit.shift),
@@ -65,7 +65,7 @@ def parameters(contest: Contest, name: str, theta: Tensor, error: Tensor) -> dic
     """Estimate and 90 % interval of every parameter, kept within its physical bounds."""
     found: dict[str, dict[str, Any]] = {}
     for p, value, sd in zip(contest.catalogue[name].parameters, theta.tolist(), error.tolist(), strict=True):
-        if sd == 0.0:
+        if sd == 0.0 and not p.by_law:
             # The data say nothing of it: a channel that is not there.
             continue
         low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, p.high)
@@ -89,8 +89,8 @@ def would_split(contest: Contest, chosen: Chosen, causes: Sequence[Mapping[str, 
                 {
                     "between": list(GAUGE),
                     "channels": [],
-                    "why": "mass, thrust and drag may all be scaled together without a trace: only one coefficient that "
-                    "is known absolutely (a weighed aircraft, a measured thrust) tells which of them is off",
+                    "why": "mass, thrust and drag may all be scaled together without a trace: only a coefficient that is "
+                    "known absolutely (a weighed aircraft, a measured thrust) tells which of them is off",
                 }
             )
     if not causes:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -10,7 +11,7 @@ from descentflow.gap.contest import Contest, Fit
 from descentflow.gap.permutation import sides
 
 QUANTILES = torch.linspace(0.02, 0.98, 25, dtype=torch.float64)
-REPLICATES = 40
+REPLICATES = 30
 """Fleets drawn for each interval, and permutations behind each floor."""
 LEVEL = (0.05, 0.95)
 
@@ -82,12 +83,14 @@ class Closure:
         found = distances(y, self.real if real is None else real, self.scale)
         return float(by_quantity(self.contest, found, self.affected))
 
-    def marginal(self, shift: Tensor, *, interval: bool = True) -> dict[str, float | None]:
-        """Share of the gap in distributions that a shift closes, with an interval over resampled fleets."""
+    def claimed(self, shift: Tensor, floor: float) -> float | None:
+        """Share of the gap in distributions that a shift closes, down to a known floor."""
+        return _share(self._mean(self.y), self._mean(self.y - shift), floor)
+
+    def marginal(self, shift: Tensor) -> dict[str, float | None]:
+        """The same with a floor of its own and an interval over resampled fleets."""
         floor = self.floor(shift)
-        estimate = _share(self._mean(self.y), self._mean(self.y - shift), floor)
-        if not interval:
-            return {"estimate": estimate}
+        estimate = self.claimed(shift, floor)
         drawn = []
         for index in self._fleets():
             y, s = self.y[index], self.real[index]
@@ -192,10 +195,7 @@ def _with_interval(estimate: float | None, drawn: list[float | None]) -> dict[st
     return {"estimate": estimate, "low": min(low, estimate), "high": max(high, estimate)}
 
 
-def rivals_closure(closure: Closure, shifts: Mapping[str, Tensor]) -> list[dict[str, float | str | None]]:
+def rivals_closure(closure: Closure, shifts: Mapping[str, Tensor], floor: float) -> list[dict[str, Any]]:
     """Marginal closure that each effect alone would claim, largest first."""
-    rows = [
-        {"effect": name, "closure": closure.marginal(shift, interval=False)["estimate"]}
-        for name, shift in shifts.items()
-    ]
-    return sorted(rows, key=lambda row: -(row["closure"] if isinstance(row["closure"], float) else -9.0))
+    rows = [{"effect": name, "closure": closure.claimed(shift, floor)} for name, shift in shifts.items()]
+    return sorted(rows, key=lambda row: -9.0 if row["closure"] is None else -row["closure"])

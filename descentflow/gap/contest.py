@@ -2,12 +2,14 @@
 
 Every flight is a vector ``y_i ~ N(m + g_i d_i(theta), S)`` of what it shows, ``g_i`` one for real flights, ``m`` the
 simulator's mean (free where its own flights measured it, zero where physics claims so) and ``d_i(theta)`` the shift
-that an effect makes at this flight's own speed and altitude. ``m`` and ``S`` are the same for all candidates, so a variance
-can never name a mechanism; the mean is estimated along with the effect, so the reference's own error is in the score.
+that an effect makes at this flight's own speed and altitude. ``m`` and ``S`` are the same for all candidates, so a
+variance can never name a mechanism; the mean is estimated along with the effect, so the reference's own error is in the
+score.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -102,7 +104,14 @@ def _solve(matrix: Tensor, vector: Tensor, raw: Tensor) -> Tensor:
 class Contest:
     """Flights, their precision, and folds of whole aircraft."""
 
-    def __init__(self, compared: Compared, whitening: Whitening, catalogue: Mapping[str, Effect], seed: int) -> None:
+    def __init__(
+        self,
+        compared: Compared,
+        whitening: Whitening,
+        catalogue: Mapping[str, Effect],
+        seed: int,
+        like: "Contest | None" = None,
+    ) -> None:
         """Prepare the sums that all fits share.
 
         Args:
@@ -110,6 +119,7 @@ class Contest:
             whitening: Their precision.
             catalogue: Effects that may be named.
             seed: Of the folds.
+            like: Contest of the same flights with another precision, whose sensitivities are taken over.
         """
         self.compared, self.whitening, self.catalogue = compared, whitening, catalogue
         self.y = compared.y.nan_to_num(0.0)
@@ -118,7 +128,7 @@ class Contest:
         self.fold = folds_of(compared.cluster, compared.real, seed)
         self.qy = whitening.apply(self.y)
         self.carry = _carry(compared, whitening)
-        self.common = self._common()
+        self.common: Design = self._common() if like is None else self._with_products(like.common)
 
     def all_shift(self, name: str, theta: Tensor) -> Tensor:
         """Shift (n, p) that an effect makes, or would make, in every flight."""
@@ -132,10 +142,41 @@ class Contest:
             total = total + self.all_shift(name, value)
         return torch.where(self.real[:, None], total, 0.0)
 
-    def jacobian(self, name: str, theta: Tensor) -> Tensor:
-        """Sensitivity (n, p, k) of every flight to one effect's parameters."""
+    def jacobian(self, name: str, theta: Tensor, first: int | None = None) -> Tensor:
+        """Sensitivity (n, p, k) of every flight to one effect's parameters (or the first of them)."""
         effect = self.catalogue[name]
-        return self._carried(effect, self.compared.vector(effect.sensitivity(self.compared.state, theta)))
+        return self._carried(effect, self.compared.vector(effect.sensitivity(self.compared.state, theta, first)))
+
+    @cached_property
+    def starts(self) -> dict[str, Design]:
+        """Sensitivities of every effect where its fits start: all parameters, or the first of each of many starts."""
+        found = {}
+        for name, effect in self.catalogue.items():
+            starts = effect.starts(self.compared.state)
+            if len(starts) == 1:
+                own = self.jacobian(name, starts[0])
+            else:
+                own = torch.cat([self.jacobian(name, start, 1) for start in starts], 2)
+            found[name] = self._with_common(own, torch.zeros(own.shape[2], dtype=self.y.dtype))
+        return found
+
+    def promise(self, shift: Tensor) -> dict[str, float]:
+        """Gain (nats) in likelihood that each effect promises beside a shift, not held out and by its sensitivity."""
+        q, found = self._q(shift), {}
+        for name, design in self.starts.items():
+            information, score = self._moments(q, design, None).profiled()
+            own = slice(design.n_common, None)
+            several = len(self.catalogue[name].starts(self.compared.state)) > 1
+            if several:
+                gain = 0.5 * score[own].clamp(min=0.0) ** 2 / information.diagonal()[own].clamp(min=1e-12)
+                found[name] = float(gain.max())
+                continue
+            step = _solve(information + torch.diag(design.ridge), score, information.diagonal())
+            without = design.common()
+            base, own_score = information[: without.n_common, : without.n_common], score[: without.n_common]
+            plain = _solve(base + torch.diag(without.ridge), own_score, base.diagonal())
+            found[name] = 0.5 * float(score @ step - own_score @ plain)
+        return found
 
     def _carried(self, effect: Effect, vector: Tensor) -> Tensor:
         if not effect.rate_follows_cas:
@@ -154,6 +195,9 @@ class Contest:
             if name not in theta:
                 theta[name] = self._best_start(name, theta)
         theta = self._climb({name: theta[name] for name in effects})
+        learnt = self._learnt(theta)
+        if learnt is not None:
+            theta = self._climb(learnt)
         shift, design = self.shift(theta), self.design(theta)
         return Fit(tuple(effects), theta, shift, design, self.held_out(shift, design))
 
@@ -170,7 +214,30 @@ class Contest:
             columns.append(jacobian[:, :, kept])
             prior += [(0.5 / effect.parameters[i].scale) ** 2 for i in kept]
         joined = torch.cat(columns, 2)
-        return Design(joined, self.whitening.apply(joined), joined.shape[2], torch.tensor(prior, dtype=self.y.dtype))
+        return self._with_products(Design(joined, joined, joined.shape[2], torch.tensor(prior, dtype=self.y.dtype)))
+
+    def _with_products(self, design: Design) -> Design:
+        return replace(design, products=self.whitening.apply(design.columns))
+
+    def _learnt(self, theta: Mapping[str, Tensor]) -> dict[str, Tensor] | None:
+        """Parameters with those of laws over flights set; None where no effect has any."""
+        lawful = [n for n in theta if any(p.by_law for p in self.catalogue[n].parameters)]
+        at = self.compared.columns("rate")
+        if not lawful or not len(at):
+            return None
+        found = dict(theta)
+        bands = [self.compared.entries[i].band for i in at.tolist()]
+        state = self.compared.state.rows(torch.nonzero(self.real)[:, 0])
+        for name in lawful:
+            rest = {n: t for n, t in theta.items() if n != name}
+            left = self.compared.y[:, at] - self.shift(rest)[:, at]
+            normal = (
+                left[~self.real].nanmean(0).nan_to_num(0.0) if self.has_reference else torch.zeros(len(at)).double()
+            )
+            excess = torch.full_like(state.cas_mps, torch.nan)
+            excess[:, bands] = left[self.real] - normal
+            found[name] = self.catalogue[name].learn_law(state, theta[name], excess)
+        return found
 
     def theta_of(self, fit: Fit, keep: Tensor) -> dict[str, Tensor]:
         """Parameters that the flights to keep (n,) alone would give, one step from the fit."""
@@ -203,8 +270,7 @@ class Contest:
         starts = self.catalogue[name].starts(self.compared.state)
         if len(starts) == 1:
             return starts[0]
-        first = torch.cat([self.jacobian(name, s)[:, :, :1] for s in starts], 2)
-        design = self._with_common(first, torch.zeros(len(starts), dtype=self.y.dtype))
+        design = self.starts[name]
         information, score = self._moments(self._q(self.shift(known)), design, None).profiled()
         size = information.diagonal()[design.n_common :].clamp(min=1e-12)
         promise = score[design.n_common :]
@@ -225,7 +291,7 @@ class Contest:
                 if gained > 0:
                     theta, value = trial, value + gained
                     break
-            if gained < 1e-2:
+            if gained < 0.03:
                 break
         return theta
 

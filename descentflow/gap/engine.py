@@ -144,7 +144,8 @@ class Diagnosis:
         self.say("asking whether there is a gap")
         everyone = torch.ones_like(self.compared.real)
         blind = whiten(self.compared.y, everyone, self.compared.cluster, self.compared.nugget())
-        test = null_test(Contest(self.compared, blind, self.catalogue, self.seed), self.discrepancy, self.seed)
+        unsided = Contest(self.compared, blind, self.catalogue, self.seed, self.contest)
+        test = null_test(unsided, self.discrepancy, self.seed)
         self.say("asking where it lies")
         cells, affected = where(self.contest, self.transition_fl, self.seed)
         if not bool(affected.any()):

@@ -47,9 +47,9 @@ class Entry:
 class Compared:
     """Flights of both sides as vectors.
 
-    Shapes: ``y`` (n, p) with NaN where not seen, simulator's flights first; ``real`` (n,) bool; ``free`` (p,) bool, true
-    where the simulator's own flights say what is normal and false where physics claims zero; ``scale`` (p,) spread
-    between flights; ``cluster`` (n,).
+    Shapes: ``y`` (n, p) with NaN where not seen, simulator's flights first; ``real`` (n,) bool; ``free`` (p,) bool,
+    true where the simulator's own flights say what is normal and false where physics claims zero; ``scale`` (p,)
+    spread between flights; ``cluster`` (n,).
     """
 
     entries: tuple[Entry, ...]

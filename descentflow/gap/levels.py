@@ -8,7 +8,7 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.units import FL_M
+from descentflow.units import FL_M, FT_M
 
 STENCIL = 5
 """Levels on either side whose mean is held against the level between: noise is shorter, flight is longer."""
@@ -135,7 +135,9 @@ def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
     """Logarithm (n,) of what is left of each channel after the mean of the levels around is taken off."""
     named = {"rate": "vertical_rate", "cas": "IAS", "mach": "Mach", "tas": "TAS", "groundspeed": "groundspeed"}
     series = {name: grid.values[channel] for name, channel in named.items() if channel in grid.values}
-    series["time"] = grid.time_s
+    # The noise of an altitude is that of the time at which it is crossed, times the rate.
+    rate_mps = -grid.values["vertical_rate"].nanmedian(1, keepdim=True).values / 60.0 * FT_M
+    series["altitude"] = grid.time_s * rate_mps.clamp(min=1.0)
     # Every level of the stencil must be there, or a level-off in a gap would pass for noise.
     whole = grid.mask.double().unfold(1, 2 * STENCIL + 1, 1).amin(-1) > 0
     found = {}
@@ -163,7 +165,7 @@ def gaps_of(grid: LevelGrid) -> dict[str, Tensor]:
     at = previous.clamp(min=0)
     missing = torch.where(jump, number - previous - 1, 0).double()
     elapsed = (grid.time_s.gather(1, at) - grid.time_s).nan_to_num(0.0)
-    fall = -grid.values["vertical_rate"] / 60.0 * 0.3048
+    fall = -grid.values["vertical_rate"] / 60.0 * FT_M
     typical = ((fall + fall.gather(1, at)) / 2).nan_to_num(10.0).clamp(min=2.0)
     lost = torch.where(jump, elapsed - (missing + 1) * FL_M / typical, 0.0)
     counts = lost > LOST_S

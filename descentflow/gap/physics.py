@@ -47,6 +47,11 @@ class FlightState:
         return cas_to_mach(self.cas_mps, self.altitude_m)
 
     @cached_property
+    def own_log_rate(self) -> Tensor:
+        """:func:`log_rate` of the flights as they are."""
+        return log_rate(self)
+
+    @cached_property
     def schedule(self) -> "Schedule":
         """The Mach number and CAS that each flight holds."""
         mach = self.mach().detach()

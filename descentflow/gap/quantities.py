@@ -41,7 +41,7 @@ OF_FLIGHT = {
     "noise_mach": "ln of the short-scale noise of Mach",
     "noise_tas": "ln of the short-scale noise of TAS (kt)",
     "noise_groundspeed": "ln of the short-scale noise of groundspeed (kt)",
-    "noise_time": "ln of the short-scale noise of the time at a level (s)",
+    "noise_altitude": "ln of the short-scale noise of the altitude (m)",
     "level": "time lost in short gaps of altitude, s",
     "level_gaps": "number of such gaps",
     "slow": "time lost in longer gaps, s",
@@ -205,7 +205,7 @@ def measured(grid: LevelGrid) -> Quantities:
         standard = mach_to_tas_mps(seen["Mach"], grid.altitude_m) / KT_MPS
         values["tas"] = bands.mean((seen["TAS"] / standard).log())
     if "TAS" in seen and "groundspeed" in seen:
-        tailwind = bands.mean(seen["groundspeed"] - seen["TAS"] * _drift_cosine(seen)) * KT_MPS
+        tailwind = bands.mean(seen["groundspeed"] - _level_part_kt(seen) * _drift_cosine(seen)) * KT_MPS
         values["wind"] = _centred(tailwind)
     if "geoaltitude" in seen:
         values["height"] = _centred(bands.mean(seen["geoaltitude"] * FT_M - grid.altitude_m))
@@ -230,6 +230,12 @@ def reference_state(frame: pl.DataFrame, low_fl: float, high_fl: float) -> dict[
         position[clusters] = torch.arange(len(clusters))
         found = found.rows(torch.argsort(position[found.cluster], stable=True)[:LARGEST])
     return found.to_state()
+
+
+def _level_part_kt(seen: dict[str, Tensor]) -> Tensor:
+    """Horizontal part of the true airspeed: a steeper descent must not pass for wind."""
+    fall_kt = seen["vertical_rate"] * FPM_MPS / KT_MPS
+    return (seen["TAS"] ** 2 - fall_kt**2).clamp(min=0.0).sqrt()
 
 
 def _drift_cosine(seen: dict[str, Tensor]) -> Tensor:

@@ -1,7 +1,7 @@
 """Which effects are named: forward selection with a backward pass, groups of what cannot be told apart, abstention."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -10,6 +10,8 @@ from descentflow.gap.contest import Contest, Fit, by_cluster
 
 MOST = 4
 """Effects named together at most."""
+LEAST_PROMISE = 1.0
+"""Gain (nats) that an effect must promise by its sensitivity alone to be fitted at all."""
 LEAST_GAIN = 4.0
 """Held-out gain (nats) below which no effect is named..."""
 LEAST_STANDING = 2.0
@@ -60,7 +62,12 @@ def select(contest: Contest, say: Callable[[str], None]) -> Chosen:
     """
     null = contest.fit(())
     singles: dict[str, Candidate] = {}
-    for name in contest.catalogue:
+    promises = contest.promise(null.shift)
+    for name, effect in contest.catalogue.items():
+        if promises[name] < LEAST_PROMISE:
+            start = effect.starts(contest.compared.state)[0]
+            singles[name] = Candidate(replace(null, effects=(name,), theta={name: start}), 0.0, 0.0)
+            continue
         say(f"fitting {name}")
         fit = contest.fit((name,))
         singles[name] = Candidate(fit, *contest.compare(fit.log_score, null.log_score))
@@ -74,8 +81,9 @@ def select(contest: Contest, say: Callable[[str], None]) -> Chosen:
         if len(chosen.effects) == MOST:
             break
         candidates = {}
+        promises = contest.promise(chosen.shift)
         for name in contest.catalogue:
-            if name not in chosen.effects and singles[name].gain > -20.0:
+            if name not in chosen.effects and promises[name] >= LEAST_GAIN:
                 say(f"fitting {name} beside {', '.join(chosen.effects)}")
                 fit = contest.fit((*chosen.effects, name), chosen.theta)
                 candidates[name] = Candidate(fit, *contest.compare(fit.log_score, chosen.log_score))
@@ -86,7 +94,7 @@ def select(contest: Contest, say: Callable[[str], None]) -> Chosen:
         say(f"what could stand for {name}")
         without = singles[rest[0]].fit if len(rest) == 1 else null if not rest else contest.fit(rest, chosen.theta)
         gains[name] = contest.compare(chosen.log_score, without.log_score)
-        others = _rivals(contest, chosen, name, rest, singles)
+        others = _rivals(contest, chosen, rest, singles, WORTH * gains[name][0])
         groups[name], probability[name] = _group(contest, chosen, others, without)
     return Chosen(null, singles, chosen, groups, probability, gains)
 
@@ -129,14 +137,15 @@ def _pruned(contest: Contest, chosen: Fit) -> Fit:
 
 
 def _rivals(
-    contest: Contest, chosen: Fit, name: str, rest: Sequence[str], singles: dict[str, Candidate]
+    contest: Contest, chosen: Fit, rest: Sequence[str], singles: dict[str, Candidate], worth: float
 ) -> dict[str, Fit]:
-    """Every other effect in the place of a chosen one."""
+    """Other effects in the place of a chosen one, where they promise to be worth it."""
     others = [e for e in contest.catalogue if e not in chosen.effects]
     if not rest:
         return {e: singles[e].fit for e in others}
     start = {e: chosen.theta[e] for e in rest}
-    return {e: contest.fit((*rest, e), start) for e in others if singles[e].gain > -20.0}
+    promises = contest.promise(contest.shift(start))
+    return {e: contest.fit((*rest, e), start) for e in others if promises[e] >= 0.5 * worth}
 
 
 def _group(contest: Contest, chosen: Fit, others: dict[str, Fit], without: Fit) -> tuple[tuple[str, ...], float]:

@@ -29,6 +29,8 @@ UNITS = {
     "missing": "1",
 }
 DISCOVERY = 0.05
+MATTERS = 0.5
+"""An excess over the floor below this many negligible shifts is not counted as a gap, however significant."""
 
 
 @dataclass(frozen=True)
@@ -114,12 +116,14 @@ def where(contest: Contest, transition_fl: float, seed: int) -> tuple[list[dict[
     affected = torch.zeros(len(compared.entries), dtype=torch.bool)
     for row, q in zip(rows, q_values, strict=True):
         row["q_value"] = q
-    total_weight = sum(w for w, q in zip(weights, q_values, strict=True) if q <= DISCOVERY)
-    for row, q, weight in zip(rows, q_values, weights, strict=True):
-        row["share"] = weight / total_weight if total_weight > 0 and q <= DISCOVERY else 0.0
+    negligible = compared.negligible()
     for cell, row in zip(known, rows, strict=False):
-        if row["q_value"] <= DISCOVERY:
+        if row["q_value"] <= DISCOVERY and row["distance"] - row["floor"] > MATTERS * float(negligible[cell.at].mean()):
             affected[cell.at] = True
+    counted = [bool(affected[c.at].all()) for c in known] + [False] * (len(rows) - len(known))
+    total_weight = sum(w for w, c in zip(weights, counted, strict=True) if c)
+    for row, is_counted, weight in zip(rows, counted, weights, strict=True):
+        row["share"] = weight / total_weight if total_weight > 0 and is_counted else 0.0
     return sorted(rows, key=lambda r: (-r["share"], r["q_value"])), affected
 
 

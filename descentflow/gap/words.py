@@ -18,7 +18,7 @@ NAMES = {
     "noise_mach": "noise of Mach",
     "noise_tas": "noise of TAS",
     "noise_groundspeed": "noise of groundspeed",
-    "noise_time": "noise of altitude over time",
+    "noise_altitude": "noise of altitude",
     "level": "time in level-offs",
     "level_gaps": "number of level-offs",
     "slow": "time in slow stretches",

@@ -25,4 +25,4 @@ class AirspeedBias(Effect):
         # Real flights report the wrong speed, so the true one lies below; a simulator's is the true one.
         sign = -1.0 if state.affected else 1.0
         other = log_rate(state, cas_mps=state.cas_mps + sign * bias * KT_MPS)
-        return {"cas": bias, "mismatch": bias, "rate": sign * (log_rate(state) - other)}
+        return {"cas": bias, "mismatch": bias, "rate": sign * (state.own_log_rate - other)}

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 
 import torch
 from torch import Tensor
-from torch.func import jacfwd
+from torch.autograd import forward_ad
 
 from descentflow.gap.physics import FlightState
 
@@ -27,6 +27,8 @@ class Parameter:
     scale: float
     """A size that matters: steps and practical size are measured in it."""
     start: float = 0.0
+    by_law: bool = False
+    """Set by :meth:`Effect.learn_law` from how flights differ, and not by their mean."""
 
 
 class Effect(ABC):
@@ -65,10 +67,35 @@ class Effect(ABC):
         """Parameter vectors from which a fit may start: where sensitivities are taken. One, unless windows vary."""
         return [torch.tensor([p.start for p in self.parameters], dtype=torch.float64)]
 
-    def sensitivity(self, state: FlightState, theta: Tensor) -> dict[str, Tensor]:
-        """Jacobian of the shift: quantity -> (n, K, k) or (n, k), by forward-mode differentiation."""
-        found: dict[str, Tensor] = jacfwd(lambda t: dict(self.shift(state, t)))(theta)
-        return found
+    def sensitivity(self, state: FlightState, theta: Tensor, first: int | None = None) -> dict[str, Tensor]:
+        """Jacobian of the shift: quantity -> (n, K, k) or (n, k), by forward-mode differentiation.
+
+        Args:
+            state: The flights.
+            theta: Where it is taken.
+            first: Only so many of the parameters; all if absent.
+        """
+        columns: list[dict[str, Tensor]] = []
+        plain = dict(self.shift(state, theta))
+        for i, parameter in enumerate(self.parameters[:first]):
+            along = torch.zeros_like(theta)
+            along[i] = 0.0 if parameter.by_law else 1.0
+            # Plain dual numbers: torch.func's own wrappers cost ten times the arithmetic here.
+            with forward_ad.dual_level():
+                moved = self.shift(state, forward_ad.make_dual(theta, along))  # type: ignore[no-untyped-call]
+                tangents = {q: forward_ad.unpack_dual(v).tangent for q, v in moved.items()}  # type: ignore[no-untyped-call]
+            columns.append({q: torch.zeros_like(plain[q]) if t is None else t for q, t in tangents.items()})
+        return {quantity: torch.stack([column[quantity] for column in columns], -1) for quantity in plain}
+
+    def learn_law(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
+        """Parameters of the law over flights, from the rates themselves.
+
+        Args:
+            state: Real flights.
+            theta: Parameters so far.
+            excess: (n, K) ln rate of each flight beyond what is normal and what other effects explain; NaN if not seen.
+        """
+        return theta
 
     def clamp(self, theta: Tensor) -> Tensor:
         """Parameters within their physical bounds."""

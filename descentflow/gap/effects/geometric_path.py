@@ -1,5 +1,6 @@
 """Descents flown along a geometric path: the rate follows groundspeed and no longer thrust and drag."""
 
+import torch
 from torch import Tensor
 
 from descentflow.gap.effects.base import Effect, Parameter, Shift
@@ -8,16 +9,20 @@ from descentflow.performance.airspeed import cas_to_tas_mps
 
 
 class GeometricPath(Effect):
-    """A share of the descent (or of the flights) keeps rate over groundspeed constant."""
+    """A share of the flights holds a path angle; idle thrust must not be needed below it, so it is a shallow one."""
 
     name = "geometric_path"
-    parameters = (Parameter("share", 0.0, 1.0, "1", 0.1),)
-    law = "gaussian"
-    needs = ()
+    parameters = (
+        Parameter("share", 0.0, 1.0, "1", 0.1),
+        Parameter("shallower", 0.0, 0.5, "1", 0.05, 0.1),
+    )
+    law = "window mixture"
     splits = ("groundspeed",)
     says = "a fixed path over the ground is flown instead of an idle descent"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
-        """What the rate loses of its own shape, and gains of that of the groundspeed."""
+        """From the idle path's angle to one held, shallower by a share than the shallowest of the idle path."""
         ground = cas_to_tas_mps(state.cas_mps, state.altitude_m) + state.tailwind_mps
-        return {"rate": theta[0] * state.centred(ground.clamp(min=30.0).log() - state.schedule_log_rate)}
+        angle = state.schedule_log_rate - ground.clamp(min=30.0).log()
+        shallowest = torch.where(state.mask, angle, torch.inf).amin(1, keepdim=True)
+        return {"rate": theta[0] * (shallowest.clamp(max=1e3) - angle - theta[1])}

@@ -16,4 +16,4 @@ class IdleThrust(Effect):
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation."""
-        return {"rate": log_rate(state, thrust=1 + theta[0]) - log_rate(state)}
+        return {"rate": log_rate(state, thrust=1 + theta[0]) - state.own_log_rate}

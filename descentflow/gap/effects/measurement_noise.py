@@ -6,8 +6,8 @@ from torch import Tensor
 from descentflow.gap.effects.base import Effect, Parameter, Shift
 from descentflow.gap.physics import FlightState
 
-CHANNELS = ("rate", "cas", "mach", "tas", "groundspeed", "time")
-"""Quantities whose short-scale noise is measured; time stands for the altitude, whose crossing it is."""
+CHANNELS = ("rate", "cas", "mach", "tas", "groundspeed", "altitude")
+"""Channels whose short-scale noise is measured."""
 
 
 class MeasurementNoise(Effect):

@@ -11,22 +11,43 @@ LENGTHS_FL = (20.0, 40.0, 70.0)
 """Lengths of the windows from which a fit starts."""
 
 
+FEWEST = 20
+"""Flights from which a share is learnt."""
+APART = 2.0
+"""Two groups are told apart if their means are so many spreads within them apart; else all flights are one."""
+
+
 class SpeedBrake(Effect):
-    """CD0 higher by a factor between two altitudes; the mean over the flights that do it and those that do not."""
+    """CD0 higher between two altitudes on a share of the flights; ``extra_cd0`` is the mean over all flights."""
 
     name = "speed_brake"
     parameters = (
         Parameter("extra_cd0", 0.0, 2.0, "1", 0.1, 0.0),
         Parameter("low_fl", 0.0, 600.0, "FL", 10.0),
         Parameter("high_fl", 0.0, 600.0, "FL", 10.0),
+        Parameter("share", 0.05, 1.0, "1", 0.1, 1.0, by_law=True),
     )
     law = "window mixture"
     says = "speed brakes (or as much drag) are out within a band of altitude"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
-        """Rate by the energy equation within the window."""
+        """Rate by the energy equation within the window, on the share that flies it."""
         within = state.share_between(theta[1] * FL_M, theta[2] * FL_M)
-        return {"rate": within * (log_rate(state, parasitic=1 + theta[0]) - log_rate(state))}
+        return {"rate": theta[3] * within * (log_rate(state, parasitic=1 + theta[0] / theta[3]) - state.own_log_rate)}
+
+    def learn_law(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
+        """Share of the flights in the upper of two groups of mean excess within the window, less that outside."""
+        within = state.share_between(theta[1] * FL_M, theta[2] * FL_M)
+        inside, outside = excess[:, within > 0.7], excess[:, within == 0]
+        if not inside.shape[1] or not outside.shape[1]:
+            return theta
+        height = inside.nanmean(1) - outside.nanmean(1)
+        height = height[height.isfinite()]
+        if len(height) < FEWEST:
+            return theta
+        found = theta.clone()
+        found[3] = two_groups(height)
+        return found
 
     def starts(self, state: FlightState) -> list[Tensor]:
         """Windows of several lengths that tile the grid; none covers more than half of it (that would be a polar)."""
@@ -38,5 +59,26 @@ class SpeedBrake(Effect):
                 continue
             count = max(int(2 * (high - low) / length) - 1, 1)
             for bottom in torch.linspace(low, high - length, count).tolist():
-                found.append(torch.tensor([0.0, bottom, bottom + length], dtype=torch.float64))
+                found.append(torch.tensor([0.0, bottom, bottom + length, 1.0], dtype=torch.float64))
         return found
+
+
+def two_groups(values: Tensor) -> float:
+    """Share of the upper of two groups, split where the spread within them is least; one if they are not apart.
+
+    Example:
+        >>> two_groups(torch.tensor([0.0, 0.1, -0.1, 1.0, 1.1]))
+        0.4
+    """
+    ordered = values.sort().values
+    n = len(ordered)
+    count = torch.arange(1, n, dtype=ordered.dtype)
+    total, square = ordered.cumsum(0), ordered.square().cumsum(0)
+    low = square[:-1] - total[:-1] ** 2 / count
+    high = (square[-1] - square[:-1]) - (total[-1] - total[:-1]) ** 2 / (n - count)
+    # A group of a few stragglers is none.
+    usable = (count >= 0.08 * n) & (count <= 0.92 * n)
+    k = int(torch.where(usable, low + high, torch.inf).argmin())
+    apart = (total[-1] - total[k]) / (n - k - 1) - total[k] / (k + 1)
+    within = ((low + high)[k].clamp(min=0.0) / n).sqrt()
+    return float(n - k - 1) / n if float(apart) > 2 * APART * float(within) else 1.0

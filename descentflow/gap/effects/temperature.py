@@ -25,7 +25,7 @@ class Temperature(Effect):
         tas = mach_to_tas_mps(mach, state.altitude_m, deviation) / mach_to_tas_mps(mach, state.altitude_m)
         height = geometric_altitude_m(state.altitude_m, deviation) - state.altitude_m
         return {
-            "rate": log_rate(state, deviation_k=deviation) - log_rate(state),
+            "rate": log_rate(state, deviation_k=deviation) - state.own_log_rate,
             "tas": tas.log(),
             "height": state.centred(height + torch.zeros_like(state.cas_mps)),
         }

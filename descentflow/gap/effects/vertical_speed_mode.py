@@ -8,22 +8,25 @@ from descentflow.gap.physics import FlightState
 
 
 class VerticalSpeedMode(Effect):
-    """A share of the descent (or of the flights) keeps the rate constant; cleaning cuts the clearest stretches out."""
+    """A rate is held for a while; cleaning cuts the clearest stretches out and leaves gaps, the rest stays."""
 
     name = "vertical_speed_mode"
     parameters = (
+        Parameter("levels_cut_out", -0.2, 1.0, "1", 0.05),
+        Parameter("slower_in_gaps", -60.0, 600.0, "s per flight", 10.0),
         Parameter("share", 0.0, 1.0, "1", 0.1),
-        Parameter("levels_cut_out", 0.0, 1.0, "1", 0.05),
-        Parameter("slower_in_gaps", 0.0, 300.0, "s", 10.0),
+        Parameter("shallower", 0.0, 0.5, "1", 0.05, 0.1),
     )
-    law = "gaussian"
+    law = "window mixture"
     says = "a constant vertical rate is selected instead of an idle descent"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
-        """What the rate loses of its own shape; gaps in the levels, and time lost in them."""
+        """Gaps in the levels and time lost in them; where a rate is held, a shallow one in place of the idle rate."""
         each = torch.ones_like(state.cas_mps[:, 0])
+        idle = state.schedule_log_rate
+        slowest = torch.where(state.mask, idle, torch.inf).amin(1, keepdim=True)
         return {
-            "rate": -theta[0] * state.centred(state.schedule_log_rate),
-            "missing": theta[1] * each,
-            "slow": theta[2] * each,
+            "missing": theta[0] * each,
+            "slow": theta[1] * each,
+            "rate": theta[2] * (slowest.clamp(max=1e3) - idle - theta[3]),
         }

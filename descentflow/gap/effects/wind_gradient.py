@@ -20,6 +20,6 @@ class WindGradient(Effect):
         """Rate by the energy equation, and the wind itself about each flight's mean."""
         wind = theta[0] * state.altitude_m + torch.zeros_like(state.cas_mps)
         return {
-            "rate": log_rate(state, wind_slope_per_s=theta[0]) - log_rate(state),
+            "rate": log_rate(state, wind_slope_per_s=theta[0]) - state.own_log_rate,
             "wind": state.centred(wind),
         }

@@ -11,10 +11,14 @@ import secrets
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from descentflow.errors import DescentflowError
+from descentflow.withheld.closing import closing
+from descentflow.withheld.page import write_page
 from descentflow.withheld.plan import Plan, draw_plan
 from descentflow.withheld.run import diagnose_all, generate
+from descentflow.withheld.score import score
 from descentflow.withheld.seal import KEY, MANIFEST, open_key, read_json, write_json
 
 
@@ -42,15 +46,27 @@ def do_diagnose(args: argparse.Namespace) -> None:
 
 
 def do_score(args: argparse.Namespace) -> None:
-    from descentflow.withheld.page import write_page
 
-    from descentflow.withheld.score import score
 
-    scored = score(*open_key(args.folder))
+    plan, manifest, diagnoses = open_key(args.folder)
+    scored = score(plan, manifest, diagnoses, closings(args.folder, diagnoses))
     write_json(args.folder / "score.json", scored)
     write_page(scored, args.folder / "score.html")
     for goal in scored["goals"]:
         say(f"{goal['goal']}: {goal['reached_text']} ({goal['n']} sets) {'met' if goal['met'] else 'MISSED'}")
+
+
+def closings(folder: Path, diagnoses: dict[str, Any]) -> dict[str, Any]:
+    """What corrected simulators generate, beside the flights and beside simulators that know the true effect."""
+    found = {}
+    for name, diagnosis in diagnoses.items():
+        job = diagnosis["job"]
+        corrected = folder / "reports" / name / "corrected.ckpt"
+        true = folder / "simulators" / f"{name.replace('withheld_', 'refit_')}.ckpt"
+        if job["corrected"] and corrected.is_file() and true.is_file():
+            paths = folder / "sets" / f"{job['set']}.parquet", folder / "simulators" / f"{job['simulator']}.ckpt"
+            found[name] = closing(*paths, corrected, true)
+    return found
 
 
 def main() -> int:

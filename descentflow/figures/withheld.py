@@ -40,15 +40,7 @@ def confusion_figure(confusion: Mapping[str, Scored]) -> Figure:
         ax.set_title(name, fontsize=10)
         outside = len(one["rows"]) - 3.5
         ax.axhline(outside, color=RED, linewidth=1)
-        ax.text(
-            len(one["columns"]) - 0.6,
-            outside + 0.1,
-            "outside the catalogue",
-            ha="right",
-            va="top",
-            fontsize=7,
-            color=RED,
-        )
+        ax.text(-0.4, outside + 0.1, "outside the catalogue", va="top", fontsize=7, color=RED)
     return figure
 
 

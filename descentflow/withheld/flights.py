@@ -44,7 +44,7 @@ def write_simulator(one: SimulatorPlan, path: Path, typecode: str = TYPECODE, fl
 
     Args:
         one: Seed, polar and causes of its flights.
-        path: Checkpoint.
+        path: Checkpoint; the prepared descents stand beside it.
         typecode: Type flown.
         flights: Flights flown; 72 % of them train.
 
@@ -54,14 +54,21 @@ def write_simulator(one: SimulatorPlan, path: Path, typecode: str = TYPECODE, fl
     from descentflow.models.gaussian import Gaussian
     from descentflow.training import fit
 
+    descents = path.with_suffix(".parquet")
+    if not descents.is_file():
+        _write_descents(one, descents, typecode, flights)
+    fit(Gaussian(), DescentDataModule(descents, aircraft=typecode), path, max_epochs=1)
+
+
+def _write_descents(one: SimulatorPlan, path: Path, typecode: str, flights: int) -> None:
+    """Fly a simulator's flights and prepare them; they stay beside its checkpoint, so that it can be trained again."""
     causes = dict(one.causes)
     if one.cd0_factor != 1.0:
         causes["drag_polar"] = {"factor": one.cd0_factor * causes.get("drag_polar", {}).get("factor", 1.0)}
     with TemporaryDirectory() as folder:
-        rows, descents = Path(folder) / "rows.parquet", Path(folder) / "descents.parquet"
+        rows = Path(folder) / "rows.parquet"
         _rows(find_aircraft(typecode), flights, one.seed, causes).drop(NEVER).write_parquet(rows)
-        write_descents(prepare([rows])[0], descents)
-        fit(Gaussian(), DescentDataModule(descents, aircraft=typecode), path, max_epochs=1)
+        write_descents(prepare([rows])[0], path)
 
 
 def _rows(aircraft: Aircraft, n: int, seed: int, causes: dict[str, dict[str, float]]) -> pl.DataFrame:

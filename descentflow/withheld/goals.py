@@ -61,8 +61,14 @@ def goals(blind: Sequence[Outcome], scored: Mapping[str, Any]) -> list[dict[str,
             least=0.85,
         ),
         _goal("90 % intervals cover 85 to 95 %", coverage["share"], coverage["n"], least=0.85, most=0.95),
-        _goal("closure by the named effect, at least 0.9 (median)", *_closure(scored, window=False), least=0.9),
-        _goal("closure of windows, at least 0.75 (median)", *_closure(scored, window=True), least=0.75),
+        _goal("closure as reported, at least 0.9 (median)", *_closure(scored, window=False), least=0.9),
+        _goal("closure of windows as reported, at least 0.75 (median)", *_closure(scored, window=True), least=0.75),
+        _goal(
+            "corrected simulators close what the true effect closes, at least 0.9 of it (median)",
+            *_of_true(scored, window=False),
+            least=0.9,
+        ),
+        _goal("the same of windows, at least 0.75", *_of_true(scored, window=True), least=0.75),
         _goal(
             "with the wrong polar, truth in the group, at least 85 %", *_rate([o.in_group for o in polar]), least=0.85
         ),
@@ -94,6 +100,12 @@ def _closure(scored: Mapping[str, Any], *, window: bool) -> tuple[float | None, 
         row["marginal"] for row in scored["closure"] if (row["cause"] == "speed_brake") == window and row["size"] >= 0.7
     ]
     values = [value for value in of if value is not None]
+    return (float(np.median(values)) if values else None), len(values)
+
+
+def _of_true(scored: Mapping[str, Any], *, window: bool) -> tuple[float | None, int]:
+    rows = [row for row in scored["withheld"] if (row["effect"] == "speed_brake") == window and row["closing"]]
+    values = [row["closing"]["of_true"] for row in rows if row["closing"]["of_true"] is not None]
     return (float(np.median(values)) if values else None), len(values)
 
 

@@ -121,10 +121,19 @@ def _withheld(rows: Sequence[Mapping[str, Any]]) -> str:
                 _where(without["where"]),
                 _mark(_answer(put_back), row["right_with"]),
                 _before_and_after(put_back),
+                _percent((row["closing"] or {}).get("of_true")),
             ]
         )
     return _table(
-        ["planted", "without it: verdict", "where it lies", "with it: verdict", "gap, before and after"], cells
+        [
+            "planted",
+            "without it: verdict",
+            "where it lies",
+            "with it: verdict",
+            "gap, before and after",
+            "of the true closure",
+        ],
+        cells,
     )
 
 

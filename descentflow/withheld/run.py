@@ -14,8 +14,8 @@ from descentflow.withheld.plan import REFERENCE_FLIGHTS, Plan
 from descentflow.withheld.seal import MANIFEST, digest, read_json, seal_diagnoses, seal_key, write_json
 
 Say = Callable[[str], None]
-Diagnose = Callable[[Path, Path, str | None], dict[str, Any]]
-"""Rows, checkpoint and the effect to leave out of the catalogue, to the content of gap.json."""
+Diagnose = Callable[[Path, Path, str | None, Path | None], dict[str, Any]]
+"""Rows, checkpoint, effect to leave out of the catalogue and folder for the report, to the content of gap.json."""
 
 
 PUBLISH_EVERY = 20
@@ -83,9 +83,9 @@ def _jobs(folder: Path, plan: Plan) -> list[dict[str, Any]]:
         if not rows.is_file():
             continue
         job = {"name": one.name, "rows_sha256": digest(rows), "set": one.name, "simulator": one.simulator}
-        jobs.append({**job, "without": None})
+        jobs.append({**job, "without": None, "corrected": one.part == "withheld"})
         if one.part == "withheld":
-            jobs.append({**job, "name": f"{one.name}_without", "without": next(iter(one.causes))})
+            jobs.append({**job, "name": f"{one.name}_without", "without": next(iter(one.causes)), "corrected": False})
     return jobs
 
 
@@ -102,7 +102,7 @@ def diagnose_all(
 
     Args:
         folder: Of the study.
-        diagnose: Rows, checkpoint and effect left out to the content of gap.json; the package's own if absent.
+        diagnose: The diagnosis under test; the package's own if absent.
         processes: How many work at once.
         until: Time (s since 1970) after which no further diagnosis is begun; sets come in random order, so that those
             done by then are a random sample.
@@ -129,12 +129,12 @@ def diagnose_all(
     return seal_diagnoses(folder, [job["name"] for job in jobs])
 
 
-def package_diagnosis(rows: Path, simulator: Path, without: str | None) -> dict[str, Any]:
+def package_diagnosis(rows: Path, simulator: Path, without: str | None, out: Path | None = None) -> dict[str, Any]:
     """The diagnosis under test, with one effect left out of its catalogue if asked for."""
     from descentflow.gap import EFFECTS, diagnose
 
     catalogue = {name: effect for name, effect in EFFECTS.items() if name != without}
-    return diagnose(rows, simulator, catalogue=catalogue, seed=0).as_dict()
+    return diagnose(rows, simulator, catalogue=catalogue, seed=0, out=out).as_dict()
 
 
 def _one(folder: Path, job: dict[str, Any], diagnose: Diagnose, until: float | None) -> None:
@@ -145,7 +145,8 @@ def _one(folder: Path, job: dict[str, Any], diagnose: Diagnose, until: float | N
     paths = folder / "sets" / f"{job['set']}.parquet", folder / "simulators" / f"{job['simulator']}.ckpt"
     result: dict[str, Any] = {"job": job, "report": None, "refused": None}
     try:
-        result["report"] = diagnose(*paths, job["without"])
+        out = folder / "reports" / job["name"] if job["corrected"] else None
+        result["report"] = diagnose(*paths, job["without"], out)
     except DescentflowError as error:
         result["refused"] = f"{type(error).__name__}: {error}"
     result |= {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu}

@@ -14,13 +14,19 @@ from descentflow.world.causes import CATALOGUED, OUTSIDE
 SCHEMA_VERSION = 1
 
 
-def score(plan: Plan, manifest: Mapping[str, Any], diagnoses: Mapping[str, Any]) -> dict[str, Any]:
+def score(
+    plan: Plan,
+    manifest: Mapping[str, Any],
+    diagnoses: Mapping[str, Any],
+    closings: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
     """Score every sealed diagnosis.
 
     Args:
         plan: The key.
         manifest: What was published.
         diagnoses: Sealed diagnoses by job.
+        closings: See :func:`descentflow.withheld.closing.closing`, by job of an effect that was put back.
 
     Returns:
         Primitives for ``score.json``.
@@ -45,7 +51,7 @@ def score(plan: Plan, manifest: Mapping[str, Any], diagnoses: Mapping[str, Any])
         "sizes": _sizes(blind),
         "closure": _closure(blind),
         "windows": _windows(blind),
-        "withheld": _withheld(found),
+        "withheld": _withheld(found, closings or {}),
         "refit": _refit(found),
     }
     return {**scored, "goals": goals(blind, scored)}
@@ -89,7 +95,7 @@ def _strata(blind: Sequence[Outcome]) -> list[dict[str, Any]]:
     for kind in ("single", "double", "outside"):
         of = [o for o in blind if o.one.kind == kind]
         for key, value_of in keys.items():
-            for value in sorted({value_of(o) for o in of}, key=str):
+            for value in sorted({value_of(o) for o in of}):
                 some = [o for o in of if value_of(o) == value]
                 rows.append({"kind": kind, "by": key, "value": str(value), **_rates(some)})
     return rows
@@ -223,7 +229,7 @@ def _windows(blind: Sequence[Outcome]) -> list[dict[str, Any]]:
     return rows
 
 
-def _withheld(found: Sequence[Outcome]) -> list[dict[str, Any]]:
+def _withheld(found: Sequence[Outcome], closings: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Each effect planted, diagnosed without it in the catalogue and with it."""
     rows = []
     with_it = {o.one.name: o for o in found if o.one.part == "withheld" and o.without is None}
@@ -242,6 +248,7 @@ def _withheld(found: Sequence[Outcome]) -> list[dict[str, Any]]:
                 "with": _brief(other),
                 "right_without": o.verdict == UNKNOWN or as_group,
                 "right_with": other.right_first,
+                "closing": closings.get(other.job),
             }
         )
     return rows

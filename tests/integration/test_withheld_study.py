@@ -41,7 +41,7 @@ def quiet(_: str) -> None:
     """Say nothing."""
 
 
-def knows(rows: Path, simulator: Path, without: str | None) -> dict[str, Any]:
+def knows(rows: Path, simulator: Path, without: str | None, out: Path | None = None) -> dict[str, Any]:
     """A diagnosis that knows the key."""
     assert rows.is_file()
     assert simulator.is_file()
@@ -74,11 +74,11 @@ def test_it_is_resumed_sealed_and_scored(folder: Path) -> None:
     assert diagnose_all(folder, diagnose=knows, until=0.0, say=quiet) == 0
     calls = []
 
-    def counted(rows: Path, simulator: Path, without: str | None) -> dict[str, Any]:
+    def counted(rows: Path, simulator: Path, without: str | None, out: Path | None) -> dict[str, Any]:
         calls.append(rows.stem)
         if len(calls) == 1:
             raise DataError("nothing in common", expected="common levels", mend="use another simulator")
-        return knows(rows, simulator, without)
+        return knows(rows, simulator, without, out)
 
     assert diagnose_all(folder, diagnose=counted, parts=["blind_0002"], say=quiet) == 3
     assert diagnose_all(folder, diagnose=counted, say=quiet) == 3

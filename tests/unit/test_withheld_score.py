@@ -19,6 +19,7 @@ from descentflow.world.causes import CATALOGUED, CAUSES
 NAMES = tuple(cause.name for cause in CATALOGUED)
 PLAN = draw_plan(300, seed=7)
 MANIFEST, PERFECT = study(PLAN, NAMES)
+CLOSED = {f"withheld_{name}": {"before": 0.6, "after": 0.1, "true": 0.1, "of_true": 1.0} for name in NAMES}
 SETS = {one.name: one for one in PLAN.sets}
 
 
@@ -32,7 +33,7 @@ def uniform(found: dict[str, Any]) -> dict[str, Any]:
 
 
 def reached(found: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    return {goal["goal"]: goal for goal in score(PLAN, MANIFEST, found)["goals"]}
+    return {goal["goal"]: goal for goal in score(PLAN, MANIFEST, found, CLOSED)["goals"]}
 
 
 def test_a_plan_is_made_up_as_asked() -> None:
@@ -125,7 +126,7 @@ def test_truth_is_in_the_units_of_the_report() -> None:
 
 
 def test_the_page_shows_everything_and_needs_nothing() -> None:
-    scored = score(PLAN, MANIFEST, uniform(PERFECT))
+    scored = score(PLAN, MANIFEST, uniform(PERFECT), CLOSED)
     text = page(json.loads(json.dumps(scored, allow_nan=False)))
     assert text.count("<img") == 6
     assert "http" not in text.replace("data:image", "")

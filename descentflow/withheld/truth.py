@@ -31,9 +31,9 @@ def _bias(values: Values) -> dict[str, float]:
 
 def _noise(values: Values) -> dict[str, float]:
     config = WorldConfig()
-    own = {"rate": config.rate_noise_fpm, "cas": config.cas_noise_kt, "mach": config.mach_noise}
-    own |= {"tas": config.tas_noise_kt}
-    quanta = {"rate": QUANTA["vertical_rate"], "cas": QUANTA["IAS"], "mach": QUANTA["Mach"], "tas": QUANTA["TAS"]}
+    # Not of the rate: what a descent itself does within a few seconds is as large as the noise of its report.
+    own = {"cas": config.cas_noise_kt, "mach": config.mach_noise, "tas": config.tas_noise_kt}
+    quanta = {"cas": QUANTA["IAS"], "mach": QUANTA["Mach"], "tas": QUANTA["TAS"]}
     found = {}
     for name, noise in own.items():
         # Rounding adds a twelfth of its step squared to both variances.

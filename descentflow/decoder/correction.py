@@ -62,9 +62,11 @@ class Correction:
 
         cas, altitude = cas_mps.detach().double(), altitude_m.double()
         spacing = float(altitude[1] - altitude[0])
-        state = FlightState(
-            aircraft, self.mass_kg, altitude, spacing, cas, _slope(cas, spacing), torch.zeros_like(cas), mask, False
-        )
+        top = torch.where(mask, altitude, -torch.inf).amax(1, keepdim=True)
+        depth = (top - altitude).clamp(min=0.0)
+        still = torch.zeros_like(cas)
+        slope = _slope(cas, spacing)
+        state = FlightState(aircraft, self.mass_kg, altitude, spacing, cas, slope, still, mask, depth, False)
         zero = torch.zeros_like(cas)
         flies, reports = ({"rate": zero, "cas": zero, "tas": zero} for _ in range(2))
         for name, theta in self.effects.items():

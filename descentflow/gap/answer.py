@@ -89,8 +89,8 @@ def would_split(contest: Contest, chosen: Chosen, causes: Sequence[Mapping[str, 
                 {
                     "between": list(GAUGE),
                     "channels": [],
-                    "why": "mass, thrust and drag may all be scaled together without a trace: only a coefficient that is "
-                    "known absolutely (a weighed aircraft, a measured thrust) tells which of them is off",
+                    "why": "mass, thrust and drag may all be scaled together without a trace: only a coefficient "
+                    "that is known absolutely (a weighed aircraft, a measured thrust) tells which of them is off",
                 }
             )
     if not causes:

@@ -69,5 +69,5 @@ def _covariates(compared: Compared) -> dict[str, Tensor]:
     return {
         "Mach": ((mach - usual) / 0.02).clamp(-2.0, 2.0),
         "high Mach": ((mach - 0.76) / 0.02).clamp(0.0, 2.0),
-        "depth below the top": torch.exp(-compared.depth_m / TOP_M),
+        "depth below the top": torch.exp(-state.depth_m / TOP_M),
     }

@@ -34,14 +34,6 @@ from descentflow.units import FL_M
 FEWEST_FLIGHTS = 20
 SIGNIFICANT = 0.03
 """A gap is called from this p-value; it leaves room below five false alarms in a hundred."""
-OUTSIDE = 0.6
-"""Chosen effects must explain this share of what they and a free discrepancy explain together..."""
-OUTSIDE_STANDING = 3.0
-"""...unless the rest is smaller than so many standard errors..."""
-OUTSIDE_GAIN = 8.0
-"""...or than so many nats."""
-NOMINAL_FL = (150.0, 370.0)
-"""Grid of a nominal simulator, cut to the flights' own."""
 
 
 @dataclass(frozen=True)
@@ -143,15 +135,16 @@ class Diagnosis:
         """Run the steps and put the answer together."""
         self.say("asking whether there is a gap")
         everyone = torch.ones_like(self.compared.real)
-        blind = whiten(self.compared.y, everyone, self.compared.cluster, self.compared.nugget())
+        c = self.compared
+        blind = whiten(c.y, everyone, c.cluster, c.nugget(), c.real)
         unsided = Contest(self.compared, blind, self.catalogue, self.seed, self.contest)
         test = null_test(unsided, self.discrepancy, self.seed)
         self.say("asking where it lies")
         cells, affected = where(self.contest, self.transition_fl, self.seed)
         if not bool(affected.any()):
             affected = torch.ones_like(affected)
-        chosen = select(self.contest, self.say)
-        verdict, outside = self._verdict(test.p_value, chosen)
+        chosen = select(self.contest, self.discrepancy, self.say)
+        verdict = self._verdict(test.p_value, chosen)
         named = chosen if verdict != "none" else None
         fit = chosen.fit if verdict == "effect" else chosen.null
         self.say("measuring how far the gap shrinks")
@@ -160,8 +153,8 @@ class Diagnosis:
         causes = causes_of(self.contest, chosen, closure, self.say) if verdict == "effect" else []
         self.say("asking at which stage the simulator loses most")
         stages = stages_of(self.simulator, frame, self.seed)
-        remaining = self._remaining(fit.shift, gap.after, gap.floor, outside)
-        details = self._details(chosen, test.__dict__, outside, fit.shift, counts)
+        remaining = self._remaining(fit.shift, gap.after, gap.floor, chosen)
+        details = self._details(chosen, test.__dict__, fit.shift, counts)
         write = corrected(self.simulator, self.compared.state.mass_kg, self.catalogue, fit.theta)
         return GapReport(
             verdict=verdict,
@@ -179,28 +172,14 @@ class Diagnosis:
             write_corrected=write if verdict == "effect" else None,
         )
 
-    def _verdict(self, p_value: float, chosen: Chosen) -> tuple[str, dict[str, float]]:
-        """``none``, ``effect`` or ``unknown``; and what a free discrepancy explains beyond the chosen effects."""
-        contest, fit = self.contest, chosen.fit
-        design = contest.design(fit.theta, self.discrepancy, 1.0)
-        free = contest.held_out(fit.shift, design)
-        explained, _ = contest.compare(fit.log_score, chosen.null.log_score)
-        extra, error = contest.compare(free, fit.log_score)
-        whole = explained + max(extra, 0.0)
-        found = {
-            "explained_nats": explained,
-            "rest_nats": extra,
-            "rest_error_nats": error,
-            "share_explained": explained / whole if whole > 0 else 0.0,
-        }
+    @staticmethod
+    def _verdict(p_value: float, chosen: Chosen) -> str:
+        """``none``, ``effect`` or ``unknown``."""
         if p_value > SIGNIFICANT:
-            return "none", found
-        if not fit.effects:
-            return "unknown", found
-        stands_out = extra > OUTSIDE_GAIN and extra > OUTSIDE_STANDING * error
-        return ("unknown" if stands_out and found["share_explained"] < OUTSIDE else "effect"), found
+            return "none"
+        return "unknown" if chosen.outside.named or not chosen.fit.effects else "effect"
 
-    def _remaining(self, shift: Tensor, after: float, floor: float, outside: Mapping[str, float]) -> dict[str, Any]:
+    def _remaining(self, shift: Tensor, after: float, floor: float, chosen: Chosen) -> dict[str, Any]:
         """What is left once the causes are in the simulator, and where the most of it lies."""
         contest = self.contest
         left = self.compared.y - shift
@@ -213,7 +192,7 @@ class Diagnosis:
         low, high = self.compared.level_range(entry)
         return {
             "gap": max(after - floor, 0.0),
-            "share_unexplained": 1.0 - outside["share_explained"],
+            "share_unexplained": 1.0 - chosen.outside.share_explained,
             "largest": {
                 "quantity": entry.quantity,
                 "level_low_fl": low,
@@ -228,7 +207,6 @@ class Diagnosis:
         self,
         chosen: Chosen,
         test: Mapping[str, Any],
-        outside: Mapping[str, float],
         shift: Tensor,
         counts: Mapping[str, int],
     ) -> dict[str, Any]:
@@ -244,7 +222,12 @@ class Diagnosis:
             "transition_fl": self.transition_fl,
             "mass_kg": self.compared.state.mass_kg,
             "test": dict(test),
-            "discrepancy": dict(outside),
+            "discrepancy": {
+                "explained_nats": chosen.outside.explained,
+                "rest_nats": chosen.outside.rest,
+                "rest_error_nats": chosen.outside.error,
+                "share_explained": chosen.outside.share_explained,
+            },
             "contest": [
                 {
                     "effect": name,

@@ -60,8 +60,6 @@ class Compared:
     cluster: Tensor
     state: FlightState
     band_fl: float
-    depth_m: Tensor
-    """(n, K) of each band below the flight's own highest level."""
 
     def nugget(self) -> Tensor:
         """Variance (p,) by which a flight may be off for the means to be off by what is negligible."""
@@ -124,6 +122,7 @@ def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightS
         physics["cas_slope_per_s"],
         physics["tailwind_mps"],
         physics["log_rate"].isfinite(),
+        physics["depth_m"],
     )
 
 
@@ -172,7 +171,6 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft) 
         both.cluster,
         state,
         real.band_fl,
-        both.physics["depth_m"],
     )
 
 

@@ -32,6 +32,8 @@ class FlightState:
     """dCAS/dHp."""
     tailwind_mps: Tensor
     mask: Tensor
+    depth_m: Tensor
+    """Below the flight's own highest level."""
     affected: bool = True
     """Whether the effect asked for is in these flights already (real ones), or is to be added (a simulator's)."""
 
@@ -39,7 +41,10 @@ class FlightState:
         """The flights at these positions."""
         return replace(
             self,
-            **{name: getattr(self, name)[index] for name in ("cas_mps", "cas_slope_per_s", "tailwind_mps", "mask")},
+            **{
+                name: getattr(self, name)[index]
+                for name in ("cas_mps", "cas_slope_per_s", "tailwind_mps", "mask", "depth_m")
+            },
         )
 
     def mach(self) -> Tensor:

@@ -16,6 +16,19 @@ LEAST_GAIN = 4.0
 """Held-out gain (nats) below which no effect is named..."""
 LEAST_STANDING = 2.0
 """...nor with a gain of fewer standard errors."""
+FURTHER_GAIN = 12.0
+"""The same for a further effect: what the first leaves of itself must not be named..."""
+FURTHER_STANDING = 3.0
+FURTHER_SHARE = 0.01
+"""...nor what is this share of the whole."""
+OUTSIDE_SHARE = 0.7
+"""An effect must explain this share of what a free discrepancy explains in its place..."""
+OUTSIDE_GAIN = 30.0
+"""...where that leaves more than so many nats..."""
+OUTSIDE_STANDING = 4.0
+"""...and so many standard errors unexplained."""
+LEFT_SHARE = 0.15
+"""Nor may the chosen effects together leave more than this share of the whole to a free discrepancy."""
 LEAST_SIZE = 1.5
 """Mean shift, in negligible shifts of its quantity, below which no effect is named."""
 SAME = 1.64
@@ -37,6 +50,22 @@ class Candidate:
 
 
 @dataclass(frozen=True)
+class Outside:
+    """What a free discrepancy explains beyond the chosen effects, and whether it must be named."""
+
+    explained: float
+    rest: float
+    error: float
+    named: bool
+
+    @property
+    def share_explained(self) -> float:
+        """Of what effects and discrepancy explain together."""
+        whole = self.explained + max(self.rest, 0.0)
+        return self.explained / whole if whole > 0 else 0.0
+
+
+@dataclass(frozen=True)
 class Chosen:
     """The outcome.
 
@@ -46,6 +75,7 @@ class Chosen:
     """
 
     null: Fit
+    outside: "Outside"
     singles: dict[str, Candidate]
     fit: Fit
     groups: dict[str, tuple[str, ...]]
@@ -53,11 +83,12 @@ class Chosen:
     gains: dict[str, tuple[float, float]]
 
 
-def select(contest: Contest, say: Callable[[str], None]) -> Chosen:
-    """Run the contest.
+def select(contest: Contest, discrepancy: Tensor, say: Callable[[str], None]) -> Chosen:
+    """Run the contest, in which a discrepancy of no particular cause competes at every step.
 
     Args:
         contest: Flights and catalogue.
+        discrepancy: (n, p, e) its columns, with unit prior spread.
         say: Told what is being fitted.
     """
     null = contest.fit(())
@@ -74,7 +105,12 @@ def select(contest: Contest, say: Callable[[str], None]) -> Chosen:
     chosen = null
     candidates = singles
     while len(chosen.effects) < MOST:
-        best = _best(contest, candidates)
+        free, error = _free(contest, chosen, discrepancy)
+        best = _best(contest, candidates, contest.compare(chosen.log_score, null.log_score)[0])
+        left = free - (0.0 if best is None else best.gain)
+        if _stands_out(left, error) and (best is None or best.gain < OUTSIDE_SHARE * free):
+            # No effect does what a shift without a cause does: adding more would only imitate it.
+            break
         if best is None:
             break
         chosen = best.fit
@@ -88,6 +124,9 @@ def select(contest: Contest, say: Callable[[str], None]) -> Chosen:
                 fit = contest.fit((*chosen.effects, name), chosen.theta)
                 candidates[name] = Candidate(fit, *contest.compare(fit.log_score, chosen.log_score))
     chosen = _pruned(contest, chosen)
+    left, error = _free(contest, chosen, discrepancy)
+    explained = contest.compare(chosen.log_score, null.log_score)[0]
+    outside = _stands_out(left, error) and left > LEFT_SHARE * (explained + left)
     groups, probability, gains = {}, {}, {}
     for name in chosen.effects:
         rest = tuple(e for e in chosen.effects if e != name)
@@ -96,7 +135,7 @@ def select(contest: Contest, say: Callable[[str], None]) -> Chosen:
         gains[name] = contest.compare(chosen.log_score, without.log_score)
         others = _rivals(contest, chosen, rest, singles, WORTH * gains[name][0])
         groups[name], probability[name] = _group(contest, chosen, others, without)
-    return Chosen(null, singles, chosen, groups, probability, gains)
+    return Chosen(null, Outside(explained, left, error, outside), singles, chosen, groups, probability, gains)
 
 
 def size_of(contest: Contest, name: str, theta: Tensor) -> float:
@@ -107,15 +146,29 @@ def size_of(contest: Contest, name: str, theta: Tensor) -> float:
     return float((mean.abs() / contest.compared.negligible()).max())
 
 
-def _best(contest: Contest, candidates: dict[str, Candidate]) -> Candidate | None:
+def _free(contest: Contest, chosen: Fit, discrepancy: Tensor) -> tuple[float, float]:
+    """Held-out gain of a free discrepancy beside the chosen effects, and its standard error."""
+    free = contest.held_out(chosen.shift, contest.design(chosen.theta, discrepancy, 1.0))
+    return contest.compare(free, chosen.log_score)
+
+
+def _stands_out(rest: float, error: float) -> bool:
+    return rest > OUTSIDE_GAIN and rest > OUTSIDE_STANDING * error
+
+
+def _best(contest: Contest, candidates: dict[str, Candidate], so_far: float) -> Candidate | None:
     """The candidate of the largest gain that counts, if any."""
     for candidate in sorted(candidates.values(), key=lambda c: -c.gain):
         name = candidate.fit.effects[-1]
-        if candidate.gain < LEAST_GAIN:
+        theta = candidate.fit.theta[name]
+        least, standing = LEAST_GAIN, LEAST_STANDING
+        if len(candidate.fit.effects) > 1:
+            least, standing = max(FURTHER_GAIN, FURTHER_SHARE * so_far), FURTHER_STANDING
+        if candidate.gain < least:
             return None
-        if candidate.gain < LEAST_STANDING * candidate.error:
+        if candidate.gain < standing * candidate.error or not contest.catalogue[name].plausible(theta):
             continue
-        if size_of(contest, name, candidate.fit.theta[name]) >= LEAST_SIZE:
+        if size_of(contest, name, theta) >= LEAST_SIZE:
             return candidate
     return None
 
@@ -127,7 +180,7 @@ def _pruned(contest: Contest, chosen: Fit) -> Fit:
         for name in chosen.effects:
             fit = contest.fit([e for e in chosen.effects if e != name], chosen.theta)
             gain, error = contest.compare(chosen.log_score, fit.log_score)
-            needless = gain < LEAST_GAIN or gain < LEAST_STANDING * error
+            needless = gain < FURTHER_GAIN or gain < FURTHER_STANDING * error
             if needless and gain < loss:
                 weakest, loss = fit, gain
         if weakest is None:
@@ -156,7 +209,8 @@ def _group(contest: Contest, chosen: Fit, others: dict[str, Fit], without: Fit) 
     for name, fit in others.items():
         lead, error = contest.compare(chosen.log_score, fit.log_score)
         gain = contest.compare(fit.log_score, without.log_score)[0]
-        if gain >= worth and (lead < SAME * error or lead < SAME_NATS):
+        credible = contest.catalogue[name].plausible(fit.theta[name])
+        if credible and gain >= worth and (lead < SAME * error or lead < SAME_NATS):
             same.append(name)
         totals.append(by_cluster(fit.log_score, contest.compared.cluster))
     scores = torch.stack(totals)

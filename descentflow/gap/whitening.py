@@ -44,7 +44,7 @@ class Whitening:
         return torch.einsum("k,kij->ij", weight, self.precision)
 
 
-def whiten(y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor) -> Whitening:
+def whiten(y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor, sides: Tensor | None = None) -> Whitening:
     """Estimate a covariance within groups and invert it for every pattern.
 
     Two things are added to the spread between flights, so that weights are right for differences of means. Flights of
@@ -57,6 +57,8 @@ def whiten(y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor) -> Whiten
         groups: (n,) bool: both groups have a mean of their own, which is taken off.
         cluster: (n,) aircraft.
         nugget: (p,) variance to add.
+        sides: (n,) bool: both sides' means are taken off before asking what flights of one aircraft share, or a
+            difference between sides would pass for it; the groups if absent.
     """
     seen = y.isfinite()
     patterns, pattern = torch.unique(seen, dim=0, return_inverse=True)
@@ -92,6 +94,9 @@ def whiten(y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor) -> Whiten
         covariance = (moment + pull * eye) / (n + pull)
         covariance = (covariance + covariance.T) / 2
     completed = _completed(z, patterns, members, covariance)
+    for side in () if sides is None else (sides, ~sides):
+        if bool(side.any()):
+            completed[side] -= completed[side].mean(0)
     covariance = covariance + _shared(completed, cluster, covariance) + torch.diag(nugget / scale**2)
     precision = torch.zeros(len(patterns), p, p, dtype=z.dtype)
     for k, there in enumerate(patterns):

@@ -87,6 +87,13 @@ class Effect(ABC):
             columns.append({q: torch.zeros_like(plain[q]) if t is None else t for q, t in tangents.items()})
         return {quantity: torch.stack([column[quantity] for column in columns], -1) for quantity in plain}
 
+    def plausible(self, theta: Tensor) -> bool:
+        """Whether these parameters can be what they say: an estimate driven to a bound other than zero cannot."""
+        return all(
+            p.by_law or value == 0.0 or p.low + 1e-6 < value < p.high - 1e-6
+            for p, value in zip(self.parameters, theta.tolist(), strict=True)
+        )
+
     def learn_law(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
         """Parameters of the law over flights, from the rates themselves.
 

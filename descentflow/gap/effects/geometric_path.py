@@ -20,6 +20,10 @@ class GeometricPath(Effect):
     splits = ("groundspeed",)
     says = "a fixed path over the ground is flown instead of an idle descent"
 
+    def plausible(self, theta: Tensor) -> bool:
+        """All flights may hold one, and at the very angle that idle allows."""
+        return float(theta[0]) > 0.0 and float(theta[1]) < self.parameters[1].high - 1e-6
+
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """From the idle path's angle to one held, shallower by a share than the shallowest of the idle path."""
         ground = cas_to_tas_mps(state.cas_mps, state.altitude_m) + state.tailwind_mps

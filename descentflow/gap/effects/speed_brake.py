@@ -30,6 +30,10 @@ class SpeedBrake(Effect):
     law = "window mixture"
     says = "speed brakes (or as much drag) are out within a band of altitude"
 
+    def plausible(self, theta: Tensor) -> bool:
+        """A window has a height, and is not the whole descent."""
+        return float(theta[2] - theta[1]) >= 10.0 and 0.0 < float(theta[0]) < self.parameters[0].high - 1e-6
+
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation within the window, on the share that flies it."""
         within = state.share_between(theta[1] * FL_M, theta[2] * FL_M)

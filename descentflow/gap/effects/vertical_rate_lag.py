@@ -1,21 +1,37 @@
 """Vertical rate reported late: smoothing in the transponder's sources."""
 
+import torch
 from torch import Tensor
 
 from descentflow.gap.effects.base import Effect, Parameter, Shift
 from descentflow.gap.physics import FlightState
 
+EDGE_M = 300.0
+"""Depth below the top over which a late rate catches up with the descent that it missed the beginning of."""
+
 
 class VerticalRateLag(Effect):
-    """The rate reported is that of some seconds ago, when the aircraft was higher."""
+    """The rate reported is that of some seconds ago: of a greater height, and of level flight just below the top.
+
+    Smoothing, which makes it late, makes it less noisy too.
+    """
 
     name = "vertical_rate_lag"
-    parameters = (Parameter("lag_s", -10.0, 60.0, "s", 2.0),)
+    parameters = (
+        Parameter("lag_s", -10.0, 60.0, "s", 2.0),
+        Parameter("missed_at_top", -0.5, 1.0, "1", 0.05),
+        Parameter("ln_ratio_noise", -3.0, 0.0, "1", 0.1, -0.01),
+    )
     needs = ("vertical_rate",)
     sensor = True
     says = "vertical rates are reported late"
 
+    def plausible(self, theta: Tensor) -> bool:
+        """What makes a rate late need not damp its noise."""
+        return self.parameters[0].low < float(theta[0]) < self.parameters[0].high
+
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Reported rate, also against the altitude differenced over time."""
         late = theta[0] * state.schedule_log_rate.exp() * state.schedule_slope_per_m
-        return {"rate": late, "lag": late}
+        late = late - theta[1] * torch.exp(-state.depth_m / EDGE_M)
+        return {"rate": late, "lag": late, "noise_rate": theta[2] * torch.ones_like(late[:, 0])}

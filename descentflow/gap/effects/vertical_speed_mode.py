@@ -6,6 +6,9 @@ from torch import Tensor
 from descentflow.gap.effects.base import Effect, Parameter, Shift
 from descentflow.gap.physics import FlightState
 
+LEAST_CUT_OUT = 0.01
+"""Share of the levels that are gone where rates are held on purpose."""
+
 
 class VerticalSpeedMode(Effect):
     """A rate is held for a while; cleaning cuts the clearest stretches out and leaves gaps, the rest stays."""
@@ -19,6 +22,10 @@ class VerticalSpeedMode(Effect):
     )
     law = "window mixture"
     says = "a constant vertical rate is selected instead of an idle descent"
+
+    def plausible(self, theta: Tensor) -> bool:
+        """A held rate leaves gaps where cleaning finds it; without gaps it is something else."""
+        return float(theta[0]) > LEAST_CUT_OUT
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Gaps in the levels and time lost in them; where a rate is held, a shallow one in place of the idle rate."""

@@ -10,9 +10,10 @@ from withheld_toys import perfect_report
 
 from descentflow.errors import DataError
 from descentflow.models.checkpoint import load_model
+from descentflow.withheld.closing import closing
 from descentflow.withheld.page import write_page
 from descentflow.withheld.plan import Plan, SetPlan, SimulatorPlan
-from descentflow.withheld.run import diagnose_all, generate
+from descentflow.withheld.run import diagnose_all, generate, package_diagnosis
 from descentflow.withheld.score import score
 from descentflow.withheld.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json
 from descentflow.world.causes import CATALOGUED
@@ -124,3 +125,15 @@ def test_the_package_finds_what_is_hidden(folder: Path, tmp_path: Path) -> None:
     by_name = {(s["cause"], s["parameter"]): s["estimate"] for s in scored["sizes"]["estimates"]}
     assert by_name["temperature", "deviation_k"] == pytest.approx(10, abs=1)
     assert by_name["airspeed_bias", "growth_kt"] == pytest.approx(2.5, abs=0.5)
+
+
+def test_a_corrected_simulator_comes_closer_to_the_flights(folder: Path, tmp_path: Path) -> None:
+    rows = folder / "sets" / "blind_0001.parquet"
+    simulator = folder / "simulators" / "simulator_000.ckpt"
+    report = package_diagnosis(rows, simulator, None, tmp_path)
+    assert report["verdict"] == "effect"
+    corrected = tmp_path / "corrected.ckpt"
+    whole = closing(rows, simulator, corrected, corrected)
+    assert whole["after"] < whole["before"]
+    assert whole["of_true"] == 1
+    assert closing(rows, simulator, simulator, corrected)["of_true"] == 0

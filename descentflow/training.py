@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import torch
+from lightning.pytorch import Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
@@ -15,6 +16,7 @@ from descentflow.callbacks.scores import ScoreCallback
 from descentflow.data.datamodule import DescentDataModule
 from descentflow.densities.checkpoint import SECTION, read_checkpoint
 from descentflow.errors import CheckpointError, ConfigError
+from descentflow.files import whole_file
 from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 from descentflow.threads import one_thread_unless_told
 
@@ -86,6 +88,33 @@ def run(command: str, rest: Sequence[str]) -> None:
         parser_kwargs={"prog": "descentflow"},
         args=[command, *words],
     )
+
+
+def fit(model: LatentModel, data: DescentDataModule, checkpoint: Path, max_epochs: int) -> None:
+    """Fit a model from Python, without logs or progress bars, and write its checkpoint, whole or not at all.
+
+    Args:
+        model: What to fit.
+        data: Descents.
+        checkpoint: File to write.
+        max_epochs: Epochs at most.
+
+    Example:
+        >>> fit(Gaussian(), DescentDataModule(Path("a320.parquet")), Path("a320.ckpt"), max_epochs=1)
+    """
+    _quiet()
+    trainer = Trainer(
+        max_epochs=max_epochs,
+        accelerator="cpu",
+        logger=False,
+        enable_progress_bar=False,
+        enable_checkpointing=False,
+        enable_model_summary=False,
+        num_sanity_val_steps=0,
+    )
+    trainer.fit(model, datamodule=data)
+    with whole_file(checkpoint) as temporary:
+        trainer.save_checkpoint(temporary)
 
 
 def _with_accelerator(words: list[str]) -> list[str]:

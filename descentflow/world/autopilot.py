@@ -16,11 +16,12 @@ from descentflow.performance.constants import G0_MPS2
 from descentflow.performance.forces import max_climb_thrust_n
 from descentflow.units import FPM_MPS
 from descentflow.world.motion import Controls, Motion, Plant
+from descentflow.world.planted import Planted
 
-CRUISE, IDLE, LEVEL, MANAGED, BOTTOM, DONE = range(6)
+CRUISE, IDLE, LEVEL, MANAGED, BOTTOM, DONE, HOLD = range(7)
 """Modes of the autopilot."""
-TRANSIENT_LABEL, IDLE_LABEL, LEVEL_LABEL, MANAGED_LABEL = range(4)
-LABELS = ("transient", "idle", "level_off", "constant_rate")
+TRANSIENT_LABEL, IDLE_LABEL, LEVEL_LABEL, MANAGED_LABEL, PATH_LABEL = range(5)
+LABELS = ("transient", "idle", "level_off", "constant_rate", "constant_path")
 """Names of the labels of truth rows."""
 
 FREQUENCY_RAD_S = 0.12
@@ -103,7 +104,8 @@ def decide(plant: Plant, state: Motion, pilot: Pilot, time_s: float, period_s: f
     drag, idle = plant.drag_n(state), plant.idle_n(state)
     limit = max_climb_thrust_n(plant.aircraft, state.altitude_m, state.tas_mps, p.deviation_k) - idle
     hold = drag - idle + p.mass_kg * (G0_MPS2 * torch.sin(pilot.gamma) - error / SPEED_LAG_S)
-    wanted = torch.where(pilot.mode == IDLE, 0.0, hold.clamp(min=0.0).minimum(limit.clamp(min=0.0)))
+    idling = 0.0 if p.planted is None else _kept_n(p.planted, pilot, drag - idle)
+    wanted = torch.where(pilot.mode == IDLE, idling, hold.clamp(min=0.0).minimum(limit.clamp(min=0.0)))
     change = wanted - pilot.extra_n
     extra_rate = change * torch.where(change > 0, _lag(SPOOL_UP_S, period_s), _lag(SPOOL_DOWN_S, period_s))
     controls = Controls(pilot.gamma, gamma_rate, pilot.extra_n, extra_rate)
@@ -122,20 +124,31 @@ def _lag(constant_s: float, period_s: float) -> float:
     return -math.expm1(-period_s / constant_s) / period_s
 
 
-def labels(pilot: Pilot, drag_n: Tensor) -> Tensor:
+def _kept_n(planted: Planted, pilot: Pilot, needed_n: Tensor) -> Tensor:
+    """Thrust above idle that is kept up after the top of descent, not after a level-off or a held rate."""
+    first = ~pilot.level_done & ~pilot.managed_done
+    return torch.where(first, planted.kept_share * needed_n * torch.exp(-pilot.age_s / planted.kept_s), 0.0)
+
+
+def labels(pilot: Pilot, drag_n: Tensor, planted: Planted | None = None) -> Tensor:
     """What the flights are doing, as codes of :data:`LABELS`."""
     settled = (pilot.mode == IDLE) & (pilot.age_s >= SETTLED_S) & (pilot.extra_n < 0.01 * drag_n)
     level = (pilot.mode == LEVEL) & (pilot.held_s > 0)
     managed = (pilot.mode == MANAGED) & (pilot.age_s >= SETTLED_S / 2)
     label = torch.where(settled, IDLE_LABEL, TRANSIENT_LABEL)
-    return torch.where(level, LEVEL_LABEL, torch.where(managed, MANAGED_LABEL, label))
+    label = torch.where(level, LEVEL_LABEL, torch.where(managed, MANAGED_LABEL, label))
+    if planted is None:
+        return label
+    held = (pilot.mode == HOLD) & (pilot.age_s >= SETTLED_S / 2)
+    kind = torch.where(planted.hold_angle.isnan(), MANAGED_LABEL, PATH_LABEL)
+    return torch.where(held, kind, label)
 
 
 def _select_mode(plant: Plant, state: Motion, pilot: Pilot, rate: Tensor, period_s: float) -> Pilot:
     """Pass from mode to mode; comparisons with the NaN of a missing event are false."""
     p, mode = plant.parameters, pilot.mode
     flare = -CAPTURE_S * rate
-    descends = (mode == IDLE) | (mode == MANAGED)
+    descends = (mode == IDLE) | (mode == MANAGED) | (mode == HOLD)
     at_level = descends & ~pilot.level_done & (state.altitude_m - p.level_off_m <= flare)
     at_bottom = descends & (state.altitude_m - p.bottom_m <= flare)
     at_managed = (mode == IDLE) & ~pilot.managed_done & (state.altitude_m <= p.managed_m) & (pilot.age_s >= SETTLED_S)
@@ -144,7 +157,12 @@ def _select_mode(plant: Plant, state: Motion, pilot: Pilot, rate: Tensor, period
     resumes |= (mode == LEVEL) & (pilot.held_s >= p.level_off_s)
     resumes |= (mode == MANAGED) & (pilot.age_s >= p.managed_s)
     ends = (mode == BOTTOM) & (pilot.held_s >= BOTTOM_S)
-    chosen = torch.where(resumes, IDLE, mode)
+    chosen = mode
+    if p.planted is not None:
+        resumes |= (mode == HOLD) & (state.altitude_m <= p.planted.hold_low_m)
+        holds = (state.altitude_m <= p.planted.hold_high_m) & (state.altitude_m > p.planted.hold_low_m)
+        chosen = torch.where((mode == IDLE) & (pilot.age_s >= SETTLED_S) & holds, HOLD, chosen)
+    chosen = torch.where(resumes, IDLE, chosen)
     chosen = torch.where(at_managed, MANAGED, chosen)
     chosen = torch.where(at_level, LEVEL, chosen)
     chosen = torch.where(at_bottom, BOTTOM, chosen)
@@ -174,7 +192,12 @@ def _gamma_rate(plant: Plant, state: Motion, pilot: Pilot, error: Tensor, fracti
     captures = (pilot.mode == LEVEL) | (pilot.mode == BOTTOM)
     wanted = torch.where(captures, (target - state.altitude_m) / CAPTURE_S, 0.0)
     wanted = torch.where(pilot.mode == MANAGED, pilot.rate_mps, wanted)
-    angle = torch.asin((wanted / (state.tas_mps * fraction)).clamp(-0.3, 0.05))
+    sine = wanted / (state.tas_mps * fraction)
+    if p.planted is not None:
+        by_angle = torch.tan(p.planted.hold_angle) * (1 + plant.wind_mps(state) / state.tas_mps)
+        by_rate = p.planted.hold_rate_mps / (state.tas_mps * fraction)
+        sine = torch.where(pilot.mode == HOLD, torch.where(by_angle.isnan(), by_rate, by_angle), sine)
+    angle = torch.asin(sine.clamp(-0.3, 0.05))
     by_path = (angle - pilot.gamma) / PATH_LAG_S
     turn = torch.where(pilot.mode == IDLE, by_speed, by_path).clamp(-GAMMA_RATE, GAMMA_RATE)
     return ((pilot.gamma + period_s * turn).clamp(STEEPEST, 0.02) - pilot.gamma) / period_s

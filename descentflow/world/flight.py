@@ -85,7 +85,7 @@ def _fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig) 
             break
         if tick % config.interval_s == 0:
             values = [*_measured(plant, state, gamma), gamma, drag, plant.idle_n(state) + extra]
-            values += [labels(pilot, drag).to(torch.int8), flying]
+            values += [labels(pilot, drag, plant.parameters.planted).to(torch.int8), flying]
             times.append(time_s)
             records.append([v[:n] for v in values])
         if time_s > LONGEST_S:

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from descentflow.performance.aircraft import Aircraft
+from descentflow.performance.airspeed import tas_to_mach
 from descentflow.performance.atmosphere import isa_fraction
 from descentflow.performance.constants import G0_MPS2
 from descentflow.performance.forces import descent_thrust_n, drag_n
@@ -61,9 +62,15 @@ class Plant:
         self.parameters = parameters
 
     def drag_n(self, state: Motion) -> Tensor:
-        """Drag in clean configuration."""
+        """Drag in clean configuration, and what planted brakes, compressibility and banks add."""
         p = self.parameters
-        return drag_n(self.aircraft, state.tas_mps, state.altitude_m, p.deviation_k, p.mass_kg)
+        where = state.tas_mps, state.altitude_m, p.deviation_k
+        if p.planted is None:
+            return drag_n(self.aircraft, *where, p.mass_kg)
+        gain = p.planted.drag_gain(state.altitude_m, tas_to_mach(*where))
+        load_factor = 1 / torch.cos(p.planted.bank(state.altitude_m))
+        braked = replace(self.aircraft, cd0_cr=self.aircraft.cd0_cr * gain)
+        return drag_n(braked, *where, p.mass_kg, load_factor=load_factor)
 
     def idle_n(self, state: Motion) -> Tensor:
         """Idle thrust."""

@@ -1,13 +1,17 @@
 """What a radar would report of flights: Mode S reports with jitter, losses, sensor noise and quantised fields."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from dataclasses import fields as dataclass_fields
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from descentflow.performance.constants import G0_MPS2
 from descentflow.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.world.config import WorldConfig
+from descentflow.world.planted import EDGE_M, REFERENCE_MACH, Planted
 from descentflow.world.truth import Flight
 
 Array = NDArray[np.float64]
@@ -30,7 +34,12 @@ _TRUTH = ("time_s", "altitude_m", "height_m", "cas_mps", "mach", "tas_mps", "gro
 
 
 def observe(
-    named: Sequence[Flight], truth: pl.DataFrame, seed: int, numbers: Sequence[int], config: WorldConfig
+    named: Sequence[Flight],
+    truth: pl.DataFrame,
+    seed: int,
+    numbers: Sequence[int],
+    config: WorldConfig,
+    planted: Planted | None = None,
 ) -> pl.DataFrame:
     """Report flights as Mode S does; a flight's reports depend on the seed and its own number only.
 
@@ -40,6 +49,7 @@ def observe(
         seed: Seed of the world.
         numbers: Numbers of the flights in the world.
         config: Interval, jitter, losses and noise.
+        planted: Instrument errors and turns of the flights, if any.
 
     Returns:
         Rows in the package's schema, sorted by flight and time.
@@ -51,8 +61,8 @@ def observe(
     columns = truth.select(_TRUTH).to_numpy()
     ends = np.cumsum(lengths)
     reports = [
-        _report(columns[end - length : end], np.random.default_rng((seed, number, _STREAM)), config)
-        for end, length, number in zip(ends, lengths, numbers, strict=True)
+        _report(columns[end - length : end], np.random.default_rng((seed, number, _STREAM)), config, about)
+        for end, length, number, about in zip(ends, lengths, numbers, _instruments(planted, len(named)), strict=True)
     ]
     kept = [len(r["time_s"]) for r in reports]
     fields = {name: np.concatenate([r[name] for r in reports]) for name in reports[0]}
@@ -67,7 +77,37 @@ def observe(
     return pl.DataFrame({"timestamp": stamps, **about, **fields})
 
 
-def _report(truth: Array, generator: np.random.Generator, config: WorldConfig) -> dict[str, Array]:
+@dataclass(frozen=True)
+class _Instrument:
+    """Planted errors of one flight's instruments, and its turn."""
+
+    cas_bias_mps: float = 0.0
+    cas_bias_slope_mps: float = 0.0
+    rate_lag_s: float = 0.0
+    noise_factor: float = 1.0
+    bank_rad: float = 0.0
+    turn_high_m: float = 0.0
+    turn_low_m: float = 0.0
+
+    def turned(self, time_s: Array, altitude_m: Array, tas_mps: Array) -> Array:
+        """Change of heading since the start, radians."""
+        edges = (self.turn_high_m - altitude_m) / EDGE_M, (altitude_m - self.turn_low_m) / EDGE_M
+        bank = self.bank_rad * np.clip(edges[0], 0, 1) * np.clip(edges[1], 0, 1)
+        turn = G0_MPS2 * np.tan(bank) / tas_mps
+        return np.concatenate([[0.0], np.cumsum(0.5 * (turn[1:] + turn[:-1]) * np.diff(time_s))])
+
+
+def _instruments(planted: Planted | None, n: int) -> list[_Instrument]:
+    """One a flight."""
+    if planted is None:
+        return [_Instrument()] * n
+    columns = [getattr(planted, field.name).tolist() for field in dataclass_fields(_Instrument)]
+    return [_Instrument(*values) for values in zip(*columns, strict=True)]
+
+
+def _report(
+    truth: Array, generator: np.random.Generator, config: WorldConfig, instrument: _Instrument
+) -> dict[str, Array]:
     """Report one flight; linear between truth rows, which are closer than any field changes."""
     due = truth[:, 0]
     n = len(due)
@@ -78,20 +118,27 @@ def _report(truth: Array, generator: np.random.Generator, config: WorldConfig) -
         begin = due[0] + gap_start * (due[-1] - due[0])
         length = config.gap_s[0] + gap_length * (config.gap_s[1] - config.gap_s[0])
         keep &= (time < begin) | (time > begin + length)
-    noise = generator.standard_normal((5, n))
+    noise = instrument.noise_factor * generator.standard_normal((5, n))
     track, latitude, longitude, distance = _place(generator)
     _, altitude, height, cas, mach, tas, groundspeed, rate = truth.T
-    rate_fpm = _smoothed(rate / FPM_MPS, due, config.rate_smoothing_s)
-    flown = np.concatenate([[0.0], np.cumsum(0.5 * (groundspeed[1:] + groundspeed[:-1]) * np.diff(due))])
+    rate_fpm = _smoothed(rate / FPM_MPS, due, config.rate_smoothing_s + instrument.rate_lag_s)
+    cas = cas + instrument.cas_bias_mps + instrument.cas_bias_slope_mps * (mach - REFERENCE_MACH)
     keep &= np.concatenate([[True], np.diff(time) > 0])
     time, noise = time[keep], noise[:, keep]
 
     def at(values: Array) -> Array:
         return np.interp(time, due, values)
 
-    north = (at(flown) - distance) * np.cos(track) / EARTH_RADIUS_M
-    east = (at(flown) - distance) * np.sin(track) / EARTH_RADIUS_M / np.cos(latitude)
-    bearing = np.full_like(time, np.degrees(track))
+    if instrument.bank_rad:
+        turned = instrument.turned(due, altitude, tas)
+        flown_north, flown_east = (at(_travelled(groundspeed * f(track + turned), due)) for f in (np.cos, np.sin))
+        bearing = np.degrees(track + at(turned)) % 360
+        north, east = (flown_north - distance * np.cos(track)), (flown_east - distance * np.sin(track))
+    else:
+        flown = at(_travelled(groundspeed, due))
+        bearing = np.full_like(time, np.degrees(track))
+        north, east = (flown - distance) * np.cos(track), (flown - distance) * np.sin(track)
+    north, east = north / EARTH_RADIUS_M, east / EARTH_RADIUS_M / np.cos(latitude)
     fields = {
         "altitude": at(altitude) / FT_M + config.altitude_noise_ft * noise[0],
         "vertical_rate": at(rate_fpm) + config.rate_noise_fpm * noise[1],
@@ -106,6 +153,11 @@ def _report(truth: Array, generator: np.random.Generator, config: WorldConfig) -
     counted = {name: np.rint(value / QUANTA[name]) * QUANTA[name] for name, value in fields.items()}
     place = {"latitude": np.degrees(latitude + north), "longitude": np.degrees(longitude + east)}
     return {"time_s": time, **counted, **place}
+
+
+def _travelled(speed_mps: Array, time_s: Array) -> Array:
+    """Distance since the start."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (speed_mps[1:] + speed_mps[:-1]) * np.diff(time_s))])
 
 
 def _place(generator: np.random.Generator) -> tuple[float, float, float, float]:

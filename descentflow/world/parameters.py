@@ -13,6 +13,7 @@ from descentflow.performance.aircraft import Aircraft
 from descentflow.performance.envelope import maximum_altitude_m
 from descentflow.units import FL_M, FT_M, KT_MPS
 from descentflow.world.config import Operator, WorldConfig, default_operators, largest_landing_mass_kg
+from descentflow.world.planted import Planted
 
 N_WAVES = 3
 """Sine waves that make up the pilot's slow wander."""
@@ -62,6 +63,10 @@ class FlightParameters:
     managed_s: Tensor
     managed_rate: Tensor
     """Rate held in units of the rate when selected."""
+    number: Tensor
+    """Number of the flight in its world, int64: what a plant draws from, so that a flight depends on nothing else."""
+    planted: Planted | None = None
+    """Effects beyond these parameters; None for none."""
 
     def __len__(self) -> int:
         """Number of flights."""
@@ -69,7 +74,8 @@ class FlightParameters:
 
     def rows(self, index: Tensor) -> "FlightParameters":
         """Return the flights of an index tensor."""
-        return FlightParameters(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+        own = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name != "planted"}
+        return FlightParameters(**own, planted=None if self.planted is None else self.planted.rows(index))
 
 
 def draw_parameters(
@@ -140,6 +146,7 @@ def _draw(aircraft: Aircraft, numbers: Sequence[int], seed: int, config: WorldCo
         managed_m=torch.where(has_managed, managed, torch.nan),
         managed_s=_ranged(config.managed_s, own[:, 17]).round(),
         managed_rate=_ranged(config.managed_rate, own[:, 18]),
+        number=torch.tensor(numbers, dtype=torch.int64),
     )
 
 

@@ -100,9 +100,12 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
             "managed_fl": (parameters.managed_m / FL_M).numpy(),
         }
     )
-    already = {"operator", "cas_mps", "top_m", "bottom_m", "level_off_m", "managed_m"}
+    already = {"operator", "cas_mps", "top_m", "bottom_m", "level_off_m", "managed_m", "number", "planted"}
     plain = [f.name for f in fields(parameters) if f.name not in already and not f.name.startswith("wander")]
     more = [pl.Series(name, getattr(parameters, name).numpy()) for name in plain]
+    if parameters.planted is not None:
+        planted = parameters.planted
+        more += [pl.Series(f"planted_{f.name}", getattr(planted, f.name).numpy()) for f in fields(planted)]
     return table.with_columns(more).with_columns(pl.col("level_off_fl", "managed_fl").fill_nan(None))
 
 

@@ -92,5 +92,5 @@ def _chunk(
     prefixes = [operators[i].name for i in parameters.operator.tolist()]
     named = name_flights(aircraft.typecode, numbers, seed, config.flights_per_aircraft, prefixes)
     truth = truth_table(named, fly(aircraft, parameters, config))
-    rows = observe(named, truth, seed, numbers, config)
+    rows = observe(named, truth, seed, numbers, config, parameters.planted)
     return World(rows, flights_table(named, parameters, operators), truth)

@@ -1,0 +1,85 @@
+"""What planted effects do in flight and to the instruments, flight by flight; neutral values change nothing."""
+
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+
+EDGE_M = 90.0
+"""Height over which brakes run out or a bank is rolled in: some 8 s of descent."""
+REFERENCE_MACH = 0.6
+"""Mach number at which the position error of IAS is its constant part."""
+
+
+@dataclass(frozen=True)
+class Planted:
+    """Effects beyond the parameters that every flight has; all float64 of shape (n,).
+
+    Example:
+        >>> replace(neutral(3), rate_lag_s=torch.full((3,), 12.0, dtype=torch.float64)).rate_lag_s
+        tensor([12., 12., 12.], dtype=torch.float64)
+    """
+
+    brake_gain: Tensor
+    """Share by which brakes raise CD0 between two pressure altitudes; 0 for none."""
+    brake_high_m: Tensor
+    brake_low_m: Tensor
+    wave_gain: Tensor
+    """Share by which compressibility raises CD0 at ``wave_mach``; it grows with the square beyond ``wave_onset``."""
+    wave_onset: Tensor
+    wave_mach: Tensor
+    kept_share: Tensor
+    """Share of drag less idle thrust that thrust keeps at the top of descent..."""
+    kept_s: Tensor
+    """...and the time in which that decays."""
+    bank_rad: Tensor
+    """Bank of a turn between two pressure altitudes."""
+    turn_high_m: Tensor
+    turn_low_m: Tensor
+    hold_high_m: Tensor
+    """Pressure altitudes between which a path or a vertical rate is held; NaN for none."""
+    hold_low_m: Tensor
+    hold_angle: Tensor
+    """Geometric path angle held, radians, negative; NaN where a rate is held."""
+    hold_rate_mps: Tensor
+    """Rate of pressure altitude held; NaN where an angle is held."""
+    cas_bias_mps: Tensor
+    """Reported less true CAS at :data:`REFERENCE_MACH`..."""
+    cas_bias_slope_mps: Tensor
+    """...and its growth for one Mach."""
+    rate_lag_s: Tensor
+    """Added to the time constant of the transponder's smoothing of vertical rate."""
+    noise_factor: Tensor
+    """Of the standard deviations of all reported fields."""
+
+    def rows(self, index: Tensor) -> "Planted":
+        """Return the flights of an index tensor."""
+        return Planted(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+
+    def drag_gain(self, altitude_m: Tensor, mach: Tensor) -> Tensor:
+        """Factor of CD0 at an altitude and a Mach number."""
+        brakes = self.brake_gain * inside(altitude_m, self.brake_low_m, self.brake_high_m)
+        beyond = (mach - self.wave_onset).clamp(min=0.0) / (self.wave_mach - self.wave_onset)
+        return 1 + brakes + self.wave_gain * beyond * beyond
+
+    def bank(self, altitude_m: Tensor) -> Tensor:
+        """Bank at an altitude, radians."""
+        return self.bank_rad * inside(altitude_m, self.turn_low_m, self.turn_high_m)
+
+
+def inside(altitude_m: Tensor, low_m: Tensor, high_m: Tensor) -> Tensor:
+    """One between two altitudes, zero outside, and linear over :data:`EDGE_M` at both ends."""
+    return (((high_m - altitude_m) / EDGE_M).clamp(0.0, 1.0)) * (((altitude_m - low_m) / EDGE_M).clamp(0.0, 1.0))
+
+
+def neutral(n: int) -> Planted:
+    """Nothing planted on n flights.
+
+    Example:
+        >>> float(neutral(1).noise_factor)
+        1.0
+    """
+    zero, missing = torch.zeros(n, dtype=torch.float64), torch.full((n,), torch.nan, dtype=torch.float64)
+    values = {f.name: zero for f in fields(Planted)}
+    values |= dict.fromkeys(("hold_high_m", "hold_low_m", "hold_angle", "hold_rate_mps"), missing)
+    return Planted(**values | {"wave_mach": zero + 1, "kept_s": zero + 1, "noise_factor": zero + 1})

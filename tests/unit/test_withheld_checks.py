@@ -1,0 +1,107 @@
+"""The checks of real data, on flights whose air is known."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from descentflow.errors import DataError
+from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.surveillance.prepare import prepare
+from descentflow.withheld.hypsometry import gravity_mps2, hypsometric_deviation, speed_deviation, weighted_mean
+from descentflow.withheld.real import filled
+from descentflow.withheld.winds import tailwind_gradient, wind_profile
+from descentflow.world.config import WorldConfig
+from descentflow.world.world import World, simulate
+
+
+@pytest.fixture(scope="module")
+def windy() -> World:
+    config = WorldConfig(
+        deviation_mean_k=15.0,
+        deviation_spread_k=2.0,
+        wind_slope_mean_per_s=0.002,
+        low_top_share=0.0,
+        step_s=2.0,
+        interval_s=2,
+    )
+    return simulate(open_aircraft("A320"), 15, 3, config)
+
+
+@pytest.fixture(scope="module")
+def descents(windy: World, tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
+    path = Path(tmp_path_factory.mktemp("rows")) / "rows.parquet"
+    windy.rows.write_parquet(path)
+    return prepare([path])[0].frame
+
+
+def test_heights_and_speeds_give_the_temperature_that_was_flown(windy: World, descents: pl.DataFrame) -> None:
+    truth = dict(windy.flights.select("flight_id", "deviation_k").iter_rows())
+    by_height, by_speed = hypsometric_deviation(descents), speed_deviation(descents)
+    for found, tolerance in ((by_height, 0.6), (by_speed, 0.6)):
+        errors = [k - truth[name] for name, k in found.by_flight.select("flight_id", "deviation_k").iter_rows()]
+        assert len(errors) == 15
+        assert np.abs(errors).max() < tolerance
+        assert found.mean_k == pytest.approx(np.mean(list(truth.values())), abs=0.5)
+        assert 0.1 < found.error_k < 2
+
+
+def test_a_height_held_over_does_not_turn_the_line(descents: pl.DataFrame) -> None:
+    one = descents.filter(flight_id=descents["flight_id"][0])
+    stale = one.with_columns(
+        pl.when(pl.col("level_fl").is_between(200, 215))
+        .then(pl.lit(23_000.0))
+        .otherwise("geoaltitude")
+        .alias("geoaltitude")
+    )
+    assert hypsometric_deviation(stale).mean_k == pytest.approx(hypsometric_deviation(one).mean_k, abs=0.5)
+
+
+def test_gravity_is_that_of_the_place() -> None:
+    # Normal gravity at the equator, 45 degrees and the pole (GRS80), and 3.1 mm/s^2 less a kilometre up.
+    np.testing.assert_allclose(
+        gravity_mps2(np.array([0.0, 45.0, 90.0]), np.zeros(3)), [9.780327, 9.806199, 9.832186], atol=2e-6
+    )
+    assert gravity_mps2(np.zeros(1), np.array([1000.0]))[0] == pytest.approx(9.780327 - 0.00307, abs=1e-4)
+
+
+def test_the_wind_of_others_gives_the_gradient_along_a_track(windy: World, descents: pl.DataFrame) -> None:
+    # All winds of this world are tailwinds: rows of one track give the profile that this track flies in.
+    track = windy.rows["track"][0]
+    same = windy.rows.filter((pl.col("track") - track).abs() < 1)
+    profile = wind_profile(same, declination_deg=0.0)
+    found = tailwind_gradient(descents.filter((pl.col("track") - track).abs() < 1), profile)
+    # A metre of geometric altitude is some 0.95 m of pressure altitude in air 15 K warmer.
+    assert found.mean_per_s == pytest.approx(0.002 * 1.06, rel=0.06)
+
+
+def test_what_is_missing_is_said(descents: pl.DataFrame) -> None:
+    with pytest.raises(DataError, match="without geometric altitude"):
+        hypsometric_deviation(descents.drop("geoaltitude"))
+    with pytest.raises(DataError, match="spans 3,000 ft"):
+        hypsometric_deviation(descents.filter(pl.col("level_fl") < 160))
+    with pytest.raises(DataError, match="layers with a wind"):
+        wind_profile(
+            pl.DataFrame(
+                schema=dict.fromkeys(("altitude", "TAS", "groundspeed", "track", "heading"), pl.Float64)
+                | {"icao24": pl.String}
+            ),
+            0.0,
+        )
+    assert weighted_mean(np.array([3.0]), np.array([1.0]))[1] == float("inf")
+
+
+def test_gaps_between_registers_are_filled_and_long_ones_left() -> None:
+    stamps = pl.Series([0, 5, 10, 15, 60]).cast(pl.Int64) * 1_000_000
+    rows = pl.DataFrame(
+        {
+            "icao24": ["a", "a", "a", "a", "a"],
+            "timestamp": stamps.cast(pl.Datetime("us", "UTC")),
+            "TAS": [200.0, None, 210.0, None, 230.0],
+            "track": [350.0, None, 10.0, None, 20.0],
+        }
+    )
+    done = filled(rows, ["TAS", "track"])
+    assert done["TAS"].to_list() == [200.0, 205.0, 210.0, None, 230.0]
+    assert done["track"].to_list() == [350.0, 0.0, 10.0, None, 20.0]

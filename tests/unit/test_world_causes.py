@@ -1,0 +1,243 @@
+"""Every cause that a world can plant, against plain formulas, sensors against their definitions."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+import pytest
+from polars.testing import assert_frame_equal
+
+from descentflow.errors import ConfigError
+from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.world.causes import CATALOGUED, CAUSES, OUTSIDE, Planting
+from descentflow.world.config import WorldConfig
+from descentflow.world.world import World, simulate
+
+A320 = open_aircraft("A320")
+N, SEED = 40, 5
+G, R_AIR, T0, LAPSE, P0 = 9.80665, 287.05287, 288.15, -0.0065, 101325.0
+EXACT = {"jitter_s": 0.0, "dropout_share": 0.0, "gap_share": 0.0, "altitude_noise_ft": 0.0}
+EXACT |= {"rate_noise_fpm": 0.0, "cas_noise_kt": 0.0, "mach_noise": 0.0, "tas_noise_kt": 0.0}
+QUIET = WorldConfig(wander_kt=0.0, level_off_share=0.0, managed_share=0.0, low_top_share=0.0, **EXACT)
+QUIET = replace(QUIET, top_range=(0.9, 0.95), mass_range=(0.75, 0.88), bottom_fl=140.0, step_s=2.0, interval_s=2)
+
+
+def fly(**causes: dict[str, float]) -> World:
+    return simulate(A320, N, SEED, QUIET, plant=Planting(A320, causes, SEED) if causes else None)
+
+
+@pytest.fixture(scope="module")
+def plain() -> World:
+    return fly()
+
+
+def at_level(world: World, level_fl: float, column: str = "rate_mps") -> np.ndarray:
+    """A truth column of every flight at a pressure altitude in settled idle descent, NaN elsewhere."""
+    found = []
+    for flight in world.truth.partition_by("flight_id", maintain_order=True):
+        idle = flight.filter(pl.col("label").is_in(["idle", "constant_path"])).sort("altitude_m")
+        altitude = idle["altitude_m"].to_numpy()
+        wanted = level_fl * FL_M
+        inside = len(altitude) and altitude[0] < wanted < altitude[-1] - 900
+        found.append(np.interp(wanted, altitude, idle[column].to_numpy()) if inside else np.nan)
+    return np.array(found)
+
+
+def change(plain: World, planted: World, level_fl: float, column: str = "rate_mps") -> np.ndarray:
+    """Relative change of a truth column, flight by flight, of those above (or below) their crossover in both."""
+    before, after = at_level(plain, level_fl, column), at_level(planted, level_fl, column)
+    return after / before - 1
+
+
+def by_hand(plain: World, level_fl: float) -> dict[str, np.ndarray]:
+    """Forces, speeds and energy share of the plain flights at a level, from the manual's formulas."""
+    mach, tas = at_level(plain, level_fl, "mach"), at_level(plain, level_fl, "tas_mps")
+    altitude = level_fl * FL_M
+    temperature = T0 + LAPSE * altitude
+    pressure = P0 * (temperature / T0) ** (-G / LAPSE / R_AIR)
+    parasitic = 0.5 * pressure / R_AIR / temperature * tas**2 * A320.wing_area_m2 * A320.cd0_cr
+    parasitic = parasitic * plain.flights["cd0_factor"].to_numpy()
+    drag, thrust = at_level(plain, level_fl, "drag_n"), at_level(plain, level_fl, "thrust_n")
+    y = 1 + 0.2 * mach**2
+    lapse = 1.4 * R_AIR * LAPSE / 2 / G * mach**2
+    # Constant CAS below the crossover (some FL290), constant Mach above.
+    share = lapse + (y**-2.5 * (y**3.5 - 1) if level_fl < 250 else 0.0)
+    return {"tas": tas, "mach": mach, "d0": parasitic, "di": drag - parasitic, "thrust": thrust, "g": share} | {
+        "x": drag - thrust,
+        "t": np.full(N, temperature),
+        "lapse": lapse,
+    }
+
+
+def expected(name: str, h: dict[str, np.ndarray]) -> np.ndarray:
+    """Relative change of the rate of descent by the total-energy equation."""
+    if name == "temperature":  # dHp/dt = -tau X V / (m g (1 + G)), V as sqrt(T), the lapse's share as tau
+        tau = h["t"] / (h["t"] + 10)
+        return tau * (1 / tau) ** 0.5 * (1 + h["g"]) / (1 + h["g"] + h["lapse"] * (tau - 1)) - 1
+    if name == "wind_gradient":
+        return (1 + h["g"]) / (1 + h["g"] + h["tas"] / G * 2 * KT_MPS / (1000 * FT_M)) - 1
+    if name == "mass":
+        return (h["d0"] + 0.81 * h["di"] - h["thrust"]) / h["x"] / 0.9 - 1
+    if name == "idle_thrust":
+        return -0.8 * h["thrust"] / h["x"]
+    if name == "drag_polar":
+        return 0.1 * h["d0"] / h["x"]
+    raise KeyError(name)
+
+
+ONE = {
+    "temperature": {"mean_k": 10.0, "spread_k": 0.0},
+    "wind_gradient": {"mean_kt_per_kft": 2.0, "spread_kt_per_kft": 0.0},
+    "mass": {"factor": 0.9},
+    "idle_thrust": {"factor": 1.8},
+    "drag_polar": {"factor": 1.1},
+}
+
+
+@pytest.mark.parametrize("name", ONE)
+def test_rate_changes_as_the_energy_equation_says(name: str, plain: World) -> None:
+    """Flown in time and worked out by hand: the middle flight agrees within 0.05 % of the rate.
+
+    A few flights are still in the transient of their crossover, and so the middle one counts and not the mean.
+    """
+    planted = fly(**{name: ONE[name]})
+    for level in (330, 200):
+        rates = change(plain, planted, level)
+        h = by_hand(plain, level)
+        # Above the crossover by a margin, so that both flights hold Mach there (or both hold CAS).
+        cas = h["mach"] < 0.995 * plain.flights["mach"].to_numpy()
+        seen = np.isfinite(rates) & (cas if level < 250 else ~cas)
+        assert seen.sum() > 20
+        want = expected(name, h)[seen]
+        assert np.median(rates[seen] - want) == pytest.approx(0, abs=5e-4), level
+
+
+def test_the_notes_table_of_sensitivities_is_met(plain: World) -> None:
+    """Where the table does not depend on the aircraft: -2.5 % for 10 K, -8 % for 2 kt/1,000 ft at FL330."""
+    warm, windy = fly(temperature=ONE["temperature"]), fly(wind_gradient=ONE["wind_gradient"])
+    assert np.nanmedian(change(plain, warm, 330)) == pytest.approx(-0.025, abs=0.006)
+    assert np.nanmedian(change(plain, windy, 330)) == pytest.approx(-0.080, abs=0.012)
+    assert np.nanmedian(change(plain, warm, 160)) == pytest.approx(-0.020, abs=0.005)
+    assert np.nanmedian(change(plain, windy, 160)) == pytest.approx(-0.051, abs=0.008)
+
+
+def test_brakes_compressibility_and_banks_raise_the_drag_they_should(plain: World) -> None:
+    brake = fly(speed_brake={"factor": 1.6, "share": 0.5, "low_fl": 200.0, "high_fl": 240.0})
+    h = by_hand(plain, 220)
+    drag = change(plain, brake, 220, "drag_n")
+    braked = brake.flights["planted_brake_gain"].to_numpy() > 0
+    assert 0.3 < braked.mean() < 0.7
+    np.testing.assert_allclose(drag[braked], (0.6 * h["d0"] / (h["d0"] + h["di"]))[braked], rtol=0.05)
+    assert np.nanmax(np.abs(drag[~braked])) < 1e-6
+    assert np.nanmax(np.abs(change(plain, brake, 260, "drag_n"))) < 1e-9
+    wave = change(plain, fly(compressibility={"gain": 0.2}), 330, "drag_n")
+    h = by_hand(plain, 330)
+    rise = 0.2 * ((h["mach"] - (A320.des_mach - 0.06)) / 0.06).clip(0) ** 2 * h["d0"] / (h["d0"] + h["di"])
+    seen = np.isfinite(wave)
+    assert np.abs(wave - rise)[seen].max() < 0.01
+    turn = fly(turn={"bank_deg": 30.0, "share": 1.0, "depth_fl": 40.0})
+    high = turn.flights["planted_turn_high_m"].to_numpy() / FL_M
+    one = int(np.flatnonzero((high > 215) & (high < 235))[0])
+    h = by_hand(plain, 200)
+    rise = h["di"] / (h["d0"] + h["di"]) * (1 / math.cos(math.radians(30)) ** 2 - 1)
+    assert change(plain, turn, 200, "drag_n")[one] == pytest.approx(rise[one], rel=0.05)
+    rows = turn.rows.partition_by("flight_id", maintain_order=True)[one]
+    inside = rows.filter(pl.col("altitude").is_between(100 * high[one] - 3000, 100 * high[one] - 1000))
+    seconds = inside["timestamp"].dt.epoch("us").to_numpy() / 1e6
+    turned = np.unwrap(np.radians(inside["heading"].to_numpy()))
+    by_bank = G * math.tan(math.radians(30)) / (inside["TAS"].to_numpy().mean() * KT_MPS)
+    assert abs(np.polyfit(seconds, turned, 1)[0]) == pytest.approx(by_bank, rel=0.03)
+
+
+def test_thrust_kept_up_decays_from_the_top(plain: World) -> None:
+    truth = fly(kept_thrust={"share": 0.4, "decay_s": 150.0}).truth
+    # Extra thrust by the plain flights' idle thrust at the same altitude, from 60 s to 400 s after the descent begins.
+    for name in truth["flight_id"].unique(maintain_order=True).to_list()[:10]:
+        flight, idle = truth.filter(flight_id=name), plain.truth.filter(flight_id=name, label="idle").sort("altitude_m")
+        cruise = plain.flights.filter(flight_id=name)["cruise_s"].item()
+        seen = flight.filter(pl.col("time_s").is_between(cruise + 60, cruise + 400))
+        seen = seen.filter(pl.col("altitude_m") < idle["altitude_m"].max())
+        thrust = np.interp(seen["altitude_m"], idle["altitude_m"], idle["thrust_n"])
+        share = (seen["thrust_n"] - thrust) / (seen["drag_n"] - thrust)
+        want = 0.4 * np.exp(-(seen["time_s"] - cruise) / 150)
+        assert np.abs(share.to_numpy() - want.to_numpy()).max() < 0.03
+
+
+def test_a_geometric_path_is_straight_and_a_held_rate_constant() -> None:
+    path = fly(geometric_path={"share": 1.0, "of_idle": 0.9}).truth.filter(label="constant_path")
+    slope = pl.col("rate_mps") / (pl.col("tas_mps") * pl.col("gamma").cos())
+    by_flight = path.group_by("flight_id").agg(
+        slope.std().alias("spread"), slope.mean().alias("slope"), (pl.col("cas_mps") / KT_MPS).max().alias("cas")
+    )
+    assert len(by_flight) == N
+    assert by_flight["spread"].max() < 2e-4
+    tenths = np.degrees(np.arctan(by_flight["slope"].to_numpy())) * 10
+    assert np.abs(tenths - np.round(tenths)).max() < 0.05
+    assert path["thrust_n"].min() > 0
+    values = {"share": 1.0, "of_idle": 0.9, "depth_fl": 80.0}
+    held = fly(vertical_speed_mode=values).truth.filter(label="constant_rate")
+    rate = held.group_by("flight_id").agg(pl.col("rate_mps").median() / FPM_MPS, pl.len())
+    assert len(rate) > 0.9 * N
+    assert np.abs(rate["rate_mps"] / 100 - (rate["rate_mps"] / 100).round()).max() < 0.05
+    assert rate["len"].median() > 30  # 4 s apart: more than two minutes
+
+
+def test_level_offs_and_speeds_are_those_asked_for(plain: World) -> None:
+    truth = fly(level_off={"share": 0.6, "duration_s": 90.0}).truth.filter(label="level_off")
+    assert truth["flight_id"].n_unique() / N == pytest.approx(0.6, abs=0.15)
+    assert truth.group_by("flight_id").len()["len"].median() == pytest.approx(90 / 4, abs=2)
+    slow = fly(speed_schedule={"cas_kt": -20.0, "mach": -0.02})
+    fell = at_level(slow, 160, "cas_mps") - at_level(plain, 160, "cas_mps")
+    np.testing.assert_allclose(fell / KT_MPS, -20, atol=0.2)
+    high = at_level(slow, 340, "mach") - at_level(plain, 340, "mach")
+    assert np.nanmedian(high) == pytest.approx(-0.02, abs=1e-3)
+
+
+def test_instruments_err_exactly_as_planted(plain: World) -> None:
+    biased = fly(airspeed_bias={"bias_kt": 2.0, "slope_kt_per_mach": 25.0})
+    assert_frame_equal(biased.truth, plain.truth)
+    assert_frame_equal(biased.rows.drop("IAS"), plain.rows.drop("IAS"))
+    error = biased.rows["IAS"].to_numpy() - plain.truth["cas_mps"].to_numpy() / KT_MPS
+    np.testing.assert_allclose(error, 2 + 25 * (plain.truth["mach"].to_numpy() - 0.6), atol=0.501)
+    late = fly(vertical_rate_lag={"lag_s": 12.0})
+    assert_frame_equal(late.rows.drop("vertical_rate"), plain.rows.drop("vertical_rate"))
+    rate = plain.truth.filter(flight_id=plain.truth["flight_id"][0])["rate_mps"].to_numpy() / FPM_MPS
+    keep, held = math.exp(-4 / (3 + 12)), [rate[0]]
+    for value in rate[1:]:
+        held.append(keep * held[-1] + (1 - keep) * value)
+    np.testing.assert_allclose(late.rows["vertical_rate"].to_numpy()[: len(held)], held, atol=16.001)
+    noisy, quiet = (
+        simulate(A320, 20, 0, WorldConfig(bottom_fl=220.0, low_top_share=0.0), plant=plant)
+        for plant in (Planting(A320, {"measurement_noise": {"factor": 3.0}}, 0), None)
+    )
+    assert_frame_equal(noisy.truth, quiet.truth)
+    spread = (noisy.rows["vertical_rate"] - quiet.rows["vertical_rate"]).std()
+    # Two of the three standard deviations of 40 ft/min are not common to both; each is rounded to 32 ft/min.
+    assert spread == pytest.approx((80**2 + 2 * 32**2 / 12) ** 0.5, rel=0.05)
+
+
+def test_a_flight_depends_on_its_seed_and_number_alone() -> None:
+    causes = {name: cause.values(np.random.default_rng(0), 1.0) for name, cause in CAUSES.items()}
+    together = {name: causes[name] for name in ("temperature", "speed_brake", "level_off", "turn")}
+    plant = Planting(A320, together, SEED)
+    config = WorldConfig(bottom_fl=240.0, low_top_share=0.0, step_s=2.0, interval_s=2)
+    whole = simulate(A320, 12, SEED, config, plant=plant)
+    parts = simulate(A320, 12, SEED, config, plant=plant, chunk=7)
+    assert_frame_equal(whole.rows, parts.rows)
+    assert_frame_equal(whole.flights, parts.flights)
+
+
+def test_every_cause_draws_the_values_that_it_plants() -> None:
+    assert len(CATALOGUED) == 13
+    assert len(OUTSIDE) == 3
+    for name, cause in CAUSES.items():
+        for size in (0.5, 1.0):
+            values = cause.values(np.random.default_rng(0), size)
+            assert set(values) == set(cause.units)
+            Planting(A320, {name: values}, 0)
+    with pytest.raises(ConfigError, match="to plant nonsense"):
+        Planting(A320, {"nonsense": {}}, 0)
+    with pytest.raises(ConfigError, match="mass with factor"):
+        Planting(A320, {"mass": {"percent": 3.0}}, 0)

@@ -5,6 +5,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import torch
 from lightning.pytorch import Trainer
@@ -90,7 +91,7 @@ def run(command: str, rest: Sequence[str]) -> None:
     )
 
 
-def fit(model: LatentModel, data: DescentDataModule, checkpoint: Path, max_epochs: int) -> None:
+def fit(model: LatentModel[Any], data: DescentDataModule, checkpoint: Path, max_epochs: int) -> None:
     """Fit a model from Python, without logs or progress bars, and write its checkpoint, whole or not at all.
 
     Args:

@@ -47,7 +47,6 @@ def do_diagnose(args: argparse.Namespace) -> None:
 
 def do_score(args: argparse.Namespace) -> None:
 
-
     plan, manifest, diagnoses = open_key(args.folder)
     scored = score(plan, manifest, diagnoses, closings(args.folder, diagnoses))
     write_json(args.folder / "score.json", scored)

@@ -6,8 +6,8 @@ from typing import Any, Final
 import torch
 from torch import Tensor
 
+from descentflow.densities.checkpoint import load_model
 from descentflow.metrics.descent_set import DescentSet
-from descentflow.models.checkpoint import load_model
 from descentflow.profiles.profiles import Profiles, profiles_from_frame
 from descentflow.sampling.rejection import sample_descents
 from descentflow.surveillance.prepare import Cleaning, prepare

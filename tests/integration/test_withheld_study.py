@@ -8,8 +8,8 @@ import polars as pl
 import pytest
 from withheld_toys import perfect_report
 
+from descentflow.densities.checkpoint import load_model
 from descentflow.errors import DataError
-from descentflow.models.checkpoint import load_model
 from descentflow.withheld.closing import closing
 from descentflow.withheld.page import write_page
 from descentflow.withheld.plan import Plan, SetPlan, SimulatorPlan

@@ -2,15 +2,14 @@
 
 import argparse
 import os
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO
 
 import polars as pl
+
+from benchmarks.timing import measured
 
 FLIGHTS = 1000
 FILE_ROWS = 2_500_000
@@ -46,7 +45,7 @@ def prepare(millions: Sequence[float], memory: str) -> None:
 
 def _world(folder: Path) -> pl.DataFrame:
     path = folder / "world.parquet"
-    _measured("simulate", "--flights", str(FLIGHTS), "--out", str(path))
+    measured("simulate", "--flights", str(FLIGHTS), "--out", str(path))
     return pl.read_parquet(path)
 
 
@@ -79,7 +78,7 @@ def make_rows(world: pl.DataFrame, folder: Path, number: int) -> int:
 def _curve_row(world: pl.DataFrame, folder: Path, number: int, memory: str) -> None:
     rows, out = folder / f"rows-{number}", folder / f"descents-{number}.parquet"
     size = make_rows(world, rows, number)
-    wall, cpu, peak = _measured("prepare", str(rows), "--out", str(out), "--memory", memory)
+    wall, cpu, peak = measured("prepare", str(rows), "--out", str(out), "--memory", memory)
     levels = pl.scan_parquet(out).select(pl.len()).collect().item()
     cells = (
         f"{number:,}",
@@ -96,24 +95,6 @@ def _curve_row(world: pl.DataFrame, folder: Path, number: int, memory: str) -> N
     print("".join(f"{cell:>14}" for cell in cells), flush=True)
     for path in (*rows.iterdir(), out):
         path.unlink()
-
-
-def _measured(*words: str) -> tuple[float, float, int]:
-    """Wall and CPU seconds, and peak resident bytes, of one command in a process of its own."""
-    start = time.perf_counter()
-    command = [sys.executable, "-m", "descentflow.cli", *words]
-    with tempfile.TemporaryFile() as said:
-        return _waited(subprocess.Popen(command, stdout=said, stderr=said), said, start)
-
-
-def _waited(run: "subprocess.Popen[bytes]", said: IO[bytes], start: float) -> tuple[float, float, int]:
-    _, status, usage = os.wait4(run.pid, 0)
-    wall = time.perf_counter() - start
-    run.returncode = os.waitstatus_to_exitcode(status)
-    if run.returncode:
-        said.seek(0)
-        raise SystemExit(f"{run.args} ended with {run.returncode}:\n{said.read().decode()}")
-    return wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
 
 
 def _peers(world: pl.DataFrame, folder: Path) -> None:

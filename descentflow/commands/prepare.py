@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 UNITS = ("", "k", "m", "g", "t")
 SHOWN_AT_RANDOM = 6
 """Flights of `--figures` besides those that each rule hit most."""
-LEAST_MEMORY = 500_000_000
-"""Of which the program itself takes more than half."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -121,13 +119,14 @@ def _check(args: argparse.Namespace) -> None:
     """Refuse what cannot work before anything is read."""
     from descentflow.errors import ConfigError
     from descentflow.files import check_output
+    from descentflow.surveillance.spill import LEAST_BYTES
 
     if not args.rows and not args.embedded:
         raise ConfigError("no rows", expected="files, folders or --embedded", mend="name what is to be prepared")
-    if args.memory < LEAST_MEMORY:
+    if args.memory < LEAST_BYTES:
         raise ConfigError(
             f"--memory of {args.memory / 1e6:,.0f} MB",
-            expected=f"{LEAST_MEMORY / 1e6:,.0f} MB or more; the program itself takes more than half of that",
+            expected=f"{LEAST_BYTES / 1e6:,.0f} MB or more; the program itself takes more than half of that",
             mend="allow more",
         )
     if args.workers is not None and args.workers < 1:

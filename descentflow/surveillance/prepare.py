@@ -84,7 +84,7 @@ def prepare(
     files = files_of(paths)
     say("reading rows")
     intake = take_in(files, format, Spill(Path(), 2**62))
-    outcome = _in_memory(intake, request, say)
+    outcome = _in_memory(intake, request, os.cpu_count() or 1, say)
     metadata = _metadata(request.facts(files), intake.report, outcome.levels)
     return Descents(outcome.levels, metadata), intake.report
 
@@ -152,7 +152,7 @@ def _run(
     say("reading rows")
     intake = _read(request, files, folder, memory, engine, say)
     if intake.buckets is None:
-        outcome = _in_memory(intake, request, say)
+        outcome = _in_memory(intake, request, engine.workers, say)
         parts, report = store.Parts.of([outcome.levels.lazy()]), intake.report
         fates = [] if outcome.fates is None else [outcome.fates]
     else:
@@ -242,12 +242,12 @@ def _plan(intake: Intake, folder: Path, size: int, memory: Memory) -> list[tuple
     return [(tuple(folder / name for name in part["files"]), part["bytes"]) for part in json.loads(path.read_text())]
 
 
-def _in_memory(intake: Intake, request: Request, say: Say) -> Outcome:
+def _in_memory(intake: Intake, request: Request, threads: int, say: Say) -> Outcome:
     """Clean rows that fit in memory, and complete the report."""
     say("telling flights apart")
     rows = pl.concat(intake.held, how="diagonal")
     intake.held.clear()
-    outcome = clean(rows, request.work(intake), threads=os.cpu_count() or 1, say=say)
+    outcome = clean(rows, request.work(intake), threads=threads, say=say)
     _account(request, intake.report, [(outcome.report, outcome.present)])
     if outcome.levels.is_empty():
         raise _nothing_left(request.cleaning, intake.report)

@@ -10,8 +10,10 @@ from descentflow.errors import DataError
 
 BUCKETS = 64
 """Buckets that rows are spread over by their address; one that is too large is spread again."""
-PROGRAM_BYTES = 300_000_000
+PROGRAM_BYTES = 350_000_000
 """What the program and its libraries take before any row."""
+LEAST_BYTES = 600_000_000
+"""Least bound that can be kept; below it, it is that of the rows alone."""
 WORK_FACTOR = 4
 """Bytes at work for each byte of rows while they are put into order and cleaned (measured: 2.6)."""
 WRITTEN_AT = 3
@@ -27,7 +29,7 @@ class Memory:
     """How much may be held at once, from a bound on the whole process.
 
     Example:
-        >>> Memory(2_300_000_000).rows_bytes
+        >>> Memory(2_350_000_000).rows_bytes
         500000000
     """
 
@@ -36,7 +38,7 @@ class Memory:
     @property
     def rows_bytes(self) -> int:
         """Rows held and cleaned at once."""
-        beside = PROGRAM_BYTES if self.total_bytes > 2 * PROGRAM_BYTES else 0
+        beside = PROGRAM_BYTES if self.total_bytes >= LEAST_BYTES else 0
         return max((self.total_bytes - beside) // WORK_FACTOR, 1)
 
     @property

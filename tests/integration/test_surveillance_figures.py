@@ -18,7 +18,7 @@ from descentflow.surveillance.prepare import Request, prepare_to
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     at = pl.int_range(pl.len())
-    rows = fleet(9).with_columns(
+    rows = fleet(6).with_columns(
         altitude=pl.when(at % 397 == 50).then(pl.col("altitude") + 4000).otherwise("altitude"),
         Mach=pl.when(at % 101 == 7).then(pl.col("Mach") * 0.8).otherwise("Mach"),
     )

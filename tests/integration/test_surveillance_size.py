@@ -158,7 +158,7 @@ def test_an_aircraft_that_does_not_fit_is_named(tmp_path: Path) -> None:
 
 def test_buckets_that_are_too_large_are_spread_again_in_the_order_of_the_input(tmp_path: Path) -> None:
     rows = pl.concat(
-        pl.DataFrame({"icao24": [f"{aircraft:06x}" for aircraft in range(640)], "block": [block] * 640})
+        pl.DataFrame({"icao24": [f"{aircraft:06x}" for aircraft in range(320)], "block": [block] * 320})
         for block in range(4)
     )
     spilled = spill.Spill(tmp_path / "rows", 40_000, always=True)

@@ -18,10 +18,10 @@ from descentflow.data.datamodule import DescentDataModule
 from descentflow.densities.checkpoint import SECTION, read_checkpoint
 from descentflow.errors import CheckpointError, ConfigError
 from descentflow.files import whole_file
-from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
+from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 from descentflow.threads import one_thread_unless_told
 
-MODELS = (Gaussian, GaussianMixture, MaskedAffineFlow)
+MODELS = (Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow)
 """Imported so that `--model NAME` finds them by their short names."""
 
 UNNAMED = "default"

@@ -7,7 +7,7 @@ the command line. Everything is written under runs/NAME/version_N: checkpoints/b
 config.yaml and TensorBoard's events (tensorboard --logdir runs).
 
 what to train
-  --model NAME                   Gaussian, GaussianMixture or MaskedAffineFlow
+  --model NAME                   Gaussian, GaussianMixture, MaskedAffineFlow or SplineFlow
   --config FILE                  configs/model/gaussian.yaml, gmm.yaml, gmm_svi.yaml, flow.yaml (good settings for
                                  each), or configs/experiment/quickstart.yaml (complete)
 on what

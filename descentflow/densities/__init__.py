@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from descentflow.densities.base import Density
-    from descentflow.densities.flow import MaskedAffineFlowDensity
+    from descentflow.densities.flow import MaskedAffineFlowDensity, SplineFlowDensity
     from descentflow.densities.gaussian import GaussianDensity
     from descentflow.densities.gmm import GaussianMixtureDensity
 
-__all__ = ["Density", "GaussianDensity", "GaussianMixtureDensity", "MaskedAffineFlowDensity"]
+__all__ = ["Density", "GaussianDensity", "GaussianMixtureDensity", "MaskedAffineFlowDensity", "SplineFlowDensity"]
 
 MODULES = {
     "Density": "base",
     "GaussianDensity": "gaussian",
     "GaussianMixtureDensity": "gmm",
     "MaskedAffineFlowDensity": "flow",
+    "SplineFlowDensity": "flow",
 }
 
 

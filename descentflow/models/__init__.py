@@ -8,13 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from descentflow.models.base import LatentModel
-    from descentflow.models.flow import MaskedAffineFlow
+    from descentflow.models.flow import MaskedAffineFlow, SplineFlow
     from descentflow.models.gaussian import Gaussian
     from descentflow.models.gmm import GaussianMixture
 
-__all__ = ["Gaussian", "GaussianMixture", "LatentModel", "MaskedAffineFlow"]
+__all__ = ["Gaussian", "GaussianMixture", "LatentModel", "MaskedAffineFlow", "SplineFlow"]
 
-MODULES = {"Gaussian": "gaussian", "GaussianMixture": "gmm", "LatentModel": "base", "MaskedAffineFlow": "flow"}
+MODULES = {
+    "Gaussian": "gaussian",
+    "GaussianMixture": "gmm",
+    "LatentModel": "base",
+    "MaskedAffineFlow": "flow",
+    "SplineFlow": "flow",
+}
 
 
 def __getattr__(name: str) -> Any:

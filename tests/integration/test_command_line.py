@@ -39,7 +39,12 @@ def run(tmp_path_factory: pytest.TempPathFactory, descents: Path) -> Path:
 
 @pytest.mark.parametrize(
     ("model", "epochs", "kind"),
-    [("gmm", 5, "GaussianMixture"), ("gmm_svi", 2, "GaussianMixture"), ("flow", 3, "MaskedAffineFlow")],
+    [
+        ("gmm", 5, "GaussianMixture"),
+        ("gmm_svi", 2, "GaussianMixture"),
+        ("flow", 3, "MaskedAffineFlow"),
+        ("spline", 2, "SplineFlow"),
+    ],
 )
 def test_each_shipped_model_fits_and_its_checkpoint_samples(
     model: str, epochs: int, kind: str, tmp_path: Path, descents: Path

@@ -12,7 +12,7 @@ from lightning.pytorch import Trainer
 from descentflow.densities import GaussianDensity
 from descentflow.densities.checkpoint import content_of, load_model, load_representation, read_checkpoint
 from descentflow.errors import CheckpointError, ConfigError
-from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
+from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 from descentflow.sampling.rejection import sample_descents
 
 DIMENSION = 4
@@ -22,6 +22,7 @@ MODELS = {
     "mixture_by_bic": (GaussianMixture, {}, 3),
     "svi": (GaussianMixture, {"n_clusters": 2, "training": "svi"}, 2),
     "flow": (MaskedAffineFlow, {"n_flows": 2}, 2),
+    "spline": (SplineFlow, {"n_flows": 2}, 2),
 }
 
 

@@ -20,7 +20,7 @@ from descentflow.densities.em import (
     quadratic_features,
     start,
 )
-from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
+from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 DIMENSION = 5
 
@@ -174,11 +174,12 @@ def trained(name: str) -> LatentModel:
     train = banana(600, 0)
     module = toys.WeightsModule(train, train[:100])
     models = {"gaussian": (Gaussian(), 1), "mixture": (GaussianMixture(3), 5), "flow": (MaskedAffineFlow(), 5)}
+    models["spline"] = (SplineFlow(), 5)
     model, epochs = models[name]
     return toys.fit(model, module, epochs)
 
 
-@pytest.mark.parametrize("name", ["gaussian", "mixture", "flow"])
+@pytest.mark.parametrize("name", ["gaussian", "mixture", "flow", "spline"])
 def test_sampling_repeats_bit_for_bit_and_leaves_the_global_generator_alone(name: str) -> None:
     model = trained(name)
     torch.manual_seed(5)
@@ -191,7 +192,7 @@ def test_sampling_repeats_bit_for_bit_and_leaves_the_global_generator_alone(name
     assert first.dtype == torch.float64
 
 
-@pytest.mark.parametrize("name", ["gaussian", "mixture", "flow"])
+@pytest.mark.parametrize("name", ["gaussian", "mixture", "flow", "spline"])
 def test_samples_follow_the_log_density(name: str) -> None:
     """Importance weights of samples against a broad normal integrate the density to one (error of the mean known)."""
     model = trained(name)
@@ -228,9 +229,10 @@ def test_marginal_goodness_of_fit(name: str) -> None:
     assert stats.kstest(samples, cdf).pvalue > 1e-4
 
 
-def test_flow_log_determinant_is_the_jacobians() -> None:
+@pytest.mark.parametrize("name", ["flow", "spline"])
+def test_flow_log_determinant_is_the_jacobians(name: str) -> None:
     """normflows' log-determinant against autograd, flow by flow in float64."""
-    model = trained("flow").double()
+    model = trained(name).double()
     weights = banana(4, 7)
     for flow in model.density.flow.flows:
         for row in weights:
@@ -239,9 +241,20 @@ def test_flow_log_determinant_is_the_jacobians() -> None:
             assert float(log_det.detach()) == pytest.approx(float(torch.linalg.slogdet(jacobian).logabsdet), abs=1e-9)
 
 
-def test_flow_inverts_itself() -> None:
-    model = trained("flow").double()
+@pytest.mark.parametrize("name", ["flow", "spline"])
+def test_flow_inverts_itself(name: str) -> None:
+    model = trained(name).double()
     weights = banana(64, 7)
     with torch.no_grad():
         back = model.density.flow.forward(model.density.flow.inverse(weights))
     torch.testing.assert_close(back, weights, rtol=1e-8, atol=1e-8)
+
+
+def test_splines_find_clusters_that_affine_flows_bridge() -> None:
+    """Two far clusters: the density between them is that of neither, to a tenth of the mass."""
+    x = normal(2000, DIMENSION, seed=4) * 0.25
+    x[:, 0] += 2 * torch.sign(normal(2000, seed=5))
+    module = toys.WeightsModule(x[:1600], x[1600:], batch_size=256)
+    model = toys.fit(SplineFlow(), module, 25)
+    between = model.sample(4000, seed=0)[:, 0].abs() < 1
+    assert float(between.double().mean()) < 0.1

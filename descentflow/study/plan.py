@@ -23,7 +23,12 @@ PAPER_FLIGHTS = {
     "BE20": 257,
 }
 """Flights of each type (paper, table 1): 116,066 in all."""
-MODELS = {"gaussian": "Gaussian", "gmm": "Gaussian mixture", "flow": "Masked affine flow"}
+MODELS = {
+    "gaussian": "Gaussian",
+    "gmm": "Gaussian mixture",
+    "flow": "Masked affine flow",
+    "spline": "Neural spline flow",
+}
 """Config of `configs/model/` -> name in tables."""
 
 

@@ -66,7 +66,9 @@ def table(scores: pl.DataFrame, quantity: str, published: pl.DataFrame | None = 
     joined = wide.join(shared, on=keys, how="left")
     if published is not None:
         theirs = published.filter(pl.col("quantity") == quantity).select(
-            "typecode", "statistic", *(pl.col(m).alias(f"paper_{m}") for m in (*MODELS, "bada"))
+            "typecode",
+            "statistic",
+            *(pl.col(m).alias(f"paper_{m}") for m in (*MODELS, "bada") if m in published.columns),
         )
         joined = joined.join(theirs, on=["typecode", "statistic"], how="left")
     return joined

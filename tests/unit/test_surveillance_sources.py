@@ -354,6 +354,9 @@ def test_tracks_and_plots_of_asterix(tmp_path: Path) -> None:
     assert found["groundspeed"].to_list() == pytest.approx([399.95] * len(FLIGHT), abs=0.01)
     assert found["track"].to_list() == [90.0] * len(FLIGHT)
     assert found["latitude"].to_list() == pytest.approx([45.5] * len(FLIGHT), abs=1e-5)
+    expected = {"selected_altitude": 11_000, "wind_speed": 35, "wind_direction": 270, "temperature": 233.15}
+    for name, value in expected.items():
+        assert found[name].to_list() == pytest.approx([value] * len(FLIGHT))
     found, notes = rows_of(written_to(tmp_path / "plots_20240301.ast", plots))
     assert notes == {"ASTERIX blocks of other categories": len(FLIGHT)}
     typed = found.with_columns(typecode=pl.lit("A320"))

@@ -182,7 +182,7 @@ def kind_of_document(document: object, label: str) -> str:
         return "readsb-trace"
     if "aircraft" in keys or keys >= {"ac", "now"}:
         return "aircraft-json"
-    if keys >= {"timestamp", "frame"}:
+    if "timestamp" in keys and keys & {"frame", "df"}:
         return "jet1090"
     if scat.is_flight(known):
         return "scat"

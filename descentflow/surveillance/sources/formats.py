@@ -110,7 +110,7 @@ def recognised(source: Input, report: DropReport, name: str | None, rows: int) -
         return kind, chained
     if kind in OTHERS:
         return kind, OTHERS[kind](source, report, rows)
-    found = documents(source)
+    found = documents(source, report)
     first = next(found, None)
     kind = kind_of_document(first, source.label) if kind == "json" else kind
     return kind, JSON[kind](itertools.chain([first], found), source, report, rows)

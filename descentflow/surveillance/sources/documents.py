@@ -9,7 +9,6 @@ import orjson
 from descentflow.errors import DataError
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.streams import Input
-from descentflow.surveillance.sources.values import without_cycle_search
 
 
 def documents(source: Input, report: DropReport) -> Iterator[object]:
@@ -68,7 +67,7 @@ def parsed(text: bytes, label: str) -> object:
     Raises:
         DataError: If the text is none.
     """
-    with contextlib.suppress(orjson.JSONDecodeError), without_cycle_search():
+    with contextlib.suppress(orjson.JSONDecodeError):
         return orjson.loads(text)
     # What the faster parser does not take is read again by the one of the standard library: it knows NaN, infinity and
     # numbers of any length, and says what is wrong with the rest.

@@ -18,7 +18,6 @@ from descentflow.surveillance.sources import (
 )
 from descentflow.surveillance.sources.documents import documents
 from descentflow.surveillance.sources.streams import Input
-from descentflow.surveillance.sources.values import without_cycle_search
 
 FORMATS = {
     "parquet": "Parquet, as traffic, OpenSky and pandas write it",
@@ -58,8 +57,7 @@ MOST_POINTS = 50_000
 def put_together(parts: Sequence[Rows], report: DropReport) -> pl.DataFrame:
     """One table of many small ones of one kind."""
     traces = [part for part in parts if isinstance(part, readsb_trace.Trace)]
-    with without_cycle_search():
-        return readsb_trace.finished(traces, report) if traces else pl.concat(parts)  # type: ignore[type-var, return-value]
+    return readsb_trace.finished(traces, report) if traces else pl.concat(parts)  # type: ignore[type-var, return-value]
 
 
 def belongs(part: Rows, waiting: Sequence[Rows], rows: int) -> bool:

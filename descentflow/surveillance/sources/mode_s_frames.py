@@ -12,7 +12,7 @@ from descentflow.surveillance.normalise import timestamps
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources import mode_s
 from descentflow.surveillance.sources.streams import Input
-from descentflow.surveillance.sources.values import is_number, without_cycle_search
+from descentflow.surveillance.sources.values import is_number
 
 BATCH = 100_000
 """Messages that are brought together at a time."""
@@ -116,8 +116,7 @@ def decoded(frames: list[str], times: list[float], report: DropReport) -> list[d
     if not frames:
         return []
     # Digits have been looked at: the decoder would not survive others.
-    with without_cycle_search():
-        messages: list[Any] = decode(frames, times)
+    messages: list[Any] = decode(frames, times)
     report.note("Mode S frames that could not be decoded (parity or format)", len(frames) - len(messages))
     return messages
 

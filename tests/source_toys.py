@@ -168,11 +168,12 @@ def cat062(icao24: str, seconds: float, level_fl: float, ias: int, mach: float, 
     """A track of ASTERIX category 062 (EUROCONTROL-SPEC-0149-9, edition 1.18), item after item."""
     # 010 070 105 185 and more | 380 and more | 136 220
     presence = bytes([0b10011011, 0b00010001, 0b00100100])
-    # address, magnetic heading and more | barometric rate and more | more | IAS, Mach
-    derived = bytes([0b10100001, 0b00000101, 0b00000001, 0b00001100])
-    derived += bytes.fromhex(icao24) + _bytes(
-        (88.0 / (360 / 2**16), 2), (rate_fpm / 6.25, 2), (ias, 2), (mach / 0.008, 2)
-    )
+    # address, magnetic heading, selected altitude and more | barometric rate and more | weather and more | IAS, Mach
+    derived = bytes([0b10100101, 0b00000101, 0b00000101, 0b00001100])
+    derived += bytes.fromhex(icao24) + _bytes((88.0 * 65536 / 360, 2), (1 << 15 | 2 << 13 | 11_000 // 25, 2))
+    derived += _bytes((rate_fpm / 6.25, 2))
+    derived += bytes([0b11100000]) + _bytes((35, 2), (270, 2), (-40 / 0.25, 2), (0, 1))
+    derived += _bytes((ias, 2), (mach / 0.008, 2))
     degree = 2**25 / 180
     fixed = _bytes(
         (25, 1), (2, 1), (seconds * 128, 3), (45.5 * degree, 4), (8.25 * degree, 4), (205.75 / 0.25, 2), (0, 2)

@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> None:
     print(prepared.report)
     for typecode, top in prepared.metadata["top_fl"].items():
         print(f"{typecode}: {prepared.flights[typecode]:,} descents, a quarter of them from FL{top} or above")
-    print(f"wrote {args.out}")
+    print(f"wrote {args.out}" if prepared.written else f"{args.out} was there already, made of the same")
 
 
 def _check(args: argparse.Namespace) -> None:

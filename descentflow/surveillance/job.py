@@ -25,6 +25,11 @@ def fingerprint(facts: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(facts, sort_keys=True, default=str).encode()).hexdigest()
 
 
+def work_folder(out: Path) -> Path:
+    """Where the unfinished work for an output lies."""
+    return out.with_name(f"{out.name}.work")
+
+
 @contextmanager
 def job_folder(out: Path, facts: dict[str, Any]) -> Iterator[Path]:
     """A folder of work for an output, made or found again; removed when the work ends well or in a clear error.
@@ -38,7 +43,7 @@ def job_folder(out: Path, facts: dict[str, Any]) -> Iterator[Path]:
     Raises:
         ConfigError: If another run is at work on the same output, or left parts made of other inputs or settings.
     """
-    folder = out.with_name(f"{out.name}.work")
+    folder = work_folder(out)
     folder.mkdir(exist_ok=True)
     with (folder / LOCK).open("w") as lock:
         try:

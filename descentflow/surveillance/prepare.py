@@ -20,7 +20,7 @@ from descentflow.surveillance.engine import Engine, LocalEngine, Partition, clea
 from descentflow.surveillance.fates import some_flights
 from descentflow.surveillance.flights import check_left
 from descentflow.surveillance.intake import Group, Intake, groups_of, read_again, read_group, take_in
-from descentflow.surveillance.job import PARTS, ROWS, fingerprint, job_folder
+from descentflow.surveillance.job import PARTS, ROWS, fingerprint, job_folder, work_folder
 from descentflow.surveillance.readers import files_of
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.request import Request
@@ -42,12 +42,14 @@ class Prepared:
         report: Of everything dropped.
         flights: Descents of each type.
         fates: Rows of some flights and why they were dropped, if some are to be shown.
+        written: False if a store of the same inputs and settings was there already.
     """
 
     metadata: dict[str, Any]
     report: DropReport
     flights: dict[str, int]
     fates: pl.DataFrame | None = None
+    written: bool = True
 
 
 def prepare(
@@ -116,7 +118,9 @@ def prepare_to(
     """
     say = progress or (lambda _: None)
     engine = engine or LocalEngine(os.cpu_count() or 1)
-    files = files_of(request.paths)
+    # Of an output inside a folder of inputs, what an earlier run left is no input.
+    own = (out.resolve(), work_folder(out).resolve())
+    files = [path for path in files_of(request.paths) if not any(path.resolve().is_relative_to(one) for one in own)]
     say("hashing inputs")
     facts = request.facts(files)
     is_store = out.suffix != ".parquet"
@@ -308,4 +312,4 @@ def _finished(out: Path, facts: dict[str, Any]) -> Prepared | None:
             mend="delete it, or choose another --out",
         )
     flights = {file["typecode"]: file["flights_of_type"] for file in found["files"] if "flights_of_type" in file}
-    return Prepared(found, DropReport.from_dict(found["report"]), flights)
+    return Prepared(found, DropReport.from_dict(found["report"]), flights, written=False)

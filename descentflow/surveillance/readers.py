@@ -1,5 +1,6 @@
 """Read rows of every known kind of file, told apart by content, in blocks that fit in memory."""
 
+import gc
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -59,7 +60,7 @@ def row_blocks(
         raise ConfigError(f"blocks of {block_rows} rows", expected="1 or more", mend="pass another number")
     reading = _Reading(report, format, block_rows)
     empty = True
-    for block in _joined(reading.parts(paths), block_rows):
+    for block in _without_cycle_search(_joined(reading.parts(paths), block_rows)):
         empty = False
         yield block
     if empty:
@@ -166,6 +167,24 @@ class _Reading:
 def _unreadable(label: str, error: BaseException) -> DataError:
     reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
     return DataError(f"{label}: {reason}", expected="a whole, readable file", mend="copy it again")
+
+
+def _without_cycle_search(blocks: Iterator[pl.DataFrame]) -> Iterator[pl.DataFrame]:
+    """The same blocks; while one is made, Python does not look for cycles of references.
+
+    JSON makes many objects and no cycles among them, and the search would take as long as the reading.
+    """
+    while True:
+        before = gc.isenabled()
+        gc.disable()
+        try:
+            block = next(blocks, None)
+        finally:
+            if before:
+                gc.enable()
+        if block is None:
+            return
+        yield block
 
 
 def _joined(parts: Iterator[pl.DataFrame], rows: int) -> Iterator[pl.DataFrame]:

@@ -132,7 +132,7 @@ BYTES: dict[str, tuple[str, bytes, str]] = {
     "list of numbers": ("rows.json", b"[1, 2, 3]", "JSON of no known kind"),
     "deep JSON": ("rows.json", b"[" * 200_000, "nested too deeply"),
     "deep JSON line": ("rows.json", b'{"now": 1, "aircraft": []}\n' + b"[" * 200_000, "line 2"),
-    "broken JSON line": ("rows.json", b'{"now": 1, "aircraft": []}\n{"now": 2, "aircr', "line 2: not JSON"),
+    "broken JSON line": ("rows.json", b'{"now": 1, "aircraft": []}\n{"now": 2, "aircr\n', "line 2: not JSON"),
     "cut JSON": ("rows.json", b'{"now": 1, "aircraft": [', "line 1: not JSON"),
     "long number in JSON": ("rows.json", b'{"now": 1' + b"0" * 5000 + b', "aircraft": []}', "digits"),
     "false Parquet": ("rows.parquet", b"PAR1 and nothing more", "whole, readable file"),

@@ -128,6 +128,18 @@ def test_a_finished_store_is_left_alone_and_another_refused(inputs: list[Path], 
         prepare_to(tmp_path / "mine", Request(inputs))
 
 
+@pytest.mark.parametrize("out", ["s", "d.parquet"])
+def test_an_output_among_the_inputs_is_none_of_them(out: str, inputs: list[Path], tmp_path: Path) -> None:
+    for path in inputs:
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    first = prepare_to(tmp_path / out, Request([tmp_path]))
+    (tmp_path / f"{out}.work").mkdir()
+    (tmp_path / f"{out}.work" / "left.arrow").write_bytes(b"a killed run left this")
+    again = prepare_to(tmp_path / out, Request([tmp_path]))
+    assert again.metadata["inputs"] == first.metadata["inputs"]
+    assert again.written == (out == "d.parquet")
+
+
 def test_damaged_stores_are_refused(inputs: list[Path], tmp_path: Path) -> None:
     out = tmp_path / "s"
     prepare_to(out, Request(inputs))

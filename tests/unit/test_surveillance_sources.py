@@ -219,7 +219,7 @@ def test_trees_and_archives_of_traces(form: str, tmp_path: Path) -> None:
             part = archive[number * third : (number + 1) * third if number < 2 else None]
             written_to(tmp_path / f"v2024.03.01-planes-readsb-prod-0.tar.a{letter}", part)
     else:
-        written_to(tmp_path / "day.tar", gzip.compress(archive) if form == "tar.gz" else archive)
+        written_to(tmp_path / f"day.{form}", gzip.compress(archive) if form == "tar.gz" else archive)
     found, notes = rows_of(tmp_path)
     assert found["icao24"].unique().sort().to_list() == addresses
     assert len(found) == len(FLIGHT) * len(addresses)
@@ -229,10 +229,12 @@ def test_trees_and_archives_of_traces(form: str, tmp_path: Path) -> None:
 
 
 def test_parts_of_split_archives_are_found_and_missing_ones_named(tmp_path: Path) -> None:
-    names = ["b.csv", "x.tar.ab", "x.tar.aa", "y.tar.002", "y.tar.001"]
+    names = ["b.csv", "x.tar.ab", "x.tar.aa", "y.tar.002", "y.tar.001", "whole.tar.gz", "whole.tar.xz"]
     groups = dict(with_parts([tmp_path / name for name in names]))
     assert [path.name for path in groups[str(tmp_path / "x.tar")]] == ["x.tar.aa", "x.tar.ab"]
     assert [path.name for path in groups[str(tmp_path / "y.tar")]] == ["y.tar.001", "y.tar.002"]
+    assert [path.name for path in groups[str(tmp_path / "whole.tar.gz")]] == ["whole.tar.gz"]
+    assert len(groups) == 5
     for missing in (["x.tar.ab", "x.tar.ac"], ["x.tar.aa", "x.tar.ac"], ["x.tar.003"]):
         with pytest.raises(DataError, match="split archive"):
             with_parts([tmp_path / name for name in missing])
@@ -354,6 +356,9 @@ def test_tracks_and_plots_of_asterix(tmp_path: Path) -> None:
     assert found["groundspeed"].to_list() == pytest.approx([399.95] * len(FLIGHT), abs=0.01)
     assert found["track"].to_list() == [90.0] * len(FLIGHT)
     assert found["latitude"].to_list() == pytest.approx([45.5] * len(FLIGHT), abs=1e-5)
+    expected = {"selected_altitude": 11_000, "wind_speed": 35, "wind_direction": 270, "temperature": 233.15}
+    for name, value in expected.items():
+        assert found[name].to_list() == pytest.approx([value] * len(FLIGHT))
     found, notes = rows_of(written_to(tmp_path / "plots_20240301.ast", plots))
     assert notes == {"ASTERIX blocks of other categories": len(FLIGHT)}
     typed = found.with_columns(typecode=pl.lit("A320"))

@@ -20,7 +20,7 @@ COMPANION = re.compile(
     re.IGNORECASE,
 )
 """What lies beside rows in published archives and folders, by name; `trace_recent` repeats the end of `trace_full`."""
-PART = re.compile(r"(?P<whole>.+\.(?:tar|tgz|tar\.gz))\.(?P<number>[a-z]{2,3}|\d{2,3})$")
+PART = re.compile(r"(?P<whole>.+\.(?:tar|tgz|tar\.gz))\.(?!gz$|xz$|lz$|zst$|lzo$)(?P<number>[a-z]{2,3}|\d{2,3})$")
 
 
 def is_tar(head: bytes) -> bool:

@@ -44,7 +44,13 @@ COLUMNS = {
     "latitude": float,
     "longitude": float,
     "selected_altitude": float,
+    "geometric_rate": float,
+    "wind_direction": float,
+    "wind_speed": float,
+    "temperature": float,
 }
+WEATHER = {"wind_direction": "WD", "wind_speed": "WS", "temperature": "TMP"}
+"""Row column -> its name in I062/380/MET, the temperature in degrees Celsius."""
 
 Row = dict[str, Any]
 
@@ -144,8 +150,12 @@ def _of_track(items: Row) -> tuple[Row, float | None]:
         "roll": _of(aircraft, "RAN", "RAN"),
         "latitude": position.get("Lat"),
         "longitude": position.get("Lon"),
-        "selected_altitude": _of(aircraft, "SAL", "ALT"),
+        "selected_altitude": _of(aircraft, "SAL", "Alt"),
+        "geometric_rate": _of(aircraft, "GVR", "GVR"),
     }
+    # Wind and temperature have a bit each that says whether they are there.
+    weather = aircraft.get("MET", {})
+    row |= {name: weather.get(f"{field}_D") for name, field in WEATHER.items() if weather.get(field)}
     return row, _of(items, "I062/070", "ToT")
 
 
@@ -210,7 +220,7 @@ def _frame(waiting: list[Row], seconds: list[float | None]) -> pl.DataFrame:
     columns = {
         name: (texts if kind is str else numbers)([row.get(name) for row in waiting]) for name, kind in COLUMNS.items()
     }
-    return pl.DataFrame({"timestamp": numbers(seconds), **columns})
+    return pl.DataFrame({"timestamp": numbers(seconds), **columns}).with_columns(pl.col("temperature") + 273.15)
 
 
 def looks_so(head: bytes) -> bool:

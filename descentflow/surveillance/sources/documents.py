@@ -7,12 +7,14 @@ from collections.abc import Iterator
 import orjson
 
 from descentflow.errors import DataError
+from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.streams import Input
-from descentflow.surveillance.sources.values import without_cycle_search
 
 
-def documents(source: Input) -> Iterator[object]:
+def documents(source: Input, report: DropReport) -> Iterator[object]:
     """Documents of a file, read one at a time where they stand one a line.
+
+    A last line that ends before its end, as where a recording was stopped, is left out and counted.
 
     Raises:
         DataError: If a document is damaged, too large or nested too deeply, or the text is not UTF-8.
@@ -31,7 +33,14 @@ def documents(source: Input) -> Iterator[object]:
         return
     yield document
     for number, line in lines:
-        yield parsed(line, f"{source.label}, line {number}")
+        try:
+            document = parsed(line, f"{source.label}, line {number}")
+        except DataError as error:
+            if line.endswith(b"\n") or not isinstance(error.__cause__, json.JSONDecodeError):
+                raise
+            report.note("JSON lines cut at the end of a file", 1)
+            return
+        yield document
 
 
 TOO_DEEP = "JSON nested too deeply"
@@ -58,7 +67,7 @@ def parsed(text: bytes, label: str) -> object:
     Raises:
         DataError: If the text is none.
     """
-    with contextlib.suppress(orjson.JSONDecodeError), without_cycle_search():
+    with contextlib.suppress(orjson.JSONDecodeError):
         return orjson.loads(text)
     # What the faster parser does not take is read again by the one of the standard library: it knows NaN, infinity and
     # numbers of any length, and says what is wrong with the rest.

@@ -18,7 +18,6 @@ from descentflow.surveillance.sources import (
 )
 from descentflow.surveillance.sources.documents import documents
 from descentflow.surveillance.sources.streams import Input
-from descentflow.surveillance.sources.values import without_cycle_search
 
 FORMATS = {
     "parquet": "Parquet, as traffic, OpenSky and pandas write it",
@@ -58,8 +57,7 @@ MOST_POINTS = 50_000
 def put_together(parts: Sequence[Rows], report: DropReport) -> pl.DataFrame:
     """One table of many small ones of one kind."""
     traces = [part for part in parts if isinstance(part, readsb_trace.Trace)]
-    with without_cycle_search():
-        return readsb_trace.finished(traces, report) if traces else pl.concat(parts)  # type: ignore[type-var, return-value]
+    return readsb_trace.finished(traces, report) if traces else pl.concat(parts)  # type: ignore[type-var, return-value]
 
 
 def belongs(part: Rows, waiting: Sequence[Rows], rows: int) -> bool:
@@ -110,7 +108,7 @@ def recognised(source: Input, report: DropReport, name: str | None, rows: int) -
         return kind, chained
     if kind in OTHERS:
         return kind, OTHERS[kind](source, report, rows)
-    found = documents(source)
+    found = documents(source, report)
     first = next(found, None)
     kind = kind_of_document(first, source.label) if kind == "json" else kind
     return kind, JSON[kind](itertools.chain([first], found), source, report, rows)
@@ -182,7 +180,7 @@ def kind_of_document(document: object, label: str) -> str:
         return "readsb-trace"
     if "aircraft" in keys or keys >= {"ac", "now"}:
         return "aircraft-json"
-    if keys >= {"timestamp", "frame"}:
+    if "timestamp" in keys and keys & {"frame", "df"}:
         return "jet1090"
     if scat.is_flight(known):
         return "scat"

@@ -8,11 +8,11 @@ from typing import Any
 import polars as pl
 
 from descentflow.errors import DataError
-from descentflow.surveillance.normalise import timestamps
+from descentflow.surveillance.normalise import in_seconds, timestamps
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources import mode_s
 from descentflow.surveillance.sources.streams import Input
-from descentflow.surveillance.sources.values import is_number, without_cycle_search
+from descentflow.surveillance.sources.values import is_number
 
 BATCH = 100_000
 """Messages that are brought together at a time."""
@@ -115,9 +115,9 @@ def decoded(frames: list[str], times: list[float], report: DropReport) -> list[d
         ) from error
     if not frames:
         return []
-    # Digits have been looked at: the decoder would not survive others.
-    with without_cycle_search():
-        messages: list[Any] = decode(frames, times)
+    # The decoder pairs positions by time in seconds, and would not survive other digits than those looked at.
+    seconds = pl.DataFrame({"time": times}).select(in_seconds(pl.col("time"))).to_series().to_list()
+    messages: list[Any] = decode(frames, seconds)
     report.note("Mode S frames that could not be decoded (parity or format)", len(frames) - len(messages))
     return messages
 

@@ -1,28 +1,11 @@
 """Columns of values from JSON: numbers where they are numbers, missing where they are anything else."""
 
-import gc
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any
 
 import polars as pl
 
 Kinds = dict[str, pl.DataType]
-
-
-@contextmanager
-def without_cycle_search() -> Iterator[None]:
-    """Let Python not look for cycles of references in a block that makes many objects without any, as JSON does.
-
-    The search would take as long as the reading.
-    """
-    before = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if before:
-            gc.enable()
 
 
 def table(objects: Sequence[dict[str, Any]], kinds: Kinds) -> pl.DataFrame:

@@ -19,7 +19,7 @@ from descentflow.gap.effects import Effect
 from descentflow.gap.layout import Compared, compare
 from descentflow.gap.permutation import null_test
 from descentflow.gap.quantities import Quantities, checked, grid_of, measured
-from descentflow.gap.reference import reference_of
+from descentflow.gap.reference import both_sides
 from descentflow.gap.report import GapReport
 from descentflow.gap.selection import Chosen, select
 from descentflow.gap.stages import stages_of
@@ -32,6 +32,8 @@ from descentflow.surveillance.prepare import Cleaning
 from descentflow.units import FL_M
 
 FEWEST_FLIGHTS = 20
+ENOUGH = 100
+"""Flights of a simulator from which the spread between flights is learnt without the real ones."""
 SIGNIFICANT = 0.03
 """A gap is called from this p-value; it leaves room below five false alarms in a hundred."""
 
@@ -94,9 +96,8 @@ def run(
     low, high = simulator.levels(frame)
     say("measuring flights")
     grid = grid_of(frame, low, high, channels)
-    real = checked(measured(grid))
-    _check_count(real, frame, low, high)
-    reference, source = reference_of(simulator, grid, seed)
+    _check_count(checked(measured(grid)), frame, low, high)
+    reference, real, source = both_sides(simulator, grid, seed)
     if reference is not None:
         reference = _kept_channels(reference, real)
     compared = compare(reference, real, simulator.aircraft)
@@ -126,7 +127,7 @@ class Diagnosis:
         self.compared, self.catalogue, self.simulator = compared, catalogue, simulator
         self.source, self.seed, self.say = source, seed, say
         say("estimating the spread between flights")
-        weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget())
+        weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget(), learn=normal_flights(compared))
         self.contest = Contest(compared, weights, catalogue, seed)
         self.discrepancy, self.shapes = discrepancy_columns(compared)
         self.transition_fl = float(transition_altitude_m(simulator.aircraft)) / FL_M
@@ -149,8 +150,9 @@ class Diagnosis:
         fit = chosen.fit if verdict == "effect" else chosen.null
         self.say("measuring how far the gap shrinks")
         closure = Closure(self.contest, affected, self.seed)
-        gap = closure.gap(fit.shift)
-        causes = causes_of(self.contest, chosen, closure, self.say) if verdict == "effect" else []
+        lawful, spreads = self.contest.lawful_shift(fit)
+        gap = closure.gap(lawful)
+        causes = causes_of(self.contest, chosen, closure, lawful, spreads, self.say) if verdict == "effect" else []
         self.say("asking at which stage the simulator loses most")
         stages = stages_of(self.simulator, frame, self.seed)
         remaining = self._remaining(fit.shift, gap.after, gap.floor, chosen)
@@ -243,6 +245,16 @@ class Diagnosis:
             "curves": curves(contest, shift),
             "flights": dict(counts),
         }
+
+
+def normal_flights(compared: Compared) -> Tensor | None:
+    """Flights that the spread is learnt from: the simulator's where they are enough, else all.
+
+    An effect that takes some flights and leaves others would widen the spread in its own direction, and so hide itself.
+    """
+    known = ~compared.real
+    enough = int(known.sum()) >= max(ENOUGH, compared.y.shape[1])
+    return known if enough and bool(compared.free.all()) else None
 
 
 def curves(contest: Contest, shift: Tensor) -> dict[str, Any]:

@@ -79,7 +79,7 @@ def contest(compared: Compared, *, blind: bool = False) -> Contest:
         ("drag_polar", [0.12]),
         ("temperature", [8.0]),
         ("airspeed_bias", [2.0, 2.0]),
-        ("speed_brake", [0.3, 200, 240, 1]),
+        ("speed_brake", [0.3, 200, 240, 1, 0]),
     ],
 )
 def test_a_planted_shift_is_named_with_its_size(

@@ -167,25 +167,21 @@ def closure_figure(rows: Sequence[Scored]) -> Figure:
 
 
 def windows_figure(rows: Sequence[Scored]) -> Figure:
-    """Windows planted and found, set by set.
+    """Windows planted and named, and the levels where the rate differs most, set by set.
 
     Example:
         >>> windows_figure(scored["windows"])
     """
-    figure = Figure(figsize=(max(4.8, 0.35 * len(rows)), 4.2), layout="constrained")
+    figure = Figure(figsize=(max(4.8, 0.45 * len(rows)), 4.2), layout="constrained")
     ax = figure.subplots()
-    for k, row in enumerate(rows):
-        ax.plot(
-            [k - 0.12] * 2,
-            row["planted"],
-            color=BLACK,
-            linewidth=4,
-            solid_capstyle="butt",
-            label=None if k else "planted",
-        )
-        ax.plot(
-            [k + 0.12] * 2, row["found"], color=BLUE, linewidth=4, solid_capstyle="butt", label=None if k else "found"
-        )
+    shown = (("planted", BLACK, 4.0, -0.2), ("found", BLUE, 4.0, 0.0), ("cell", GREY, 1.5, 0.2))
+    names = {"planted": "planted", "found": "named", "cell": "where the rate differs most"}
+    for key, colour, width, shift in shown:
+        label: str | None = names[key]
+        for k, row in enumerate(rows):
+            if row[key] is not None:
+                ax.plot([k + shift] * 2, row[key], color=colour, linewidth=width, solid_capstyle="butt", label=label)
+                label = None
     ax.set_xlabel("set")
     ax.set_ylabel("flight level")
     ax.set_xticks([])

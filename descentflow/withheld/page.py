@@ -44,7 +44,7 @@ def page(scored: Mapping[str, Any]) -> str:
         ("Cause by cause", _by_cause(scored["by_cause"])),
         ("Sizes", _sizes(scored["sizes"])),
         ("How far the gap closes", _image(figures.closure_figure(scored["closure"]), "closures")),
-        ("Where windows were found", _image(figures.windows_figure(scored["windows"]), "windows")),
+        ("Where windows were found", _windows(scored["windows"])),
         ("Each effect withheld from the catalogue, and put back", _withheld(scored["withheld"])),
         ("Simulators refitted to the flights", _refit(scored["refit"])),
     ]
@@ -108,6 +108,17 @@ def _sizes(sizes: Mapping[str, Any]) -> str:
     text = f"<p>90 % intervals cover the planted size in {_share(sizes['coverage'])} of all estimates.</p>"
     head = ["effect", "parameter", "median error", "quartile range", "covered"]
     return text + _image(figures.sizes_figure(sizes["estimates"]), "estimated and planted sizes") + _table(head, cells)
+
+
+def _windows(rows: Sequence[Mapping[str, Any]]) -> str:
+    named = [row["overlap"] for row in rows if row["overlap"] is not None]
+    places = [row["cell_in"] for row in rows if row["cell_in"] is not None]
+    text = f"{len(named)} of {len(rows)} windows of speed brakes were named"
+    if named:
+        text += f"; they overlap the planted ones by {_percent(sum(named) / len(named))} of their union on average"
+    if places:
+        text += f"; {sum(places)} of {len(places)} times the rate differs most where the window is"
+    return f"<p>{text}.</p>" + _image(figures.windows_figure(rows), "windows")
 
 
 def _withheld(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -210,22 +210,30 @@ def closure_of(rival: Any) -> float | None:
 
 
 def _windows(blind: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """Windows found beside windows planted."""
+    """Windows planted beside the windows named and the levels where the rate was said to differ most."""
     rows = []
     for o in blind:
         truth = o.one.causes.get("speed_brake")
-        cause = next((c for c in o.report.get("causes", []) if c["effect"] == "speed_brake"), None)
-        if truth is None or cause is None:
+        if truth is None or len(o.one.causes) > 1:
             continue
-        low, high = (cause["parameters"][name]["estimate"] for name in ("low_fl", "high_fl"))
-        rows.append(
-            {
-                "job": o.job,
-                "planted": [truth["low_fl"], truth["high_fl"]],
-                "found": [low, high],
-                "overlap": overlap(truth["low_fl"], truth["high_fl"], low, high),
-            }
-        )
+        planted = truth["low_fl"], truth["high_fl"]
+        cause = next((c for c in o.report.get("causes", []) if c["effect"] == "speed_brake"), None)
+        named = None if cause is None else [cause["parameters"][end]["estimate"] for end in ("low_fl", "high_fl")]
+        cell = next((c for c in o.report.get("where", []) if c["quantity"] == "rate"), None)
+        place = None if cell is None else [cell["level_low_fl"], cell["level_high_fl"]]
+        row: dict[str, Any] = {
+            "job": o.job,
+            "planted": list(planted),
+            "found": named,
+            "cell": place,
+            "overlap": None,
+            "cell_in": None,
+        }
+        if named is not None:
+            row["overlap"] = overlap(*planted, *named)
+        if place is not None:
+            row["cell_in"] = overlap(*planted, *place) > 0
+        rows.append(row)
     return rows
 
 

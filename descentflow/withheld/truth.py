@@ -21,7 +21,7 @@ def _relative(values: Values) -> dict[str, float]:
 def _brake(values: Values) -> dict[str, float]:
     # A diagnosis reports the mean over all flights, those without brakes included.
     extra = values["share"] * (values["factor"] - 1)
-    return {"extra_cd0": extra, "low_fl": values["low_fl"], "high_fl": values["high_fl"]}
+    return {"extra_cd0": extra, **{name: values[name] for name in ("low_fl", "high_fl", "share")}}
 
 
 def _bias(values: Values) -> dict[str, float]:

@@ -10,10 +10,10 @@ import pytest
 import torch
 
 from descentflow.cli import main
+from descentflow.densities.checkpoint import load_model
 from descentflow.errors import ConfigError, DataError
 from descentflow.gap import EFFECTS, GapReport, diagnose
 from descentflow.gap.report import KEYS
-from descentflow.models.checkpoint import load_model
 from descentflow.sampling.rejection import sample_descents
 from descentflow.surveillance.descents import read_descents
 from descentflow.world.config import WorldConfig

@@ -2,9 +2,10 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import polars as pl
 from matplotlib.figure import Figure
 
 from descentflow.data.representation import Representation
@@ -15,6 +16,7 @@ from descentflow.figures.cuts import cuts_figure
 from descentflow.figures.distances import level_scores_figure
 from descentflow.figures.profiles import profiles_figure
 from descentflow.files import whole_file
+from descentflow.metrics.bootstrap import score_intervals
 from descentflow.metrics.descent_set import DescentSet
 from descentflow.metrics.scores import score
 from descentflow.metrics.table import ScoreTable
@@ -52,6 +54,12 @@ class Evaluation:
         levels, transition = self.real.levels_fl, self.representation.decoder.transition_fl
         inside = float(levels[0]) < transition < float(levels[-1])
         return transition if inside else float(levels[len(levels) // 2])
+
+    def intervals(self, n_resamples: int, seed: int = 0) -> pl.DataFrame:
+        """90 % intervals of the scores over held-out flights: columns ``quantity statistic low high``."""
+        transition_fl = self.representation.decoder.transition_fl
+        found = score_intervals(self.samples, self.real, transition_fl, seed, n_resamples)
+        return pl.DataFrame([asdict(one) for one in found]).fill_nan(None)
 
     def write(self, folder: Path) -> None:
         """Write `scores.csv`, `rejections.json` and the figures as PNG."""

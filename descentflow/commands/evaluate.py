@@ -17,6 +17,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder for scores.csv, rejections.json and figures")
     parser.add_argument("-n", "--number", type=int, default=10_000, help="samples (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of sampling and splits (default: 0)")
+    parser.add_argument(
+        "--resamples", type=int, help="also write intervals.csv: 90 %% bootstrap intervals of the scores over flights"
+    )
 
 
 def run(args: argparse.Namespace) -> None:
@@ -26,6 +29,7 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.data.datamodule import DescentDataModule
     from descentflow.densities.checkpoint import load_model
     from descentflow.evaluation import evaluate
+    from descentflow.files import whole_file
 
     model = load_model(args.checkpoint)
     data = DescentDataModule(args.real, checkpoint=args.checkpoint)
@@ -48,6 +52,9 @@ def run(args: argparse.Namespace) -> None:
             score_progress=lambda n: two.update(n) and None,
         )
     found.write(args.out)
+    if args.resamples is not None:
+        with whole_file(args.out / "intervals.csv") as temporary:
+            found.intervals(args.resamples, args.seed).write_csv(temporary)
     print(f"{len(real)} held-out flights ({seen} left out: the checkpoint was trained or validated on them)")
     print(found.rejections)
     print(found.scores)

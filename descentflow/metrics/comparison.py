@@ -46,7 +46,12 @@ def compare(
     same, floor = (
         _stack(side) for side in split_distances(samples, real, seed=seed, n_splits=n_splits, progress=progress)
     )
-    return Comparison(_stack(level_distances(*samples, *real)), same, floor, half_size(samples, real))
+    return Comparison(whole_distances(samples, real), same, floor, half_size(samples, real))
+
+
+def whole_distances(samples: Values, real: Values) -> Tensor:
+    """Statistics (3, K) of all samples against all flights, NaN at levels with too few values of a set."""
+    return _stack(level_distances(*samples, *real))
 
 
 def nominal_error(nominal: Values, real: Values) -> Tensor:

@@ -64,7 +64,7 @@ def score(
     _check(samples, real, nominal, transition_fl, n_splits)
     rows: list[Score] = []
     levels: list[LevelScores] = []
-    for quantity in _QUANTITIES:
+    for quantity in QUANTITIES:
         sampled, observed = quantity.of(samples), quantity.of(real)
         found = _Scored(
             quantity,
@@ -74,18 +74,15 @@ def score(
             compare(sampled, observed, seed, n_splits, progress),
             None if nominal is None else nominal_error(quantity.of(nominal), observed),
         )
+        parts = parts_of(quantity, real.levels_fl, transition_fl)
+        rows += [row for name, part in parts for row in found.rows(name, part)]
         if quantity.by_level:
-            above = real.levels_fl > transition_fl
-            parts = {"above": above, "below": ~above}
-            rows += [r for side, part in parts.items() for r in found.rows(f"{quantity.name}_{side}_transition", part)]
             levels += found.by_level()
-        else:
-            rows += found.rows(quantity.name, torch.ones(1, dtype=torch.bool, device=real.mask.device))
     return ScoreTable(tuple(rows), tuple(levels))
 
 
 @dataclass(frozen=True)
-class _Quantity:
+class Quantity:
     """What is compared: values and mask of a set, in field units."""
 
     name: str
@@ -98,18 +95,26 @@ def _times(descents: DescentSet) -> Values:
     return (descents.time_s[:, 0] - descents.time_s[:, -1])[:, None], descents.spans_grid()[:, None]
 
 
-_QUANTITIES = (
-    _Quantity("time_to_bottom_of_descent", "s", _times, by_level=False),
-    _Quantity("cas", "kt", lambda s: (s.cas_mps / KT_MPS, s.mask)),
-    _Quantity("rocd", "ft/min", lambda s: (s.rate_mps / FPM_MPS, s.mask)),
+QUANTITIES = (
+    Quantity("time_to_bottom_of_descent", "s", _times, by_level=False),
+    Quantity("cas", "kt", lambda s: (s.cas_mps / KT_MPS, s.mask)),
+    Quantity("rocd", "ft/min", lambda s: (s.rate_mps / FPM_MPS, s.mask)),
 )
+
+
+def parts_of(quantity: Quantity, levels_fl: Tensor, transition_fl: float) -> list[tuple[str, Tensor]]:
+    """Rows of the table that a quantity has: their names, and which of its levels (K,) each averages."""
+    if not quantity.by_level:
+        return [(quantity.name, torch.ones(1, dtype=torch.bool, device=levels_fl.device))]
+    above = levels_fl > transition_fl
+    return [(f"{quantity.name}_{side}_transition", part) for side, part in (("above", above), ("below", ~above))]
 
 
 @dataclass(frozen=True)
 class _Scored:
     """A quantity's comparison, from which rows of the table are averaged."""
 
-    quantity: _Quantity
+    quantity: Quantity
     levels_fl: Tensor
     samples: Values
     real: Values

@@ -26,7 +26,8 @@ INTRODUCTION = """
 Each model was fitted to the training flights of a type and sampled; initial levels are those of the held-out flights.
 <b>floor</b> is the distance between two halves of the held-out flights, <b>equal size</b> that of as many samples from
 such a half: a perfect generator has its equal-size distance at the floor, not at zero. Bold: within 5 % of the best
-model of the row. <b>nominal</b> is BADA's one descent with the coefficients used here; only its mean can be compared.
+model of the row; in brackets, 90 % intervals over held-out flights.
+<b>nominal</b> is BADA's one descent with the coefficients used here; only its mean can be compared.
 """
 PUBLISHED = """<p class="paper">Grey: the paper's published figures, from other flights and EUROCONTROL's coefficients.
 They are a yardstick of order of magnitude, not a target.</p>"""
@@ -86,7 +87,7 @@ def _table(frame: pl.DataFrame, models: tuple[str, ...]) -> str:
     for r in frame.iter_rows(named=True):
         best = (r["best"] or "").split()
         cells = [(r["typecode"], ""), (f"{STATISTICS[r['statistic']]} ({r['unit']})", "")]
-        cells += [(_number(r[m]), "best" if m in best else "") for m in models]
+        cells += [(_with_interval(r, m), "best" if m in best else "") for m in models]
         cells += [(_number(r[f"{m}_equal_size"]), "") for m in models]
         cells += [(_number(r["floor"]), ""), (_number(r["nominal"]), ""), *((_number(r[c]), "paper") for c in papers)]
         rows.append(cells)
@@ -121,6 +122,11 @@ def _rows(head: Iterable[str], rows: Iterable[Iterable[tuple[str, str]]]) -> str
         "<tr>" + "".join(f'<td class="{kind}">{html.escape(text)}</td>' for text, kind in row) + "</tr>" for row in rows
     )
     return f"<table><tr>{top}</tr>{body}</table>"
+
+
+def _with_interval(row: dict[str, float | None], model: str) -> str:
+    text, low, high = (_number(row[f"{model}{ending}"]) for ending in ("", "_low", "_high"))
+    return text if low == "-" else f"{text} [{low}, {high}]"
 
 
 def _number(value: float | None) -> str:

@@ -13,6 +13,8 @@ from descentflow.study.plan import StudyPlan
 
 BLOCK = 4_000
 """Flights simulated at a time: their rows and truth are some 300 MB."""
+RESAMPLES = 50
+"""Of the held-out flights, behind each score's interval."""
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "model"
 Say = Callable[[str], None]
 
@@ -42,7 +44,8 @@ def study_type(plan: StudyPlan, typecode: str, folder: Path, say: Say) -> None:
         if not (model / "done").exists():
             say(f"{typecode}: scoring {name}")
             words = ["evaluate", str(model / "model.ckpt"), "--real", str(descents), "--out", str(model)]
-            _command([*words, "-n", str(plan.n_samples), "--seed", str(plan.seed)], model / "scores.log")
+            words += ["-n", str(plan.n_samples), "--seed", str(plan.seed), "--resamples", str(RESAMPLES)]
+            _command(words, model / "scores.log")
             (model / "done").touch()
 
 

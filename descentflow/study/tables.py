@@ -15,6 +15,8 @@ QUANTITIES = {
 }
 """Quantity of the scores -> heading of the paper's table."""
 STATISTICS = {"ks": "KS distance", "wasserstein": "Wasserstein distance", "mae": "error of the mean"}
+_BY_MODEL = {"score": "", "equal_size": "_equal_size", "low": "_low", "high": "_high"}
+"""Column of the scores -> ending of the model's column in a table."""
 WITHIN = 1.05
 """The paper marks every model within 5 % of the best."""
 
@@ -23,7 +25,8 @@ def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
     """Scores of every type and model, one row a quantity and statistic.
 
     Returns:
-        Columns ``typecode model`` and those of :class:`descentflow.metrics.table.Score`.
+        Columns ``typecode model``, those of :class:`descentflow.metrics.table.Score`, and ``low high``, the ends of the
+        score's 90 % interval over held-out flights.
     """
     parts = []
     for typecode in plan.flights:
@@ -31,6 +34,9 @@ def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
             frame = pl.read_csv(folder / typecode / name / "scores.csv", infer_schema_length=None)
             numbers = ("score", "equal_size", "floor", "floor_high", "nominal", "worst_fl")
             frame = frame.with_columns(pl.col(c).cast(pl.Float64) for c in numbers)
+            intervals = pl.read_csv(folder / typecode / name / "intervals.csv", infer_schema_length=None)
+            ends = intervals.with_columns(pl.col("low", "high").cast(pl.Float64))
+            frame = frame.join(ends, on=["quantity", "statistic"], how="left")
             parts.append(frame.select(pl.lit(typecode).alias("typecode"), pl.lit(name).alias("model"), pl.all()))
     return pl.concat(parts, how="diagonal_relaxed")
 
@@ -44,8 +50,9 @@ def with_best(scores: pl.DataFrame) -> pl.DataFrame:
 def table(scores: pl.DataFrame, quantity: str, published: pl.DataFrame | None = None) -> pl.DataFrame:
     """One of the five tables: a row a type and statistic.
 
-    Columns: ``typecode statistic unit``, each model's score, ``<model>_equal_size``, the ``floor``, ``nominal`` BADA's
-    error of the mean, ``best`` (names of the models within 5 %), and, where published figures are given,
+    Columns: ``typecode statistic unit``, each model's score, ``<model>_equal_size _low _high``, the ``floor``,
+    ``nominal`` BADA's error of the mean, ``best`` (names of the models within 5 %), and, where published figures are
+    given,
     ``paper_<model>``: from other data, to be compared in order of magnitude only.
 
     Args:
@@ -55,11 +62,11 @@ def table(scores: pl.DataFrame, quantity: str, published: pl.DataFrame | None = 
     """
     chosen = with_best(scores).filter(pl.col("quantity") == quantity)
     keys = ["typecode", "statistic", "unit"]
-    wide = chosen.pivot(on="model", index=keys, values=["score", "equal_size"], separator="|")
+    wide = chosen.pivot(on="model", index=keys, values=list(_BY_MODEL), separator="|")
     models = chosen["model"].unique(maintain_order=True).to_list()
     if len(models) == 1:
-        wide = wide.rename({c: f"{c}|{models[0]}" for c in ("score", "equal_size") if c in wide.columns})
-    wide = wide.rename({f"score|{m}": m for m in models} | {f"equal_size|{m}": f"{m}_equal_size" for m in models})
+        wide = wide.rename({c: f"{c}|{models[0]}" for c in _BY_MODEL if c in wide.columns})
+    wide = wide.rename({f"{c}|{m}": f"{m}{ending}" for c, ending in _BY_MODEL.items() for m in models})
     shared = chosen.group_by(keys, maintain_order=True).agg(
         pl.col("floor").mean(), pl.col("nominal").first(), best=pl.col("model").filter("best").str.join(" ")
     )

@@ -28,7 +28,10 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_type_and_model_has_its_fifteen_scores(study: Path) -> None:
     scores = all_scores(PLAN, study)
     assert scores.group_by("typecode", "model").len()["len"].to_list() == [15] * 6
-    assert scores.filter(pl.col("quantity") == "cas_below_transition")["score"].is_not_null().all()
+    below = scores.filter(pl.col("quantity") == "cas_below_transition")
+    assert below["score"].is_not_null().all()
+    assert (below["low"] <= below["score"]).all()
+    assert (below["high"] > below["score"]).all()
 
 
 def test_the_page_holds_the_tables_and_figures(study: Path) -> None:

@@ -1,0 +1,39 @@
+import pytest
+import toys
+
+from descentflow.errors import ConfigError
+from descentflow.metrics.bootstrap import score_intervals
+from descentflow.metrics.descent_set import DescentSet
+from descentflow.metrics.scores import score
+from descentflow.units import KT_MPS
+
+
+def sets(n: int, seed: int) -> DescentSet:
+    return DescentSet.of_profiles(toys.flights(n, seed, top_fl=190))
+
+
+def test_intervals_are_about_the_scores_in_their_order() -> None:
+    samples, real = sets(300, 1), sets(120, 2)
+    table = score(samples, real, 170.0, n_splits=1)
+    found = score_intervals(samples, real, 170.0, n_resamples=10)
+    assert [(i.quantity, i.statistic) for i in found] == [(r.quantity, r.statistic) for r in table]
+    for one, row in zip(found, table, strict=True):
+        assert one.low <= row.score <= one.high
+
+
+def test_the_width_is_that_of_a_mean_over_flights() -> None:
+    """Error of the mean CAS with samples 20 kt away: its deviation is that of the flights' mean, in closed form."""
+    samples, real = sets(3000, 1), sets(200, 2)
+    samples.cas_mps.add_(20 * KT_MPS)
+    found = {(i.quantity, i.statistic): i for i in score_intervals(samples, real, 170.0, n_resamples=200)}
+    one = found["cas_below_transition", "mae"]
+    below = real.levels_fl <= 170
+    mean_by_flight = (real.cas_mps[:, below] / KT_MPS).mean(1)
+    expected = 2 * 1.645 * float(mean_by_flight.std()) / 200**0.5
+    # 200 resamples tell a standard deviation to 5 %; few flights of these lack a level.
+    assert one.high - one.low == pytest.approx(expected, rel=0.2)
+
+
+def test_one_resample_has_no_spread() -> None:
+    with pytest.raises(ConfigError, match="at least two"):
+        score_intervals(sets(10, 1), sets(10, 2), 170.0, n_resamples=1)

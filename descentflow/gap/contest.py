@@ -111,6 +111,7 @@ class Contest:
         catalogue: Mapping[str, Effect],
         seed: int,
         like: "Contest | None" = None,
+        nuisance: Tensor | None = None,
     ) -> None:
         """Prepare the sums that all fits share.
 
@@ -120,6 +121,7 @@ class Contest:
             catalogue: Effects that may be named.
             seed: Of the folds.
             like: Contest of the same flights with another precision, whose sensitivities are taken over.
+            nuisance: (n, p, q) columns that all flights may have in any size, in place of the simulator's own habits.
         """
         self.compared, self.whitening, self.catalogue = compared, whitening, catalogue
         self.y = compared.y.nan_to_num(0.0)
@@ -128,7 +130,11 @@ class Contest:
         self.fold = folds_of(compared.cluster, compared.real, seed)
         self.qy = whitening.apply(self.y)
         self.carry = _carry(compared, whitening)
-        self.common: Design = self._common() if like is None else self._with_products(like.common)
+        if nuisance is not None:
+            free = torch.zeros(nuisance.shape[2], dtype=self.y.dtype)
+            self.common: Design = self._with_products(Design(nuisance, nuisance, nuisance.shape[2], free))
+        else:
+            self.common = self._common() if like is None else self._with_products(like.common)
 
     def all_shift(self, name: str, theta: Tensor) -> Tensor:
         """Shift (n, p) that an effect makes, or would make, in every flight."""

@@ -1,7 +1,7 @@
 """The diagnosis itself: from flights and a simulator to a report."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import polars as pl
@@ -16,6 +16,7 @@ from descentflow.gap.contest import Contest
 from descentflow.gap.correct import corrected
 from descentflow.gap.discrepancy import discrepancy_columns
 from descentflow.gap.effects import Effect
+from descentflow.gap.inherited import Inherited, inherited_causes
 from descentflow.gap.layout import Compared, compare
 from descentflow.gap.permutation import null_test
 from descentflow.gap.quantities import Quantities, checked, grid_of, measured
@@ -108,7 +109,12 @@ def run(
         "simulator_flights": 0 if reference is None else len(reference),
         **dropped,
     }
-    return Diagnosis(compared, catalogue, simulator, source, seed, say).report(counts, frame)
+    diagnosis = Diagnosis(compared, catalogue, simulator, source, seed, say)
+    report = diagnosis.report(counts, frame)
+    if report.verdict != "none" or source == "physics":
+        return report
+    found = inherited_causes(real, simulator.aircraft, catalogue, seed, say)
+    return report if found is None else diagnosis.inherited(report, found)
 
 
 class Diagnosis:
@@ -142,12 +148,13 @@ class Diagnosis:
         test = null_test(unsided, self.discrepancy, self.seed)
         self.say("asking where it lies")
         cells, affected = where(self.contest, self.transition_fl, self.seed)
-        if not bool(affected.any()):
-            affected = torch.ones_like(affected)
         chosen = select(self.contest, self.discrepancy, self.say)
         verdict = self._verdict(test.p_value, chosen)
         named = chosen if verdict != "none" else None
         fit = chosen.fit if verdict == "effect" else chosen.null
+        if verdict == "none" or not bool(affected.any()):
+            # Entries that stand out by chance would make a gap of it.
+            affected = torch.ones_like(affected)
         self.say("measuring how far the gap shrinks")
         closure = Closure(self.contest, affected, self.seed)
         lawful, spreads = self.contest.lawful_shift(fit)
@@ -172,6 +179,36 @@ class Diagnosis:
             dropped=dict(counts),
             details=details,
             write_corrected=write if verdict == "effect" else None,
+        )
+
+    def inherited(self, report: GapReport, found: Inherited) -> GapReport:
+        """The report of flights that are as the simulator's own were, and not as it assumes."""
+        contest, fit = found.contest, found.chosen.fit
+        cells, affected = where(contest, self.transition_fl, self.seed)
+        closure = Closure(contest, affected if bool(affected.any()) else torch.ones_like(affected), self.seed)
+        lawful, spreads = contest.lawful_shift(fit)
+        gap = closure.gap(lawful)
+        causes = causes_of(contest, found.chosen, closure, lawful, spreads, self.say)
+        details = {**report.details, "regime": "refit", "curves": curves(contest, fit.shift)}
+        write = corrected(self.simulator, self.compared.state.mass_kg, self.catalogue, fit.theta)
+        return replace(
+            report,
+            verdict="effect",
+            p_value=found.p_value,
+            where=cells,
+            floor=gap.floor,
+            gap_before=gap.before,
+            gap_after=gap.after,
+            causes=[{**cause, "inherited": True} for cause in causes],
+            details=details,
+            write_corrected=write,
+            would_split=[
+                {
+                    "between": [n for n, e in self.catalogue.items() if e.inherited_from is None],
+                    "channels": [],
+                    "why": "the simulator's own flights would have had them too, and inferred drag would hide them",
+                }
+            ],
         )
 
     @staticmethod
@@ -217,6 +254,7 @@ class Diagnosis:
         ladder = sorted(chosen.singles.items(), key=lambda item: -item[1].gain)
         return {
             "simulator": self.simulator.name,
+            "regime": "anchored",
             "typecode": self.simulator.aircraft.typecode,
             "normal_from": self.source,
             "seed": self.seed,

@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from descentflow.surveillance.fates import some_flights
 from descentflow.surveillance.flights import check_left
 from descentflow.surveillance.intake import Group, Intake, groups_of, read_again, read_group, take_in
 from descentflow.surveillance.job import PARTS, ROWS, fingerprint, job_folder, work_folder
+from descentflow.surveillance.prepared import Prepared, finished
 from descentflow.surveillance.readers import files_of
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.request import Request
@@ -31,25 +31,6 @@ __all__ = ["MEMORY_BYTES", "Cleaning", "Prepared", "Request", "prepare", "prepar
 
 MEMORY_BYTES = 2_000_000_000
 Say = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """What was written.
-
-    Attributes:
-        metadata: The description that stands in the output.
-        report: Of everything dropped.
-        flights: Descents of each type.
-        fates: Rows of some flights and why they were dropped, if some are to be shown.
-        written: False if a store of the same inputs and settings was there already.
-    """
-
-    metadata: dict[str, Any]
-    report: DropReport
-    flights: dict[str, int]
-    fates: pl.DataFrame | None = None
-    written: bool = True
 
 
 def prepare(
@@ -124,7 +105,7 @@ def prepare_to(
     say("hashing inputs")
     facts = request.facts(files)
     is_store = out.suffix != ".parquet"
-    if is_store and (before := _finished(out, facts)):
+    if is_store and (before := finished(out, facts)):
         if request.shown:
             raise ConfigError(
                 f"{out} is finished, and flights are shown while they are cleaned",
@@ -292,24 +273,3 @@ def _metadata(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame) -
         "inputs": facts["inputs"],
         "report": report.as_dict(),
     }
-
-
-def _finished(out: Path, facts: dict[str, Any]) -> Prepared | None:
-    """What a store holds that is finished already; None if there is none."""
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return None
-    if not out.is_dir() or not (out / store.MANIFEST).is_file():
-        raise ConfigError(
-            f"output {out} exists and is no prepared store",
-            expected="a name of its own for the store's folder, or a file that ends in .parquet",
-            mend="choose another --out",
-        )
-    found = store.read_manifest(out)
-    if found.get("fingerprint") != fingerprint(facts):
-        raise ConfigError(
-            f"{out} is a store of other inputs or settings",
-            expected="those of its manifest, or a folder of its own",
-            mend="delete it, or choose another --out",
-        )
-    flights = {file["typecode"]: file["flights_of_type"] for file in found["files"] if "flights_of_type" in file}
-    return Prepared(found, DropReport.from_dict(found["report"]), flights, written=False)

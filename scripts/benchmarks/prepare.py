@@ -124,10 +124,11 @@ def _peers(world: pl.DataFrame, folder: Path) -> None:
     )
     try:
         from traffic.core import Traffic
-    except ImportError:
-        print("traffic is not installed: no comparison with it")
+    except ImportError as error:
+        print(f"traffic is not installed, or not for these versions ({error}): no comparison with it")
         return
-    start = time.perf_counter()
+    table["timestamp"] = table["timestamp"].dt.tz_localize("UTC")
+    start, cpu = time.perf_counter(), time.process_time()
     Traffic(table).filter().eval()
-    seconds = time.perf_counter() - start
-    print(f"traffic's filter() of spikes alone, flight by flight: {PEER_ROWS / seconds:,.0f} rows/s")
+    seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
+    print(f"traffic's filter() of spikes alone, flight by flight: {PEER_ROWS / seconds:,.0f} rows/s, {cpu:.1f} CPU s")

@@ -55,6 +55,9 @@ class Effect(ABC):
     """Channels that would tell it from the effects that look like it."""
     sensor: ClassVar[bool] = False
     """Whether it changes what is reported and not what is flown."""
+    inherited_from: ClassVar[float | None] = None
+    """Size of the first parameter from which it shows against physics alone, when the simulator's own flights have it
+    too; None where inferred drag hides it then."""
     rate_follows_cas: ClassVar[bool] = False
     """Whether a shift of CAS carries the rate along as between flights that fly slower and faster."""
     says: ClassVar[str] = ""
@@ -90,7 +93,7 @@ class Effect(ABC):
             columns.append({q: torch.zeros_like(plain[q]) if t is None else t for q, t in tangents.items()})
         return {quantity: torch.stack([column[quantity] for column in columns], -1) for quantity in plain}
 
-    def plausible(self, theta: Tensor) -> bool:
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """Whether these parameters can be what they say: an estimate driven to a bound other than zero cannot."""
         return all(
             p.by_law or value == 0.0 or p.low + 1e-6 < value < p.high - 1e-6

@@ -13,6 +13,8 @@ LENGTHS_FL = (20.0, 40.0, 70.0)
 
 NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
+FROM_TOP_FL = 5.0
+"""A window that is open to the top is a matter of how descents begin."""
 FEWEST = 20
 """Flights from which a share is learnt."""
 APART = 2.0
@@ -23,6 +25,7 @@ class SpeedBrake(Effect):
     """CD0 higher between two altitudes on a share of the flights; ``extra_cd0`` is the mean over all flights."""
 
     name = "speed_brake"
+    inherited_from = 0.1
     parameters = (
         Parameter("extra_cd0", 0.0, 2.0, "1", 0.1, 0.0),
         Parameter("low_fl", 0.0, 600.0, "FL", 10.0),
@@ -33,9 +36,11 @@ class SpeedBrake(Effect):
     law = "window mixture"
     says = "speed brakes (or as much drag) are out within a band of altitude"
 
-    def plausible(self, theta: Tensor) -> bool:
-        """A window has a height, and is not the whole descent."""
-        return float(theta[2] - theta[1]) >= 10.0 and 0.0 < float(theta[0]) < self.parameters[0].high - 1e-6
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
+        """A window has a height, ends below the top of the grid, and is not the whole descent."""
+        top = float(state.altitude_m[-1] + state.width_m / 2) / FL_M
+        inside = 0.0 < float(theta[0]) < self.parameters[0].high - 1e-6
+        return inside and float(theta[2] - theta[1]) >= NARROWEST_FL and float(theta[2]) < top - FROM_TOP_FL
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation within the window, on the share that flies it."""

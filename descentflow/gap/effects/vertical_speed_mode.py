@@ -23,7 +23,7 @@ class VerticalSpeedMode(Effect):
     law = "window mixture"
     says = "a constant vertical rate is selected instead of an idle descent"
 
-    def plausible(self, theta: Tensor) -> bool:
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """A held rate leaves gaps where cleaning finds it; without gaps it is something else."""
         return float(theta[0]) > LEAST_CUT_OUT
 

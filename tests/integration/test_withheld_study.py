@@ -1,6 +1,7 @@
 """A study from the key to the page: sealed, resumed, and refused where a seal is broken."""
 
 import json
+import runpy
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,13 @@ from withheld_toys import perfect_report
 from descentflow.densities.checkpoint import load_model
 from descentflow.errors import DataError
 from descentflow.withheld.closing import closing
-from descentflow.withheld.page import write_page
 from descentflow.withheld.plan import Plan, SetPlan, SimulatorPlan
 from descentflow.withheld.run import diagnose_all, generate, package_diagnosis
 from descentflow.withheld.score import score
 from descentflow.withheld.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json
 from descentflow.world.causes import CATALOGUED
 
+SCRIPT = runpy.run_path(str(Path(__file__).resolve().parents[2] / "scripts" / "withheld_effects.py"))
 NAMES = tuple(cause.name for cause in CATALOGUED)
 WARM = {"temperature": {"mean_k": 10.0, "spread_k": 2.0}}
 BIASED = {"airspeed_bias": {"bias_kt": 2.0, "slope_kt_per_mach": 25.0}}
@@ -71,7 +72,9 @@ def test_what_is_public_before_diagnosis_tells_nothing(folder: Path) -> None:
     assert len(model.representation.split.train) == pytest.approx(0.72 * 140, abs=2)
 
 
-def test_it_is_resumed_sealed_and_scored(folder: Path) -> None:
+def test_it_is_resumed_sealed_and_scored(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert diagnose_all(folder, diagnose=knows, until=0.0, say=quiet) == 0
     calls = []
 
@@ -84,11 +87,16 @@ def test_it_is_resumed_sealed_and_scored(folder: Path) -> None:
     assert diagnose_all(folder, diagnose=counted, parts=["blind_0002"], say=quiet) == 3
     assert diagnose_all(folder, diagnose=counted, say=quiet) == 3
     assert calls == ["blind_0002", "blind_0000", "blind_0001"]
-    scored = score(*open_key(folder))
+    monkeypatch.setattr("sys.argv", ["withheld_effects.py", "score", str(folder)])
+    assert SCRIPT["main"]() == 0
+    assert "false alarms at most 5 %: 0 (1 sets) met" in capsys.readouterr().out
+    scored = read_json(folder / "score.json")
     assert [refused["job"] for refused in scored["refused"]] == ["blind_0002"]
     assert scored["diagnosed"] == 3
-    write_page(scored, folder / "score.html")
     assert (folder / "score.html").stat().st_size > 100_000
+    monkeypatch.setattr("sys.argv", ["withheld_effects.py", "score", str(folder / "sets")])
+    assert SCRIPT["main"]() == 1
+    assert "run the study's earlier steps first" in capsys.readouterr().err
 
 
 def test_broken_seals_are_refused(folder: Path) -> None:

@@ -18,7 +18,7 @@ class FunctionalBasis(nn.Module):
 
     Shapes: mean (L,), components (k, L), loadings (L, q) and noise variance () of the probabilistic PCA that
     completes gappy profiles; q = 0 selects the paper's mode-by-mode weights instead. The noise stays alike over
-    ``noise_length`` () levels.
+    ``noise_length`` () levels, which therefore count as one observation.
 
     Example:
         >>> basis = GappyFPCA(explained_variance=0.8).fit(drag_n, mask, spacing_m=30.48).basis_
@@ -74,7 +74,7 @@ class FunctionalBasis(nn.Module):
         if self.loadings.shape[1] == 0 or bool(mask.all()):
             return torch.where(mask, values, self.decode(self.encode(values, mask)))
         centred = torch.where(mask, values - self.mean, 0.0)
-        latent, _, _ = posterior(centred, group_masks(mask), self.loadings, self.noise_variance)
+        latent, _, _ = posterior(centred, group_masks(mask), self.loadings, self.noise_variance * self.noise_length)
         return torch.where(mask, values, self.mean + latent @ self.loadings.T)
 
     def encode(self, values: Tensor, mask: Tensor) -> Tensor:

@@ -8,9 +8,12 @@ from torch import Tensor
 from descentflow.errors import ConfigError, DataError
 from descentflow.fpca import ppca
 from descentflow.fpca.basis import FunctionalBasis
+from descentflow.fpca.hidden import hide, noise_length
 from descentflow.fpca.iterative import iterate
 
 Method = Literal["ppca", "iterative"]
+TUNING_FLIGHTS = 1000
+"""Flights on which the length of the noise is chosen: more would take time and change little."""
 
 
 class GappyFPCA:
@@ -106,9 +109,20 @@ class GappyFPCA:
         self._keep(
             mean, eigenvectors[:, :k], share.diff(prepend=share.new_zeros(1))[:k], spacing_m,
             loadings=fitted.loadings * scale, noise=fitted.noise_variance * scale**2,
-            noise_length=ppca.noise_length(centred, mask, fitted.loadings, fitted.noise_variance),
+            noise_length=self._noise_length(centred, mask, q),
         )  # fmt: skip
         return self
+
+    def _noise_length(self, centred: Tensor, mask: Tensor, q: int) -> Tensor:
+        """Chosen on the tops of some flights, hidden from a fit of its own."""
+        centred, mask = centred[:TUNING_FLIGHTS], mask[:TUNING_FLIGHTS]
+        hidden = hide(mask, "top", 0.3, torch.Generator().manual_seed(0))
+        seen = mask & ~hidden
+        if not bool(hidden.any()) or not bool((seen.sum(0) >= 2).all()):
+            # Too few flights to hide anything from: one level is one observation, as the model has it.
+            return centred.new_ones(())
+        fitted = self._model(torch.where(seen, centred, 0.0), seen, min(q, len(centred) - 1))
+        return noise_length(centred, seen, hidden, fitted.loadings, fitted.noise_variance)
 
     def _model(self, centred: Tensor, mask: Tensor, q: int) -> ppca.PPCA:
         if bool(mask.all()):

@@ -127,32 +127,6 @@ def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance:
     return PPCA(loadings, noise, log_likelihood, converged=False)
 
 
-def noise_length(centred: Tensor, mask: Tensor, loadings: Tensor, noise: Tensor) -> Tensor:
-    """Levels that what the model leaves over stays alike: the integrated autocorrelation of its residuals, at least 1.
-
-    The model takes its noise for white. Reports interpolated to levels and smoothed by a transponder are not: so many
-    levels together tell as much as one independent observation.
-
-    Args:
-        centred: (n, L) values less the mean, zero where missing.
-        mask: (n, L) observed.
-        loadings: (L, q).
-        noise: Noise variance.
-    """
-    latent, _, _ = posterior(centred, group_masks(mask), loadings, noise)
-    residual = torch.where(mask, centred - latent @ loadings.T, 0.0)
-    variance = residual.square().sum() / mask.sum()
-    length = torch.ones_like(variance)
-    for lag in range(1, mask.shape[1]):
-        pairs = (mask[:, lag:] & mask[:, :-lag]).sum()
-        correlation = (residual[:, lag:] * residual[:, :-lag]).sum() / pairs.clamp(min=1) / variance
-        # Summed while positive: beyond that, noise of the estimate would add up (Geyer 1992, section 3.3).
-        if not float(correlation) > 0:
-            break
-        length = length + 2 * correlation
-    return length
-
-
 def _maximise(
     centred: Tensor, groups: MaskGroups, means: Tensor, covariance: Tensor, n_observed: Tensor, energy: Tensor
 ) -> tuple[Tensor, Tensor]:

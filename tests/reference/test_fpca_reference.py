@@ -87,11 +87,13 @@ def test_components_are_orthonormal_over_altitude(method: Method) -> None:
 
 
 def test_completion_is_the_conditional_expectation() -> None:
-    """Missing levels given the observed ones, against the textbook formula for the fitted covariance."""
+    """Missing levels given the observed ones, against the textbook formula, noise counted by its length."""
     values = curves(200, n_levels=20)
     mask = top_gaps(200, 20)
     basis = GappyFPCA(0.9).fit(values, mask, SPACING_M).basis_
-    covariance = basis.loadings @ basis.loadings.T + basis.noise_variance * torch.eye(20, dtype=torch.float64)
+    covariance = basis.loadings @ basis.loadings.T + basis.noise_variance * basis.noise_length * torch.eye(
+        20, dtype=torch.float64
+    )
     completed = basis.complete(values, mask)
     for i in range(20):
         seen = mask[i]

@@ -1,0 +1,29 @@
+"""Hide levels of descents and compare ways to fill them: python scripts/gappy_comparison.py DESCENTS FIGURE.png."""
+
+import sys
+
+from descentflow.data.datamodule import DescentDataModule
+from descentflow.figures.gappy import gappy_figure
+from descentflow.files import whole_file
+from descentflow.study.gappy import hidden_errors
+from descentflow.units import KT_MPS
+
+
+def main(descents: str, path: str, aircraft: str | None = None) -> None:
+    data = DescentDataModule(descents, aircraft=aircraft)
+    data.setup()
+    real = data.profiles("train")
+    curves = {"drag": real.drag_n / 1000, "CAS": real.cas_mps / KT_MPS}
+    found = {
+        name: [e for pattern in ("top", "random") for e in hidden_errors(values, real.mask, pattern)]
+        for name, values in curves.items()
+    }
+    for name, errors in found.items():
+        for e in errors:
+            print(f"{name:<6}{e.pattern:<8}{e.method:<20}{e.rmse:8.3f}   {e.n_flights} flights, {e.n_levels} levels")
+    with whole_file(path) as temporary:
+        gappy_figure(found, {"drag": "kN", "CAS": "kt"}).savefig(temporary, format="png", dpi=90)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

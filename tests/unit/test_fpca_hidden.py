@@ -1,0 +1,79 @@
+"""Levels hidden from gappy functional PCA: how they are chosen, what they tell, and which method fills them best."""
+
+import pytest
+import torch
+import toys
+from torch import Tensor
+
+from descentflow.errors import DataError
+from descentflow.figures.gappy import gappy_figure
+from descentflow.fpca.gappy import GappyFPCA
+from descentflow.fpca.hidden import FEWEST, hide
+from descentflow.study.gappy import METHODS, hidden_errors
+from descentflow.units import KT_MPS
+
+
+def generator(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+@pytest.mark.parametrize("pattern", ["top", "random"])
+def test_what_is_hidden_was_observed_and_leaves_enough(pattern: str) -> None:
+    mask = toys.flights(200).mask
+    hidden = hide(mask, pattern, 0.3, generator())
+    assert not bool((hidden & ~mask).any())
+    left = mask & ~hidden
+    assert bool(left.any(1).all())
+    touched = hidden.any(0)
+    assert bool((left.sum(0)[touched] >= FEWEST * 200).all())
+    # Thirty percent are asked for; thin levels at the top are spared.
+    assert 0.15 < float(hidden.sum() / mask.sum()) < 0.35
+
+
+def test_tops_are_hidden_from_the_top() -> None:
+    mask = torch.ones(300, 100, dtype=torch.bool)
+    hidden = hide(mask, "top", 0.3, generator())
+    # Once a level is hidden, so are those above, up to where too few flights would be left.
+    spared = int(hidden.any(0).nonzero().max()) + 1
+    falls = hidden[:, :spared].int().diff(dim=1)
+    assert bool((falls >= 0).all())
+
+
+def smooth_and_noise(n: int, length: int) -> Tensor:
+    """Two smooth components and noise that is alike over some levels."""
+    x = torch.linspace(0, 1, 120, dtype=torch.float64)
+    weights = torch.randn(n, 2, generator=generator(1), dtype=torch.float64)
+    noise = torch.randn(n, 120 // length, generator=generator(2), dtype=torch.float64).repeat_interleave(length, 1)
+    return weights[:, :1] * torch.cos(3 * x) + 0.5 * weights[:, 1:] * torch.sin(5 * x) + 0.3 * noise
+
+
+def test_white_noise_counts_level_by_level_and_smooth_noise_does_not() -> None:
+    """White noise of a model with as many components as there are: no length above 3 can help it."""
+    mask = torch.ones(400, 120, dtype=torch.bool)
+    white = GappyFPCA(0.5, latent_dimension=2).fit(smooth_and_noise(400, 1), mask, 30.0).basis_
+    smooth = GappyFPCA(0.5, latent_dimension=2).fit(smooth_and_noise(400, 20), mask, 30.0).basis_
+    assert float(white.noise_length) <= 3
+    assert float(smooth.noise_length) >= 10
+
+
+@pytest.mark.parametrize("pattern", ["top", "random"])
+def test_probabilistic_pca_fills_hidden_levels_of_drag_best(pattern: str) -> None:
+    """Of drag; where every CAS hands over sharply from Mach, as here, the paper's iteration fills tops better."""
+    real = toys.flights(300)
+    found = {e.method: e.rmse for e in hidden_errors(real.drag_n, real.mask, pattern)}
+    assert tuple(found) == METHODS
+    assert found["probabilistic PCA"] == min(found.values())
+
+
+def test_too_few_flights_cannot_hide_anything() -> None:
+    real = toys.flights(1)
+    with pytest.raises(DataError, match="no level can be hidden"):
+        hidden_errors(real.cas_mps, real.mask, "top")
+
+
+def test_the_figure_has_a_bar_for_every_method_and_pattern() -> None:
+    real = toys.flights(60)
+    found = [e for p in ("top", "random") for e in hidden_errors(real.cas_mps / KT_MPS, real.mask, p)]
+    figure = gappy_figure({"CAS": found}, {"CAS": "kt"})
+    heights = [patch.get_height() for patch in figure.axes[0].patches]
+    assert sorted(heights) == pytest.approx(sorted(e.rmse for e in found))

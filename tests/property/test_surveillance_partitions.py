@@ -22,7 +22,7 @@ FLEET = fleet(12, every_s=10.0)
     share=st.floats(0.3, 1.0),
     files=st.integers(1, 4),
     aircraft=st.integers(3, 9),
-    memory=st.integers(700_000, 2_000_000),
+    memory=st.integers(350_000, 900_000),
     workers=st.integers(1, 3),
     named=st.booleans(),
 )

@@ -104,9 +104,11 @@ def before_rates(rules: Cleaning) -> filters.Chain:
     """Filters of altitude, IAS, Mach and reported rate, before rates are derived where none is reported."""
     stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
     return (
-        filters.Despike("altitude", rules.spike_altitude_ft, fastest=100.0)
-        | filters.Despike("IAS", rules.spike_ias_kt, fastest=2.0, agreeing_kt=rules.spike_agreeing_kt)
-        | filters.Despike("Mach", rules.spike_mach, fastest=0.003, agreeing_kt=rules.spike_agreeing_kt)
+        filters.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps)
+        | filters.Despike(
+            "IAS", rules.spike_ias_kt, fastest=rules.fastest_ias_ktps, agreeing_kt=rules.spike_agreeing_kt
+        )
+        | filters.Despike("Mach", rules.spike_mach, fastest=rules.fastest_mach_ps, agreeing_kt=rules.spike_agreeing_kt)
         | Stale("altitude", rules.stale_altitude_ft, **stale)
         | Stale("IAS", rules.stale_ias_kt, **stale)
         | Stale("Mach", rules.stale_mach, **stale)
@@ -118,7 +120,7 @@ def before_rates(rules: Cleaning) -> filters.Chain:
 def after_rates(rules: Cleaning) -> filters.Chain:
     """Filters that keep free descent, in order."""
     descent = (
-        filters.Despike("vertical_rate", rules.spike_rate_fpm, fastest=100.0)
+        filters.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps)
         | filters.Descending(rules.slowest_fpm)
         | filters.SteadyDescent(rules.transient_s)
     )
@@ -167,6 +169,7 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
         longest_gap_s=rules.longest_gap_s,
         highest_gap_ft=rules.highest_gap_ft,
         slowest_fpm=rules.slowest_fpm,
+        hidden_s=rules.hidden_gap_s,
         report=report,
     )
     long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)

@@ -9,11 +9,8 @@ from descentflow.surveillance.schema import CHANNELS
 
 CIRCULAR = ("track", "heading", "wind_direction")
 """Angles, interpolated the short way round."""
-
-
-HIDDEN_S = 10.0
-"""Gap in which a level-off can hide."""
 QUANTUM_FT = 25.0
+"""Step of reported altitude."""
 
 
 def to_levels(
@@ -23,20 +20,22 @@ def to_levels(
     longest_gap_s: float,
     highest_gap_ft: float,
     slowest_fpm: float = 0.0,
+    hidden_s: float = 10.0,
     report: DropReport | None = None,
 ) -> pl.DataFrame:
     """Interpolate every descent linearly in altitude to whole flight levels (paper, section 2.2).
 
     Two neighbouring rows bridge the levels between them unless they are further apart than `longest_gap_s` or
     `highest_gap_ft`, or a level-off or managed stretch stood between them, or one may have hidden there: over a gap of
-    more than 10 s less than `slowest_fpm` was made on average. Then these levels have no row.
+    more than `hidden_s` less than `slowest_fpm` was made on average. Then these levels have no row.
 
     Args:
         rows: Sorted by flight and time, altitude falling strictly within a flight.
         bottom_fl: Lowest level.
         longest_gap_s: Longest gap that is bridged.
         highest_gap_ft: Highest gap that is bridged.
-        slowest_fpm: Slowest mean rate that is bridged.
+        slowest_fpm: Slowest mean rate that is bridged over more than `hidden_s`.
+        hidden_s: Longest gap in which no level-off can hide.
         report: Takes the number of gaps left open.
 
     Returns:
@@ -50,7 +49,7 @@ def to_levels(
     same = flight[1:] == flight[:-1]
     bridged = same & (gap_s <= longest_gap_s) & (gap_fl * 100 <= highest_gap_ft)
     # Half a step of quantisation at either end may be missing from the height.
-    bridged &= (gap_s <= HIDDEN_S) | (60 * (gap_fl * 100 + QUANTUM_FT) >= slowest_fpm * gap_s)
+    bridged &= (gap_s <= hidden_s) | (60 * (gap_fl * 100 + QUANTUM_FT) >= slowest_fpm * gap_s)
     stretch = np.diff(rows[STRETCH].to_numpy()) if STRETCH in rows.columns else np.zeros(len(same), dtype=np.int64)
     if report:
         report.note("gaps of reception left open", int((same & (stretch == 0) & ~bridged).sum()))

@@ -17,6 +17,7 @@ def threshold(default: Any, meaning: str, source: str) -> Any:
 
 
 HAMPEL = "a Hampel filter (Hampel 1974, JASA 69) over five reports; "
+ENDS = "the fastest change of a transport aircraft: "
 HELD = "measured on 1,500 world flights and an hour of real ones over the Netherlands; see free_rate.py"
 STALE = "a register that its aircraft, or the receiver, no longer refreshes; "
 
@@ -50,6 +51,14 @@ class Cleaning:
     spike_rate_fpm: float = threshold(
         1500.0, "smallest spike of vertical rate, ft/min", HAMPEL + "23 steps of 64 ft/min; turbulence stays below"
     )
+    fastest_altitude_ftps: float = threshold(
+        100.0,
+        "added for each second at the ends of a flight, where no middle shows a spike, ft/s",
+        ENDS + "6,000 ft/min",
+    )
+    fastest_ias_ktps: float = threshold(2.0, "the same of IAS, kt/s", ENDS + "0.1 g")
+    fastest_mach_ps: float = threshold(0.003, "the same of Mach, 1/s", ENDS + "0.1 g at 300 m/s")
+    fastest_rate_fpmps: float = threshold(100.0, "the same of vertical rate, ft/min/s", ENDS + "0.05 g across the path")
     spike_agreeing_kt: float = threshold(
         8.0,
         "IAS and Mach that agree within this (as CAS) are no spikes, kt",
@@ -132,6 +141,11 @@ class Cleaning:
     )
     highest_gap_ft: float = threshold(
         3000.0, "highest gap between reports that is bridged, ft", "60 s at 3,000 ft/min: the fastest clean descents"
+    )
+    hidden_gap_s: float = threshold(
+        10.0,
+        "gap in which no level-off can hide: over a longer one the mean rate must be that of a descent, s",
+        "leaving a descent, levelling off and entering it again takes longer",
     )
     fewest_levels: int = threshold(
         20, "shortest descent kept, in flight levels", "2,000 ft: a minute of descent, above what a spike can feign"

@@ -88,7 +88,7 @@ def test_help_imports_nothing_heavy() -> None:
     assert heavy_modules("from descentflow.cli import main; main(['fit', '--help'])") == set()
 
 
-@pytest.mark.parametrize("command", ["simulate", "prepare", "sample", "evaluate"])
+@pytest.mark.parametrize("command", ["simulate", "prepare", "sample", "evaluate", "diagnose"])
 def test_help_of_a_command_imports_nothing_heavy(command: str) -> None:
     code = f"from descentflow.cli import main\ntry: main([{command!r}, '--help'])\nexcept SystemExit: pass"
     assert heavy_modules(code) == set()

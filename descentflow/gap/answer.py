@@ -19,13 +19,22 @@ SHOWS = {"TAS": "tas", "geoaltitude": "height", "groundspeed": "wind", "Mach": "
 """Channel -> the quantity that it makes."""
 
 
-def causes_of(contest: Contest, chosen: Chosen, closure: Closure, say: Callable[[str], None]) -> list[dict[str, Any]]:
+def causes_of(
+    contest: Contest,
+    chosen: Chosen,
+    closure: Closure,
+    lawful: Tensor,
+    spreads: Mapping[str, float],
+    say: Callable[[str], None],
+) -> list[dict[str, Any]]:
     """Every chosen effect, in order of selection.
 
     Args:
         contest: Flights and catalogue.
         chosen: Outcome of the selection.
         closure: Distances.
+        lawful: (n, p) shift with each flight's own share.
+        spreads: How widely the shares spread between flights, by effect.
         say: Told what is being done.
     """
     fit = chosen.fit
@@ -33,9 +42,9 @@ def causes_of(contest: Contest, chosen: Chosen, closure: Closure, say: Callable[
     errors = dict(zip(fit.effects, torch.split(spread, [len(fit.theta[n]) for n in fit.effects]), strict=True))
     say("measuring what other effects would claim")
     alone = {name: single.fit.shift for name, single in chosen.singles.items()}
-    rivals = rivals_closure(closure, alone, closure.floor(fit.shift))
+    rivals = rivals_closure(closure, alone, closure.floor(lawful))
     whole = {
-        "marginal": closure.marginal(fit.shift),
+        "marginal": closure.marginal(lawful),
         "conditional": closure.conditional(fit.shift),
         "transfer": closure.transfer(fit),
     }
@@ -54,6 +63,7 @@ def causes_of(contest: Contest, chosen: Chosen, closure: Closure, say: Callable[
                     "high": gain + NINETY * error,
                     "unit": "nats",
                 },
+                "law": {"kind": contest.catalogue[name].law, "spread_of_shares": spreads[name]},
                 "closure": whole,
                 "rivals": [row for row in rivals if row["effect"] != name],
             }

@@ -25,12 +25,18 @@ class Gap:
     floor: float
 
 
-def distances(y: Tensor, real: Tensor, scale: Tensor) -> Tensor:
-    """Wasserstein distance (p,) of every entry between both sides, in spreads; against zero where there is one side."""
+def distances(y: Tensor, real: Tensor, scale: Tensor, counts: Tensor) -> Tensor:
+    """Wasserstein distance (p,) of every entry between both sides, in spreads; against zero where there is one side.
+
+    Of counts and lost times, which are zero for most flights, the difference of means (``counts`` (p,) bool): an effect
+    moves some flights far and most not at all, which no shift of all flights undoes.
+    """
     mine = torch.nanquantile(y[real], QUANTILES, dim=0)
     if bool(real.all()):
         return (mine.mean(0).abs() / scale).nan_to_num(0.0)
-    return ((mine - torch.nanquantile(y[~real], QUANTILES, dim=0)).abs().mean(0) / scale).nan_to_num(0.0)
+    apart = (mine - torch.nanquantile(y[~real], QUANTILES, dim=0)).abs().mean(0)
+    means = (y[real].nanmean(0) - y[~real].nanmean(0)).abs()
+    return (torch.where(counts, means, apart) / scale).nan_to_num(0.0)
 
 
 def by_quantity(contest: Contest, values: Tensor, chosen: Tensor) -> Tensor:
@@ -80,7 +86,7 @@ class Closure:
         return float(torch.tensor(found).mean())
 
     def _mean(self, y: Tensor, real: Tensor | None = None) -> float:
-        found = distances(y, self.real if real is None else real, self.scale)
+        found = distances(y, self.real if real is None else real, self.scale, self.contest.compared.counts())
         return float(by_quantity(self.contest, found, self.affected))
 
     def claimed(self, shift: Tensor, floor: float) -> float | None:

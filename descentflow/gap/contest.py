@@ -111,6 +111,7 @@ class Contest:
         catalogue: Mapping[str, Effect],
         seed: int,
         like: "Contest | None" = None,
+        nuisance: Tensor | None = None,
     ) -> None:
         """Prepare the sums that all fits share.
 
@@ -120,6 +121,7 @@ class Contest:
             catalogue: Effects that may be named.
             seed: Of the folds.
             like: Contest of the same flights with another precision, whose sensitivities are taken over.
+            nuisance: (n, p, q) columns that all flights may have in any size, in place of the simulator's own habits.
         """
         self.compared, self.whitening, self.catalogue = compared, whitening, catalogue
         self.y = compared.y.nan_to_num(0.0)
@@ -128,7 +130,11 @@ class Contest:
         self.fold = folds_of(compared.cluster, compared.real, seed)
         self.qy = whitening.apply(self.y)
         self.carry = _carry(compared, whitening)
-        self.common: Design = self._common() if like is None else self._with_products(like.common)
+        if nuisance is not None:
+            free = torch.zeros(nuisance.shape[2], dtype=self.y.dtype)
+            self.common: Design = self._with_products(Design(nuisance, nuisance, nuisance.shape[2], free))
+        else:
+            self.common = self._common() if like is None else self._with_products(like.common)
 
     def all_shift(self, name: str, theta: Tensor) -> Tensor:
         """Shift (n, p) that an effect makes, or would make, in every flight."""
@@ -208,7 +214,8 @@ class Contest:
             starts = effect.starts(self.compared.state)
             if len(starts) > 1:
                 continue
-            jacobian = self.jacobian(name, starts[0])
+            # What physics claims to be zero is no habit of the simulator's flights.
+            jacobian = self.jacobian(name, starts[0]) * self.compared.free[:, None]
             spread = (jacobian - jacobian.mean(0)).abs().amax((0, 1))
             kept = [i for i in range(len(effect.parameters)) if float(spread[i]) > 1e-9]
             columns.append(jacobian[:, :, kept])
@@ -238,6 +245,32 @@ class Contest:
             excess[:, bands] = left[self.real] - normal
             found[name] = self.catalogue[name].learn_law(state, theta[name], excess)
         return found
+
+    def lawful_shift(self, fit: Fit) -> tuple[Tensor, dict[str, float]]:
+        """Shift (n, p) with each flight's own share of every effect, and how widely the shares spread, by effect.
+
+        A flight's share is what it shows of the effect's own shape, drawn towards one by as much as shares differ no
+        more between real flights than such shapes differ between the simulator's anyway.
+        """
+        spreads: dict[str, float] = {}
+        total = torch.zeros_like(self.y)
+        seen = self.compared.y.isfinite()
+        normal = torch.zeros(self.y.shape[1], dtype=self.y.dtype)
+        if self.has_reference:
+            normal = self.compared.y[~self.real].nanmean(0).nan_to_num(0.0) * self.compared.free
+        for name, theta in fit.theta.items():
+            own = torch.where(seen, self.all_shift(name, theta), 0.0)
+            others = self.shift({n: t for n, t in fit.theta.items() if n != name})
+            rest = torch.where(seen, self.y - others - normal, 0.0)
+            weighted = self.whitening.apply(own)
+            size = (own * weighted).sum(1).clamp(min=1e-9)
+            share = (weighted * rest).sum(1) / size
+            spread = _excess_variance(share[self.real], share[~self.real])
+            spreads[name] = spread**0.5
+            # Where shares do not spread every flight has the mean effect.
+            held = spread * size / (1 + spread * size) * (share - 1) + 1
+            total = total + torch.where(self.real[:, None], own * held[:, None], 0.0)
+        return total, spreads
 
     def theta_of(self, fit: Fit, keep: Tensor) -> dict[str, Tensor]:
         """Parameters that the flights to keep (n,) alone would give, one step from the fit."""
@@ -373,6 +406,20 @@ def _sum(parts: Sequence[Moments]) -> Moments:
     names = ("mean", "cross", "curvature", "mean_score", "score")
     totals = {name: sum((getattr(p, name) for p in rest), getattr(first, name)) for name in names}
     return Moments(**totals, ridge=first.ridge)
+
+
+def _excess_variance(real: Tensor, normal: Tensor) -> float:
+    """Robust variance of the real shares beyond that of the simulator's; zero unless it stands out."""
+
+    def variance(values: Tensor) -> float:
+        if len(values) < 2:
+            return 0.0
+        # Half the middle 80 %: for a normal distribution 1.28 standard deviations; two groups keep their distance.
+        low, high = (float(values.quantile(q)) for q in (0.1, 0.9))
+        return ((high - low) / 2.563) ** 2
+
+    found, usual = variance(real), variance(normal)
+    return found - usual if usual > 0 and found > 1.5 * usual else 0.0
 
 
 def by_cluster(values: Tensor, cluster: Tensor) -> Tensor:

@@ -1,7 +1,7 @@
 """The diagnosis itself: from flights and a simulator to a report."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import polars as pl
@@ -16,10 +16,11 @@ from descentflow.gap.contest import Contest
 from descentflow.gap.correct import corrected
 from descentflow.gap.discrepancy import discrepancy_columns
 from descentflow.gap.effects import Effect
+from descentflow.gap.inherited import Inherited, inherited_causes
 from descentflow.gap.layout import Compared, compare
 from descentflow.gap.permutation import null_test
 from descentflow.gap.quantities import Quantities, checked, grid_of, measured
-from descentflow.gap.reference import reference_of
+from descentflow.gap.reference import both_sides
 from descentflow.gap.report import GapReport
 from descentflow.gap.selection import Chosen, select
 from descentflow.gap.stages import stages_of
@@ -32,6 +33,8 @@ from descentflow.surveillance.prepare import Cleaning
 from descentflow.units import FL_M
 
 FEWEST_FLIGHTS = 20
+ENOUGH = 100
+"""Flights of a simulator from which the spread between flights is learnt without the real ones."""
 SIGNIFICANT = 0.03
 """A gap is called from this p-value; it leaves room below five false alarms in a hundred."""
 
@@ -94,9 +97,8 @@ def run(
     low, high = simulator.levels(frame)
     say("measuring flights")
     grid = grid_of(frame, low, high, channels)
-    real = checked(measured(grid))
-    _check_count(real, frame, low, high)
-    reference, source = reference_of(simulator, grid, seed)
+    _check_count(checked(measured(grid)), frame, low, high)
+    reference, real, source = both_sides(simulator, grid, seed)
     if reference is not None:
         reference = _kept_channels(reference, real)
     compared = compare(reference, real, simulator.aircraft)
@@ -107,7 +109,12 @@ def run(
         "simulator_flights": 0 if reference is None else len(reference),
         **dropped,
     }
-    return Diagnosis(compared, catalogue, simulator, source, seed, say).report(counts, frame)
+    diagnosis = Diagnosis(compared, catalogue, simulator, source, seed, say)
+    report = diagnosis.report(counts, frame)
+    if report.verdict != "none" or source == "physics":
+        return report
+    found = inherited_causes(real, simulator.aircraft, catalogue, seed, say)
+    return report if found is None else diagnosis.inherited(report, found)
 
 
 class Diagnosis:
@@ -126,7 +133,7 @@ class Diagnosis:
         self.compared, self.catalogue, self.simulator = compared, catalogue, simulator
         self.source, self.seed, self.say = source, seed, say
         say("estimating the spread between flights")
-        weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget())
+        weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget(), learn=normal_flights(compared))
         self.contest = Contest(compared, weights, catalogue, seed)
         self.discrepancy, self.shapes = discrepancy_columns(compared)
         self.transition_fl = float(transition_altitude_m(simulator.aircraft)) / FL_M
@@ -141,16 +148,18 @@ class Diagnosis:
         test = null_test(unsided, self.discrepancy, self.seed)
         self.say("asking where it lies")
         cells, affected = where(self.contest, self.transition_fl, self.seed)
-        if not bool(affected.any()):
-            affected = torch.ones_like(affected)
         chosen = select(self.contest, self.discrepancy, self.say)
         verdict = self._verdict(test.p_value, chosen)
         named = chosen if verdict != "none" else None
         fit = chosen.fit if verdict == "effect" else chosen.null
+        if verdict == "none" or not bool(affected.any()):
+            # Entries that stand out by chance would make a gap of it.
+            affected = torch.ones_like(affected)
         self.say("measuring how far the gap shrinks")
         closure = Closure(self.contest, affected, self.seed)
-        gap = closure.gap(fit.shift)
-        causes = causes_of(self.contest, chosen, closure, self.say) if verdict == "effect" else []
+        lawful, spreads = self.contest.lawful_shift(fit)
+        gap = closure.gap(lawful)
+        causes = causes_of(self.contest, chosen, closure, lawful, spreads, self.say) if verdict == "effect" else []
         self.say("asking at which stage the simulator loses most")
         stages = stages_of(self.simulator, frame, self.seed)
         remaining = self._remaining(fit.shift, gap.after, gap.floor, chosen)
@@ -170,6 +179,36 @@ class Diagnosis:
             dropped=dict(counts),
             details=details,
             write_corrected=write if verdict == "effect" else None,
+        )
+
+    def inherited(self, report: GapReport, found: Inherited) -> GapReport:
+        """The report of flights that are as the simulator's own were, and not as it assumes."""
+        contest, fit = found.contest, found.chosen.fit
+        cells, affected = where(contest, self.transition_fl, self.seed)
+        closure = Closure(contest, affected if bool(affected.any()) else torch.ones_like(affected), self.seed)
+        lawful, spreads = contest.lawful_shift(fit)
+        gap = closure.gap(lawful)
+        causes = causes_of(contest, found.chosen, closure, lawful, spreads, self.say)
+        details = {**report.details, "regime": "refit", "curves": curves(contest, fit.shift)}
+        write = corrected(self.simulator, self.compared.state.mass_kg, self.catalogue, fit.theta)
+        return replace(
+            report,
+            verdict="effect",
+            p_value=found.p_value,
+            where=cells,
+            floor=gap.floor,
+            gap_before=gap.before,
+            gap_after=gap.after,
+            causes=[{**cause, "inherited": True} for cause in causes],
+            details=details,
+            write_corrected=write,
+            would_split=[
+                {
+                    "between": [n for n, e in self.catalogue.items() if e.inherited_from is None],
+                    "channels": [],
+                    "why": "the simulator's own flights would have had them too, and inferred drag would hide them",
+                }
+            ],
         )
 
     @staticmethod
@@ -215,6 +254,7 @@ class Diagnosis:
         ladder = sorted(chosen.singles.items(), key=lambda item: -item[1].gain)
         return {
             "simulator": self.simulator.name,
+            "regime": "anchored",
             "typecode": self.simulator.aircraft.typecode,
             "normal_from": self.source,
             "seed": self.seed,
@@ -243,6 +283,16 @@ class Diagnosis:
             "curves": curves(contest, shift),
             "flights": dict(counts),
         }
+
+
+def normal_flights(compared: Compared) -> Tensor | None:
+    """Flights that the spread is learnt from: the simulator's where they are enough, else all.
+
+    An effect that takes some flights and leaves others would widen the spread in its own direction, and so hide itself.
+    """
+    known = ~compared.real
+    enough = int(known.sum()) >= max(ENOUGH, compared.y.shape[1])
+    return known if enough and bool(compared.free.all()) else None
 
 
 def curves(contest: Contest, shift: Tensor) -> dict[str, Any]:

@@ -67,6 +67,10 @@ class Compared:
         count = n_real * n_before / (n_real + n_before) if n_before else n_real
         return count * self.negligible() ** 2
 
+    def counts(self) -> Tensor:
+        """Entries (p,) that are counts and lost times, zero for most flights."""
+        return torch.tensor([e.quantity in ("level", "level_gaps", "slow", "missing") for e in self.entries])
+
     def negligible(self) -> Tensor:
         """Negligible shift (p,) of each entry."""
         kinds = [e.quantity.split("_")[0] if e.quantity.startswith("noise") else e.quantity for e in self.entries]

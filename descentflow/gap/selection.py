@@ -19,15 +19,19 @@ LEAST_STANDING = 2.0
 FURTHER_GAIN = 12.0
 """The same for a further effect: what the first leaves of itself must not be named..."""
 FURTHER_STANDING = 3.0
-FURTHER_SHARE = 0.01
-"""...nor what is this share of the whole."""
-OUTSIDE_SHARE = 0.7
-"""An effect must explain this share of what a free discrepancy explains in its place..."""
-OUTSIDE_GAIN = 30.0
+FURTHER_SHARE = 0.004
+"""...nor what is less than this share of the whole..."""
+OVERLAP_SHARE = 0.05
+"""...or than this one, where it moves the same quantities: no model of the first is exact."""
+OUTSIDE_SHARE = 0.3
+"""A first effect must explain this share of what a free discrepancy explains in its place, for there may be two..."""
+OUTSIDE_SHARE_AFTER = 0.7
+"""...and a further one that moves the same quantities this share..."""
+OUTSIDE_GAIN = 45.0
 """...where that leaves more than so many nats..."""
 OUTSIDE_STANDING = 4.0
 """...and so many standard errors unexplained."""
-LEFT_SHARE = 0.15
+LEFT_SHARE = 0.1
 """Nor may the chosen effects together leave more than this share of the whole to a free discrepancy."""
 LEAST_SIZE = 1.5
 """Mean shift, in negligible shifts of its quantity, below which no effect is named."""
@@ -108,7 +112,7 @@ def select(contest: Contest, discrepancy: Tensor, say: Callable[[str], None]) ->
         free, error = _free(contest, chosen, discrepancy)
         best = _best(contest, candidates, contest.compare(chosen.log_score, null.log_score)[0])
         left = free - (0.0 if best is None else best.gain)
-        if _stands_out(left, error) and (best is None or best.gain < OUTSIDE_SHARE * free):
+        if _stands_out(left, error) and (best is None or best.gain < _share_needed(contest, best.fit) * free):
             # No effect does what a shift without a cause does: adding more would only imitate it.
             break
         if best is None:
@@ -163,14 +167,35 @@ def _best(contest: Contest, candidates: dict[str, Candidate], so_far: float) -> 
         theta = candidate.fit.theta[name]
         least, standing = LEAST_GAIN, LEAST_STANDING
         if len(candidate.fit.effects) > 1:
-            least, standing = max(FURTHER_GAIN, FURTHER_SHARE * so_far), FURTHER_STANDING
-        if candidate.gain < least:
+            share = OVERLAP_SHARE if _overlaps(contest, candidate.fit) else FURTHER_SHARE
+            least, standing = max(FURTHER_GAIN, share * so_far), FURTHER_STANDING
+        if candidate.gain < LEAST_GAIN:
             return None
-        if candidate.gain < standing * candidate.error or not contest.catalogue[name].plausible(theta):
+        if (
+            candidate.gain < least
+            or candidate.gain < standing * candidate.error
+            or not contest.catalogue[name].plausible(contest.compared.state, theta)
+        ):
             continue
         if size_of(contest, name, theta) >= LEAST_SIZE:
             return candidate
     return None
+
+
+def _share_needed(contest: Contest, fit: Fit) -> float:
+    return OUTSIDE_SHARE_AFTER if len(fit.effects) > 1 and _overlaps(contest, fit) else OUTSIDE_SHARE
+
+
+def _overlaps(contest: Contest, fit: Fit) -> bool:
+    """Whether the last effect moves a quantity that the others move."""
+    *others, last = (_moved(contest, name, theta) for name, theta in fit.theta.items())
+    return any(last & other for other in others)
+
+
+def _moved(contest: Contest, name: str, theta: Tensor) -> set[str]:
+    """Quantities whose mean an effect moves by something that matters."""
+    shift = contest.all_shift(name, theta)[contest.real].mean(0).abs() / contest.compared.negligible()
+    return {e.quantity for e, size in zip(contest.compared.entries, shift.tolist(), strict=True) if size > 1.0}
 
 
 def _pruned(contest: Contest, chosen: Fit) -> Fit:
@@ -209,7 +234,7 @@ def _group(contest: Contest, chosen: Fit, others: dict[str, Fit], without: Fit) 
     for name, fit in others.items():
         lead, error = contest.compare(chosen.log_score, fit.log_score)
         gain = contest.compare(fit.log_score, without.log_score)[0]
-        credible = contest.catalogue[name].plausible(fit.theta[name])
+        credible = contest.catalogue[name].plausible(contest.compared.state, fit.theta[name])
         if credible and gain >= worth and (lead < SAME * error or lead < SAME_NATS):
             same.append(name)
         totals.append(by_cluster(fit.log_score, contest.compared.cluster))

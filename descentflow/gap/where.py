@@ -90,7 +90,7 @@ def where(contest: Contest, transition_fl: float, seed: int) -> tuple[list[dict[
     for name, part in (("all", every), ("slower half", slow), ("faster half", ~slow)):
         chosen = known if name == "all" else [c for c in known if c.quantity == "rate"]
         statistic = _statistics(compared.y[part], labels[:, part], contest.has_reference)
-        apart = distances(compared.y[part], contest.real[part], compared.scale)
+        apart = distances(compared.y[part], contest.real[part], compared.scale, compared.counts())
         mixed = torch.stack([_mixed(contest, part, labels[1 + k]) for k in range(FLOORS)]).mean(0)
         for cell in chosen:
             total = statistic[:, cell.at].nan_to_num(0.0).sum(1)
@@ -138,11 +138,16 @@ def _difference(compared: Compared, part: Tensor, cell: Cell) -> float:
 def _mixed(contest: Contest, part: Tensor, label: Tensor) -> Tensor:
     y, scale = contest.compared.y[part], contest.compared.scale
     if not contest.has_reference:
-        return distances((y - y.nanmean(0)) * label[part][:, None], torch.ones(len(y), dtype=torch.bool), scale)
+        return distances(
+            (y - y.nanmean(0)) * label[part][:, None],
+            torch.ones(len(y), dtype=torch.bool),
+            scale,
+            contest.compared.counts(),
+        )
     chosen = label[part] > 0.5
     if not bool(chosen.any()) or bool(chosen.all()):
         return torch.zeros_like(scale)
-    return distances(y, chosen, scale)
+    return distances(y, chosen, scale, contest.compared.counts())
 
 
 def _statistics(y: Tensor, labels: Tensor, two_sided: bool) -> Tensor:

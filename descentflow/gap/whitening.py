@@ -44,7 +44,9 @@ class Whitening:
         return torch.einsum("k,kij->ij", weight, self.precision)
 
 
-def whiten(y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor, sides: Tensor | None = None) -> Whitening:
+def whiten(
+    y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor, sides: Tensor | None = None, learn: Tensor | None = None
+) -> Whitening:
     """Estimate a covariance within groups and invert it for every pattern.
 
     Two things are added to the spread between flights, so that weights are right for differences of means. Flights of
@@ -59,6 +61,7 @@ def whiten(y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor, sides: Te
         nugget: (p,) variance to add.
         sides: (n,) bool: both sides' means are taken off before asking what flights of one aircraft share, or a
             difference between sides would pass for it; the groups if absent.
+        learn: (n,) bool: flights that it is estimated from; all if absent.
     """
     seen = y.isfinite()
     patterns, pattern = torch.unique(seen, dim=0, return_inverse=True)
@@ -66,14 +69,15 @@ def whiten(y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor, sides: Te
     for side in (groups, ~groups):
         if bool(side.any()):
             centred[side] = y[side] - y[side].nanmean(0).nan_to_num(0.0)
-    scale = centred.square().nanmean(0).sqrt().clamp(min=1e-12)
+    used = torch.ones(len(y), dtype=torch.bool) if learn is None else learn
+    scale = centred[used].square().nanmean(0).sqrt().clamp(min=1e-12)
     z = torch.where(seen, centred / scale, 0.0)
-    n, p = z.shape
+    n, p = z[used].shape
     # Many flights speak for themselves; few are helped by a pull towards no correlation.
     pull = 2.0 + 0.25 * p * max(0.0, 1.0 - n / (4.0 * p))
     eye = torch.eye(p, dtype=z.dtype)
-    covariance = _start(z, seen, pull)
-    members = [torch.nonzero(pattern == k)[:, 0] for k in range(len(patterns))]
+    covariance = _start(z[used], seen[used], pull)
+    members = [torch.nonzero((pattern == k) & used)[:, 0] for k in range(len(patterns))]
     for _ in range(ITERATIONS):
         moment = torch.zeros_like(covariance)
         for k, at in enumerate(members):
@@ -97,7 +101,8 @@ def whiten(y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor, sides: Te
     for side in () if sides is None else (sides, ~sides):
         if bool(side.any()):
             completed[side] -= completed[side].mean(0)
-    covariance = covariance + _shared(completed, cluster, covariance) + torch.diag(nugget / scale**2)
+    shared = _shared(completed[used], cluster[used], covariance)
+    covariance = covariance + shared + torch.diag(nugget / scale**2)
     precision = torch.zeros(len(patterns), p, p, dtype=z.dtype)
     for k, there in enumerate(patterns):
         at = torch.nonzero(there)[:, 0]

@@ -11,6 +11,7 @@ class AirspeedBias(Effect):
     """IAS reads too high by a constant and a part that grows with Mach number; the aircraft flies as it did."""
 
     name = "airspeed_bias"
+    inherited_from = 0.7
     parameters = (
         Parameter("bias_kt", -25.0, 25.0, "kt", 1.0),
         Parameter("growth_kt", -40.0, 40.0, "kt per 0.1 of Mach", 1.0),

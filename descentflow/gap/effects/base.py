@@ -1,5 +1,6 @@
 """What an effect is: parameters with bounds, channels that it needs, and the shift it makes in what is measured."""
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -54,6 +55,9 @@ class Effect(ABC):
     """Channels that would tell it from the effects that look like it."""
     sensor: ClassVar[bool] = False
     """Whether it changes what is reported and not what is flown."""
+    inherited_from: ClassVar[float | None] = None
+    """Size of the first parameter from which it shows against physics alone, when the simulator's own flights have it
+    too; None where inferred drag hides it then."""
     rate_follows_cas: ClassVar[bool] = False
     """Whether a shift of CAS carries the rate along as between flights that fly slower and faster."""
     says: ClassVar[str] = ""
@@ -80,14 +84,16 @@ class Effect(ABC):
         for i, parameter in enumerate(self.parameters[:first]):
             along = torch.zeros_like(theta)
             along[i] = 0.0 if parameter.by_law else 1.0
-            # Plain dual numbers: torch.func's own wrappers cost ten times the arithmetic here.
-            with forward_ad.dual_level():
+            # Plain dual numbers: torch.func's own wrappers cost ten times the arithmetic here. Torch compiles some of
+            # its own derivatives on first use, in a way of which it warns.
+            with forward_ad.dual_level(), warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)
                 moved = self.shift(state, forward_ad.make_dual(theta, along))  # type: ignore[no-untyped-call]
                 tangents = {q: forward_ad.unpack_dual(v).tangent for q, v in moved.items()}  # type: ignore[no-untyped-call]
             columns.append({q: torch.zeros_like(plain[q]) if t is None else t for q, t in tangents.items()})
         return {quantity: torch.stack([column[quantity] for column in columns], -1) for quantity in plain}
 
-    def plausible(self, theta: Tensor) -> bool:
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """Whether these parameters can be what they say: an estimate driven to a bound other than zero cannot."""
         return all(
             p.by_law or value == 0.0 or p.low + 1e-6 < value < p.high - 1e-6

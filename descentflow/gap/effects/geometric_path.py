@@ -14,13 +14,13 @@ class GeometricPath(Effect):
     name = "geometric_path"
     parameters = (
         Parameter("share", 0.0, 1.0, "1", 0.1),
-        Parameter("shallower", 0.0, 0.5, "1", 0.05, 0.1),
+        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1),
     )
     law = "window mixture"
     splits = ("groundspeed",)
     says = "a fixed path over the ground is flown instead of an idle descent"
 
-    def plausible(self, theta: Tensor) -> bool:
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """All flights may hold one, and at the very angle that idle allows."""
         return float(theta[0]) > 0.0 and float(theta[1]) < self.parameters[1].high - 1e-6
 

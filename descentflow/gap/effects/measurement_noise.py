@@ -18,6 +18,10 @@ class MeasurementNoise(Effect):
     sensor = True
     says = "reports are noisier or coarser"
 
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
+        """Noisier in some channel; less noise throughout is a smoother flight and no instrument."""
+        return float(theta.max()) > 0.05 and float(theta.max()) >= -float(theta.min())
+
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Noise of each channel."""
         each = torch.ones_like(state.cas_mps[:, 0])

@@ -11,6 +11,10 @@ LENGTHS_FL = (20.0, 40.0, 70.0)
 """Lengths of the windows from which a fit starts."""
 
 
+NARROWEST_FL = 25.0
+"""Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
+FROM_TOP_FL = 5.0
+"""A window that is open to the top is a matter of how descents begin."""
 FEWEST = 20
 """Flights from which a share is learnt."""
 APART = 2.0
@@ -21,23 +25,30 @@ class SpeedBrake(Effect):
     """CD0 higher between two altitudes on a share of the flights; ``extra_cd0`` is the mean over all flights."""
 
     name = "speed_brake"
+    inherited_from = 0.1
     parameters = (
         Parameter("extra_cd0", 0.0, 2.0, "1", 0.1, 0.0),
         Parameter("low_fl", 0.0, 600.0, "FL", 10.0),
         Parameter("high_fl", 0.0, 600.0, "FL", 10.0),
         Parameter("share", 0.05, 1.0, "1", 0.1, 1.0, by_law=True),
+        Parameter("ln_ratio_noise", 0.0, 1.5, "1", 0.1),
     )
     law = "window mixture"
     says = "speed brakes (or as much drag) are out within a band of altitude"
 
-    def plausible(self, theta: Tensor) -> bool:
-        """A window has a height, and is not the whole descent."""
-        return float(theta[2] - theta[1]) >= 10.0 and 0.0 < float(theta[0]) < self.parameters[0].high - 1e-6
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
+        """A window has a height, ends below the top of the grid, and is not the whole descent."""
+        top = float(state.altitude_m[-1] + state.width_m / 2) / FL_M
+        inside = 0.0 < float(theta[0]) < self.parameters[0].high - 1e-6
+        return inside and float(theta[2] - theta[1]) >= NARROWEST_FL and float(theta[2]) < top - FROM_TOP_FL
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation within the window, on the share that flies it."""
         within = state.share_between(theta[1] * FL_M, theta[2] * FL_M)
-        return {"rate": theta[3] * within * (log_rate(state, parasitic=1 + theta[0] / theta[3]) - state.own_log_rate)}
+        each = torch.ones_like(state.cas_mps[:, 0])
+        rate = theta[3] * within * (log_rate(state, parasitic=1 + theta[0] / theta[3]) - state.own_log_rate)
+        # Edges of a window are steps of the rate, which count as short-scale noise.
+        return {"rate": rate, "noise_rate": theta[4] * each}
 
     def learn_law(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
         """Share of the flights in the upper of two groups of mean excess within the window, less that outside."""
@@ -63,7 +74,7 @@ class SpeedBrake(Effect):
                 continue
             count = max(int(2 * (high - low) / length) - 1, 1)
             for bottom in torch.linspace(low, high - length, count).tolist():
-                found.append(torch.tensor([0.0, bottom, bottom + length, 1.0], dtype=torch.float64))
+                found.append(torch.tensor([0.0, bottom, bottom + length, 1.0, 0.0], dtype=torch.float64))
         return found
 
 

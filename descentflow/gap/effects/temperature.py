@@ -13,6 +13,7 @@ class Temperature(Effect):
     """Deviation from ISA: true airspeed at a Mach number, rate of pressure altitude, height between pressure levels."""
 
     name = "temperature"
+    inherited_from = 2.0
     parameters = (Parameter("deviation_k", -40.0, 40.0, "K", 5.0),)
     law = "measured covariate"
     splits = ("TAS", "geoaltitude")

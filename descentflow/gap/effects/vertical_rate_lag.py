@@ -17,6 +17,7 @@ class VerticalRateLag(Effect):
     """
 
     name = "vertical_rate_lag"
+    inherited_from = 6.0
     parameters = (
         Parameter("lag_s", -10.0, 60.0, "s", 2.0),
         Parameter("missed_at_top", -0.5, 1.0, "1", 0.05),
@@ -26,7 +27,7 @@ class VerticalRateLag(Effect):
     sensor = True
     says = "vertical rates are reported late"
 
-    def plausible(self, theta: Tensor) -> bool:
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """What makes a rate late need not damp its noise."""
         return self.parameters[0].low < float(theta[0]) < self.parameters[0].high
 

@@ -18,12 +18,12 @@ class VerticalSpeedMode(Effect):
         Parameter("levels_cut_out", -0.2, 1.0, "1", 0.05),
         Parameter("slower_in_gaps", -60.0, 600.0, "s per flight", 10.0),
         Parameter("share", 0.0, 1.0, "1", 0.1),
-        Parameter("shallower", 0.0, 0.5, "1", 0.05, 0.1),
+        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1),
     )
     law = "window mixture"
     says = "a constant vertical rate is selected instead of an idle descent"
 
-    def plausible(self, theta: Tensor) -> bool:
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """A held rate leaves gaps where cleaning finds it; without gaps it is something else."""
         return float(theta[0]) > LEAST_CUT_OUT
 

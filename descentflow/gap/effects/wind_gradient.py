@@ -11,6 +11,7 @@ class WindGradient(Effect):
     """Growth of the along-track tailwind with altitude (positive: more tailwind higher up)."""
 
     name = "wind_gradient"
+    inherited_from = 0.0005
     parameters = (Parameter("slope_per_s", -0.01, 0.01, "m/s per m", 0.001),)
     law = "measured covariate"
     splits = ("groundspeed", "TAS", "track", "heading")

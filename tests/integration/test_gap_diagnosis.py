@@ -1,0 +1,144 @@
+"""A short study: a simulator of the world's flights, diagnosed with and without planted effects, and bad input."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import gap_toys
+import polars as pl
+import pytest
+import torch
+
+from descentflow.cli import main
+from descentflow.errors import ConfigError, DataError
+from descentflow.gap import EFFECTS, GapReport, diagnose
+from descentflow.gap.report import KEYS
+from descentflow.models.checkpoint import load_model
+from descentflow.sampling.rejection import sample_descents
+from descentflow.surveillance.descents import read_descents
+from descentflow.world.config import WorldConfig
+
+BASIC = ("IAS", "Mach", "vertical_rate")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("diagnosis")
+
+
+@pytest.fixture(scope="module")
+def checkpoint(folder: Path) -> Path:
+    return gap_toys.simulator(folder, gap_toys.flights(folder, 220, seed=0))
+
+
+@pytest.fixture(scope="module")
+def warm(folder: Path, checkpoint: Path) -> tuple[GapReport, Path]:
+    """Warm air, through the command line."""
+    path = gap_toys.flights(folder, 120, seed=1, config=WorldConfig(deviation_mean_k=10.0))
+    out = folder / "warm"
+    assert main(["diagnose", "--real", str(path), "--simulator", str(checkpoint), "--out", str(out)]) == 0
+    return diagnose(path, checkpoint), out
+
+
+def test_flights_of_the_same_world_are_no_gap(folder: Path, checkpoint: Path) -> None:
+    report = diagnose(gap_toys.flights(folder, 120, seed=2), checkpoint)
+    assert report.verdict == "none"
+    assert report.causes == []
+    assert report.p_value > 0.03
+    assert report.write_corrected is None
+
+
+def test_warm_air_is_named_sized_and_closed(warm: tuple[GapReport, Path]) -> None:
+    report, _ = warm
+    assert report.verdict == "effect"
+    assert [cause["effect"] for cause in report.causes] == ["temperature"]
+    size = report.causes[0]["parameters"]["deviation_k"]
+    assert size["low"] - 0.1 < 10.0 < size["high"] + 0.1
+    assert report.causes[0]["closure"]["marginal"]["estimate"] > 0.9
+    assert report.gap_after < 0.1 * report.gap_before
+    assert report.where[0]["quantity"] in ("tas", "height")
+
+
+def test_the_written_report_says_what_the_object_says(warm: tuple[GapReport, Path]) -> None:
+    """Also that the same seed gives the same answer: one was written by another run."""
+    report, out = warm
+    written = json.loads((out / "gap.json").read_text())
+    assert set(KEYS) <= set(written)
+    assert written == json.loads(json.dumps(report.as_dict()))
+    page = (out / "gap.html").read_text()
+    assert "warmer or colder" in page
+    assert page.count("data:image/png") == 4
+
+
+def test_the_corrected_simulator_samples_warm_air(warm: tuple[GapReport, Path], checkpoint: Path) -> None:
+    ratio = []
+    before, after = load_model(checkpoint), load_model(warm[1] / "corrected.ckpt")
+    for model in (before, after):
+        parts = model.representation
+        flown = sample_descents(model, parts.decoder, parts.plausibility, 200, seed=0).trajectories
+        ratio.append((flown.tas_mps.mean(), flown.rate_mps.mean(), flown.time_s[:, 0].mean()))
+    tas, rate, time = (float(a / b) for b, a in zip(*ratio, strict=True))
+    assert tas == pytest.approx(1.021, abs=0.004)
+    assert rate == pytest.approx(0.977, abs=0.008)
+    assert time == pytest.approx(1 / rate, abs=0.01)
+
+
+def test_without_true_airspeed_drag_is_still_found(folder: Path, checkpoint: Path) -> None:
+    path = gap_toys.flights(folder, 120, seed=3, plant=lambda p: dataclasses.replace(p, cd0_factor=1.15 * p.cd0_factor))
+    report = diagnose(path, checkpoint, channels=BASIC)
+    assert report.verdict == "effect"
+    cause = report.causes[0]
+    assert "drag_polar" in (cause["effect"], *cause["group"])
+    assert any("scaled together" in row["why"] for row in report.would_split)
+    assert report.details["quantities"].count("tas") == 0
+
+
+def test_an_effect_that_is_not_in_the_catalogue_is_unknown(warm: tuple[GapReport, Path], folder: Path) -> None:
+    others = {name: effect for name, effect in EFFECTS.items() if name != "temperature"}
+    report = diagnose(folder / "descents1.parquet", folder / "simulator.ckpt", catalogue=others)
+    assert report.verdict == "unknown"
+    assert report.remaining["largest"]["quantity"] in ("tas", "height")
+
+
+def test_nominal_bada_shows_the_mass_that_flew(folder: Path, checkpoint: Path) -> None:
+    """The world's A320 are lighter than the reference mass, which nominal BADA flies."""
+    report = diagnose(folder / "descents2.parquet", typecode="A320")
+    assert report.verdict == "effect"
+    cause = report.causes[0]
+    assert "mass" in (cause["effect"], *cause["group"])
+    assert report.stages == {}
+
+
+def test_bad_input_gets_a_clear_error(folder: Path, checkpoint: Path) -> None:
+    frame = read_descents(folder / "descents2.parquet").frame
+    few = frame.filter(pl.col("flight_id").is_in(frame["flight_id"].unique().sort().head(5).implode()))
+    with pytest.raises(DataError, match="at least 20"):
+        diagnose(few, checkpoint)
+    with pytest.raises(DataError, match=r"descents of B738 for a simulator of A320"):
+        diagnose(frame.with_columns(typecode=pl.lit("B738")), checkpoint)
+    with pytest.raises(DataError, match="no descent between"):
+        diagnose(frame.with_columns(pl.col("level_fl") - 500), checkpoint)
+    with pytest.raises(ConfigError, match="channel 'speed'"):
+        diagnose(frame, checkpoint, channels=["speed"])
+    with pytest.raises(ConfigError, match="neither a simulator nor a type"):
+        diagnose(frame)
+    with pytest.raises(DataError, match="no file"):
+        diagnose(folder / "nothing.parquet", checkpoint)
+    with pytest.raises(DataError, match="expected prepared descents"):
+        diagnose(frame.drop("Mach"), checkpoint)
+    with pytest.raises(ConfigError, match="empty catalogue"):
+        diagnose(frame, checkpoint, catalogue={})
+
+
+def test_a_corrected_simulator_is_not_corrected_again(warm: tuple[GapReport, Path], folder: Path) -> None:
+    with pytest.raises(ConfigError, match="corrected already"):
+        diagnose(folder / "descents1.parquet", warm[1] / "corrected.ckpt", out=folder / "again")
+
+
+def test_torch_is_left_as_it_was(folder: Path, checkpoint: Path) -> None:
+    """The answer depends on its own seed, and moves nobody else's."""
+    torch.manual_seed(5)
+    expected = torch.rand(3)
+    torch.manual_seed(5)
+    diagnose(folder / "descents2.parquet", typecode="A320")
+    assert torch.equal(torch.rand(3), expected)

@@ -1,0 +1,87 @@
+"""Effects: their sizes against the textbook's, and their sensitivities against differences."""
+
+import gap_toys
+import pytest
+import torch
+
+from descentflow.gap.effects import EFFECTS
+from descentflow.gap.effects.speed_brake import two_groups
+from descentflow.gap.physics import implied_mass_kg, log_rate
+from descentflow.gap.quantities import QUANTITIES
+
+THETA = {
+    "temperature": [6.0],
+    "wind_gradient": [0.002],
+    "mass": [-0.08],
+    "idle_thrust": [0.4],
+    "drag_polar": [0.07],
+    "speed_brake": [0.3, 213.0, 268.0, 0.6, 0.1],
+    "geometric_path": [0.5, 0.08],
+    "vertical_speed_mode": [0.2, 5.0, 0.4, 0.1],
+    "level_off": [20.0, 0.3],
+    "speed_schedule": [8.0, 0.01],
+    "airspeed_bias": [2.0, 1.0],
+    "vertical_rate_lag": [6.0, 0.1, -0.2],
+    "measurement_noise": [0.5, 0.4, 0.3, 0.2, 0.1, 0.6],
+}
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("affected", [True, False])
+def test_sensitivities_are_derivatives(name: str, affected: bool) -> None:
+    effect, state = EFFECTS[name], gap_toys.state(affected=affected)
+    theta = torch.tensor(THETA[name], dtype=torch.float64)
+    found = effect.sensitivity(state, theta)
+    for i, parameter in enumerate(effect.parameters):
+        step = torch.zeros_like(theta)
+        step[i] = 1e-5 * parameter.scale
+        up, down = effect.shift(state, theta + step), effect.shift(state, theta - step)
+        for quantity, value in found.items():
+            expected = 0 * up[quantity] if parameter.by_law else (up[quantity] - down[quantity]) / (2 * step[i])
+            torch.testing.assert_close(value[..., i], expected, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_an_absent_effect_shifts_nothing(name: str) -> None:
+    effect, state = EFFECTS[name], gap_toys.state()
+    for start in effect.starts(state):
+        absent = start.clone()
+        if name == "vertical_rate_lag":
+            absent[2] = 0.0
+        for quantity, shift in effect.shift(state, absent).items():
+            assert quantity in QUANTITIES
+            torch.testing.assert_close(shift, torch.zeros_like(shift), atol=1e-12, rtol=0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "at_mach", "at_cas"),
+    [
+        # Relative change of the rate at constant Mach at FL330 and at constant CAS at FL150, by the energy balance.
+        ("temperature", 10.0, -0.025, -0.020),
+        ("wind_gradient", 2 * 0.514444 / 304.8, -0.080, -0.051),
+        ("mass", -0.1, 0.058, 0.067),
+        ("drag_polar", 0.1, 0.084, 0.096),
+    ],
+)
+def test_sizes_are_those_of_the_energy_balance(name: str, value: float, at_mach: float, at_cas: float) -> None:
+    state = gap_toys.state()
+    rate = EFFECTS[name].shift(state, torch.tensor([value], dtype=torch.float64))["rate"][2].expm1()
+    levels = (state.altitude_m / 30.48).round()
+    high, low = rate[(levels - 330).abs().argmin()], rate[(levels - 150).abs().argmin()]
+    # The notes' aircraft is another one: signs and sizes to a third.
+    assert float(high) == pytest.approx(at_mach, rel=0.35)
+    assert float(low) == pytest.approx(at_cas, rel=0.35)
+
+
+def test_the_implied_mass_is_the_one_that_flew() -> None:
+    state = gap_toys.state()
+    seen = log_rate(state, mass=62e3 / 57e3)
+    assert implied_mass_kg(state, seen, state.mask) == pytest.approx(62e3, rel=1e-3)
+
+
+def test_two_groups_are_told_apart_where_there_are_two() -> None:
+    generator = torch.Generator().manual_seed(0)
+    one = 0.05 * torch.randn(200, generator=generator, dtype=torch.float64)
+    assert two_groups(one) == 1.0
+    one[:60] += 0.4
+    assert two_groups(one) == pytest.approx(0.3, abs=0.01)

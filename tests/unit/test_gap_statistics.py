@@ -1,0 +1,110 @@
+"""Whitening with gaps, false discoveries, and a contest on flights of known shift."""
+
+import dataclasses
+from pathlib import Path
+
+import gap_toys
+import pytest
+import torch
+
+from descentflow.gap.contest import Contest
+from descentflow.gap.discrepancy import discrepancy_columns
+from descentflow.gap.effects import EFFECTS
+from descentflow.gap.layout import Compared, compare
+from descentflow.gap.permutation import null_test
+from descentflow.gap.quantities import CHANNELS, Quantities, quantities_of
+from descentflow.gap.selection import select
+from descentflow.gap.where import benjamini_hochberg
+from descentflow.gap.whitening import whiten
+from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.surveillance.descents import read_descents
+
+
+def test_whitening_knows_the_covariance_behind_gaps() -> None:
+    generator = torch.Generator().manual_seed(0)
+    root = torch.tensor([[1.0, 0.0, 0.0], [0.8, 0.6, 0.0], [0.5, 0.5, 0.7]], dtype=torch.float64)
+    y = torch.randn(4000, 3, generator=generator, dtype=torch.float64) @ root.T + 5.0
+    y[:1000, 2] = torch.nan
+    alone = torch.arange(4000)
+    found = whiten(y, torch.ones(4000, dtype=torch.bool), alone, torch.zeros(3, dtype=torch.float64))
+    torch.testing.assert_close(found.covariance, root @ root.T, atol=0.06, rtol=0)
+    seen = found.precision[found.pattern[0]]
+    assert bool((seen[2] == 0).all())
+    torch.testing.assert_close(seen[:2, :2], torch.linalg.inv(found.covariance[:2, :2]), rtol=1e-6, atol=1e-6)
+
+
+def test_what_aircraft_share_counts_once() -> None:
+    """With five flights an aircraft that share all of one entry, its variance for means is five times larger."""
+    generator = torch.Generator().manual_seed(1)
+    cluster = torch.arange(1000) // 5
+    y = torch.randn(1000, 2, generator=generator, dtype=torch.float64)
+    y[:, 0] = y[::5, 0].repeat_interleave(5)
+    found = whiten(y, torch.ones(1000, dtype=torch.bool), cluster, torch.zeros(2, dtype=torch.float64))
+    variance = torch.linalg.inv(found.precision[0]).diagonal()
+    assert float(variance[0]) == pytest.approx(5.0, rel=0.2)
+    assert float(variance[1]) == pytest.approx(1.0, rel=0.2)
+
+
+def test_benjamini_and_hochberg() -> None:
+    assert benjamini_hochberg([0.01, 0.5, 0.02]) == pytest.approx([0.03, 0.5, 0.03])
+
+
+@pytest.fixture(scope="module")
+def halves(tmp_path_factory: pytest.TempPathFactory) -> tuple[Quantities, Quantities]:
+    """Two halves of one world's aircraft."""
+    path = gap_toys.flights(tmp_path_factory.mktemp("gap"), 200, seed=3)
+    every = quantities_of(read_descents(path).frame, 150, 360, CHANNELS)
+    first = every.cluster % 2 == 0
+    return every.rows(first), every.rows(~first)
+
+
+def planted(halves: tuple[Quantities, Quantities], name: str, theta: list[float]) -> Compared:
+    """The halves compared, with an effect's own shift added to the second."""
+    compared = compare(*halves, open_aircraft("A320"))
+    if not name:
+        return compared
+    shift = compared.vector(EFFECTS[name].shift(compared.state, torch.tensor(theta, dtype=torch.float64)))
+    return dataclasses.replace(compared, y=compared.y + torch.where(compared.real[:, None], shift, 0.0))
+
+
+def contest(compared: Compared, *, blind: bool = False) -> Contest:
+    groups = torch.ones_like(compared.real) if blind else compared.real
+    weights = whiten(compared.y, groups, compared.cluster, compared.nugget(), compared.real)
+    return Contest(compared, weights, EFFECTS, seed=0)
+
+
+@pytest.mark.parametrize(
+    ("name", "theta"),
+    [
+        ("drag_polar", [0.12]),
+        ("temperature", [8.0]),
+        ("airspeed_bias", [2.0, 2.0]),
+        ("speed_brake", [0.3, 200, 240, 1, 0]),
+    ],
+)
+def test_a_planted_shift_is_named_with_its_size(
+    halves: tuple[Quantities, Quantities], name: str, theta: list[float]
+) -> None:
+    held = contest(planted(halves, name, theta))
+    chosen = select(held, discrepancy_columns(held.compared)[0], lambda _: None)
+    assert chosen.fit.effects == (name,)
+    assert not chosen.outside.named
+    error = held.covariance(chosen.fit).diagonal().sqrt()
+    off = (chosen.fit.theta[name] - torch.tensor(theta, dtype=torch.float64)).abs()
+    assert float(off[0]) < 4 * float(error[0]) + 1e-3
+
+
+def test_a_null_is_a_null_and_a_shift_is_none(halves: tuple[Quantities, Quantities]) -> None:
+    def p_value(name: str, theta: list[float]) -> float:
+        held = contest(planted(halves, name, theta), blind=True)
+        return null_test(held, discrepancy_columns(held.compared)[0], seed=0, count=99).p_value
+
+    assert p_value("", []) > 0.03
+    assert p_value("mass", [-0.2]) == pytest.approx(0.01)
+
+
+def test_a_state_survives_its_checkpoint(halves: tuple[Quantities, Quantities], tmp_path: Path) -> None:
+    torch.save(halves[0].to_state(), tmp_path / "state.pt")
+    again = Quantities.from_state(torch.load(tmp_path / "state.pt", weights_only=True))
+    torch.testing.assert_close(again.values["cas"], halves[0].values["cas"], rtol=1e-6, atol=1e-5, equal_nan=True)
+    assert torch.equal(again.cluster, halves[0].cluster)

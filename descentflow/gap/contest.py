@@ -381,7 +381,11 @@ class Contest:
         return float(total.sum()), spread**0.5
 
     def covariance(self, fit: Fit) -> Tensor:
-        """Covariance (k, k) of the parameters, robust to what flights of one aircraft have in common."""
+        """Covariance (k, k) of the parameters.
+
+        Robust to what flights of one aircraft have in common, and with what a model that is off by negligible shifts,
+        half of them alike in all bands of a quantity, would add: more flights do not make equations more exact.
+        """
         design = fit.design
         moments = self._moments(self._q(fit.shift), design, None)
         mean, step = moments.solved()
@@ -393,12 +397,26 @@ class Contest:
         if len(mean):
             score -= q[:, free] @ torch.linalg.solve(moments.mean, moments.cross)
         total = by_cluster(score, self.compared.cluster)
+        scatter = total.T @ total + self._by_negligible_shifts(design, moments)
         information, _ = moments.profiled()
         known = information.diagonal() > 1e-9 + 1e-7 * moments.curvature.diagonal()
         inverse = torch.zeros_like(information)
         inverse[known.nonzero(), known.nonzero()[:, 0]] = torch.linalg.pinv(information[known][:, known])
         n = len(total)
-        return (n / max(n - 1, 1) * inverse @ (total.T @ total) @ inverse)[design.n_common :, design.n_common :]
+        return (n / max(n - 1, 1) * inverse @ scatter @ inverse)[design.n_common :, design.n_common :]
+
+    def _by_negligible_shifts(self, design: Design, moments: Moments) -> Tensor:
+        """Covariance of the scores if real flights were off by negligible shifts."""
+        answer = design.products[self.real].sum(0)
+        if len(moments.mean):
+            weight = self.whitening.total(self.real)[:, self.compared.free]
+            answer = answer - weight @ torch.linalg.solve(moments.mean, moments.cross)
+        answer = answer * self.compared.negligible()[:, None]
+        scatter = 0.5 * answer.T @ answer
+        for quantity in self.compared.quantities():
+            alike = answer[self.compared.columns(quantity)].sum(0)
+            scatter = scatter + 0.5 * torch.outer(alike, alike)
+        return scatter
 
 
 def _sum(parts: Sequence[Moments]) -> Moments:

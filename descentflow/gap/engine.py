@@ -155,6 +155,7 @@ class Diagnosis:
         if verdict == "none" or not bool(affected.any()):
             # Entries that stand out by chance would make a gap of it.
             affected = torch.ones_like(affected)
+        affected = self._without_by_products(affected, fit.effects)
         self.say("measuring how far the gap shrinks")
         closure = Closure(self.contest, affected, self.seed)
         lawful, spreads = self.contest.lawful_shift(fit)
@@ -210,6 +211,16 @@ class Diagnosis:
                 }
             ],
         )
+
+    def _without_by_products(self, affected: Tensor, effects: Sequence[str]) -> Tensor:
+        """Entries that a gap is measured over: short-scale noise only where it is the matter, or all that there is.
+
+        Edges of windows and changes of path raise it as well, and no effect claims to undo that.
+        """
+        noise = torch.tensor([e.quantity.startswith("noise") for e in self.compared.entries])
+        if "measurement_noise" in effects or not bool((affected & ~noise).any()):
+            return affected
+        return affected & ~noise
 
     @staticmethod
     def _verdict(p_value: float, chosen: Chosen) -> str:

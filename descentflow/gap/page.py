@@ -6,7 +6,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 from descentflow.figures.gap import closure_figure, contest_figure, curves_figure, where_figure
-from descentflow.gap.words import NAMES, SAYS, number, percent, sentences
+from descentflow.gap.words import NAMES, cause_in_words, number, percent, sentences
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,7 +61,7 @@ def _causes(report: "GapReport") -> str:
         alike = ", ".join(cause["group"]).replace("_", " ") or "nothing in the catalogue"
         rows.append(
             [
-                f"<b>{escape(cause['effect'].replace('_', ' '))}</b><br>{escape(SAYS.get(cause['effect'], ''))}",
+                f"<b>{escape(cause['effect'].replace('_', ' '))}</b><br>{escape(cause_in_words(cause))}",
                 sizes,
                 escape(alike),
                 percent(cause["probability"]),

@@ -18,7 +18,7 @@ LEAST_STANDING = 2.0
 """...nor with a gain of fewer standard errors."""
 FURTHER_GAIN = 12.0
 """The same for a further effect: what the first leaves of itself must not be named..."""
-FURTHER_STANDING = 3.0
+FURTHER_STANDING = 2.5
 FURTHER_SHARE = 0.004
 """...nor what is less than this share of the whole..."""
 OVERLAP_SHARE = 0.05

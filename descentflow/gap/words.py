@@ -41,6 +41,28 @@ SAYS = {
 }
 
 
+DIRECTIONS = {
+    "temperature": ("air warmer than the standard atmosphere", "air colder than the standard atmosphere"),
+    "wind_gradient": ("a tailwind that grows with altitude", "a tailwind that falls with altitude"),
+    "mass": ("heavier aircraft", "lighter aircraft"),
+    "idle_thrust": ("more thrust at idle", "less thrust at idle"),
+    "drag_polar": ("more drag of the airframe", "less drag of the airframe"),
+    "airspeed_bias": ("airspeeds that read too high", "airspeeds that read too low"),
+    "speed_schedule": ("faster descents", "slower descents"),
+    "level_off": ("more time in level-offs", "less time in level-offs"),
+}
+"""What a positive and a negative first parameter mean, where that has a name."""
+
+
+def cause_in_words(cause: dict[str, Any]) -> str:
+    """An effect with the direction that was found."""
+    name = str(cause["effect"])
+    first = next(iter(cause["parameters"].values()), None)
+    if name not in DIRECTIONS or first is None:
+        return SAYS.get(name, name)
+    return DIRECTIONS[name][0 if first["estimate"] > 0 else 1]
+
+
 def number(value: float) -> str:
     """Three digits, without an exponent where a reader can do without."""
     return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
@@ -74,6 +96,10 @@ def sentences(report: "GapReport") -> list[str]:
         name = NAMES.get(cell["quantity"], cell["quantity"])
         place = f"most of it in the {name}, FL{cell['level_low_fl']:.0f} to FL{cell['level_high_fl']:.0f}"
     first = f"The flights differ from the simulator's (p = {report.p_value:.2g}): {place}."
+    if report.details.get("regime") == "refit":
+        first = (
+            f"The flights are as the simulator's own were, but not as it assumes (p = {report.p_value:.2g}): {place}."
+        )
     if report.verdict == "unknown":
         left = report.remaining["largest"]
         return [
@@ -83,8 +109,8 @@ def sentences(report: "GapReport") -> list[str]:
             f"{NAMES.get(left['quantity'], left['quantity'])}, FL{left['level_low_fl']:.0f} to "
             f"FL{left['level_high_fl']:.0f}.",
         ]
-    causes = " and ".join(SAYS.get(c["effect"], c["effect"]) for c in report.causes)
-    alike = sorted({name for c in report.causes for name in c["group"]})
+    causes = " and ".join(cause_in_words(c) for c in report.causes)
+    alike = sorted({name.replace("_", " ") for c in report.causes for name in c["group"]})
     doubt = f", though these data cannot tell it from {', '.join(alike)}" if alike else ""
     closed = report.causes[0]["closure"]["marginal"]["estimate"]
     return [

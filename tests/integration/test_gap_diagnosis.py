@@ -66,7 +66,7 @@ def test_the_written_report_says_what_the_object_says(warm: tuple[GapReport, Pat
     assert set(KEYS) <= set(written)
     assert written == json.loads(json.dumps(report.as_dict()))
     page = (out / "gap.html").read_text()
-    assert "warmer or colder" in page
+    assert "air warmer than the standard atmosphere" in page
     assert page.count("data:image/png") == 4
 
 

@@ -4,6 +4,7 @@ from torch import Tensor
 
 from descentflow.gap.effects.base import Effect, Parameter, Shift
 from descentflow.gap.physics import FlightState, log_rate
+from descentflow.performance.airspeed import cas_to_mach
 from descentflow.units import KT_MPS
 
 
@@ -22,8 +23,14 @@ class AirspeedBias(Effect):
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """IAS, its difference to the CAS of the Mach number, and the rate expected at a wrong speed."""
-        bias = theta[0] + theta[1] * (state.mach() - 0.65) / 0.1
         # Real flights report the wrong speed, so the true one lies below; a simulator's is the true one.
         sign = -1.0 if state.affected else 1.0
+        bias = _bias_kt(theta, state.mach())
+        if state.affected:
+            bias = _bias_kt(theta, cas_to_mach(state.cas_mps - bias * KT_MPS, state.altitude_m))
         other = log_rate(state, cas_mps=state.cas_mps + sign * bias * KT_MPS)
         return {"cas": bias, "mismatch": bias, "rate": sign * (state.own_log_rate - other)}
+
+
+def _bias_kt(theta: Tensor, mach: Tensor) -> Tensor:
+    return theta[0] + theta[1] * (mach - 0.65) / 0.1

@@ -13,6 +13,8 @@ LENGTHS_FL = (20.0, 40.0, 70.0)
 
 NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
+RUN_OUT_M = 90.0
+"""Height over which brakes run out and in: some 8 s of descent. Half of it at either end counts as without."""
 FROM_TOP_FL = 5.0
 """A window that is open to the top is a matter of how descents begin."""
 FEWEST = 20
@@ -44,7 +46,7 @@ class SpeedBrake(Effect):
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation within the window, on the share that flies it."""
-        within = state.share_between(theta[1] * FL_M, theta[2] * FL_M)
+        within = state.share_between(theta[1] * FL_M + RUN_OUT_M / 2, theta[2] * FL_M - RUN_OUT_M / 2)
         each = torch.ones_like(state.cas_mps[:, 0])
         rate = theta[3] * within * (log_rate(state, parasitic=1 + theta[0] / theta[3]) - state.own_log_rate)
         # Edges of a window are steps of the rate, which count as short-scale noise.

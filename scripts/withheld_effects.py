@@ -21,6 +21,8 @@ from descentflow.withheld.run import diagnose_all, generate
 from descentflow.withheld.score import score
 from descentflow.withheld.seal import KEY, MANIFEST, open_key, read_json, write_json
 
+VERDICTS = {True: "met", False: "MISSED", None: "not judged"}
+
 
 def say(line: str) -> None:
     print(line, flush=True)
@@ -47,13 +49,12 @@ def do_diagnose(args: argparse.Namespace) -> None:
 
 def do_score(args: argparse.Namespace) -> None:
 
-
     plan, manifest, diagnoses = open_key(args.folder)
     scored = score(plan, manifest, diagnoses, closings(args.folder, diagnoses))
     write_json(args.folder / "score.json", scored)
     write_page(scored, args.folder / "score.html")
     for goal in scored["goals"]:
-        say(f"{goal['goal']}: {goal['reached_text']} ({goal['n']} sets) {'met' if goal['met'] else 'MISSED'}")
+        say(f"{goal['goal']}: {goal['reached_text']} ({goal['n']} sets) {VERDICTS[goal['met']]}")
 
 
 def closings(folder: Path, diagnoses: dict[str, Any]) -> dict[str, Any]:

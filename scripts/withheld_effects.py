@@ -21,6 +21,8 @@ from descentflow.withheld.run import diagnose_all, generate
 from descentflow.withheld.score import score
 from descentflow.withheld.seal import KEY, MANIFEST, open_key, read_json, write_json
 
+VERDICTS = {True: "met", False: "MISSED", None: "not judged"}
+
 
 def say(line: str) -> None:
     print(line, flush=True)
@@ -52,7 +54,7 @@ def do_score(args: argparse.Namespace) -> None:
     write_json(args.folder / "score.json", scored)
     write_page(scored, args.folder / "score.html")
     for goal in scored["goals"]:
-        say(f"{goal['goal']}: {goal['reached_text']} ({goal['n']} sets) {'met' if goal['met'] else 'MISSED'}")
+        say(f"{goal['goal']}: {goal['reached_text']} ({goal['n']} sets) {VERDICTS[goal['met']]}")
 
 
 def closings(folder: Path, diagnoses: dict[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,9 @@ from descentflow.sampling.rejection import sample_descents
 from descentflow.surveillance.prepare import Cleaning, prepare
 
 SAMPLES: Final = 2000
+CLOSABLE: Final = 0.1
+"""An effect that closes less than a tenth of a standard deviation is lost among the chance of who flies: operators go by
+aircraft, and a hundred aircraft leave some knots between two fleets."""
 FEWEST: Final = 50
 """Flights at a level for it to count."""
 _QUANTILES: Final = torch.linspace(0.01, 0.99, 50, dtype=torch.float64)
@@ -32,7 +35,8 @@ def closing(rows: Path, simulator: Path, corrected: Path, true: Path) -> dict[st
         true: Checkpoint trained with the effect.
 
     Returns:
-        ``before``, ``after`` and ``true`` distances, and ``of_true``: the share of what the true effect closes.
+        ``before``, ``after`` and ``true`` distances, and ``of_true``: the share of what the true effect closes
+        (None where that is too little to divide by).
 
     Example:
         >>> closing(rows, Path("sim.ckpt"), Path("corrected.ckpt"), Path("refit.ckpt"))["of_true"]
@@ -54,7 +58,7 @@ def closing(rows: Path, simulator: Path, corrected: Path, true: Path) -> dict[st
         generated = DescentSet.of_trajectories(samples.trajectories)
         found[name] = _distance(DescentSet.of_profiles(grid), generated, bottom, top)
     closed, closable = found["before"] - found["after"], found["before"] - found["true"]
-    return {**found, "of_true": closed / closable if closable > 0 else None}
+    return {**found, "of_true": closed / closable if closable >= CLOSABLE else None}
 
 
 def _padded(grid: Profiles, levels_fl: Tensor) -> Tensor:

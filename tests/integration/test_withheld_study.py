@@ -143,5 +143,6 @@ def test_a_corrected_simulator_comes_closer_to_the_flights(folder: Path, tmp_pat
     corrected = tmp_path / "corrected.ckpt"
     whole = closing(rows, simulator, corrected, corrected)
     assert whole["after"] < whole["before"]
-    assert whole["of_true"] == 1
-    assert closing(rows, simulator, simulator, corrected)["of_true"] == 0
+    # Ten kelvins change the rate by 2 %: too little beside the chance of who flies for a share to mean anything.
+    assert whole["of_true"] is None
+    assert whole["true"] == whole["after"]

@@ -14,8 +14,8 @@ from descentflow.surveillance.prepare import Cleaning, prepare
 
 SAMPLES: Final = 2000
 CLOSABLE: Final = 0.1
-"""An effect that closes less than a tenth of a standard deviation is lost among the chance of who flies: operators go by
-aircraft, and a hundred aircraft leave some knots between two fleets."""
+"""An effect that closes less than a tenth of a standard deviation is lost among the chance of who flies: operators go
+by aircraft, and a hundred aircraft leave some knots between two fleets."""
 FEWEST: Final = 50
 """Flights at a level for it to count."""
 _QUANTILES: Final = torch.linspace(0.01, 0.99, 50, dtype=torch.float64)

@@ -28,6 +28,8 @@ class Correction:
 
     effects: dict[str, list[float]]
     mass_kg: float
+    inherited: bool = False
+    """Whether the simulator's own flights had the effects: its inferred drag then gives the right rates already."""
 
     def apply(self, aircraft: Aircraft, flown: Trajectories) -> Trajectories:
         """The descents as they are with the effects."""
@@ -76,10 +78,12 @@ class Correction:
             for quantity in target:
                 if quantity in shift:
                     target[quantity] = target[quantity] + shift[quantity] * (KT_MPS if quantity == "cas" else 1.0)
+        if self.inherited:
+            flies["rate"], reports["rate"] = zero, zero
         if bool((flies["cas"] != 0).any()):
             # At another speed the aircraft falls as the polar says.
             flies["rate"] = flies["rate"] + log_rate(state, cas_mps=cas + flies["cas"]) - log_rate(state)
-        if "airspeed_bias" in self.effects:
+        if "airspeed_bias" in self.effects and not self.inherited:
             # Its shift of the rate is what a wrong speed makes of the residual: the rate itself is right.
             bias = EFFECTS["airspeed_bias"].shift(state, torch.tensor(self.effects["airspeed_bias"]).double())
             reports["rate"] = reports["rate"] - bias["rate"]
@@ -87,7 +91,7 @@ class Correction:
 
     def to_state(self) -> dict[str, Any]:
         """Primitives for a checkpoint."""
-        return {"effects": dict(self.effects), "mass_kg": self.mass_kg}
+        return {"effects": dict(self.effects), "mass_kg": self.mass_kg, "inherited": self.inherited}
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Correction":
@@ -101,7 +105,8 @@ class Correction:
         strange = [name for name in state["effects"] if name not in EFFECTS]
         if strange:
             raise KeyError(f"effect {strange[0]}")
-        return cls({name: [float(v) for v in theta] for name, theta in state["effects"].items()}, state["mass_kg"])
+        effects = {name: [float(v) for v in theta] for name, theta in state["effects"].items()}
+        return cls(effects, state["mass_kg"], state["inherited"])
 
 
 def _slope(cas_mps: Tensor, spacing_m: float) -> Tensor:

@@ -20,7 +20,12 @@ SECTION = "descentflow"
 
 
 def corrected(
-    simulator: "Simulator", mass_kg: float, catalogue: Mapping[str, Effect], theta: Mapping[str, Tensor]
+    simulator: "Simulator",
+    mass_kg: float,
+    catalogue: Mapping[str, Effect],
+    theta: Mapping[str, Tensor],
+    *,
+    inherited: bool = False,
 ) -> Callable[[Path], None] | None:
     """What writes the corrected checkpoint; None where there is no checkpoint to correct.
 
@@ -39,7 +44,7 @@ def corrected(
                 mend="write the report without a checkpoint, or add the effect to descentflow.gap.effects",
             )
         content = read()
-        correction = Correction({n: v.tolist() for n, v in theta.items()}, mass_kg)
+        correction = Correction({n: v.tolist() for n, v in theta.items()}, mass_kg, inherited)
         state: dict[str, Any] = content[SECTION]["representation"]
         before = state["decoder"].get("correction")
         if before is not None:

@@ -33,6 +33,8 @@ from descentflow.surveillance.prepare import Cleaning
 from descentflow.units import FL_M
 
 FEWEST_FLIGHTS = 20
+SLACK = 5.0
+"""Samples miss what components and energy share leave out: up to a percent of the rate about the transition."""
 ENOUGH = 100
 """Flights of a simulator from which the spread between flights is learnt without the real ones."""
 SIGNIFICANT = 0.03
@@ -101,7 +103,7 @@ def run(
     reference, real, source = both_sides(simulator, grid, seed)
     if reference is not None:
         reference = _kept_channels(reference, real)
-    compared = compare(reference, real, simulator.aircraft)
+    compared = compare(reference, real, simulator.aircraft, SLACK if source == "samples" else 1.0)
     counts = {
         "flights_given": frame["flight_id"].n_unique(),
         "flights_off_the_grid": frame["flight_id"].n_unique() - len(real),
@@ -176,7 +178,7 @@ class Diagnosis:
             causes=causes,
             gap_after=gap.after,
             remaining=remaining,
-            would_split=would_split(self.contest, named, causes) if named is not None else [],
+            would_split=self._hidden() if named is None else would_split(self.contest, named, causes),
             dropped=dict(counts),
             details=details,
             write_corrected=write if verdict == "effect" else None,
@@ -191,7 +193,7 @@ class Diagnosis:
         gap = closure.gap(lawful)
         causes = causes_of(contest, found.chosen, closure, lawful, spreads, self.say)
         details = {**report.details, "regime": "refit", "curves": curves(contest, fit.shift)}
-        write = corrected(self.simulator, self.compared.state.mass_kg, self.catalogue, fit.theta)
+        write = corrected(self.simulator, self.compared.state.mass_kg, self.catalogue, fit.theta, inherited=True)
         return replace(
             report,
             verdict="effect",
@@ -203,14 +205,18 @@ class Diagnosis:
             causes=[{**cause, "inherited": True} for cause in causes],
             details=details,
             write_corrected=write,
-            would_split=[
-                {
-                    "between": [n for n, e in self.catalogue.items() if e.inherited_from is None],
-                    "channels": [],
-                    "why": "the simulator's own flights would have had them too, and inferred drag would hide them",
-                }
-            ],
+            would_split=self._hidden(),
         )
+
+    def _hidden(self) -> list[dict[str, Any]]:
+        """What no comparison with a simulator of the same flights could show."""
+        if self.source == "physics":
+            return []
+        names = [name for name, effect in self.catalogue.items() if effect.inherited_from is None]
+        why = (
+            "if the simulator's own flights had them as well, its inferred drag and speeds hold them: not identifiable"
+        )
+        return [{"between": names, "channels": [], "why": why}]
 
     def _without_by_products(self, affected: Tensor, effects: Sequence[str]) -> Tensor:
         """Entries that a gap is measured over: short-scale noise only where it is the matter, or all that there is.
@@ -222,10 +228,11 @@ class Diagnosis:
             return affected
         return affected & ~noise
 
-    @staticmethod
-    def _verdict(p_value: float, chosen: Chosen) -> str:
+    def _verdict(self, p_value: float, chosen: Chosen) -> str:
         """``none``, ``effect`` or ``unknown``."""
-        if p_value > SIGNIFICANT:
+        # Samples always differ from flights a little, however many permutations say so: it must matter too.
+        idle = self.source == "samples" and not chosen.fit.effects and not chosen.outside.named
+        if p_value > SIGNIFICANT or idle:
             return "none"
         return "unknown" if chosen.outside.named or not chosen.fit.effects else "effect"
 

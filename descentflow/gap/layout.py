@@ -60,6 +60,8 @@ class Compared:
     cluster: Tensor
     state: FlightState
     band_fl: float
+    slack: float = 1.0
+    """How much larger negligible shifts of rate and CAS are: samples are coarser than flights."""
 
     def nugget(self) -> Tensor:
         """Variance (p,) by which a flight may be off for the means to be off by what is negligible."""
@@ -74,7 +76,8 @@ class Compared:
     def negligible(self) -> Tensor:
         """Negligible shift (p,) of each entry."""
         kinds = [e.quantity.split("_")[0] if e.quantity.startswith("noise") else e.quantity for e in self.entries]
-        return torch.tensor([NEGLIGIBLE[kind] for kind in kinds], dtype=torch.float64)
+        sizes = [NEGLIGIBLE[kind] * (self.slack if kind in ("rate", "cas") else 1.0) for kind in kinds]
+        return torch.tensor(sizes, dtype=torch.float64)
 
     def columns(self, quantity: str) -> Tensor:
         """Positions (k,) of a quantity's entries."""
@@ -130,13 +133,14 @@ def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightS
     )
 
 
-def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft) -> Compared:
+def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, slack: float = 1.0) -> Compared:
     """Join both sides.
 
     Args:
         reference: The simulator's flights; None for a simulator that claims the polar's rate at the reference mass.
         real: Real flights, on the same bands.
         aircraft: Coefficients of the simulator.
+        slack: How much larger negligible shifts of rate and CAS are than between flights.
     """
     both = real if reference is None else _joined(reference, real)
     n_before = 0 if reference is None else len(reference)
@@ -175,6 +179,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft) 
         both.cluster,
         state,
         real.band_fl,
+        slack,
     )
 
 

@@ -14,7 +14,7 @@ from descentflow.surveillance.prepare import Cleaning, prepare
 
 SAMPLES: Final = 2000
 CLOSABLE: Final = 0.1
-"""An effect that closes less than a tenth of a standard deviation is lost among the chance of who flies: operators go by
+"""An effect that closes less than a tenth of a standard deviation is lost in the chance of who flies: operators go by
 aircraft, and a hundred aircraft leave some knots between two fleets."""
 FEWEST: Final = 50
 """Flights at a level for it to count."""

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from descentflow.figures.style import BLUE, GREY, RED, legend_below, tidy
 
@@ -31,7 +32,7 @@ def where_figure(curves: Mapping[str, Any], names: Mapping[str, str]) -> Figure:
             table[i, levels.index(level)] = value / error
     image = upper.imshow(np.clip(table, -CAP, CAP), cmap="RdBu_r", vmin=-CAP, vmax=CAP, aspect="auto")
     upper.set_yticks(range(len(banded)), [names.get(q, q) for q in banded], fontsize=9)
-    every = max(len(levels) // 8, 1)
+    every = -(-len(levels) // 7)
     upper.set_xticks(range(0, len(levels), every), [f"FL{levels[i]:.0f}" for i in range(0, len(levels), every)])
     upper.tick_params(labelsize=9)
     bar = figure.colorbar(image, ax=upper, pad=0.01)
@@ -91,6 +92,7 @@ def curves_figure(curves: Mapping[str, Any], shown: Sequence[str], names: Mappin
         ax.plot(curve["after"], levels, color=BLUE, marker="s", markersize=3, linestyle="--", label="after")
         ax.axvline(0, color="#444444", linewidth=0.8)
         ax.set_title(names.get(q, q), fontsize=9)
+        ax.xaxis.set_major_locator(MaxNLocator(4))
     axes[0].set_ylabel("flight level")
     tidy(axes)
     legend_below(figure, axes)

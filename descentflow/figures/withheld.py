@@ -109,7 +109,7 @@ def strata_figure(rows: Sequence[Scored]) -> Figure:
         )
         ax.set_xlabel("share of sets")
         if of:
-            ax.legend(frameon=False, fontsize=8, loc="lower left")
+            ax.legend(frameon=False, fontsize=8, loc="upper left")
     tidy(panels)
     return figure
 

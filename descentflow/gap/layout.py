@@ -154,6 +154,8 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
     values["rate"] = both.physics["log_rate"] - expected
     is_real = torch.arange(len(both)) >= n_before
     entries, columns, free = [], [], []
+    # Where the simulator's flights measured nothing, flights of mean zero with the real spread stand for its claim.
+    stand_in = torch.arange(n_before) % len(real)
     for name in (*BY_BAND, *OF_FLIGHT):
         if name not in values or (reference is None and name not in CLAIMED_ZERO):
             continue
@@ -166,8 +168,10 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
             if float(column[column.isfinite()].std()) < 1e-9:
                 continue
             entries.append(Entry(name, band if name in BY_BAND else -1))
-            columns.append(torch.cat([_drawn_in(column[~is_real]), _drawn_in(column[is_real])]))
-            free.append(anchored)
+            shown = _drawn_in(column[is_real])
+            normal = _drawn_in(column[~is_real]) if anchored else (shown - shown.nanmean())[stand_in]
+            columns.append(torch.cat([normal, shown]))
+            free.append(reference is not None)
     y = torch.stack(columns, 1)
     scale = _spread(y, is_real)
     return Compared(

@@ -165,7 +165,8 @@ def _best(contest: Contest, candidates: dict[str, Candidate], so_far: float) -> 
     for candidate in sorted(candidates.values(), key=lambda c: -c.gain):
         name = candidate.fit.effects[-1]
         theta = candidate.fit.theta[name]
-        least, standing = LEAST_GAIN, LEAST_STANDING
+        # Against samples, which are coarser than flights, a first effect has to show as much as a further one.
+        least, standing = (LEAST_GAIN if contest.compared.slack == 1.0 else FURTHER_GAIN), LEAST_STANDING
         if len(candidate.fit.effects) > 1:
             share = OVERLAP_SHARE if _overlaps(contest, candidate.fit) else FURTHER_SHARE
             least, standing = max(FURTHER_GAIN, share * so_far), FURTHER_STANDING

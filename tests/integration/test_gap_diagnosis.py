@@ -142,3 +142,24 @@ def test_torch_is_left_as_it_was(folder: Path, checkpoint: Path) -> None:
     torch.manual_seed(5)
     diagnose(folder / "descents2.parquet", typecode="A320")
     assert torch.equal(torch.rand(3), expected)
+
+
+def test_a_checkpoint_without_flights_of_its_own_is_sampled(folder: Path, checkpoint: Path) -> None:
+    """As checkpoints of earlier versions: samples stand for the flights, and physics for what they never measured."""
+    model = load_model(checkpoint)
+    model.representation.reference = None
+    assert diagnose(folder / "descents2.parquet", model).verdict == "none"
+    report = diagnose(folder / "descents1.parquet", model)
+    assert [cause["effect"] for cause in report.causes] == ["temperature"]
+    assert report.details["normal_from"] == "samples"
+
+
+def test_a_cause_that_the_simulator_inherited_is_found_against_physics(folder: Path) -> None:
+    inside = folder / "inherited"
+    inside.mkdir()
+    path = gap_toys.simulator(inside, folder / "descents1.parquet")
+    report = diagnose(folder / "descents1.parquet", path)
+    assert report.details["regime"] == "refit"
+    assert [cause["effect"] for cause in report.causes] == ["temperature"]
+    assert report.causes[0]["inherited"]
+    assert "not identifiable" in report.would_split[0]["why"]

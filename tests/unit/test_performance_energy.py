@@ -125,7 +125,8 @@ def test_exact_factor_batches_over_flights_and_winds():
     wind = torch.linspace(0, 30, 150, dtype=DOUBLE)
     together = energy_share_factor_exact(cas, altitude, 0.0, wind)
     alone = torch.stack([energy_share_factor_exact(c, altitude, 0.0, wind) for c in cas])
-    torch.testing.assert_close(together, alone, rtol=0, atol=0)
+    # Vector and scalar lanes of one processor round the last bit differently.
+    torch.testing.assert_close(together, alone, rtol=4e-16, atol=0)
 
 
 def test_rate_and_drag_are_inverse_and_warm_air_slows_the_pressure_rate():

@@ -1,11 +1,12 @@
 """How times and memory are taken."""
 
-import os
+import json
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import IO
 
 
@@ -27,9 +28,8 @@ def fresh_process_s(arguments: list[str], repeats: int = 3) -> float:
 
 def peak_mib(code: str) -> float:
     """Largest resident memory of a fresh Python process that runs the code."""
-    report = "\nimport resource; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
-    done = subprocess.run([sys.executable, "-c", code + report], check=True, capture_output=True, text=True)
-    return float(done.stdout.split()[-1])
+    with tempfile.TemporaryFile() as said:
+        return _in_a_small_parent([sys.executable, "-c", code], said)[1] / 2**20
 
 
 def print_row(cells: list[str], width: int = 12) -> None:
@@ -40,16 +40,30 @@ def print_row(cells: list[str], width: int = 12) -> None:
 def measured(*words: str) -> tuple[float, float, int]:
     """Wall and CPU seconds, and peak resident bytes, of one descentflow command in a process of its own."""
     start = time.perf_counter()
-    command = [sys.executable, "-m", "descentflow.cli", *words]
     with tempfile.TemporaryFile() as said:
-        return _waited(subprocess.Popen(command, stdout=said, stderr=said), said, start)
+        cpu, peak = _in_a_small_parent([sys.executable, "-m", "descentflow.cli", *words], said)
+    return time.perf_counter() - start, cpu, peak
 
 
-def _waited(run: "subprocess.Popen[bytes]", said: IO[bytes], start: float) -> tuple[float, float, int]:
-    _, status, usage = os.wait4(run.pid, 0)
-    wall = time.perf_counter() - start
-    run.returncode = os.waitstatus_to_exitcode(status)
-    if run.returncode:
-        said.seek(0)
-        raise SystemExit(f"{run.args} ended with {run.returncode}:\n{said.read().decode()}")
-    return wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
+_PARENT = """
+import json, resource, subprocess, sys
+done = subprocess.run(sys.argv[2:])
+usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+open(sys.argv[1], "w").write(json.dumps([usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024]))
+sys.exit(done.returncode)
+"""
+
+
+def _in_a_small_parent(command: list[str], said: IO[bytes]) -> tuple[float, int]:
+    """CPU seconds and peak bytes of a command.
+
+    A process inherits the peak of the one that starts it, and benchmarks hold much: a small one stands between.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        found = Path(folder) / "usage.json"
+        run = subprocess.run([sys.executable, "-c", _PARENT, str(found), *command], stdout=said, stderr=said)
+        if run.returncode:
+            said.seek(0)
+            raise SystemExit(f"{command} ended with {run.returncode}:\n{said.read().decode()}")
+        cpu, peak = json.loads(found.read_text())
+    return cpu, peak

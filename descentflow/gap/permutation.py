@@ -55,7 +55,7 @@ def null_test(contest: Contest, discrepancy: Tensor, seed: int, count: int = PER
     rest = torch.arange(columns.shape[2], every.shape[2])
     free = _gain(information[:, rest[:, None], rest], score[:, rest], torch.ones(len(rest), dtype=torch.float64))
     # Square roots bring both to a scale on which they can be set beside each other; all labellings are treated alike.
-    standing = [_standing(best.clamp(min=0.0).sqrt()), _standing(free.clamp(min=0.0).sqrt())]
+    standing = [_standing(value.sign() * value.abs().sqrt()) for value in (best, free)]
     largest = torch.maximum(*standing)
     p_value = float((largest >= largest[0] - 1e-12).double().mean())
     return NullTest(p_value, float(standing[0][0]), float(standing[1][0]), count)

@@ -148,7 +148,7 @@ class Closure:
     def _shrunk(self, before: Tensor, after: Tensor, real: Tensor) -> float | None:
         first, noise = self._squared(before, real)
         second, _ = self._squared(after, real)
-        if first < 3 * noise:
+        if first <= 3 * noise:
             return None
         return 1 - max(second, 0.0) / first
 

@@ -75,5 +75,5 @@ def test_decoded_time_is_that_of_the_equation_of_motion(deviation_k: float, wind
         by_bada.append(abs(decoded[0] / true[0] - 1))
     # In wind the decoder leaves out the cosine of the path, 0.3 % of what the wind takes.
     assert max(off) < BOUND
-    # BADA's own factor misses what the speed does between held Mach and held CAS: per cents, not the quadrature's error.
+    # BADA's own factor misses what the speed does beside held Mach and held CAS: per cents, not the quadrature's error.
     assert max(by_bada) > 10 * BOUND

@@ -82,13 +82,22 @@ def unpadded(members: list[tuple[str, bytes]]) -> bytes:
     return whole[: -(-used // 512) * 512 + 1024]
 
 
-ROWS = FLIGHT.with_columns(pl.col("timestamp").dt.epoch("ms")).to_dicts()
+def table_of(frame: pl.DataFrame, kind: str) -> bytes:
+    if kind == "parquet":
+        return as_bytes(frame.write_parquet)
+    if kind == "feather":
+        return as_bytes(frame.write_ipc)
+    if kind == "csv":
+        return frame.write_csv().encode()
+    rows = frame.with_columns(pl.col("timestamp").dt.epoch("ms")).to_dicts()
+    if kind == "json-rows":
+        return json.dumps(rows).encode()
+    return json.dumps({name: {str(i): row[name] for i, row in enumerate(rows)} for name in rows[0]}).encode()
+
+
+TABLES = ("parquet", "feather", "csv", "json-rows", "json-columns")
 SOURCES: dict[str, bytes] = {
-    "parquet": as_bytes(FLIGHT.write_parquet),
-    "feather": as_bytes(FLIGHT.write_ipc),
-    "csv": FLIGHT.write_csv().encode(),
-    "json-rows": json.dumps(ROWS).encode(),
-    "json-columns": json.dumps({k: {str(i): row[k] for i, row in enumerate(ROWS)} for k in ROWS[0]}).encode(),
+    **{kind: table_of(FLIGHT, kind) for kind in TABLES},
     "readsb-trace": json.dumps(trace_of(FLIGHT)).encode(),
     "aircraft-json": snapshots_of(FLIGHT),
     "scat": json.dumps(scat_of(flight().head(70))).encode(),
@@ -231,12 +240,12 @@ def test_bytes_changed_anywhere(kind: str, tmp_path: Path) -> None:
 # Hostile sizes ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [kind for kind in OF_JSON if kind != "json-columns"])
+@pytest.mark.parametrize("kind", OF_JSON)
 @pytest.mark.parametrize("bracket", [b"[", b'{"trace":'])
 def test_json_nested_without_end(kind: str, bracket: bytes, tmp_path: Path) -> None:
     path = written_to(tmp_path / "deep.json", bracket * 300_000)
     refused(path, "nested too deeply")
-    refused(path, "nested too deeply", format=kind)
+    refused(path, "nested too deeply", format=kind.replace("columns", "rows"))
     inside = written_to(tmp_path / "inside.json", SOURCES[kind] + b"\n" + bracket * 300_000)
     refused(inside, "nested too deeply")
 
@@ -260,6 +269,28 @@ def test_gzip_that_unpacks_to_a_thousand_times_its_size_is_refused_on_the_way(tm
     refused(written_to(tmp_path / "bomb.tar", tar_of([("trace_full_a.json", content)])), words)
     header = gzip.compress(FLIGHT.write_csv().encode())
     refused(written_to(tmp_path / "rows.csv.gz", header + content), words)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in SOURCES if kind != "tar"])
+def test_a_good_file_of_every_source_that_ends_in_a_bomb(kind: str, tmp_path: Path) -> None:
+    """Nothing by the hundred megabytes: zeros after binary content, blanks after text."""
+    binary = kind in ("parquet", "feather") or kind.startswith("asterix")
+    packer = io.BytesIO()
+    with gzip.GzipFile(fileobj=packer, mode="wb", compresslevel=9) as out:
+        out.write(SOURCES[kind])
+        for _ in range(24):
+            out.write((b"\0" if binary else b" ") * (1 << 20))
+    # Blocks of ASTERIX end at the first zero, long before the limit.
+    words = "block of length 0" if kind.startswith("asterix") else "unpacks to more than 250 times its size"
+    refused(written_to(tmp_path / "rows.gz", packer.getvalue()), words)
+
+
+def test_nothing_after_the_end_of_an_archive_is_unpacked(tmp_path: Path) -> None:
+    packed_archive = gzip.compress(SOURCES["tar"] + bytes(64 << 20))
+    rows, notes = outcome(written_to(tmp_path / "a.tar.gz", packed_archive))
+    assert rows is not None, notes
+    assert len(rows) == 3 * len(FLIGHT)
+    refused(written_to(tmp_path / "b.tar.gz", gzip.compress(bytes(64 << 20))), "neither text nor")
 
 
 def test_lines_and_documents_that_are_too_long_to_be_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -340,6 +371,18 @@ def test_damaged_members_are_counted_as_long_as_there_is_a_good_one(tmp_path: Pa
     assert len(rows) == len(FLIGHT)
     assert notes["traces and members of archives that could not be read"] == 4
     refused(written_to(tmp_path / "b.tar", tar_of(members[1:])), "b.json: damaged gzip")
+
+
+def test_members_of_other_encodings_and_nested_without_end_are_counted(tmp_path: Path) -> None:
+    good, deep = packed(trace_of(FLIGHT)), b"[" * 300_000
+    text = json.dumps(trace_of(FLIGHT))
+    members = [("a.json", good), ("b.json", deep), ("c.json", gzip.compress(deep))]
+    members += [("d.json", text.encode("utf-16")), ("e.json", text.replace("TST", "T\xc4T").encode("latin-1"))]
+    members += [("f.tar", tar_of(members[:1])), ("g\udcff\n.json", b"{")]
+    rows, notes = outcome(written_to(tmp_path / "a.tar", tar_of(members)))
+    assert rows is not None, notes
+    assert len(rows) == len(FLIGHT)
+    assert notes["traces and members of archives that could not be read"] == 6
 
 
 def test_a_damaged_trace_in_a_tree_is_counted_but_not_one_that_is_named(tmp_path: Path) -> None:
@@ -440,8 +483,77 @@ def test_frames_with_wrong_parity_or_letters_are_counted(tmp_path: Path) -> None
     }
 
 
+@pytest.mark.parametrize("category", [62, 48])
+def test_absurd_values_of_asterix_are_read_as_sent_and_are_impossible(category: int, tmp_path: Path) -> None:
+    """The largest numbers that fit: the cleaning counts them as impossible, each for itself."""
+    pytest.importorskip("pyasteryx")
+    found = b""
+    for number, row in enumerate(FLIGHT.iter_rows(named=True)):
+        level, ias, mach, rate = row["altitude"] / 100, 270, row["Mach"], row["vertical_rate"]
+        level, ias, mach = (8191 if number == 5 else level, 1023 if number == 7 else ias, 2.04 if number == 9 else mach)
+        if category == 62:
+            found += cat062("4ca001", 36_000 + 5 * number, level, ias, mach, -2e5 if number == 11 else rate)
+        else:
+            found += cat048("4ca001", 36_000 + 5 * number, min(level, 2047), {0x60: register_60(90.0, ias, mach, rate)})
+    rows, notes = outcome(written_to(tmp_path / "2024-03-01", found))
+    assert rows is not None, notes
+    assert len(rows) == len(FLIGHT)
+    assert len(possible(rows)) == len(FLIGHT) - 3
+    assert rows["altitude"].max() > 200_000
+
+
+@pytest.mark.parametrize("jump_s", [2e4, 5e4, -2e4, -3.5e4])
+@pytest.mark.parametrize("begin_s", [36_000, 80_000])
+def test_a_time_of_day_that_jumps_in_asterix_moves_one_row_alone(begin_s: int, jump_s: float, tmp_path: Path) -> None:
+    """A time far back may be past midnight, one far on before it: whatever it is taken for, the next row is right."""
+    pytest.importorskip("pyasteryx")
+    found, bad = b"", 30
+    for number, row in enumerate(FLIGHT.iter_rows(named=True)):
+        seconds = (begin_s + 5 * number + (jump_s if number == bad else 0)) % 86_400
+        found += cat062("4ca001", seconds, row["altitude"] / 100, 270, row["Mach"], row["vertical_rate"])
+    rows, words = outcome(written_to(tmp_path / "2024-03-01", found))
+    assert rows is not None, words
+    since = (rows["timestamp"] - rows["timestamp"][0]).dt.total_seconds().to_list()
+    assert [number for number, time in enumerate(since) if time != 5 * number] == [bad]
+
+
+ABSURD_TIMES = ("nan", "inf", "-inf", "1e308", "-5", "9" * 5000, "", "12:00")
+
+
+@pytest.mark.parametrize("time", ABSURD_TIMES)
+def test_absurd_times_of_frames_cost_one_row(time: str, tmp_path: Path) -> None:
+    pytest.importorskip("rs1090")
+    content = SOURCES["modes-hex"].decode().splitlines()
+    content[31] = f"{time} {content[31].split()[1]}"
+    rows, notes = outcome(written_to(tmp_path / "frames", "\n".join(content)))
+    assert rows is not None, notes
+    assert len(rows.drop_nulls("timestamp")) == len(FLIGHT) - 1
+    assert sum(notes.values()) == 1
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_tables_of_mixed_types(kind: str, tmp_path: Path) -> None:
+    """Numbers as text with other words among them, in every kind of table: read, or missing and counted."""
+    index = pl.int_range(pl.len())
+    words = {5: "n/a", 7: "1e400", 9: "NaN", 11: "0x10", 13: "270 kt"}
+    ias = pl.col("IAS").cast(pl.String)
+    for number, word in words.items():
+        ias = pl.when(index == number).then(pl.lit(word)).otherwise(ias)
+    mixed = FLIGHT.with_columns(ias.alias("IAS"), pl.col("altitude").cast(pl.String))
+    content = table_of(mixed, kind)
+    rows, notes = outcome(written_to(tmp_path / "rows", content))
+    assert rows is not None, notes
+    assert rows.schema["IAS"] == pl.Float64
+    assert rows.with_row_index().filter(pl.col("IAS").is_null())["index"].to_list() == list(words)
+    assert notes["values of IAS that could not be read"] == 3
+    assert len(possible(rows)) == len(FLIGHT) - len(words)
+
+
 @pytest.mark.parametrize("jump_s", [3e5, -3e5])
-@pytest.mark.parametrize("kind", ["readsb-trace", "aircraft-json", "scat", "jet1090", "modes-hex"])
+@pytest.mark.parametrize(
+    "kind",
+    [*TABLES, "readsb-trace", "aircraft-json", "scat", "jet1090", "modes-hex"],
+)
 def test_a_clock_that_jumps_moves_one_row_alone(kind: str, jump_s: float, tmp_path: Path) -> None:
     number = 30
     if kind == "readsb-trace":
@@ -455,6 +567,10 @@ def test_a_clock_that_jumps_moves_one_row_alone(kind: str, jump_s: float, tmp_pa
         stamp = pl.from_epoch(pl.Series([moved]), "s").dt.strftime("%Y-%m-%dT%H:%M:%S.000000")[0]
         document["plots"][number]["time_of_track"] = stamp
         content = json.dumps(document).encode()
+    elif kind in TABLES:
+        late = pl.int_range(pl.len()) == number
+        moved = pl.when(late).then(pl.col("timestamp") + pl.duration(seconds=int(jump_s))).otherwise("timestamp")
+        content = table_of(FLIGHT.with_columns(moved.alias("timestamp")), kind)
     else:
         found = SOURCES[kind].decode().splitlines()
         place = 2 * number + 1 if kind == "modes-hex" else number

@@ -226,6 +226,20 @@ def test_a_gpf_without_a_parameter_is_refused(release):
         read_gpf(path)
 
 
+def test_global_parameters_that_are_not_the_manual_s_are_warned_of(release):
+    path = release / "BADA.GPF"
+    same = load_aircraft("A320", release)
+    whole = path.read_text()
+    path.write_text(whole.replace(".13000E+01", ".14000E+01"))
+    with pytest.warns(UserWarning, match=r"BADA.GPF has min_speed_factor = 1.4: not taken over"):
+        assert load_aircraft("A320", release) == same
+    path.write_text(whole.replace(".20000E+01", "two"))
+    with pytest.warns(UserWarning, match=r"not compared with the manual's, which hold: .*BADA.GPF line 25"):
+        assert load_aircraft("A320", release) == same
+    path.unlink()
+    assert load_aircraft("A320", release) == same
+
+
 def test_empty_foreign_and_absent_files_are_refused(release, tmp_path):
     (release / "J2M___.OPF").write_text("")
     with pytest.raises(AircraftError, match="no data line"):

@@ -8,11 +8,14 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from hostile_toys import FLIGHT, OF_JSON, SOURCES, outcome, refused
+from hostile_toys import FLIGHT, OF_JSON, SOURCES, as_bytes, outcome, refused
 from source_toys import packed, tar_of, trace_of, written_to
 from surveillance_toys import flight
 
 from descentflow.cli import main
+
+PACKED = {"compression": "zstd"}
+KINDS = ("text", "categorical", "enum")
 
 
 @pytest.mark.parametrize("kind", OF_JSON)
@@ -58,6 +61,39 @@ def test_a_good_file_of_every_source_that_ends_in_a_bomb(kind: str, tmp_path: Pa
     # Blocks of ASTERIX end at the first zero, long before the limit.
     words = "block of length 0" if kind.startswith("asterix") else "unpacks to more than 250 times its size"
     refused(written_to(tmp_path / "rows.gz", packer.getvalue()), words)
+
+
+@pytest.mark.parametrize("kind", [pl.String(), pl.Categorical(), pl.Enum(["x" * 200_000, "b"])], ids=KINDS)
+@pytest.mark.parametrize("form", ["parquet", "feather"])
+def test_one_text_that_a_small_table_repeats_in_every_row(kind: pl.DataType, form: str, tmp_path: Path) -> None:
+    """Kept once in the file and by Polars, two gigabytes if anything copies it; it says nothing and is counted."""
+    long = FLIGHT.sample(10_000, with_replacement=True, seed=0).with_columns(
+        callsign=pl.lit("x" * 200_000).cast(kind), timestamp=pl.lit(FLIGHT["timestamp"][0])
+    )
+    content = as_bytes(lambda out: long.write_parquet(out) if form == "parquet" else long.write_ipc(out, **PACKED))
+    assert len(content) < 3_000_000
+    rows, notes = outcome(written_to(tmp_path / "rows", content))
+    assert rows is not None, notes
+    assert notes == {"values of callsign that could not be read": 10_000}
+    assert rows["callsign"].null_count() == len(rows) == 10_000
+
+
+def test_a_long_text_in_a_column_that_is_needed_is_refused_and_not_printed_whole(tmp_path: Path) -> None:
+    path = tmp_path / "rows.parquet"
+    FLIGHT.with_columns(icao24=pl.lit("x" * 200_000)).write_parquet(path)
+    refused(path, "60 of 60 values of icao24 cannot be read")
+    assert len(str(outcome(path)[1])) < 400
+
+
+def test_lists_are_refused_before_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "rows.parquet"
+    FLIGHT.with_columns(altitude=pl.lit(pl.Series([[0.0] * 1000])).first()).write_parquet(path)
+
+    def never(*_: object, **__: object) -> pl.DataFrame:
+        raise AssertionError
+
+    monkeypatch.setattr(pl.LazyFrame, "slice", never)
+    refused(path, "column altitude of type List(Float64)")
 
 
 def test_nothing_after_the_end_of_an_archive_is_unpacked(tmp_path: Path) -> None:

@@ -2,11 +2,10 @@
 
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.performance.aircraft import Aircraft
+from descentflow.performance.aircraft import Aircraft, Number
 from descentflow.performance.constants import TROPOPAUSE_M
 from descentflow.performance.forces import descent_thrust_floor_ft
 from descentflow.performance.transition import transition_altitude_m
@@ -22,13 +21,14 @@ class Breaks(NamedTuple):
     ``base`` and ``share`` (b) continue a profile to each extra by a line through the two levels ``base`` and
     ``base + 1`` of its own side. ``cells`` (c) are the cells that hold extras, with the weights in metres of the
     slowness at the level below, at the level above and, in ``inner`` (b, c), at the extras: together the trapezoid rule
-    from level to extra, between extras, and on to the next level.
+    from level to extra, between extras, and on to the next level. All carry gradients where the coefficients that
+    place a jump do: time changes as the jump moves.
     """
 
     altitude_m: Tensor
     base: tuple[int, ...]
-    share: tuple[float, ...]
-    cells: tuple[tuple[int, float, float], ...]
+    share: tuple[Number, ...]
+    cells: tuple[tuple[int, Number, Number], ...]
     inner: Tensor
 
     def continued(self, values: Tensor) -> Tensor:
@@ -41,7 +41,7 @@ class Breaks(NamedTuple):
             return values[..., :0]
         # Column by column: indexing by a tensor takes longer than all the arithmetic.
         columns = zip(self.base, self.share, strict=True)
-        return torch.stack([torch.lerp(values[..., k], values[..., k + 1], share) for k, share in columns], -1)
+        return torch.stack([_between(values[..., k], values[..., k + 1], share) for k, share in columns], -1)
 
     def leg_times(self, slowness: Tensor, extra: Tensor, half_step_m: Tensor) -> Tensor:
         """Time between neighbouring levels (n, L - 1) from slowness on the levels (n, L) and at the extras (n, b).
@@ -65,29 +65,47 @@ def rate_breaks(aircraft: Aircraft, altitude_m: Tensor) -> Breaks:
     rate changes by a third, would miss up to half a second of a ten-minute descent.
 
     Args:
-        aircraft: Coefficients; of tensor coefficients the first entry places the jumps.
+        aircraft: Coefficients; of tensor coefficients the first entry places the jumps, and gets their gradient.
         altitude_m: (L,) ascending altitudes.
     """
-    jumps = (transition_altitude_m(aircraft), TROPOPAUSE_M, descent_thrust_floor_ft(aircraft) * FT_M)
-    where = sorted(float(torch.as_tensor(jump).detach().reshape(-1)[0]) for jump in jumps)
+    places = (transition_altitude_m(aircraft), TROPOPAUSE_M, descent_thrust_floor_ft(aircraft) * FT_M)
     # Placed in float64: in float32 the two sides of a jump at 10 km would be one number.
-    levels = np.asarray(altitude_m.detach().cpu(), dtype=np.float64)
-    inside = [jump for jump in where if levels[0] + SIDE_M < jump < levels[-1] - SIDE_M]
-    extras = np.array([side for jump in inside for side in (jump - SIDE_M, jump + SIDE_M)])
-    holds = np.clip(np.searchsorted(levels, extras, side="right") - 1, 0, len(levels) - 2)
-    below = np.arange(len(extras)) % 2 == 0
-    base = np.clip(np.where(below, holds - 1, holds + 1), 0, len(levels) - 2)
+    jumps = [torch.as_tensor(place).reshape(-1)[0].to("cpu", torch.float64) for place in places]
+    levels = altitude_m.detach().to("cpu", torch.float64).contiguous()
+    lowest, highest = float(levels[0]) + SIDE_M, float(levels[-1]) - SIDE_M
+    inside = [jump for jump in sorted(jumps, key=_value) if lowest < _value(jump) < highest]
+    sides = [side for jump in inside for side in (jump - SIDE_M, jump + SIDE_M)]
+    extras = torch.stack(sides) if sides else levels[:0]
+    last = len(levels) - 2
+    holds = (torch.searchsorted(levels, extras.detach(), right=True) - 1).clamp(0, last)
+    below = torch.arange(len(extras)) % 2 == 0
+    base = torch.where(below, holds - 1, holds + 1).clamp(0, last)
     share = (extras - levels[base]) / (levels[base + 1] - levels[base])
-    cells, inner = [], np.zeros((len(extras), len(set(holds.tolist()))))
-    for column, cell in enumerate(sorted(set(holds.tolist()))):
+    cells, columns = [], []
+    for cell in sorted(set(holds.tolist())):
+        here = holds == cell
         # Half of the step on either side of each point, levels first and last.
-        half = np.diff(np.concatenate([[levels[cell]], extras[holds == cell], [levels[cell + 1]]])) / 2
-        inner[holds == cell, column] = half[1:] + half[:-1]
-        cells.append((cell, float(half[0]), float(half[-1])))
+        half = torch.cat([levels[cell : cell + 1], extras[here], levels[cell + 1 : cell + 2]]).diff() / 2
+        columns.append(torch.zeros_like(extras).masked_scatter(here, half[1:] + half[:-1]))
+        cells.append((cell, *_plain(half[[0, -1]])))
     return Breaks(
-        torch.as_tensor(extras).to(altitude_m),
+        extras.to(altitude_m),
         tuple(base.tolist()),
-        tuple(share.tolist()),
+        tuple(_plain(share)),
         tuple(cells),
-        torch.as_tensor(inner).to(altitude_m),
+        (torch.stack(columns, 1) if columns else extras[:, None][:, :0]).to(altitude_m),
     )
+
+
+def _value(number: Tensor) -> float:
+    return float(number.detach())
+
+
+def _plain(values: Tensor) -> list[Number]:
+    """Floats, which are faster to calculate with, unless a gradient is wanted."""
+    found: list[Number] = list(values.unbind()) if values.requires_grad else values.tolist()
+    return found
+
+
+def _between(lower: Tensor, upper: Tensor, share: Number) -> Tensor:
+    return torch.lerp(lower, upper, share.to(lower) if isinstance(share, Tensor) else share)

@@ -25,7 +25,7 @@ CAS_SCALE_MPS = math.sqrt(KAPPA * P0_PA / RHO0_KG_M3)
 
 
 def impact_pressure_ratio(mach: Tensor) -> Tensor:
-    """Impact pressure over static pressure, ``(1 + (kappa - 1)/2 M^2)^(kappa/(kappa - 1)) - 1``.
+    """Impact over static pressure, ``(1 + (kappa - 1)/2 M^2)^(kappa/(kappa - 1)) - 1`` (manual 3.1-23).
 
     Example:
         >>> round(impact_pressure_ratio(torch.tensor(0.8)).item(), 4)
@@ -35,7 +35,7 @@ def impact_pressure_ratio(mach: Tensor) -> Tensor:
 
 
 def mach_of_impact(ratio: Tensor) -> Tensor:
-    """Mach number that makes an impact pressure ratio: the inverse of :func:`impact_pressure_ratio`."""
+    """Mach number that makes an impact pressure ratio, the inverse of :func:`impact_pressure_ratio` (manual 3.1-23)."""
     return safe_sqrt(2 / (KAPPA - 1) * torch.expm1(torch.log1p(ratio) / IMPACT_EXPONENT))
 
 

@@ -27,7 +27,7 @@ DELTA_TROPOPAUSE = (T_TROPOPAUSE_K / T0_K) ** PRESSURE_EXPONENT
 
 
 def below_tropopause(altitude_m: Tensor) -> Tensor:
-    """Return True at 11,000 m of pressure altitude and below.
+    """Return True at 11,000 m of pressure altitude and below (manual 3.1.2, 3.1-13).
 
     Example:
         >>> below_tropopause(torch.tensor([11000.0, 11000.1])).tolist()

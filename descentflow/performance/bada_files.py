@@ -1,11 +1,14 @@
 """BADA 3 directories: a licence holder's files in, aircraft out; each kind of file has a module of its own."""
 
+import warnings
+from dataclasses import fields
 from difflib import get_close_matches
 from pathlib import Path
 
 from descentflow.errors import AircraftError
 from descentflow.performance.aircraft import Aircraft
 from descentflow.performance.apf_file import Apf, apf_of, read_apf, write_apf
+from descentflow.performance.global_parameters import STANDARD
 from descentflow.performance.gpf_file import read_gpf
 from descentflow.performance.opf_file import Opf, opf_of, read_opf, write_opf
 from descentflow.performance.synonym_file import Synonym, read_synonym
@@ -68,6 +71,9 @@ def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None) -> Aircraft:
 def load_aircraft(typecode: str, bada_dir: str | Path) -> Aircraft:
     """Load one type from a BADA 3 directory, resolved through SYNONYM.NEW.
 
+    Warns where the directory's BADA.GPF says otherwise than the manual, whose global parameters every command takes;
+    from Python they can be passed: ``nominal_descent(..., limits=read_gpf("bada/BADA.GPF"))``.
+
     Args:
         typecode: ICAO type designator, in any case; without SYNONYM.NEW the name of the files themselves.
         bada_dir: Directory of OPF, APF and SYNONYM.NEW files.
@@ -93,6 +99,7 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Aircraft:
             expected=f"one of the {len(synonyms)} types there (near it: {near})",
             mend="choose a type the directory holds, or add a line to its SYNONYM.NEW",
         )
+    _compare_global_parameters(folder / "BADA.GPF")
     return _load(folder, synonyms[wanted].file, wanted)
 
 
@@ -113,6 +120,7 @@ def load_directory(bada_dir: str | Path) -> dict[str, Aircraft]:
         1476
     """
     folder = _folder(bada_dir)
+    _compare_global_parameters(folder / "BADA.GPF")
     return {code: _load(folder, synonym.file, code) for code, synonym in _synonyms(folder).items()}
 
 
@@ -140,6 +148,21 @@ def _synonyms(folder: Path) -> dict[str, Synonym]:
             mend="unpack the release there; file names are in capitals",
         )
     return {name.rstrip("_"): Synonym(name.rstrip("_"), "", "", name, True, True) for name in names}
+
+
+def _compare_global_parameters(file: Path) -> None:
+    """Warn where they are not the manual's: unlike a type's files they are not taken over."""
+    if not file.is_file():
+        return
+    try:
+        found = read_gpf(file)
+    except AircraftError as error:
+        warnings.warn(f"global parameters not compared with the manual's, which hold: {error}", stacklevel=3)
+        return
+    names = [field.name for field in fields(found)]
+    other = [f"{n} = {getattr(found, n)}" for n in names if getattr(found, n) != getattr(STANDARD, n)]
+    if other:
+        warnings.warn(f"{file} has {', '.join(other)}: not taken over, the manual's values hold", stacklevel=3)
 
 
 def _load(folder: Path, file: str, typecode: str) -> Aircraft:

@@ -24,14 +24,14 @@ ESF_ACCELERATING_DESCENT: Final = 1.7
 
 
 def lapse_share(mach: Tensor, altitude_m: Tensor, deviation_k: Tensor) -> Tensor:
-    """``(V/g0) dV/dh`` at constant Mach: the sound speed's change with height; zero above the tropopause (3.2-9)."""
+    """``(V/g0) dV/dh`` at constant Mach: the sound speed falls with height, not above the tropopause (manual 3.2-9)."""
     slope = KAPPA * R_AIR * LAPSE_K_M / (2 * G0_MPS2)
     below = slope * mach * mach * isa_fraction(altitude_m, deviation_k)
     return torch.where(below_tropopause(altitude_m), below, 0.0)
 
 
 def compression_share(mach: Tensor) -> Tensor:
-    """``(V/g0) dV/dh`` at constant CAS, beyond the lapse's part (3.2-10): ``y - y^(-5/2)`` with ``y = 1 + 0.2 M^2``.
+    """``(V/g0) dV/dh`` at constant CAS, beyond the lapse's part (manual 3.2-10): ``y - y^(-5/2)``, ``y = 1 + 0.2 M^2``.
 
     The manual writes ``y^(-1/(kappa-1)) (y^(kappa/(kappa-1)) - 1)``, which is the same without the cancelled power.
     """
@@ -46,7 +46,7 @@ def energy_share_factor(
     deviation_k: Number = 0.0,
     wind_gradient_per_s: Number = 0.0,
 ) -> Tensor:
-    """Energy share factor by BADA's algorithm: constant Mach above transition, constant CAS below (3.2-8 to 3.2-11).
+    """Energy share factor of BADA: constant Mach above transition, constant CAS below (manual 3.2-8 to 3.2-11).
 
     The four cases are one expression, ``1 / (1 + lapse + compression)``: the lapse term holds up to the tropopause,
     the compression term at constant CAS. The constants of the remaining cases (constant TAS, level acceleration and
@@ -75,7 +75,7 @@ def energy_share_factor(
 
 
 def wind_share(mach: Tensor, altitude_m: Tensor, deviation_k: Tensor, gradient_per_s: Tensor) -> Tensor:
-    """``(V/g0) dw/dh``: the along-track wind's change, ``dw/dHp (T - dT)/T`` with height."""
+    """``(V/g0) dw/dh``: the along-track wind's change, ``dw/dHp (T - dT)/T`` with height; not in the manual's 3.2."""
     tas = mach_to_tas_mps(mach, altitude_m, deviation_k)
     return tas / G0_MPS2 * isa_fraction(altitude_m, deviation_k) * gradient_per_s
 
@@ -87,7 +87,7 @@ def energy_share_factor_local(
     wind_gradient_per_s: Number = 0.0,
     deviation_k: Number = 0.0,
 ) -> Tensor:
-    """Exact energy share factor from the slopes of CAS and wind at one altitude.
+    """Exact energy share factor from the slopes of CAS and wind at one altitude (manual 3.2-1, with 3.2-10).
 
     ``f = 1 / (1 + (V/g0) (dV/dh + dw/dh))`` with h the geometric altitude. By the chain rule V dV/dh is the
     constant-CAS term of the manual (3.2-10) plus the term of the changing CAS, and ``d/dh = (T - dT)/T d/dHp``. With
@@ -133,7 +133,7 @@ def _cas_change_share(cas: Tensor, mach: Tensor, altitude: Tensor) -> Tensor:
 def energy_share_factor_exact(
     cas_mps: Number, altitude_m: Tensor, deviation_k: Number = 0.0, wind_mps: Number | None = None
 ) -> Tensor:
-    """Exact energy share factor of a CAS profile on a level grid, with an optional along-track wind profile.
+    """Exact energy share factor of a CAS profile on a level grid, with an optional wind profile (manual 3.2-1).
 
     See :func:`energy_share_factor_local`; the slopes are second-order differences along the last dimension (one-sided
     at the ends), so only the departure from constant CAS is differenced and a constant-CAS profile is exact.
@@ -209,7 +209,7 @@ def inferred_drag_n(
     deviation_k: Number = 0.0,
     mass_kg: Number | None = None,
 ) -> Tensor:
-    """Drag that explains an observed rate: the exact inverse of :func:`descent_rate_mps` (paper, equation 3).
+    """Drag that explains an observed rate, the inverse of :func:`descent_rate_mps` (manual 3.2-7; paper, equation 3).
 
     ``D = Thr - T/(T - dT) m g0 (dHp/dt) / (V f)``
 

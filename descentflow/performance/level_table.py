@@ -49,7 +49,7 @@ class LevelTable:
 def level_table(
     aircraft: Aircraft, altitude_m: Tensor, mass_kg: Number | None = None, deviation_k: Number = 0.0
 ) -> LevelTable:
-    """Tabulate a grid (L,) in its precision.
+    """Tabulate a grid (L,) in its precision (manual 3.1, 3.2 and 3.7).
 
     Args:
         aircraft: Coefficients, all floats.
@@ -79,7 +79,7 @@ def level_table(
 
 
 def fused_rate(table: LevelTable, drag_n: Tensor, cas_mps: Tensor, out: tuple[Tensor, ...]) -> None:
-    """Mach, true airspeed, rate and its reciprocal of profiles (n, L), written in place.
+    """Mach, true airspeed, rate and its reciprocal of profiles (n, L), in place (manual 3.1-23, 3.2-7 to 3.2-11).
 
     Args:
         table: Constants of the L levels.

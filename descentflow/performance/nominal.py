@@ -69,7 +69,7 @@ def nominal_state(
     limits: GlobalParameters = STANDARD,
     expedited: bool = False,
 ) -> NominalState:
-    """Speeds, forces and rate of the nominal descent at any pressure altitudes.
+    """Speeds, forces and rate of the nominal descent at any pressure altitudes (manual 3.2 to 3.9 and 4.3).
 
     The schedule's steps in speed are taken at once, without the energy they set free: BADA's own tables do the same.
 
@@ -114,7 +114,7 @@ def nominal_descent(
     limits: GlobalParameters = STANDARD,
     expedited: bool = False,
 ) -> NominalDescent:
-    """Fly the nominal BADA descent from the top level of a grid to its bottom.
+    """Fly the nominal BADA descent from the top level of a grid to its bottom (manual 3.2-7 and 4.3).
 
     Time is the integral of ``dHp / rate`` by two-point Gauss in cells that end at every level and at every altitude
     where the rate jumps (transition, tropopause, H_p,des, the schedule's steps), so it does not depend on the spacing

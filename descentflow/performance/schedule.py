@@ -58,7 +58,7 @@ def descent_cas_mps(
 
 
 def ceilings_ft(aircraft: Aircraft) -> tuple[float, ...]:
-    """Altitudes in ft where the low schedule steps down, from the top.
+    """Altitudes in ft where the low schedule steps down, from the top (manual 4.3-1 to 4.3-7).
 
     Example:
         >>> from descentflow.performance.open_aircraft import open_aircraft
@@ -69,7 +69,7 @@ def ceilings_ft(aircraft: Aircraft) -> tuple[float, ...]:
 
 
 def holds_mach(aircraft: Aircraft, altitude_m: Number) -> Tensor:
-    """Return True where the schedule holds Mach: from the transition altitude up, and never below 10,000 ft.
+    """Return True where the schedule holds Mach: from the transition up, and never below 10,000 ft (manual 4.3).
 
     Example:
         >>> from descentflow.performance.open_aircraft import open_aircraft

@@ -13,7 +13,7 @@ from descentflow.surveillance.fates import ROW, TracedReport, some_flights
 from descentflow.surveillance.flights import in_order, name_flights, of_types, with_types
 from descentflow.surveillance.free_rate import FreeRate
 from descentflow.surveillance.grid import to_levels
-from descentflow.surveillance.operations import ClearedSpeed, LargestBank
+from descentflow.surveillance.operations import ClearedLevel, ClearedSpeed, LargestBank
 from descentflow.surveillance.rates import with_rate
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.schema import COLUMNS
@@ -25,6 +25,7 @@ BATCH_ROWS = 250_000
 LOOKED_AT = ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
 """Columns that filters look at..."""
 TURNS, CLEARED = ("roll", "track", "groundspeed"), ("cleared_speed_kt", "cleared_mach")
+CLEARED_LEVEL = ("cleared_flight_level",)
 """...and those that optional filters look at."""
 
 
@@ -128,6 +129,8 @@ def after_rates(rules: Cleaning) -> filters.Chain:
         descent |= LargestBank(rules.largest_bank_deg)
     if rules.cleared_speed_after_s is not None:
         descent |= ClearedSpeed(rules.cleared_speed_after_s, rules.cleared_speed_within_kt)
+    if rules.cleared_level_within_ft is not None:
+        descent |= ClearedLevel(rules.cleared_level_within_ft)
     return (
         descent
         | FreeRate(
@@ -185,6 +188,7 @@ def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFra
     looked_at: tuple[str, ...] = LOOKED_AT
     looked_at += TURNS if rules.largest_bank_deg is not None else ()
     looked_at += CLEARED if rules.cleared_speed_after_s is not None else ()
+    looked_at += CLEARED_LEVEL if rules.cleared_level_within_ft is not None else ()
     needed = [name for name in looked_at if name in rows.columns]
     # Numbers are compared faster than names.
     narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW)

@@ -1,6 +1,6 @@
 """Bring a table of any known source to the schema: names, types and units."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import polars as pl
@@ -12,6 +12,14 @@ from descentflow.units import FPM_MPS, FT_M, KT_MPS
 
 STATE_VECTOR = "baroaltitude"
 """Column that only OpenSky's state vectors have; they are in SI units."""
+LONGEST_TEXT = 500
+"""Bytes of the longest text that says anything; a small file can repeat one of megabytes in every row, which nothing
+copies as long as it is not worked on."""
+READABLE = {
+    pl.Float64: "numbers",
+    pl.Datetime: "dates with time, or seconds since 1970",
+    pl.String: f"texts of at most {LONGEST_TEXT} bytes",
+}
 STALE_S = 10.0
 """Age of the last message from which a state vector is left out: OpenSky repeats the last one for minutes."""
 
@@ -56,8 +64,8 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
         if name in REQUIRED and len(column) and lost > len(column) / 2:
             raise DataError(
                 f"{path}: {lost} of {len(column)} values of {name} cannot be read (the first: "
-                f"{table[name].filter(column.is_null() & table[name].is_not_null())[0]!r})",
-                expected="numbers" if kind == pl.Float64 else "dates with time, or seconds since 1970",
+                f"{repr(table[name].filter(column.is_null() & table[name].is_not_null())[0])[:80]})",
+                expected=READABLE[type(kind)],
                 mend=f"convert the column {name}",
             )
         columns.append(column.alias(name))
@@ -110,14 +118,11 @@ SI = {
 
 
 def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
-    if column.dtype.is_nested() or column.dtype in (pl.Binary, pl.Object, pl.Date, pl.Time, pl.Duration):
-        raise DataError(
-            f"{path}: column {column.name} of type {column.dtype}",
-            expected="numbers" if kind == pl.Float64 else "dates with time, or text",
-            mend=f"convert the column {column.name}",
-        )
+    check_types({column.name: column.dtype}, path, "numbers" if kind == pl.Float64 else "dates with time, or text")
     if column.dtype in (pl.Categorical, pl.Enum):
-        column = column.cast(pl.String)
+        column = _where(column, column.cat.len_bytes() <= LONGEST_TEXT).cast(pl.String)
+    if column.dtype == pl.String:
+        column = _where(column, column.str.len_bytes() <= LONGEST_TEXT)
     if kind == TIMESTAMP:
         return timestamps(column)
     if kind == pl.String:
@@ -125,6 +130,25 @@ def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
     if column.dtype == pl.String:
         column = column.str.strip_chars().replace("", None)
     return column.cast(pl.Float64, strict=False)
+
+
+def check_types(
+    types: Mapping[str, pl.DataType], path: Path | str, expected: str = "numbers, dates with time, or text"
+) -> None:
+    """Refuse columns that can hold no value of a row.
+
+    Raises:
+        DataError: If there is one.
+    """
+    for name, kind in types.items():
+        if kind.is_nested() or kind in (pl.Binary, pl.Object, pl.Date, pl.Time, pl.Duration):
+            raise DataError(
+                f"{path}: column {name} of type {kind}", expected=expected, mend=f"convert the column {name}"
+            )
+
+
+def _where(column: pl.Series, fits: pl.Series) -> pl.Series:
+    return column if fits.all() else pl.select(pl.when(fits).then(column).alias(column.name)).to_series()
 
 
 def timestamps(column: pl.Series) -> pl.Series:

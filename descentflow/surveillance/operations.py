@@ -1,4 +1,4 @@
-"""Stretches that are flown otherwise than a free, straight descent: turns, and speeds that a controller assigned."""
+"""Stretches flown otherwise than a free, straight descent: turns, speeds and levels that a controller assigned."""
 
 from dataclasses import dataclass
 
@@ -83,3 +83,22 @@ class ClearedSpeed(Filter):
             under |= np.repeat(np.logical_or.reduceat(near, begins), np.diff(begins, append=len(rows)))
         last = np.maximum.accumulate(np.where(under, clock, -np.inf))
         return cut(rows, under | (clock - last <= self.after_s))
+
+
+@dataclass(frozen=True)
+class ClearedLevel(Filter):
+    """Drop rows within a height of the level that is cleared: the aircraft may be taking its rate off to capture it.
+
+    A level that is cleared further before it is near is no constraint. What is level goes without clearances, by
+    :class:`~descentflow.surveillance.filters.Descending`. Only sources with clearances know.
+    """
+
+    within_ft: float
+    reason = "cleared_level"
+
+    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Rows further away; the stretch changes where one stood."""
+        if rows.is_empty() or "cleared_flight_level" not in rows.columns:
+            return rows
+        above_ft = (rows["altitude"] - 100 * rows["cleared_flight_level"]).cast(pl.Float64).to_numpy()
+        return cut(rows, np.abs(above_ft) <= self.within_ft)

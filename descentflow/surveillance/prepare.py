@@ -34,7 +34,7 @@ Say = Callable[[str], None]
 
 
 def prepare(
-    paths: Sequence[Path],
+    paths: Sequence[str | Path],
     *,
     types: pl.DataFrame | None = None,
     typecodes: Sequence[str] | None = None,

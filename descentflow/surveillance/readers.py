@@ -32,7 +32,7 @@ FEWEST_IN_LATER_PARTS = 1000
 
 
 def row_blocks(
-    paths: Sequence[Path], report: DropReport, *, format: str | None = None, block_rows: int = 500_000
+    paths: Sequence[str | Path], report: DropReport, *, format: str | None = None, block_rows: int = 500_000
 ) -> Iterator[pl.DataFrame]:
     """Read files, archives, or all files of folders, one after the other, as rows of the schema.
 
@@ -69,7 +69,7 @@ def row_blocks(
         )
 
 
-def read_rows(paths: Sequence[Path], report: DropReport, *, format: str | None = None) -> pl.DataFrame:
+def read_rows(paths: Sequence[str | Path], report: DropReport, *, format: str | None = None) -> pl.DataFrame:
     """All rows at once; arguments and errors as :func:`row_blocks`."""
     return pl.concat(row_blocks(paths, report, format=format), how="diagonal")
 
@@ -93,7 +93,7 @@ class _Reading:
     _waiting: list[Rows] = field(default_factory=list)
     _label: str = ""
 
-    def parts(self, paths: Sequence[Path]) -> Iterator[pl.DataFrame]:
+    def parts(self, paths: Sequence[str | Path]) -> Iterator[pl.DataFrame]:
         """Normalised rows.
 
         Names and units of tables are looked at file by file. Those of other formats are laid down, and their files are
@@ -146,7 +146,7 @@ class _Reading:
         self.first_error = self.first_error or error
         self.report.note("traces and members of archives that could not be read", 1)
 
-    def _inputs(self, paths: Sequence[Path]) -> Iterator[Input]:
+    def _inputs(self, paths: Sequence[str | Path]) -> Iterator[Input]:
         """Files, and the members of those that are archives."""
         files = with_parts(files_of(paths))
         for label, parts in files:
@@ -202,10 +202,11 @@ def _joined(parts: Iterator[pl.DataFrame], rows: int) -> Iterator[pl.DataFrame]:
         yield pl.concat(waiting, how="diagonal")
 
 
-def files_of(paths: Sequence[Path]) -> list[Path]:
+def files_of(paths: Sequence[str | Path]) -> list[Path]:
     """Files given, and all files of folders given, hidden ones and what published trees hold beside rows aside."""
     files: list[Path] = []
-    for path in paths:
+    # A single name is a sequence, too: of letters.
+    for path in map(Path, [paths] if isinstance(paths, str) else paths):
         if path.is_dir():
             inside = sorted(p for p in path.rglob("*") if p.is_file() and not p.name.startswith("."))
             files += [p for p in inside if not COMPANION.search(p.relative_to(path).as_posix())]

@@ -29,7 +29,7 @@ class Request:
         shown: Flights taken at random to show what became of their rows, besides those that each rule hit most.
     """
 
-    paths: Sequence[Path]
+    paths: Sequence[str | Path]
     types: pl.DataFrame | None = None
     typecodes: Sequence[str] | None = None
     cleaning: Cleaning = field(default_factory=Cleaning)

@@ -131,6 +131,12 @@ class Cleaning:
         "an assigned speed that is never flown to within this is no constraint (`or less`, `or greater`), kt",
         "ICAO Doc 4444, 4.6.1.4: speeds are instructed in steps of 10 kt; a SCAT flight descends at 260 kt under 280",
     )
+    cleared_level_within_ft: float | None = threshold(
+        None,
+        "drop rows this near to the level that is cleared, where clearances are known, ft; off by default",
+        "paper, section 3: flights without level constraints; autopilots take the rate off over the last 500 ft or so "
+        "(0.05 g from 2,000 ft/min), which the transients beside level flight hold already",
+    )
     climb_back_ft: float = threshold(
         1000.0,
         "climb that parts two descents of a flight (go-around), of which the larger is kept, ft",

@@ -5,6 +5,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from descentflow.decoder.trajectories import integrate
 from descentflow.performance.airspeed import (
     cas_to_mach,
     cas_to_tas_mps,
@@ -25,6 +26,8 @@ from descentflow.performance.fixed_columns import e10
 from descentflow.performance.forces import descent_thrust_n, drag_n
 from descentflow.performance.nominal import nominal_descent
 from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.profiles.profiles import infer_drag_n
+from descentflow.units import FL_M
 
 QUICK = settings(max_examples=60, deadline=None)
 altitudes = st.floats(-300.0, 15000.0)
@@ -120,6 +123,29 @@ def test_gauge_leaves_the_whole_nominal_descent_unchanged(scale, mass_share, dev
     one = nominal_descent(JET, GRID, mass, deviation)
     other = nominal_descent(_gauged(JET, scale), GRID, scale * mass, deviation)
     torch.testing.assert_close(other.time_s, one.time_s, rtol=1e-11, atol=1e-9)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.2, 5.0), st.floats(0.75, 1.25), st.floats(-20.0, 30.0), st.booleans(), st.booleans())
+def test_gauge_leaves_decoded_trajectories_and_the_inference_unchanged(scale, mass_share, deviation, windy, exact):
+    """With mass, thrust and drag scaled together time and rate stay, and the drag inferred is scaled as well."""
+    levels = torch.arange(150, 371, dtype=torch.float64)
+    altitude = levels * FL_M
+    drag = (40e3 + 3e3 * torch.cos(altitude / 1500))[None]
+    cas = (140 + 8 * torch.sin(altitude / 2000))[None]
+    wind = 0.002 * altitude if windy else None
+    mass, entry = mass_share * JET.mass_reference_kg, torch.tensor([220])
+    one, other = (
+        integrate(a, levels, altitude, d, cas, entry, m, deviation, wind_mps=wind, exact_energy_share=exact)
+        for a, d, m in ((JET, drag, mass), (_gauged(JET, scale), scale * drag, scale * mass))
+    )
+    torch.testing.assert_close(other.time_s, one.time_s, rtol=1e-11, atol=1e-9)
+    torch.testing.assert_close(other.rate_mps, one.rate_mps, rtol=1e-11, atol=0)
+    inferred, scaled = (
+        infer_drag_n(a, cas, one.rate_mps, altitude, m, deviation)
+        for a, m in ((JET, mass), (_gauged(JET, scale), scale * mass))
+    )
+    torch.testing.assert_close(scaled, scale * inferred, rtol=1e-11, atol=0)
 
 
 @settings(max_examples=15, deadline=None)

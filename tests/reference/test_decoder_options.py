@@ -1,6 +1,7 @@
 """The decoder's options: wind, exact energy share, reuse of memory, compiled arithmetic, chunks."""
 
 import shutil
+from dataclasses import replace
 
 import pytest
 import torch
@@ -114,6 +115,49 @@ def test_gradients_with_wind(exact: bool) -> None:
 
     # Finite differences of numbers near 1e5 with eps 1e-4 are good to about 1e-6 relative.
     assert torch.autograd.gradcheck(outputs, (drag, cas, wind, mass, deviation), eps=1e-4, atol=1e-6, rtol=1e-5)
+
+
+COEFFICIENTS = (
+    "ct1",
+    "ct2",
+    "ct3",
+    "ct5",
+    "ct_des_low",
+    "ct_des_high",
+    "altitude_des_ft",
+    "des_mach",
+    "des_cas_high_kt",
+)
+"""All that the decoder takes of a type; the last three move the jumps of the rate."""
+
+
+@pytest.mark.parametrize("exact", [False, True])
+@pytest.mark.parametrize("engine", ["jet", "turboprop", "piston"])
+def test_gradients_with_respect_to_every_coefficient(engine: str, exact: bool) -> None:
+    """gradcheck of decoded time and rate by factors on the coefficients, which span 20 decades."""
+    coarse = slice(None, None, 20)
+    thrust = {"turboprop": {"ct1": 4.9e6, "ct3": 2650.0}, "piston": {"ct3": 9e3}, "jet": {}}[engine]
+    # The step of idle thrust inside the grid, between two levels.
+    aircraft = replace(toys.AIRCRAFT, engine=engine, altitude_des_ft=24_730.0, **thrust)
+
+    def outputs(*factors: Tensor) -> tuple[Tensor, Tensor]:
+        changed = {name: getattr(aircraft, name) * factor for name, factor in zip(COEFFICIENTS, factors, strict=True)}
+        flown = integrate(
+            replace(aircraft, **changed),
+            LEVELS[coarse],
+            ALTITUDE_M[coarse],
+            DRAG_N[:2, coarse],
+            CAS_MPS[:2, coarse],
+            torch.full((2,), 11),
+            61_000.0,
+            12.0,
+            wind_mps=WIND_MPS[coarse],
+            exact_energy_share=exact,
+        )
+        return flown.time_s[:, 0], flown.rate_mps
+
+    factors = tuple(torch.ones((), dtype=torch.float64, requires_grad=True) for _ in COEFFICIENTS)
+    assert torch.autograd.gradcheck(outputs, factors, eps=1e-6, atol=1e-5, rtol=1e-5)
 
 
 def test_the_exact_share_inverts_to_the_drag_that_flew() -> None:

@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from descentflow.errors import AircraftError, DataError
 from descentflow.performance.bada_files import (
@@ -22,7 +23,8 @@ from descentflow.performance.bada_files import (
 from descentflow.performance.fixed_columns import e10
 from descentflow.performance.global_parameters import STANDARD
 from descentflow.performance.gpf_file import read_gpf_rows
-from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.performance.nominal import nominal_descent
+from descentflow.performance.open_aircraft import open_aircraft, open_typecodes
 from descentflow.performance.registry import aircraft
 
 FILES = ("J2M___", "J2H___", "J4H___", "BZJT__", "TP2M__", "GA____")
@@ -224,6 +226,20 @@ def test_a_gpf_without_a_parameter_is_refused(release):
         read_gpf(path)
 
 
+def test_global_parameters_that_are_not_the_manual_s_are_warned_of(release):
+    path = release / "BADA.GPF"
+    same = load_aircraft("A320", release)
+    whole = path.read_text()
+    path.write_text(whole.replace(".13000E+01", ".14000E+01"))
+    with pytest.warns(UserWarning, match=r"BADA.GPF has min_speed_factor = 1.4: not taken over"):
+        assert load_aircraft("A320", release) == same
+    path.write_text(whole.replace(".20000E+01", "two"))
+    with pytest.warns(UserWarning, match=r"not compared with the manual's, which hold: .*BADA.GPF line 25"):
+        assert load_aircraft("A320", release) == same
+    path.unlink()
+    assert load_aircraft("A320", release) == same
+
+
 def test_empty_foreign_and_absent_files_are_refused(release, tmp_path):
     (release / "J2M___.OPF").write_text("")
     with pytest.raises(AircraftError, match="no data line"):
@@ -271,3 +287,34 @@ def test_an_opf_refuses_what_does_not_fit_and_leaves_nothing_behind(tmp_path):
     assert not list(tmp_path.iterdir())
     with pytest.raises(DataError, match="folder"):
         write_opf(opf, tmp_path / "absent" / "x.OPF")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory) -> Path:
+    """A BADA directory of the open aircraft, written by the package; no SYNONYM.NEW."""
+    folder = tmp_path_factory.mktemp("bada")
+    for code in open_typecodes():
+        write_opf(opf_of(open_aircraft(code)), folder / f"{code:_<6}.OPF")
+        write_apf(apf_of(open_aircraft(code)), folder / f"{code:_<6}.APF")
+    return folder
+
+
+@pytest.mark.parametrize("code", open_typecodes())
+def test_every_open_aircraft_flies_alike_from_a_directory_that_the_package_wrote(written, code):
+    ours, read = open_aircraft(code), aircraft(code, written)
+    for field in fields(ours):
+        old, new = getattr(ours, field.name), getattr(read, field.name)
+        if field.name != "source":
+            # Five printed digits, four of a negative number.
+            assert new == (pytest.approx(old, rel=5e-4 if old < 0 else 5e-5) if isinstance(old, int | float) else old)
+    levels = torch.arange(0, int(ours.altitude_maximum_ft / 100), 10)
+    one, other = (nominal_descent(a, levels) for a in (ours, read))
+    # Coefficients rounded to 5e-5 of themselves, some of them amplified where thrust is near drag.
+    torch.testing.assert_close(other.time_s, one.time_s, rtol=5e-4, atol=0.01)
+
+
+def test_a_directory_without_the_type_and_one_that_is_no_directory_are_refused(written):
+    with pytest.raises(AircraftError, match=r"type 'ZZZZ' in .*one of the 18 types there"):
+        aircraft("ZZZZ", written)
+    with pytest.raises(AircraftError, match="existing directory with OPF"):
+        aircraft("A320", written / "A320__.OPF")

@@ -44,6 +44,7 @@ def test_folders_are_read_whole_and_files_of_other_columns_side_by_side(tmp_path
     written(flight("4ca002").drop("track"), tmp_path / "b.csv")
     (tmp_path / ".hidden").write_text("not rows")
     assert [p.name for p in files_of([tmp_path])] == ["b.csv", "a.parquet"]
+    assert files_of([str(tmp_path)]) == files_of(str(tmp_path)) == files_of([tmp_path])
     rows = read_rows([tmp_path], DropReport())
     assert rows.filter(icao24="4ca002")["track"].null_count() == len(flight())
     assert rows["icao24"].n_unique() == 2

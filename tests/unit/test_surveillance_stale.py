@@ -8,7 +8,7 @@ from surveillance_toys import fleet, flight, rows_at
 from descentflow.surveillance.airdata import mach_of_cas
 from descentflow.surveillance.cleaning import after_rates, before_rates
 from descentflow.surveillance.filters import STRETCH, Descending
-from descentflow.surveillance.operations import ClearedSpeed, LargestBank
+from descentflow.surveillance.operations import ClearedLevel, ClearedSpeed, LargestBank
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.stale import Stale
 from descentflow.surveillance.thresholds import Cleaning
@@ -112,14 +112,29 @@ def test_rows_under_a_speed_instruction_go_and_some_after_it() -> None:
     assert ClearedSpeed(20.0).keep(faster)["row"].to_list() == [0, 1, 2, 3, 4, 5, 6, 7]
 
 
+def test_rows_near_a_cleared_level_go_and_a_level_cleared_further_in_time_is_none() -> None:
+    time = [10.0 * n for n in range(12)]
+    altitude = [20_000.0 - 300 * n for n in range(12)]
+    # FL190 until 19,400 ft: further in time. FL180 to the end: its capture begins at 18,500 ft.
+    cleared = [190.0] * 2 + [180.0] * 8 + [None, None]
+    rows = rows_at(time, altitude=altitude, cleared_flight_level=cleared, vertical_rate=[-1800.0] * 12)
+    rows = Descending().keep(rows.with_row_index("row"))
+    kept = ClearedLevel(500.0).keep(rows)
+    assert kept["row"].to_list() == [0, 1, 2, 3, 4, 9, 10, 11]
+    assert kept[STRETCH].n_unique() == 2  # no level is bridged across what was cut
+    assert len(ClearedLevel(500.0).keep(rows.drop("cleared_flight_level"))) == 12
+    assert len(ClearedLevel(500.0).keep(rows.with_columns(cleared_flight_level=pl.lit(None, pl.Float64)))) == 12
+    assert ClearedLevel(500.0).keep(rows.clear()).is_empty()
+
+
 def test_optional_filters_are_in_the_chain_when_they_are_asked_for() -> None:
     def reasons(rules: Cleaning) -> set[str]:
         return {one.reason for one in after_rates(rules).filters}
 
-    assert "banked" not in reasons(Cleaning())
+    assert {"banked", "cleared_level"}.isdisjoint(reasons(Cleaning()))
     assert "cleared_speed" in reasons(Cleaning())
-    asked = Cleaning(largest_bank_deg=25.0, cleared_speed_after_s=None)
-    assert "banked" in reasons(asked)
+    asked = Cleaning(largest_bank_deg=25.0, cleared_speed_after_s=None, cleared_level_within_ft=500.0)
+    assert {"banked", "cleared_level"} <= reasons(asked)
     assert "cleared_speed" not in reasons(asked)
 
 

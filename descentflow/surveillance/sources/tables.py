@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import polars as pl
 
 from descentflow.errors import DataError
-from descentflow.surveillance.normalise import wanted
+from descentflow.surveillance.normalise import check_types, wanted
 from descentflow.surveillance.report import DropReport
 from descentflow.surveillance.sources.streams import LARGEST_LINE, Input
 
@@ -16,17 +16,21 @@ CSV_BYTES = 32 << 20
 
 def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
     """Rows of a Parquet file, a slice at a time; inside gzip or an archive it is held whole."""
-    yield from _slices(pl.scan_parquet(source.path or io.BytesIO(source.whole())), rows)
+    yield from _slices(pl.scan_parquet(source.path or io.BytesIO(source.whole())), rows, source.label)
 
 
 def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
     """Rows of an Arrow IPC file (Feather version 2)."""
-    yield from _slices(pl.scan_ipc(source.path or io.BytesIO(source.whole())), rows)
+    yield from _slices(pl.scan_ipc(source.path or io.BytesIO(source.whole())), rows, source.label)
 
 
-def _slices(table: pl.LazyFrame, rows: int) -> Iterator[pl.DataFrame]:
+def _slices(table: pl.LazyFrame, rows: int, label: str) -> Iterator[pl.DataFrame]:
     total = table.select(pl.len()).collect().item()
-    table = table.select(wanted(table.collect_schema().names()))
+    schema = table.collect_schema()
+    names = wanted(schema.names())
+    # Before anything is read: a list that is long and always the same takes no place in a file.
+    check_types({name: schema[name] for name in names}, label)
+    table = table.select(names)
     for start in range(0, max(total, 1), rows):
         yield table.slice(start, rows).collect()
 

@@ -1,0 +1,246 @@
+"""Files made to harm: bombs, endless nesting, archives that lead out; nothing grows, nothing is written."""
+
+import gzip
+import io
+import json
+import tarfile
+from pathlib import Path
+
+import polars as pl
+import pytest
+from hostile_toys import FLIGHT, OF_JSON, SOURCES, as_bytes, outcome, refused
+from source_toys import packed, tar_of, trace_of, written_to
+from surveillance_toys import flight
+
+from descentflow.cli import main
+
+PACKED = {"compression": "zstd"}
+KINDS = ("text", "categorical", "enum")
+
+
+@pytest.mark.parametrize("kind", OF_JSON)
+@pytest.mark.parametrize("bracket", [b"[", b'{"trace":'])
+def test_json_nested_without_end(kind: str, bracket: bytes, tmp_path: Path) -> None:
+    path = written_to(tmp_path / "deep.json", bracket * 300_000)
+    refused(path, "nested too deeply")
+    refused(path, "nested too deeply", format=kind.replace("columns", "rows"))
+    inside = written_to(tmp_path / "inside.json", SOURCES[kind] + b"\n" + bracket * 300_000)
+    refused(inside, "nested too deeply")
+
+
+def bomb(megabytes: int) -> bytes:
+    """A list that begins with megabytes of blanks."""
+    packer = io.BytesIO()
+    with gzip.GzipFile(fileobj=packer, mode="wb", compresslevel=9) as out:
+        out.write(b"[")
+        for _ in range(megabytes):
+            out.write(b" " * (1 << 20))
+    return packer.getvalue()
+
+
+def test_gzip_that_unpacks_to_a_thousand_times_its_size_is_refused_on_the_way(tmp_path: Path) -> None:
+    content = bomb(64)
+    assert len(content) < 100_000
+    words = "unpacks to more than 250 times its size"
+    refused(written_to(tmp_path / "bomb.json.gz", content), words)
+    refused(written_to(tmp_path / "bomb.csv.gz", content), words, format="csv")
+    refused(written_to(tmp_path / "bomb.tar", tar_of([("trace_full_a.json", content)])), words)
+    header = gzip.compress(FLIGHT.write_csv().encode())
+    refused(written_to(tmp_path / "rows.csv.gz", header + content), words)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in SOURCES if kind != "tar"])
+def test_a_good_file_of_every_source_that_ends_in_a_bomb(kind: str, tmp_path: Path) -> None:
+    """Nothing by the hundred megabytes: zeros after binary content, blanks after text."""
+    binary = kind in ("parquet", "feather") or kind.startswith("asterix")
+    packer = io.BytesIO()
+    with gzip.GzipFile(fileobj=packer, mode="wb", compresslevel=9) as out:
+        out.write(SOURCES[kind])
+        for _ in range(24):
+            out.write((b"\0" if binary else b" ") * (1 << 20))
+    # Blocks of ASTERIX end at the first zero, long before the limit.
+    words = "block of length 0" if kind.startswith("asterix") else "unpacks to more than 250 times its size"
+    refused(written_to(tmp_path / "rows.gz", packer.getvalue()), words)
+
+
+@pytest.mark.parametrize("kind", [pl.String(), pl.Categorical(), pl.Enum(["x" * 200_000, "b"])], ids=KINDS)
+@pytest.mark.parametrize("form", ["parquet", "feather"])
+def test_one_text_that_a_small_table_repeats_in_every_row(kind: pl.DataType, form: str, tmp_path: Path) -> None:
+    """Kept once in the file and by Polars, two gigabytes if anything copies it; it says nothing and is counted."""
+    long = FLIGHT.sample(10_000, with_replacement=True, seed=0).with_columns(
+        callsign=pl.lit("x" * 200_000).cast(kind), timestamp=pl.lit(FLIGHT["timestamp"][0])
+    )
+    content = as_bytes(lambda out: long.write_parquet(out) if form == "parquet" else long.write_ipc(out, **PACKED))
+    assert len(content) < 3_000_000
+    rows, notes = outcome(written_to(tmp_path / "rows", content))
+    assert rows is not None, notes
+    assert notes == {"values of callsign that could not be read": 10_000}
+    assert rows["callsign"].null_count() == len(rows) == 10_000
+
+
+def test_a_long_text_in_a_column_that_is_needed_is_refused_and_not_printed_whole(tmp_path: Path) -> None:
+    path = tmp_path / "rows.parquet"
+    FLIGHT.with_columns(icao24=pl.lit("x" * 200_000)).write_parquet(path)
+    refused(path, "60 of 60 values of icao24 cannot be read")
+    assert len(str(outcome(path)[1])) < 400
+
+
+def test_lists_are_refused_before_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "rows.parquet"
+    FLIGHT.with_columns(altitude=pl.lit(pl.Series([[0.0] * 1000])).first()).write_parquet(path)
+
+    def never(*_: object, **__: object) -> pl.DataFrame:
+        raise AssertionError
+
+    monkeypatch.setattr(pl.LazyFrame, "slice", never)
+    refused(path, "column altitude of type List(Float64)")
+
+
+def test_nothing_after_the_end_of_an_archive_is_unpacked(tmp_path: Path) -> None:
+    packed_archive = gzip.compress(SOURCES["tar"] + bytes(64 << 20))
+    rows, notes = outcome(written_to(tmp_path / "a.tar.gz", packed_archive))
+    assert rows is not None, notes
+    assert len(rows) == 3 * len(FLIGHT)
+    refused(written_to(tmp_path / "b.tar.gz", gzip.compress(bytes(64 << 20))), "neither text nor")
+
+
+def test_lines_and_documents_that_are_too_long_to_be_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("descentflow.surveillance.sources.streams.LARGEST_LINE", 20_000)
+    monkeypatch.setattr("descentflow.surveillance.sources.streams.LARGEST_DOCUMENT", 30_000)
+    monkeypatch.setattr("descentflow.surveillance.sources.tables.LARGEST_LINE", 20_000)
+    monkeypatch.setattr("descentflow.surveillance.sources.tables.CSV_BYTES", 10_000)
+    snapshot = '{"now": 1, "aircraft": []}\n'
+    refused(written_to(tmp_path / "a.json", snapshot + " " * 20_001), "line 2: longer than")
+    trace = json.dumps(trace_of(flight()), indent=0)
+    refused(written_to(tmp_path / "trace_full_a.json", trace), "have to be read as a whole")
+    refused(written_to(tmp_path / "t.tar", tar_of([("rows", SOURCES["parquet"] + b"x" * 30_000)])), "read as a whole")
+    quote = FLIGHT.write_csv() + '1,"' + "2,2,2,2,2,2,2,2,2\n" * 3000
+    refused(written_to(tmp_path / "a.csv", quote), "look for a quote that is not closed")
+
+
+def test_a_quote_that_is_never_closed_costs_no_more_than_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("descentflow.surveillance.sources.tables.CSV_BYTES", 4 << 20)
+    text = FLIGHT.write_csv() + '1,"' + "\n" * (4 << 20)
+    rows, words = outcome(written_to(tmp_path / "a.csv", text))
+    assert rows is None or len(rows) <= len(FLIGHT) + 1, words
+
+
+# Archives -----------------------------------------------------------------------------------------------------------
+
+
+def hostile_archive() -> bytes:
+    """Links, devices, names that lead out, a sparse file; and one good trace."""
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w") as archive:
+        for number, kind in enumerate((tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.CHRTYPE, tarfile.BLKTYPE)):
+            info = tarfile.TarInfo(f"traces/0{number}/trace_full_a.json")
+            info.type, info.linkname, info.devmajor, info.devminor = kind, "/etc/passwd", 1, 3
+            archive.addfile(info)
+        fifo = tarfile.TarInfo("traces/fifo")
+        fifo.type = tarfile.FIFOTYPE
+        archive.addfile(fifo)
+        sparse = tarfile.TarInfo("traces/sparse.json")
+        sparse.pax_headers = {"GNU.sparse.major": "1", "GNU.sparse.minor": "0", "GNU.sparse.realsize": str(1 << 50)}
+        content = b"0\n" + b"\0" * 510
+        sparse.size = len(content)
+        archive.addfile(sparse, io.BytesIO(content))
+        for name in ("../../outside.json", "/etc/outside.json", "traces/../../x.json"):
+            info = tarfile.TarInfo(name)
+            content = packed(trace_of(FLIGHT))
+            info.size = len(content)
+            archive.addfile(info, io.BytesIO(content))
+        good = packed(trace_of(FLIGHT))
+        info = tarfile.TarInfo("traces/01/trace_full_4ca001.json")
+        info.size = len(good)
+        archive.addfile(info, io.BytesIO(good))
+    return out.getvalue()
+
+
+def test_links_devices_and_names_that_lead_out_are_counted_and_nothing_is_written(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    rows, notes = outcome(written_to(tmp_path / "in" / "hostile.tar", hostile_archive()))
+    assert rows is not None, notes
+    assert len(rows) == len(FLIGHT)
+    assert notes["members of archives left out: link, device or sparse file"] == 6
+    assert notes["members of archives left out: name that leads out of the archive"] == 3
+    assert [path.name for path in tmp_path.rglob("*")] == ["in", "hostile.tar"]
+
+
+def test_a_header_that_asks_for_gigabytes_is_refused(tmp_path: Path) -> None:
+    info = tarfile.TarInfo("long")
+    info.type, info.size = tarfile.XHDTYPE, 4 << 30
+    refused(written_to(tmp_path / "a.tar", info.tobuf() + b"\0" * 2048), "a header of")
+
+
+def test_damaged_members_are_counted_as_long_as_there_is_a_good_one(tmp_path: Path) -> None:
+    good = packed(trace_of(FLIGHT))
+    members = [("a.json", good), ("b.json", good[:200]), ("c.json", b"{"), ("d.bin", b"\0\1\2"), ("e.json", b"")]
+    rows, notes = outcome(written_to(tmp_path / "a.tar", tar_of(members)))
+    assert rows is not None, notes
+    assert len(rows) == len(FLIGHT)
+    assert notes["traces and members of archives that could not be read"] == 4
+    refused(written_to(tmp_path / "b.tar", tar_of(members[1:])), "b.json: damaged gzip")
+
+
+def test_members_of_other_encodings_and_nested_without_end_are_counted(tmp_path: Path) -> None:
+    good, deep = packed(trace_of(FLIGHT)), b"[" * 300_000
+    text = json.dumps(trace_of(FLIGHT))
+    members = [("a.json", good), ("b.json", deep), ("c.json", gzip.compress(deep))]
+    members += [("d.json", text.encode("utf-16")), ("e.json", text.replace("TST", "T\xc4T").encode("latin-1"))]
+    members += [("f.tar", tar_of(members[:1])), ("g\udcff\n.json", b"{")]
+    rows, notes = outcome(written_to(tmp_path / "a.tar", tar_of(members)))
+    assert rows is not None, notes
+    assert len(rows) == len(FLIGHT)
+    assert notes["traces and members of archives that could not be read"] == 6
+
+
+def test_a_damaged_trace_in_a_tree_is_counted_but_not_one_that_is_named(tmp_path: Path) -> None:
+    good = packed(trace_of(FLIGHT))
+    tree = tmp_path / "traces"
+    tree.mkdir()
+    for number, content in enumerate((good, good[:300], b"\x1f\x8b", gzip.compress(b'{"icao": 3}'))):
+        written_to(tree / f"trace_full_4ca00{number}.json", content)
+    rows, notes = outcome(tree)
+    assert rows is not None, notes
+    assert len(rows) == len(FLIGHT)
+    assert notes["traces and members of archives that could not be read"] == 3
+    refused(tree / "trace_full_4ca001.json", "damaged gzip")
+
+
+@pytest.mark.parametrize("place", ["header", "size", "end"])
+def test_damaged_archives(place: str, tmp_path: Path) -> None:
+    archive = bytearray(SOURCES["tar"])
+    second = archive.find(b"./traces/01")
+    if place == "header":
+        archive[second + 20] ^= 0xFF
+    elif place == "size":
+        archive[second + 124 : second + 135] = b"99999999999"
+    else:
+        archive = archive[:-1024]
+    refused(written_to(tmp_path / "a.tar", bytes(archive)), "damaged or cut archive")
+
+
+def test_the_first_part_of_a_split_archive_alone_is_refused(tmp_path: Path) -> None:
+    whole = SOURCES["tar"]
+    refused(written_to(tmp_path / "day.tar.aa", whole[: len(whole) // 2]), "pass all parts (.tar.aa, .tar.ab, ...)")
+    refused(written_to(tmp_path / "day.tar.ab", whole[len(whole) // 2 :]), "not those between or before")
+
+
+def test_hostile_files_through_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Status 2 and no trace of the program for errors; a descent and a count for an archive with bad members."""
+    out, report = tmp_path / "d.parquet", tmp_path / "r.json"
+    for name, content in (("deep.json", b"[" * 300_000), ("bomb.gz", bomb(32)), ("rows.pkl", b"\x80\x04\x95")):
+        status = main(["prepare", str(written_to(tmp_path / name, content)), "--out", str(out)])
+        words = capsys.readouterr().err
+        assert status == 2
+        assert "to mend it" in words
+        assert "Traceback" not in words
+        assert not out.exists()
+    members = [("t/trace_full_4ca001.json", packed(trace_of(flight()))), ("t/trace_full_4ca002.json", b"{")]
+    archive = written_to(tmp_path / "day.tar", tar_of(members))
+    assert main(["prepare", str(archive), "--out", str(out), "--report", str(report)]) == 0
+    notes = json.loads(report.read_text())["report"]["notes"]
+    assert notes["traces and members of archives that could not be read"] == 1
+    assert pl.read_parquet(out)["flight_id"].unique().to_list() == ["4ca001_20240301T100000"]

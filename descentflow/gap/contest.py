@@ -21,7 +21,11 @@ from descentflow.gap.whitening import Whitening
 FOLDS = 5
 STEPS = 5
 """Gauss-Newton steps of a fit; effects are close to linear in their parameters."""
+LEAST_BETTER = 0.5
+"""Nats by which a neighbour must be better for a fit to go on from there."""
 RIDGE = 1e-6
+MISFIT = 0.05
+"""Share of a shift by which the equations of its effect may be off."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +204,7 @@ class Contest:
         for name in effects:
             if name not in theta:
                 theta[name] = self._best_start(name, theta)
-        theta = self._climb({name: theta[name] for name in effects})
+        theta = self._beside(self._climb({name: theta[name] for name in effects}))
         learnt = self._learnt(theta)
         if learnt is not None:
             theta = self._climb(learnt)
@@ -214,8 +218,9 @@ class Contest:
             starts = effect.starts(self.compared.state)
             if len(starts) > 1:
                 continue
-            # What physics claims to be zero is no habit of the simulator's flights.
-            jacobian = self.jacobian(name, starts[0]) * self.compared.free[:, None]
+            # What physics claims to be zero is no habit of the simulator's flights; and sensitivities depend on speed,
+            # so they would explain speeds by themselves.
+            jacobian = self.jacobian(name, starts[0]) * (self.compared.free & ~self.compared.of("cas"))[:, None]
             spread = (jacobian - jacobian.mean(0)).abs().amax((0, 1))
             kept = [i for i in range(len(effect.parameters)) if float(spread[i]) > 1e-9]
             columns.append(jacobian[:, :, kept])
@@ -328,6 +333,19 @@ class Contest:
                 break
         return theta
 
+    def _beside(self, theta: dict[str, Tensor]) -> dict[str, Tensor]:
+        """Go on from a neighbour where one is better, until none is."""
+        for name in theta:
+            better = True
+            while better:
+                value = self._objective(self.shift(theta))
+                tried = [{**theta, name: beside} for beside in self.catalogue[name].neighbours(theta[name])]
+                values = [self._objective(self.shift(trial)) for trial in tried]
+                better = bool(values) and max(values) > value + LEAST_BETTER
+                if better:
+                    theta = self._climb(tried[values.index(max(values))])
+        return theta
+
     def _moved(self, theta: Mapping[str, Tensor], step: Tensor) -> dict[str, Tensor]:
         parts = dict(zip(theta, torch.split(step, [len(value) for value in theta.values()]), strict=True))
         return {name: self.catalogue[name].clamp(value + parts[name]) for name, value in theta.items()}
@@ -374,6 +392,18 @@ class Contest:
             score[out] = -0.5 * (error * self.whitening.rows(out).apply(error)).sum(1)
         return score
 
+    def held_out_in(self, at: Tensor, theta: Mapping[str, Tensor]) -> Tensor:
+        """Log score (n,) of some entries (k,) alone, as if nothing else had been measured, at these parameters."""
+        whitening = self.whitening.only(at, self.compared.y.isfinite())
+        part = Contest(self.compared.only(at), whitening, {}, 0)
+        part.fold = self.fold
+        # What all flights have in common would explain a quantity by itself if nothing else is looked at.
+        whole = self.design(theta)
+        own = slice(whole.n_common, None)
+        columns = whole.columns[:, at, own]
+        design = part._with_products(Design(columns, columns, 0, whole.ridge[own]))
+        return part.held_out(self.shift(theta)[:, at], design)
+
     def compare(self, first: Tensor, second: Tensor) -> tuple[float, float]:
         """Sum of paired differences of log scores and its standard error, whole aircraft counted as one."""
         total = by_cluster(first - second, self.compared.cluster)
@@ -396,8 +426,8 @@ class Contest:
         score = torch.einsum("npk,np->nk", design.columns, q)
         if len(mean):
             score -= q[:, free] @ torch.linalg.solve(moments.mean, moments.cross)
-        total = by_cluster(score, self.compared.cluster)
-        scatter = total.T @ total + self._by_negligible_shifts(design, moments)
+        total = by_cluster(score * self.whitening.optimism[:, None], self.compared.cluster)
+        scatter = total.T @ total + self._by_misfit(fit, moments)
         information, _ = moments.profiled()
         known = information.diagonal() > 1e-9 + 1e-7 * moments.curvature.diagonal()
         inverse = torch.zeros_like(information)
@@ -405,13 +435,15 @@ class Contest:
         n = len(total)
         return (n / max(n - 1, 1) * inverse @ scatter @ inverse)[design.n_common :, design.n_common :]
 
-    def _by_negligible_shifts(self, design: Design, moments: Moments) -> Tensor:
-        """Covariance of the scores if real flights were off by negligible shifts."""
+    def _by_misfit(self, fit: Fit, moments: Moments) -> Tensor:
+        """Covariance of the scores if shifts were off by what is negligible, and by a small share of themselves."""
+        design = fit.design
         answer = design.products[self.real].sum(0)
         if len(moments.mean):
             weight = self.whitening.total(self.real)[:, self.compared.free]
             answer = answer - weight @ torch.linalg.solve(moments.mean, moments.cross)
-        answer = answer * self.compared.negligible()[:, None]
+        size = fit.shift[self.real].mean(0).abs()
+        answer = answer * (self.compared.negligible() + MISFIT * size)[:, None]
         scatter = 0.5 * answer.T @ answer
         for quantity in self.compared.quantities():
             alike = answer[self.compared.columns(quantity)].sum(0)

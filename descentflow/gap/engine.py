@@ -135,7 +135,14 @@ class Diagnosis:
         self.compared, self.catalogue, self.simulator = compared, catalogue, simulator
         self.source, self.seed, self.say = source, seed, say
         say("estimating the spread between flights")
-        weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget(), learn=normal_flights(compared))
+        weights = whiten(
+            compared.y,
+            compared.real,
+            compared.cluster,
+            compared.nugget(),
+            compared.of_flight(),
+            learn=normal_flights(compared),
+        )
         self.contest = Contest(compared, weights, catalogue, seed)
         self.discrepancy, self.shapes = discrepancy_columns(compared)
         self.transition_fl = float(transition_altitude_m(simulator.aircraft)) / FL_M
@@ -145,7 +152,7 @@ class Diagnosis:
         self.say("asking whether there is a gap")
         everyone = torch.ones_like(self.compared.real)
         c = self.compared
-        blind = whiten(c.y, everyone, c.cluster, c.nugget(), c.real)
+        blind = whiten(c.y, everyone, c.cluster, c.nugget(), c.of_flight(), c.real)
         unsided = Contest(self.compared, blind, self.catalogue, self.seed, self.contest)
         test = null_test(unsided, self.discrepancy, self.seed)
         self.say("asking where it lies")

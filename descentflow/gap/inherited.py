@@ -60,7 +60,7 @@ def inherited_causes(
     if not able:
         return None
     compared = compare(None, real, aircraft)
-    weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget())
+    weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget(), compared.of_flight())
     contest = Contest(compared, weights, able, seed, nuisance=_smooth_rates(compared))
     null = contest.fit(())
     singles: dict[str, Candidate] = {}

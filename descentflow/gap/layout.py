@@ -1,7 +1,7 @@
 """Quantities as one vector a flight: which entries are compared, and what the simulator claims of each."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -31,6 +31,9 @@ NEGLIGIBLE = {
     "missing": 0.005,
 }
 """Shifts of a mean that mean nothing in practice, in each quantity's unit: what equations leave out, and no more."""
+SETTLED_M = 300.0
+"""Rates are compared from so far below the highest level seen: above it, they are of how a descent begins, and how
+late a report is shows as much as how steep the descent is."""
 EXTREME = 6.0
 """Values are drawn in to this many robust standard deviations: one misread flight must not decide."""
 
@@ -79,9 +82,22 @@ class Compared:
         sizes = [NEGLIGIBLE[kind] * (self.slack if kind in ("rate", "cas") else 1.0) for kind in kinds]
         return torch.tensor(sizes, dtype=torch.float64)
 
+    def of_flight(self) -> Tensor:
+        """Entries (p,) that are one number of a whole flight: noise, and gaps."""
+        return torch.tensor([e.band < 0 for e in self.entries])
+
+    def of(self, quantity: str) -> Tensor:
+        """Which entries (p,) are of a quantity."""
+        return torch.tensor([e.quantity == quantity for e in self.entries])
+
     def columns(self, quantity: str) -> Tensor:
         """Positions (k,) of a quantity's entries."""
-        return torch.tensor([i for i, e in enumerate(self.entries) if e.quantity == quantity], dtype=torch.long)
+        return torch.nonzero(self.of(quantity))[:, 0]
+
+    def only(self, entries: Tensor) -> "Compared":
+        """The same flights with some entries (k,) alone."""
+        kept = tuple(self.entries[i] for i in entries.tolist())
+        return replace(self, entries=kept, y=self.y[:, entries], free=self.free[entries], scale=self.scale[entries])
 
     def quantities(self) -> tuple[str, ...]:
         """Quantities that are compared, each once, in order."""
@@ -151,7 +167,9 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
         state = state_of(both, aircraft, mass)
     values = dict(both.values)
     expected = log_rate(state)
-    values["rate"] = both.physics["log_rate"] - expected
+    settled = both.physics["depth_m"] >= SETTLED_M
+    values["rate"] = torch.where(settled, both.physics["log_rate"] - expected, torch.nan)
+    values["lag"] = torch.where(settled, values["lag"], torch.nan)
     is_real = torch.arange(len(both)) >= n_before
     entries, columns, free = [], [], []
     # Where the simulator's flights measured nothing, flights of mean zero with the real spread stand for its claim.

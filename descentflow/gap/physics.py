@@ -14,6 +14,13 @@ from descentflow.performance.forces import descent_thrust_n, drag_n
 SLOWEST_MPS = 0.5
 """Rates are kept this fast before their logarithm is taken: drag that falls to the thrust is no descent."""
 
+CHANGING = 0.3
+"""Slopes of CAS between this share of that at constant Mach number and one less it belong to neither phase."""
+NEAR_MACH = 0.02
+"""Bands at constant Mach number are within so much of the fastest; slower ones only look like it."""
+FEWEST_SHOWN = 10
+"""Flights that show their Mach number, for the line that gives it to others."""
+
 
 @dataclass(frozen=True)
 class FlightState:
@@ -58,15 +65,22 @@ class FlightState:
 
     @cached_property
     def schedule(self) -> "Schedule":
-        """The Mach number and CAS that each flight holds."""
+        """The Mach number and CAS that each flight holds: means over the bands in which it does.
+
+        A flight seen below its crossover alone does not show its Mach number: it has what others of its CAS hold.
+        """
         mach = self.mach().detach()
+        ratio = self.cas_slope_per_s / constant_mach_slope(mach, self.altitude_m)
         fastest = torch.where(self.mask, mach, 0.0).amax(1, keepdim=True)
-        beside = constant_mach_slope(mach, self.altitude_m)
-        shows = ((self.cas_slope_per_s / beside > 0.7) & self.mask).any(1, keepdim=True)
-        # A flight seen below its crossover alone does not show its Mach number: it has that of the others.
-        usual = fastest[shows].median() if bool(shows.any()) else fastest.median()
-        planned = torch.where(shows, fastest, torch.maximum(fastest, usual))
-        return Schedule(planned, torch.where(self.mask, self.cas_mps, 0.0).amax(1, keepdim=True))
+        holds_mach = self.mask & (ratio > 1 - CHANGING) & (mach > fastest - NEAR_MACH)
+        holds_cas = self.mask & (ratio.abs() < CHANGING)
+        swiftest = torch.where(self.mask, self.cas_mps, 0.0).amax(1, keepdim=True)
+        cas = _mean_where(holds_cas, self.cas_mps, swiftest)
+        held = _mean_where(holds_mach, mach, fastest)
+        # Part of a band at constant Mach number is enough to have reached it.
+        shows = ((ratio > CHANGING) & self.mask & (mach > fastest - NEAR_MACH)).any(1, keepdim=True)
+        usual = _line_through(cas[shows], held[shows], cas) if int(shows.sum()) >= FEWEST_SHOWN else fastest
+        return Schedule(torch.where(shows, held, torch.maximum(fastest, usual)), cas)
 
     @cached_property
     def schedule_log_rate(self) -> Tensor:
@@ -94,6 +108,19 @@ class FlightState:
         """Share (K,) of each band that lies between two altitudes; differentiable in both."""
         bottom, top = self.altitude_m - self.width_m / 2, self.altitude_m + self.width_m / 2
         return (torch.minimum(top, high_m) - torch.maximum(bottom, low_m)).clamp(min=0.0) / self.width_m
+
+
+def _mean_where(chosen: Tensor, values: Tensor, otherwise: Tensor) -> Tensor:
+    """Mean (n, 1) over the chosen bands (n, K), or something else where there is none."""
+    count = chosen.sum(1, keepdim=True)
+    return torch.where(count > 0, torch.where(chosen, values, 0.0).sum(1, keepdim=True) / count.clamp(min=1), otherwise)
+
+
+def _line_through(x: Tensor, y: Tensor, at: Tensor) -> Tensor:
+    """The least-squares line through points (m,), at other places."""
+    centred = x - x.mean()
+    slope = (centred * y).sum() / centred.square().sum().clamp(min=1e-12)
+    return y.mean() + slope * (at - x.mean())
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ def select(contest: Contest, discrepancy: Tensor, say: Callable[[str], None]) ->
     candidates = singles
     while len(chosen.effects) < MOST:
         free, error = _free(contest, chosen, discrepancy)
-        best = _best(contest, candidates, contest.compare(chosen.log_score, null.log_score)[0])
+        best = _best(contest, candidates, chosen, contest.compare(chosen.log_score, null.log_score)[0])
         left = free - (0.0 if best is None else best.gain)
         if _stands_out(left, error) and (best is None or best.gain < _share_needed(contest, best.fit) * free):
             # No effect does what a shift without a cause does: adding more would only imitate it.
@@ -160,27 +160,56 @@ def _stands_out(rest: float, error: float) -> bool:
     return rest > OUTSIDE_GAIN and rest > OUTSIDE_STANDING * error
 
 
-def _best(contest: Contest, candidates: dict[str, Candidate], so_far: float) -> Candidate | None:
+def _best(contest: Contest, candidates: dict[str, Candidate], chosen: Fit, so_far: float) -> Candidate | None:
     """The candidate of the largest gain that counts, if any."""
     for candidate in sorted(candidates.values(), key=lambda c: -c.gain):
-        name = candidate.fit.effects[-1]
-        theta = candidate.fit.theta[name]
-        # Against samples, which are coarser than flights, a first effect has to show as much as a further one.
-        least, standing = (LEAST_GAIN if contest.compared.slack == 1.0 else FURTHER_GAIN), LEAST_STANDING
-        if len(candidate.fit.effects) > 1:
-            share = OVERLAP_SHARE if _overlaps(contest, candidate.fit) else FURTHER_SHARE
-            least, standing = max(FURTHER_GAIN, share * so_far), FURTHER_STANDING
         if candidate.gain < LEAST_GAIN:
             return None
-        if (
-            candidate.gain < least
-            or candidate.gain < standing * candidate.error
-            or not contest.catalogue[name].plausible(contest.compared.state, theta)
-        ):
-            continue
-        if size_of(contest, name, theta) >= LEAST_SIZE:
+        name = candidate.fit.effects[-1]
+        theta = candidate.fit.theta[name]
+        counts = (
+            _counts_first(contest, candidate)
+            if not chosen.effects
+            else _counts_further(contest, candidate, chosen, so_far)
+        )
+        credible = counts and contest.catalogue[name].plausible(contest.compared.state, theta)
+        if credible and size_of(contest, name, theta) >= LEAST_SIZE:
             return candidate
     return None
+
+
+def _counts_first(contest: Contest, candidate: Candidate) -> bool:
+    # Against samples, which are coarser than flights, a first effect has to show as much as a further one.
+    least = LEAST_GAIN if contest.compared.slack == 1.0 else FURTHER_GAIN
+    return candidate.gain >= least and candidate.gain >= LEAST_STANDING * candidate.error
+
+
+def _counts_further(contest: Contest, candidate: Candidate, chosen: Fit, so_far: float) -> bool:
+    """Whether it is worth it as a whole, or in one of two parts by itself.
+
+    What the chosen effects leave of themselves lies where they act. So a further one may show elsewhere, or where they
+    act too: there it is held against what they explain there, and not against all that they explain.
+    """
+    if candidate.gain < FURTHER_GAIN or candidate.gain < FURTHER_STANDING * candidate.error:
+        return False
+    share = OVERLAP_SHARE if _overlaps(contest, candidate.fit) else FURTHER_SHARE
+    if candidate.gain >= share * so_far:
+        return True
+    own = _acts(contest, candidate.fit, candidate.fit.effects[-1])
+    taken = torch.stack([_acts(contest, chosen, name) for name in chosen.effects]).any(0)
+    return any(_counts_in(contest, part, candidate.fit, chosen, so_far) for part in (own & ~taken, own & taken))
+
+
+def _counts_in(contest: Contest, part: Tensor, fit: Fit, chosen: Fit, so_far: float) -> bool:
+    """Whether a further effect is worth it in some entries (p,) alone."""
+    at = torch.nonzero(part)[:, 0]
+    if not len(at):
+        return False
+    scores = [contest.held_out_in(at, theta) for theta in ({}, chosen.theta, fit.theta)]
+    before = contest.compare(scores[1], scores[0])[0]
+    gain, error = contest.compare(scores[2], scores[1])
+    least = max(FURTHER_GAIN, FURTHER_SHARE * so_far, OVERLAP_SHARE * before)
+    return gain >= least and gain >= FURTHER_STANDING * error
 
 
 def _share_needed(contest: Contest, fit: Fit) -> float:
@@ -189,14 +218,20 @@ def _share_needed(contest: Contest, fit: Fit) -> float:
 
 def _overlaps(contest: Contest, fit: Fit) -> bool:
     """Whether the last effect moves a quantity that the others move."""
-    *others, last = (_moved(contest, name, theta) for name, theta in fit.theta.items())
+    *others, last = (_moved(contest, fit, name) for name in fit.effects)
     return any(last & other for other in others)
 
 
-def _moved(contest: Contest, name: str, theta: Tensor) -> set[str]:
-    """Quantities whose mean an effect moves by something that matters."""
-    shift = contest.all_shift(name, theta)[contest.real].mean(0).abs() / contest.compared.negligible()
-    return {e.quantity for e, size in zip(contest.compared.entries, shift.tolist(), strict=True) if size > 1.0}
+def _moved(contest: Contest, fit: Fit, name: str) -> set[str]:
+    """Quantities in which an effect acts."""
+    acts = _acts(contest, fit, name).tolist()
+    return {e.quantity for e, there in zip(contest.compared.entries, acts, strict=True) if there}
+
+
+def _acts(contest: Contest, fit: Fit, name: str) -> Tensor:
+    """Entries (p,) whose mean an effect moves by something that matters."""
+    shift = contest.all_shift(name, fit.theta[name])[contest.real].mean(0)
+    return shift.abs() > contest.compared.negligible()
 
 
 def _pruned(contest: Contest, chosen: Fit) -> Fit:

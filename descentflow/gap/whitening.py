@@ -20,6 +20,8 @@ class Whitening:
     pattern: Tensor
     precision: Tensor
     covariance: Tensor
+    optimism: Tensor
+    """(n,) how much more widely flights scatter, in what the precision weighs most, than those it was learnt from."""
 
     def apply(self, values: Tensor) -> Tensor:
         """Precision times values: (n, p) or (n, p, k) of the flights, missing entries anything finite."""
@@ -35,7 +37,13 @@ class Whitening:
 
     def rows(self, index: Tensor) -> "Whitening":
         """Of the flights at these positions."""
-        return Whitening(self.pattern[index], self.precision, self.covariance)
+        return Whitening(self.pattern[index], self.precision, self.covariance, self.optimism[index])
+
+    def only(self, entries: Tensor, seen: Tensor) -> "Whitening":
+        """Of some entries (k,) alone, whatever the others say; ``seen`` (n, p)."""
+        patterns, pattern = torch.unique(seen[:, entries], dim=0, return_inverse=True)
+        covariance = self.covariance[entries][:, entries]
+        return Whitening(pattern, _inverted(covariance, patterns), covariance, self.optimism)
 
     def total(self, chosen: Tensor) -> Tensor:
         """Sum of the precisions (p, p) of the chosen flights (n,) bool or weights."""
@@ -45,7 +53,13 @@ class Whitening:
 
 
 def whiten(
-    y: Tensor, groups: Tensor, cluster: Tensor, nugget: Tensor, sides: Tensor | None = None, learn: Tensor | None = None
+    y: Tensor,
+    groups: Tensor,
+    cluster: Tensor,
+    nugget: Tensor,
+    apart: Tensor,
+    sides: Tensor | None = None,
+    learn: Tensor | None = None,
 ) -> Whitening:
     """Estimate a covariance within groups and invert it for every pattern.
 
@@ -54,11 +68,15 @@ def whiten(
     aircraft, a flight's share of it, is used. And no model is exact: a shift smaller than ``nugget`` means nothing,
     however many flights show it.
 
+    Some entries are taken as independent of the others. That noise and gaps go with speed between flights does not say
+    what they do where a cause moves the speed; a wrong guess would pull the estimate.
+
     Args:
         y: (n, p), NaN where missing.
         groups: (n,) bool: both groups have a mean of their own, which is taken off.
         cluster: (n,) aircraft.
         nugget: (p,) variance to add.
+        apart: (p,) bool: entries that are taken as independent of the others.
         sides: (n,) bool: both sides' means are taken off before asking what flights of one aircraft share, or a
             difference between sides would pass for it; the groups if absent.
         learn: (n,) bool: flights that it is estimated from; all if absent.
@@ -102,14 +120,35 @@ def whiten(
         if bool(side.any()):
             completed[side] -= completed[side].mean(0)
     shared = _shared(completed[used], cluster[used], covariance)
+    within = covariance
     covariance = covariance + shared + torch.diag(nugget / scale**2)
-    precision = torch.zeros(len(patterns), p, p, dtype=z.dtype)
+    covariance = torch.where(apart[:, None] == apart, covariance, 0.0)
+    own_units = covariance * scale[:, None] * scale
+    optimism = torch.where(used, _optimism(within, covariance, n), 1.0)
+    return Whitening(pattern, _inverted(own_units, patterns), own_units, optimism)
+
+
+def _optimism(learnt: Tensor, whole: Tensor, n: int) -> float:
+    """Scatter of new flights over that of the n flights learnt from, along what is weighed most: 1 / (1 - p / n).
+
+    As for the least-variance combination of p entries (Kan and Smith, 2008), with p the entries' worth of what was
+    learnt: what is added to it is known without error.
+    """
+    entries = float(torch.trace(torch.linalg.solve(whole, learnt)))
+    return 1.0 / max(1.0 - entries / n, 0.5)
+
+
+def _inverted(covariance: Tensor, patterns: Tensor) -> Tensor:
+    """Precision (patterns, p, p) of what each pattern sees, zero elsewhere."""
+    scale = covariance.diagonal().sqrt()
+    unit = covariance / (scale[:, None] * scale)
+    precision = torch.zeros(len(patterns), *covariance.shape, dtype=covariance.dtype)
     for k, there in enumerate(patterns):
         at = torch.nonzero(there)[:, 0]
         if len(at):
-            inverse = torch.linalg.inv(covariance[at][:, at] + 1e-8 * eye[at][:, at])
+            inverse = torch.linalg.inv(unit[at][:, at] + 1e-8 * torch.eye(len(at), dtype=unit.dtype))
             precision[k][at[:, None], at] = inverse / (scale[at, None] * scale[at])
-    return Whitening(pattern, precision, covariance * scale[:, None] * scale)
+    return precision
 
 
 def _completed(z: Tensor, patterns: Tensor, members: list[Tensor], covariance: Tensor) -> Tensor:

@@ -19,6 +19,8 @@ from descentflow.gap.whitening import whiten
 from descentflow.performance.open_aircraft import open_aircraft
 from descentflow.surveillance.descents import read_descents
 
+NONE_APART = torch.zeros(3, dtype=torch.bool)
+
 
 def test_whitening_knows_the_covariance_behind_gaps() -> None:
     generator = torch.Generator().manual_seed(0)
@@ -26,7 +28,7 @@ def test_whitening_knows_the_covariance_behind_gaps() -> None:
     y = torch.randn(4000, 3, generator=generator, dtype=torch.float64) @ root.T + 5.0
     y[:1000, 2] = torch.nan
     alone = torch.arange(4000)
-    found = whiten(y, torch.ones(4000, dtype=torch.bool), alone, torch.zeros(3, dtype=torch.float64))
+    found = whiten(y, torch.ones(4000, dtype=torch.bool), alone, torch.zeros(3, dtype=torch.float64), NONE_APART[:3])
     torch.testing.assert_close(found.covariance, root @ root.T, atol=0.06, rtol=0)
     seen = found.precision[found.pattern[0]]
     assert bool((seen[2] == 0).all())
@@ -39,7 +41,7 @@ def test_what_aircraft_share_counts_once() -> None:
     cluster = torch.arange(1000) // 5
     y = torch.randn(1000, 2, generator=generator, dtype=torch.float64)
     y[:, 0] = y[::5, 0].repeat_interleave(5)
-    found = whiten(y, torch.ones(1000, dtype=torch.bool), cluster, torch.zeros(2, dtype=torch.float64))
+    found = whiten(y, torch.ones(1000, dtype=torch.bool), cluster, torch.zeros(2, dtype=torch.float64), NONE_APART[:2])
     variance = torch.linalg.inv(found.precision[0]).diagonal()
     assert float(variance[0]) == pytest.approx(5.0, rel=0.2)
     assert float(variance[1]) == pytest.approx(1.0, rel=0.2)
@@ -69,7 +71,7 @@ def planted(halves: tuple[Quantities, Quantities], name: str, theta: list[float]
 
 def contest(compared: Compared, *, blind: bool = False) -> Contest:
     groups = torch.ones_like(compared.real) if blind else compared.real
-    weights = whiten(compared.y, groups, compared.cluster, compared.nugget(), compared.real)
+    weights = whiten(compared.y, groups, compared.cluster, compared.nugget(), compared.of_flight(), compared.real)
     return Contest(compared, weights, EFFECTS, seed=0)
 
 

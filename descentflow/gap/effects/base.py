@@ -71,6 +71,10 @@ class Effect(ABC):
         """Parameter vectors from which a fit may start: where sensitivities are taken. One, unless windows vary."""
         return [torch.tensor([p.start for p in self.parameters], dtype=torch.float64)]
 
+    def neighbours(self, theta: Tensor) -> list[Tensor]:
+        """Parameters to try beside a fit's, where derivatives may have led nowhere; none, unless windows vary."""
+        return []
+
     def sensitivity(self, state: FlightState, theta: Tensor, first: int | None = None) -> dict[str, Tensor]:
         """Jacobian of the shift: quantity -> (n, K, k) or (n, k), by central differences.
 

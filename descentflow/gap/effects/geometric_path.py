@@ -7,6 +7,9 @@ from descentflow.gap.effects.base import Effect, Parameter, Shift
 from descentflow.gap.physics import FlightState
 from descentflow.performance.airspeed import cas_to_tas_mps
 
+LEAST_SHALLOWER = 0.005
+"""Paths are planned to be flown with some thrust in hand."""
+
 
 class GeometricPath(Effect):
     """A share of the flights holds a path angle; idle thrust must not be needed below it, so it is a shallow one."""
@@ -21,8 +24,8 @@ class GeometricPath(Effect):
     says = "a fixed path over the ground is flown instead of an idle descent"
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
-        """All flights may hold one, and at the very angle that idle allows."""
-        return float(theta[0]) > 0.0 and float(theta[1]) < self.parameters[1].high - 1e-6
+        """All flights may hold one; a path at the very angle that idle allows is a fit driven to its bound."""
+        return float(theta[0]) > 0.0 and LEAST_SHALLOWER < float(theta[1]) < self.parameters[1].high - 1e-6
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """From the idle path's angle to one held, shallower by a share than the shallowest of the idle path."""

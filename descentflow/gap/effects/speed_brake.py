@@ -13,6 +13,7 @@ LENGTHS_FL = (20.0, 40.0, 70.0)
 
 NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
+MOVES_FL = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
 RUN_OUT_M = 90.0
 """Height over which brakes run out and in: some 8 s of descent. Half of it at either end counts as without."""
 FROM_TOP_FL = 5.0
@@ -77,6 +78,17 @@ class SpeedBrake(Effect):
             count = max(int(2 * (high - low) / length) - 1, 1)
             for bottom in torch.linspace(low, high - length, count).tolist():
                 found.append(torch.tensor([0.0, bottom, bottom + length, 1.0, 0.0], dtype=torch.float64))
+        return found
+
+    def neighbours(self, theta: Tensor) -> list[Tensor]:
+        """Either end moved: within a band of altitude the next one is not felt."""
+        found = []
+        for end in (1, 2):
+            for move in MOVES_FL:
+                moved = theta.clone()
+                moved[end] += move
+                if float(moved[2] - moved[1]) >= NARROWEST_FL:
+                    found.append(moved)
         return found
 
 

@@ -36,7 +36,7 @@ def do_generate(args: argparse.Namespace) -> None:
     else:
         # A seed that anyone could guess would be no seal; it is in the key and repeats the study once that is open.
         seed = secrets.randbits(32) if args.seed is None else args.seed
-        plan = draw_plan(args.sets, seed, n_simulators=args.simulators)
+        plan = draw_plan(args.sets, seed, n_simulators=args.simulators, more_null=args.more_null)
     generate(args.folder, plan, processes=args.processes, say=say)
     say(f"key sealed: SHA-256 {read_json(args.folder / MANIFEST)['key_sha256']}")
 
@@ -48,7 +48,6 @@ def do_diagnose(args: argparse.Namespace) -> None:
 
 
 def do_score(args: argparse.Namespace) -> None:
-
     plan, manifest, diagnoses = open_key(args.folder)
     scored = score(plan, manifest, diagnoses, closings(args.folder, diagnoses))
     write_json(args.folder / "score.json", scored)
@@ -75,7 +74,8 @@ def main() -> int:
     parser.add_argument("step", choices=["generate", "diagnose", "score", "all"])
     parser.add_argument("folder", type=Path, help="of the study; what is there already is not done again")
     parser.add_argument("--sets", type=int, default=400, help="blind sets (default: 400)")
-    parser.add_argument("--simulators", type=int, default=40, help="simulators they are spread over (default: 40)")
+    parser.add_argument("--more-null", type=int, default=100, help="further sets that hide nothing (default: 100)")
+    parser.add_argument("--simulators", type=int, default=40, help="of sets that hide something (default: 40)")
     parser.add_argument("--seed", type=int, help="repeats a study whose key is open (default: not to be guessed)")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--minutes", type=float, help="begin no diagnosis after this time")

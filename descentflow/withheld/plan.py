@@ -1,7 +1,7 @@
 """What a study hides where: its sets and simulators, drawn at random and written as the key before anything else."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -88,7 +88,13 @@ class Shares:
 
 
 def draw_plan(
-    n_blind: int, seed: int, *, shares: Shares | None = None, n_simulators: int = 40, extra: bool = True
+    n_blind: int,
+    seed: int,
+    *,
+    shares: Shares | None = None,
+    n_simulators: int = 40,
+    more_null: int = 0,
+    extra: bool = True,
 ) -> Plan:
     """Draw a study.
 
@@ -96,8 +102,10 @@ def draw_plan(
         n_blind: Sets of unknown content.
         seed: Of everything.
         shares: Make-up of the blind sets.
-        n_simulators: Simulators that the blind sets are spread over, a quarter of them with the wrong polar: sets that
-            share one also share its sampling error, and p-values would not be independent.
+        n_simulators: Simulators that the blind sets with a cause are spread over, a quarter of them with the wrong
+            polar. Sets without one have a simulator each: those that share one share its sampling error, and p-values
+            would not be independent.
+        more_null: Blind sets without a cause beside the ``n_blind``, for the false alarms need many.
         extra: Whether to add, for each catalogued cause, a set that is diagnosed with and without that cause in the
             catalogue, and one whose simulator was trained on flights with the cause.
 
@@ -118,17 +126,23 @@ def draw_plan(
     generator = np.random.default_rng(seed)
     shares = shares or Shares()
     n_wrong = n_simulators // 4
-    seeds = iter(_distinct_seeds(generator, 2 * n_blind + n_simulators + 4 * len(CATALOGUED)))
+    seeds = iter(_distinct_seeds(generator, 2 * (n_blind + more_null) + n_simulators + 4 * len(CATALOGUED)))
     simulators = [
         SimulatorPlan(f"simulator_{k:03d}", next(seeds), WRONG_POLAR if k < n_wrong else 1.0, {})
         for k in range(n_simulators)
     ]
     right, wrong = [s.name for s in simulators[n_wrong:]], [s.name for s in simulators[:n_wrong]]
     blind = []
-    for kind, names in _contents(generator, n_blind, shares):
+    more: list[tuple[Kind, list[str]]] = [("null", [])] * more_null
+    for kind, names in [*_contents(generator, n_blind, shares), *more]:
         size = 0.0 if kind == "null" else generator.uniform(*(HALF if generator.random() < shares.half_size else FULL))
         causes = {name: CAUSES[name].values(generator, size) for name in names}
         is_wrong = kind != "null" and bool(wrong) and generator.random() < shares.wrong_polar
+        if kind == "null":
+            simulators.append(SimulatorPlan(f"simulator_{len(simulators):03d}", next(seeds), 1.0, {}))
+            simulator = simulators[-1].name
+        else:
+            simulator = str(generator.choice(wrong if is_wrong else right))
         counts, odds = zip(*shares.flights, strict=True)
         blind.append(
             SetPlan(
@@ -139,12 +153,18 @@ def draw_plan(
                 size,
                 "basic" if generator.random() < shares.basic else "all",
                 int(generator.choice(counts, p=np.array(odds) / sum(odds))),
-                str(generator.choice(wrong if is_wrong else right)),
+                simulator,
                 next(seeds),
             )
         )
+    # Their order would tell which belong to sets that hide nothing.
+    before = [s.name for s in simulators]
+    renamed = dict(zip(before, (before[i] for i in generator.permutation(len(before))), strict=True))
+    simulators = sorted((replace(s, name=renamed[s.name]) for s in simulators), key=lambda s: s.name)
+    blind = [replace(one, simulator=renamed[one.simulator]) for one in blind]
+    right = [renamed[name] for name in right]
     order = generator.permutation(len(blind))
-    sets = [_named(blind[i], f"blind_{k:04d}") for k, i in enumerate(order)]
+    sets = [replace(blind[i], name=f"blind_{k:04d}") for k, i in enumerate(order)]
     if extra:
         for cause in CATALOGUED:
             causes = {cause.name: cause.values(generator, 1.0)}
@@ -184,10 +204,6 @@ def _pair(generator: np.random.Generator) -> list[str]:
         pair = [names[i] for i in generator.choice(len(names), 2, replace=False)]
         if not any(set(pair) <= group for group in (SCALE_GROUP, HELD)):
             return pair
-
-
-def _named(one: SetPlan, name: str) -> SetPlan:
-    return SetPlan(**{**asdict(one), "name": name})
 
 
 def _distinct_seeds(generator: np.random.Generator, n: int) -> list[int]:

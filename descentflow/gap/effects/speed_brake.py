@@ -13,6 +13,8 @@ LENGTHS_FL = (20.0, 40.0, 70.0)
 
 NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
+LEAST_DRAG = 0.1
+"""Share of CD0 below which nothing is out: small drag over a wide band is something else, of no fixed altitude."""
 MOVES_FL = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
 RUN_OUT_M = 90.0
 """Height over which brakes run out and in: some 8 s of descent. Half of it at either end counts as without."""
@@ -40,10 +42,11 @@ class SpeedBrake(Effect):
     says = "speed brakes (or as much drag) are out within a band of altitude"
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
-        """A window has a height, ends below the top of the grid, and is not the whole descent."""
-        top = float(state.altitude_m[-1] + state.width_m / 2) / FL_M
-        inside = 0.0 < float(theta[0]) < self.parameters[0].high - 1e-6
-        return inside and float(theta[2] - theta[1]) >= NARROWEST_FL and float(theta[2]) < top - FROM_TOP_FL
+        """Brakes are felt where they are out; their window has a height, ends below the top and is no whole descent."""
+        low, high = _range_fl(state)
+        height = float(theta[2] - theta[1])
+        felt = float(theta[0] / theta[3]) >= LEAST_DRAG and float(theta[0]) < self.parameters[0].high - 1e-6
+        return felt and NARROWEST_FL <= height <= (high - low) / 2 and float(theta[2]) < high - FROM_TOP_FL
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation within the window, on the share that flies it."""
@@ -69,8 +72,7 @@ class SpeedBrake(Effect):
 
     def starts(self, state: FlightState) -> list[Tensor]:
         """Windows of several lengths that tile the grid; none covers more than half of it (that would be a polar)."""
-        low = float(state.altitude_m[0] - state.width_m / 2) / FL_M
-        high = float(state.altitude_m[-1] + state.width_m / 2) / FL_M
+        low, high = _range_fl(state)
         found = []
         for length in LENGTHS_FL:
             if length > (high - low) / 2:
@@ -90,6 +92,12 @@ class SpeedBrake(Effect):
                 if float(moved[2] - moved[1]) >= NARROWEST_FL:
                     found.append(moved)
         return found
+
+
+def _range_fl(state: FlightState) -> tuple[float, float]:
+    """Lowest and highest level of the grid."""
+    half = state.width_m / 2
+    return float(state.altitude_m[0] - half) / FL_M, float(state.altitude_m[-1] + half) / FL_M
 
 
 def two_groups(values: Tensor) -> float:

@@ -1,5 +1,6 @@
 """Causes with their sizes, groups, closure and rivals, and what would separate what these data cannot."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -78,6 +79,7 @@ def parameters(contest: Contest, name: str, theta: Tensor, error: Tensor) -> dic
         if sd == 0.0 and not p.by_law:
             # The data say nothing of it: a channel that is not there.
             continue
+        sd = math.hypot(sd, p.inexact)
         low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, p.high)
         found[p.name] = {"estimate": value, "low": low, "high": high, "unit": p.unit}
     return found

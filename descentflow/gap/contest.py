@@ -24,7 +24,7 @@ STEPS = 5
 LEAST_BETTER = 0.5
 """Nats by which a neighbour must be better for a fit to go on from there."""
 RIDGE = 1e-6
-MISFIT = 0.05
+MISFIT = 0.03
 """Share of a shift by which the equations of its effect may be off."""
 
 

@@ -4,11 +4,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from descentflow.units import FL_M
 from descentflow.world.causes.air import KT_PER_KFT
 from descentflow.world.config import WorldConfig
 from descentflow.world.observe import QUANTA
-from descentflow.world.planted import EDGE_M, REFERENCE_MACH
+from descentflow.world.planted import REFERENCE_MACH
 
 Values = Mapping[str, float]
 _BIAS_MACH: Final = 0.65
@@ -22,9 +21,7 @@ def _relative(values: Values) -> dict[str, float]:
 def _brake(values: Values) -> dict[str, float]:
     # A diagnosis reports the mean over all flights, those without brakes included.
     extra = values["share"] * (values["factor"] - 1)
-    # Brakes run out over EDGE_M within either end: half of them are out half as far inside.
-    edge = 0.5 * EDGE_M / FL_M
-    window = {"low_fl": values["low_fl"] + edge, "high_fl": values["high_fl"] - edge}
+    window = {"low_fl": values["low_fl"], "high_fl": values["high_fl"]}
     return {"extra_cd0": extra, **window, "share": values["share"]}
 
 

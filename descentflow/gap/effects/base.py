@@ -28,6 +28,8 @@ class Parameter:
     scale: float
     """A size that matters: steps and practical size are measured in it."""
     start: float = 0.0
+    inexact: float = 0.0
+    """Standard error that comes on top of the data's: how well the equations of the effect place it."""
     by_law: bool = False
     """Set by :meth:`Effect.learn_law` from how flights differ, and not by their mean."""
 

@@ -13,6 +13,8 @@ LENGTHS_FL = (20.0, 40.0, 70.0)
 
 NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
+ANSWERS_FL = 0.6
+"""An aircraft takes some seconds to answer to brakes that run out or in."""
 LEAST_DRAG = 0.1
 """Share of CD0 below which nothing is out: small drag over a wide band is something else, of no fixed altitude."""
 MOVES_FL = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
@@ -33,8 +35,8 @@ class SpeedBrake(Effect):
     inherited_from = 0.1
     parameters = (
         Parameter("extra_cd0", 0.0, 2.0, "1", 0.1, 0.0),
-        Parameter("low_fl", 0.0, 600.0, "FL", 10.0),
-        Parameter("high_fl", 0.0, 600.0, "FL", 10.0),
+        Parameter("low_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL),
+        Parameter("high_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL),
         Parameter("share", 0.05, 1.0, "1", 0.1, 1.0, by_law=True),
         Parameter("ln_ratio_noise", 0.0, 1.5, "1", 0.1),
     )

@@ -13,9 +13,10 @@ from descentflow.densities.base import Density
 from descentflow.densities.checkpoint import content_of, load_model, read_checkpoint
 from descentflow.errors import ConfigError, DataError
 from descentflow.gap.effects import EFFECTS, Effect
-from descentflow.gap.engine import Simulator, run
+from descentflow.gap.engine import run
 from descentflow.gap.quantities import CHANNELS
 from descentflow.gap.report import GapReport
+from descentflow.gap.simulator import Simulator
 from descentflow.performance.aircraft import Aircraft
 from descentflow.performance.registry import aircraft as find_aircraft
 from descentflow.surveillance.descents import KEY, REQUIRED, Descents, read_descents

@@ -11,6 +11,7 @@ from descentflow.gap.closure import Closure, rivals_closure
 from descentflow.gap.contest import Contest
 from descentflow.gap.quantities import NEEDS
 from descentflow.gap.selection import Chosen
+from descentflow.gap.uncertainty import covariance
 
 NINETY = 1.645
 """Standard errors on either side of a 90 % interval."""
@@ -39,7 +40,7 @@ def causes_of(
         say: Told what is being done.
     """
     fit = chosen.fit
-    spread = contest.covariance(fit).diagonal().clamp(min=0.0).sqrt()
+    spread = covariance(contest, fit).diagonal().clamp(min=0.0).sqrt()
     errors = dict(zip(fit.effects, torch.split(spread, [len(fit.theta[n]) for n in fit.effects]), strict=True))
     say("measuring what other effects would claim")
     alone = {name: single.fit.shift for name, single in chosen.singles.items()}

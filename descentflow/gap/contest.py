@@ -14,18 +14,17 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from descentflow.gap.clusters import FOLDS, by_cluster, folds_of
 from descentflow.gap.effects import Effect
+from descentflow.gap.laws import learnt_laws
 from descentflow.gap.layout import Compared
+from descentflow.gap.linear import Design, Moments, solve, sum_of
 from descentflow.gap.whitening import Whitening
 
-FOLDS = 5
 STEPS = 5
 """Gauss-Newton steps of a fit; effects are close to linear in their parameters."""
 LEAST_BETTER = 0.5
 """Nats by which a neighbour must be better for a fit to go on from there."""
-RIDGE = 1e-6
-MISFIT = 0.03
-"""Share of a shift by which the equations of its effect may be off."""
 
 
 @dataclass(frozen=True)
@@ -39,70 +38,12 @@ class Fit:
     effects: tuple[str, ...]
     theta: dict[str, Tensor]
     shift: Tensor
-    design: "Design"
+    design: Design
     log_score: Tensor
 
     def score(self) -> float:
         """Sum of the held-out log scores, nats."""
         return float(self.log_score.sum())
-
-
-@dataclass(frozen=True)
-class Design:
-    """Columns (n, p, q + k) of a linear model beside its mean, precision times them, and prior precision (q + k,).
-
-    The first q belong to all flights: what flights that answer more to a cause show more of anyway, effect or not (a
-    transponder's usual lag shows most where the rate changes most). The k after them belong to real flights alone.
-    """
-
-    columns: Tensor
-    products: Tensor
-    n_common: int
-    ridge: Tensor
-
-    def common(self) -> "Design":
-        """The first q alone."""
-        q = self.n_common
-        return Design(self.columns[:, :, :q], self.products[:, :, :q], q, self.ridge[:q])
-
-
-@dataclass(frozen=True)
-class Moments:
-    """Sums over some flights: precision (f, f) of the free mean, its product with the columns (f, q + k), and so on."""
-
-    mean: Tensor
-    cross: Tensor
-    curvature: Tensor
-    mean_score: Tensor
-    score: Tensor
-    ridge: Tensor
-
-    def solved(self) -> tuple[Tensor, Tensor]:
-        """Mean (f,) and coefficients (q + k,) that maximise the penalised likelihood."""
-        information, score = self.profiled()
-        step = _solve(information + torch.diag(self.ridge), score, self.curvature.diagonal())
-        if not len(self.mean):
-            return self.mean_score, step
-        return torch.linalg.solve(self.mean, self.mean_score - self.cross @ step), step
-
-    def profiled(self) -> tuple[Tensor, Tensor]:
-        """Information and score of the coefficients with the mean at its best."""
-        if not len(self.mean):
-            return self.curvature, self.score
-        stacked = torch.linalg.solve(self.mean, torch.cat([self.mean_score[:, None], self.cross], 1))
-        return self.curvature - self.cross.T @ stacked[:, 1:], self.score - self.cross.T @ stacked[:, 0]
-
-
-def _solve(matrix: Tensor, vector: Tensor, raw: Tensor) -> Tensor:
-    """Solve, leaving alone what the data say nothing about: an absent channel, or a column that the mean contains."""
-    known = matrix.diagonal() > 1e-9 + 1e-7 * raw
-    step = torch.zeros_like(vector)
-    if bool(known.any()):
-        part = matrix[known][:, known]
-        size = part.diagonal().sqrt()
-        scaled = part / (size[:, None] * size) + RIDGE * torch.eye(len(part), dtype=part.dtype)
-        step[known] = torch.linalg.solve(scaled, vector[known] / size) / size
-    return step
 
 
 class Contest:
@@ -181,10 +122,10 @@ class Contest:
                 gain = 0.5 * score[own].clamp(min=0.0) ** 2 / information.diagonal()[own].clamp(min=1e-12)
                 found[name] = float(gain.max())
                 continue
-            step = _solve(information + torch.diag(design.ridge), score, information.diagonal())
+            step = solve(information + torch.diag(design.ridge), score, information.diagonal())
             without = design.common()
             base, own_score = information[: without.n_common, : without.n_common], score[: without.n_common]
-            plain = _solve(base + torch.diag(without.ridge), own_score, base.diagonal())
+            plain = solve(base + torch.diag(without.ridge), own_score, base.diagonal())
             found[name] = 0.5 * float(score @ step - own_score @ plain)
         return found
 
@@ -205,7 +146,7 @@ class Contest:
             if name not in theta:
                 theta[name] = self._best_start(name, theta)
         theta = self._beside(self._climb({name: theta[name] for name in effects}))
-        learnt = self._learnt(theta)
+        learnt = learnt_laws(self, theta)
         if learnt is not None:
             theta = self._climb(learnt)
         shift, design = self.shift(theta), self.design(theta)
@@ -230,52 +171,6 @@ class Contest:
 
     def _with_products(self, design: Design) -> Design:
         return replace(design, products=self.whitening.apply(design.columns))
-
-    def _learnt(self, theta: Mapping[str, Tensor]) -> dict[str, Tensor] | None:
-        """Parameters with those of laws over flights set; None where no effect has any."""
-        lawful = [n for n in theta if any(p.by_law for p in self.catalogue[n].parameters)]
-        at = self.compared.columns("rate")
-        if not lawful or not len(at):
-            return None
-        found = dict(theta)
-        bands = [self.compared.entries[i].band for i in at.tolist()]
-        state = self.compared.state.rows(torch.nonzero(self.real)[:, 0])
-        for name in lawful:
-            rest = {n: t for n, t in theta.items() if n != name}
-            left = self.compared.y[:, at] - self.shift(rest)[:, at]
-            normal = (
-                left[~self.real].nanmean(0).nan_to_num(0.0) if self.has_reference else torch.zeros(len(at)).double()
-            )
-            excess = torch.full_like(state.cas_mps, torch.nan)
-            excess[:, bands] = left[self.real] - normal
-            found[name] = self.catalogue[name].learn_law(state, theta[name], excess)
-        return found
-
-    def lawful_shift(self, fit: Fit) -> tuple[Tensor, dict[str, float]]:
-        """Shift (n, p) with each flight's own share of every effect, and how widely the shares spread, by effect.
-
-        A flight's share is what it shows of the effect's own shape, drawn towards one by as much as shares differ no
-        more between real flights than such shapes differ between the simulator's anyway.
-        """
-        spreads: dict[str, float] = {}
-        total = torch.zeros_like(self.y)
-        seen = self.compared.y.isfinite()
-        normal = torch.zeros(self.y.shape[1], dtype=self.y.dtype)
-        if self.has_reference:
-            normal = self.compared.y[~self.real].nanmean(0).nan_to_num(0.0) * self.compared.free
-        for name, theta in fit.theta.items():
-            own = torch.where(seen, self.all_shift(name, theta), 0.0)
-            others = self.shift({n: t for n, t in fit.theta.items() if n != name})
-            rest = torch.where(seen, self.y - others - normal, 0.0)
-            weighted = self.whitening.apply(own)
-            size = (own * weighted).sum(1).clamp(min=1e-9)
-            share = (weighted * rest).sum(1) / size
-            spread = _excess_variance(share[self.real], share[~self.real])
-            spreads[name] = spread**0.5
-            # Where shares do not spread every flight has the mean effect.
-            held = spread * size / (1 + spread * size) * (share - 1) + 1
-            total = total + torch.where(self.real[:, None], own * held[:, None], 0.0)
-        return total, spreads
 
     def theta_of(self, fit: Fit, keep: Tensor) -> dict[str, Tensor]:
         """Parameters that the flights to keep (n,) alone would give, one step from the fit."""
@@ -350,6 +245,10 @@ class Contest:
         parts = dict(zip(theta, torch.split(step, [len(value) for value in theta.values()]), strict=True))
         return {name: self.catalogue[name].clamp(value + parts[name]) for name, value in theta.items()}
 
+    def moments(self, shift: Tensor, design: Design) -> Moments:
+        """Sums over all flights, of what a shift leaves."""
+        return self._moments(self._q(shift), design, None)
+
     def _q(self, shift: Tensor) -> Tensor:
         q = self.qy.clone()
         q[self.real] -= self.whitening.rows(self.real).apply(shift[self.real])
@@ -386,7 +285,7 @@ class Contest:
         for fold in range(FOLDS):
             out = self.fold == fold
             others = [whole[k] for k in range(FOLDS) if k != fold]
-            mean, step = _sum(others).solved()
+            mean, step = sum_of(others).solved()
             error = (self.y - shift)[out] - design.columns[out] @ step
             error[:, free] -= mean
             score[out] = -0.5 * (error * self.whitening.rows(out).apply(error)).sum(1)
@@ -409,85 +308,6 @@ class Contest:
         total = by_cluster(first - second, self.compared.cluster)
         spread = float(total.var()) * len(total) if len(total) > 1 else float("inf")
         return float(total.sum()), spread**0.5
-
-    def covariance(self, fit: Fit) -> Tensor:
-        """Covariance (k, k) of the parameters.
-
-        Robust to what flights of one aircraft have in common, and with what a model that is off by negligible shifts,
-        half of them alike in all bands of a quantity, would add: more flights do not make equations more exact.
-        """
-        design = fit.design
-        moments = self._moments(self._q(fit.shift), design, None)
-        mean, step = moments.solved()
-        free = self.compared.free
-        error = self.y - fit.shift - design.columns @ step
-        error[:, free] -= mean
-        q = self.whitening.apply(error)
-        score = torch.einsum("npk,np->nk", design.columns, q)
-        if len(mean):
-            score -= q[:, free] @ torch.linalg.solve(moments.mean, moments.cross)
-        total = by_cluster(score * self.whitening.optimism[:, None], self.compared.cluster)
-        scatter = total.T @ total + self._by_misfit(fit, moments)
-        information, _ = moments.profiled()
-        known = information.diagonal() > 1e-9 + 1e-7 * moments.curvature.diagonal()
-        inverse = torch.zeros_like(information)
-        inverse[known.nonzero(), known.nonzero()[:, 0]] = torch.linalg.pinv(information[known][:, known])
-        n = len(total)
-        return (n / max(n - 1, 1) * inverse @ scatter @ inverse)[design.n_common :, design.n_common :]
-
-    def _by_misfit(self, fit: Fit, moments: Moments) -> Tensor:
-        """Covariance of the scores if shifts were off by what is negligible, and by a small share of themselves."""
-        design = fit.design
-        answer = design.products[self.real].sum(0)
-        if len(moments.mean):
-            weight = self.whitening.total(self.real)[:, self.compared.free]
-            answer = answer - weight @ torch.linalg.solve(moments.mean, moments.cross)
-        size = fit.shift[self.real].mean(0).abs()
-        answer = answer * (self.compared.negligible() + MISFIT * size)[:, None]
-        scatter = 0.5 * answer.T @ answer
-        for quantity in self.compared.quantities():
-            alike = answer[self.compared.columns(quantity)].sum(0)
-            scatter = scatter + 0.5 * torch.outer(alike, alike)
-        return scatter
-
-
-def _sum(parts: Sequence[Moments]) -> Moments:
-    first, *rest = parts
-    names = ("mean", "cross", "curvature", "mean_score", "score")
-    totals = {name: sum((getattr(p, name) for p in rest), getattr(first, name)) for name in names}
-    return Moments(**totals, ridge=first.ridge)
-
-
-def _excess_variance(real: Tensor, normal: Tensor) -> float:
-    """Robust variance of the real shares beyond that of the simulator's; zero unless it stands out."""
-
-    def variance(values: Tensor) -> float:
-        if len(values) < 2:
-            return 0.0
-        # Half the middle 80 %: for a normal distribution 1.28 standard deviations; two groups keep their distance.
-        low, high = (float(values.quantile(q)) for q in (0.1, 0.9))
-        return ((high - low) / 2.563) ** 2
-
-    found, usual = variance(real), variance(normal)
-    return found - usual if usual > 0 and found > 1.5 * usual else 0.0
-
-
-def by_cluster(values: Tensor, cluster: Tensor) -> Tensor:
-    """Sums over aircraft (c,) or (c, k)."""
-    names, index = torch.unique(cluster, return_inverse=True)
-    total = torch.zeros(len(names), *values.shape[1:], dtype=values.dtype)
-    return total.index_add_(0, index, values)
-
-
-def folds_of(cluster: Tensor, real: Tensor, seed: int) -> Tensor:
-    """Fold (n,) of each flight: whole aircraft, both sides spread evenly."""
-    generator = torch.Generator().manual_seed(seed)
-    fold = torch.zeros(len(cluster), dtype=torch.long)
-    for side in (real, ~real):
-        names, index = torch.unique(cluster[side], return_inverse=True)
-        order = torch.randperm(len(names), generator=generator)
-        fold[side] = (order % FOLDS)[index]
-    return fold
 
 
 def _carry(compared: Compared, whitening: Whitening) -> Tensor:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -10,17 +10,15 @@ from torch import Tensor
 from descentflow.decoder.correction import Correction
 from descentflow.errors import ConfigError
 from descentflow.gap.effects import EFFECTS, Effect
+from descentflow.gap.simulator import Simulator
 from descentflow.sampling.plausibility import Plausibility
-
-if TYPE_CHECKING:
-    from descentflow.gap.engine import Simulator
 
 SECTION = "descentflow"
 """Key of a checkpoint under which the representation stands."""
 
 
 def corrected(
-    simulator: "Simulator",
+    simulator: Simulator,
     mass_kg: float,
     catalogue: Mapping[str, Effect],
     theta: Mapping[str, Tensor],

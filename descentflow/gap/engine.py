@@ -1,72 +1,42 @@
 """The diagnosis itself: from flights and a simulator to a report."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.data.representation import Representation
-from descentflow.errors import ConfigError, DataError
+from descentflow.errors import ConfigError
 from descentflow.gap.answer import causes_of, would_split
 from descentflow.gap.closure import Closure
 from descentflow.gap.contest import Contest
 from descentflow.gap.correct import corrected
+from descentflow.gap.details import curves, details_of
 from descentflow.gap.discrepancy import discrepancy_columns
 from descentflow.gap.effects import Effect
 from descentflow.gap.inherited import Inherited, inherited_causes
+from descentflow.gap.laws import lawful_shift
 from descentflow.gap.layout import Compared, compare
 from descentflow.gap.permutation import null_test
-from descentflow.gap.quantities import Quantities, checked, grid_of, measured
+from descentflow.gap.quantities import checked, grid_of, measured
 from descentflow.gap.reference import both_sides
 from descentflow.gap.report import GapReport
 from descentflow.gap.selection import Chosen, select
+from descentflow.gap.simulator import Simulator, check_count, check_type, kept_channels
 from descentflow.gap.stages import stages_of
-from descentflow.gap.where import middles_fl, strongest_block, where
+from descentflow.gap.where import strongest_block, where
 from descentflow.gap.whitening import whiten
-from descentflow.performance.aircraft import Aircraft
 from descentflow.performance.transition import transition_altitude_m
-from descentflow.sampling.rejection import Sampler
-from descentflow.surveillance.prepare import Cleaning
 from descentflow.units import FL_M
 
-FEWEST_FLIGHTS = 20
 SLACK = 5.0
 """Samples miss what components and energy share leave out: up to a percent of the rate about the transition."""
 ENOUGH = 100
 """Flights of a simulator from which the spread between flights is learnt without the real ones."""
 SIGNIFICANT = 0.03
 """A gap is called from this p-value; it leaves room below five false alarms in a hundred."""
-
-
-@dataclass(frozen=True)
-class Simulator:
-    """What is diagnosed: a sampler with its representation, or nominal BADA where there is none."""
-
-    aircraft: Aircraft
-    sampler: Sampler | None = None
-    representation: Representation | None = None
-    content: Callable[[], dict[str, Any]] | None = None
-    """Reads the checkpoint again, to write a corrected one."""
-    name: str = "nominal"
-
-    def cleaning(self) -> Cleaning:
-        """How rows are prepared for it: down to its own lowest level."""
-        if self.representation is None:
-            return Cleaning()
-        return Cleaning(bottom_fl=int(self.representation.decoder.levels_fl[0]))
-
-    def levels(self, frame: pl.DataFrame) -> tuple[float, float]:
-        """Lowest and highest level of its grid."""
-        if self.representation is not None:
-            levels = self.representation.decoder.levels_fl
-            return float(levels[0]), float(levels[-1])
-        reached = frame.group_by("flight_id").agg(pl.col("level_fl").max())["level_fl"].to_numpy()
-        lowest = frame["level_fl"].to_numpy().min(initial=10_000)
-        top = sorted(reached.tolist(), reverse=True)[max(len(reached) // 4 - 1, 0)] if len(reached) else lowest
-        return float(lowest), float(max(top, lowest + 20))
 
 
 def run(
@@ -95,14 +65,14 @@ def run(
     """
     if not catalogue:
         raise ConfigError("an empty catalogue", expected="at least one effect", mend="pass EFFECTS, or some of them")
-    _check_type(frame, simulator)
+    check_type(frame, simulator)
     low, high = simulator.levels(frame)
     say("measuring flights")
     grid = grid_of(frame, low, high, channels)
-    _check_count(checked(measured(grid)), frame, low, high)
+    check_count(checked(measured(grid)), frame, low, high)
     reference, real, source = both_sides(simulator, grid, seed)
     if reference is not None:
-        reference = _kept_channels(reference, real)
+        reference = kept_channels(reference, real)
     compared = compare(reference, real, simulator.aircraft, SLACK if source == "samples" else 1.0)
     counts = {
         "flights_given": frame["flight_id"].n_unique(),
@@ -167,13 +137,13 @@ class Diagnosis:
         affected = self._without_by_products(affected, fit.effects)
         self.say("measuring how far the gap shrinks")
         closure = Closure(self.contest, affected, self.seed)
-        lawful, spreads = self.contest.lawful_shift(fit)
+        lawful, spreads = lawful_shift(self.contest, fit)
         gap = closure.gap(lawful)
         causes = causes_of(self.contest, chosen, closure, lawful, spreads, self.say) if verdict == "effect" else []
         self.say("asking at which stage the simulator loses most")
         stages = stages_of(self.simulator, frame, self.seed)
         remaining = self._remaining(fit.shift, gap.after, gap.floor, chosen)
-        details = self._details(chosen, test.__dict__, fit.shift, counts)
+        details = details_of(self, chosen, test.__dict__, fit.shift, counts)
         write = corrected(self.simulator, self.compared.state.mass_kg, self.catalogue, fit.theta)
         return GapReport(
             verdict=verdict,
@@ -196,7 +166,7 @@ class Diagnosis:
         contest, fit = found.contest, found.chosen.fit
         cells, affected = where(contest, self.transition_fl, self.seed)
         closure = Closure(contest, affected if bool(affected.any()) else torch.ones_like(affected), self.seed)
-        lawful, spreads = contest.lawful_shift(fit)
+        lawful, spreads = lawful_shift(contest, fit)
         gap = closure.gap(lawful)
         causes = causes_of(contest, found.chosen, closure, lawful, spreads, self.say)
         details = {**report.details, "regime": "refit", "curves": curves(contest, fit.shift)}
@@ -267,48 +237,6 @@ class Diagnosis:
             "block": strongest_block(contest, left),
         }
 
-    def _details(
-        self,
-        chosen: Chosen,
-        test: Mapping[str, Any],
-        shift: Tensor,
-        counts: Mapping[str, int],
-    ) -> dict[str, Any]:
-        """What figures and careful readers need besides the answer."""
-        contest = self.contest
-        ladder = sorted(chosen.singles.items(), key=lambda item: -item[1].gain)
-        return {
-            "simulator": self.simulator.name,
-            "regime": "anchored",
-            "typecode": self.simulator.aircraft.typecode,
-            "normal_from": self.source,
-            "seed": self.seed,
-            "quantities": list(self.compared.quantities()),
-            "transition_fl": self.transition_fl,
-            "mass_kg": self.compared.state.mass_kg,
-            "test": dict(test),
-            "discrepancy": {
-                "explained_nats": chosen.outside.explained,
-                "rest_nats": chosen.outside.rest,
-                "rest_error_nats": chosen.outside.error,
-                "share_explained": chosen.outside.share_explained,
-            },
-            "contest": [
-                {
-                    "effect": name,
-                    "score_gain": c.gain,
-                    "error": c.error,
-                    "parameters": {
-                        p.name: float(v)
-                        for p, v in zip(self.catalogue[name].parameters, c.fit.theta[name], strict=True)
-                    },
-                }
-                for name, c in ladder
-            ],
-            "curves": curves(contest, shift),
-            "flights": dict(counts),
-        }
-
 
 def normal_flights(compared: Compared) -> Tensor | None:
     """Flights that the spread is learnt from: the simulator's where they are enough, else all.
@@ -318,61 +246,3 @@ def normal_flights(compared: Compared) -> Tensor | None:
     known = ~compared.real
     enough = int(known.sum()) >= max(ENOUGH, compared.y.shape[1])
     return known if enough and bool(compared.free.all()) else None
-
-
-def curves(contest: Contest, shift: Tensor) -> dict[str, Any]:
-    """Mean difference by band with its error, before and after, for the figures."""
-    compared = contest.compared
-    levels = middles_fl(compared)
-    found: dict[str, Any] = {}
-    for quantity in compared.quantities():
-        at = compared.columns(quantity)
-        y, left = compared.y[:, at], (compared.y - shift)[:, at]
-        before, after = y[contest.real].nanmean(0), left[contest.real].nanmean(0)
-        count = contest.real.sum().double()
-        size = compared.scale[at] / count.sqrt()
-        if contest.has_reference:
-            other = y[~contest.real].nanmean(0).nan_to_num(0.0)
-            before, after = before - other, after - other
-            size = compared.scale[at] * (1 / count + 1 / (~contest.real).sum().double()).sqrt()
-        bands = [compared.entries[i].band for i in at.tolist()]
-        found[quantity] = {
-            "level_fl": [levels[b] if b >= 0 else None for b in bands],
-            "before": before.tolist(),
-            "after": after.tolist(),
-            "error": size.tolist(),
-        }
-    return found
-
-
-def _check_type(frame: pl.DataFrame, simulator: Simulator) -> None:
-    types = {str(t) for t in frame["typecode"].drop_nulls().unique()} if "typecode" in frame.columns else set()
-    known = {simulator.aircraft.typecode}
-    if simulator.representation is not None:
-        known |= set(simulator.representation.provenance.get("typecodes", []))
-    if types and not types & known:
-        raise DataError(
-            f"descents of {', '.join(sorted(types))} for a simulator of {', '.join(sorted(known))}",
-            expected="flights of the simulator's type",
-            mend="choose the flights, or a simulator of their type",
-        )
-
-
-def _check_count(real: Quantities, frame: pl.DataFrame, low: float, high: float) -> None:
-    if len(real) < FEWEST_FLIGHTS:
-        raise DataError(
-            f"{len(real)} flights with levels between FL{low:.0f} and FL{high:.0f} "
-            f"(of {frame['flight_id'].n_unique()} given)",
-            expected=f"at least {FEWEST_FLIGHTS}, and hundreds to tell effects apart",
-            mend="give more flights, or a simulator of their levels",
-        )
-
-
-def _kept_channels(reference: Quantities, real: Quantities) -> Quantities:
-    """The simulator's flights with the quantities that the real ones show: a channel left out is left out of both."""
-    names = set(real.values)
-    values = {name: value for name, value in reference.values.items() if name in names}
-    physics = dict(reference.physics)
-    if "wind" not in names:
-        physics["tailwind_mps"] = torch.zeros_like(physics["tailwind_mps"])
-    return Quantities(reference.levels_fl, reference.band_fl, values, physics, reference.cluster)

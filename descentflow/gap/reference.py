@@ -1,7 +1,5 @@
 """What a simulator says is normal: its own flights as its checkpoint keeps them, or samples where it keeps none."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import torch
 from torch import Tensor
@@ -11,19 +9,17 @@ from descentflow.decoder.trajectories import Trajectories
 from descentflow.errors import DataError
 from descentflow.gap.levels import LevelGrid
 from descentflow.gap.quantities import Quantities, measured
+from descentflow.gap.simulator import Simulator
 from descentflow.profiles.profiles import Profiles, infer_drag_n
 from descentflow.sampling.rejection import sample_descents
 from descentflow.units import FPM_MPS, KT_MPS
-
-if TYPE_CHECKING:
-    from descentflow.gap.engine import Simulator
 
 SAMPLES = 1000
 SAMPLED = ("cas",)
 """Quantities besides the rate that samples say something about; the rest is what physics claims."""
 
 
-def both_sides(simulator: "Simulator", grid: LevelGrid, seed: int) -> tuple[Quantities | None, Quantities, str]:
+def both_sides(simulator: Simulator, grid: LevelGrid, seed: int) -> tuple[Quantities | None, Quantities, str]:
     """The simulator's flights, the real ones, and where the former come from.
 
     That is ``training flights``, ``samples`` or ``physics``. Samples are made of a few components, which real flights
@@ -81,7 +77,7 @@ def _shown(like: LevelGrid, flown: Trajectories, seen: Tensor, cluster: Tensor, 
     return LevelGrid(like.levels_fl, shown(flown.time_s), channels, cluster, names)
 
 
-def _samples(simulator: "Simulator", real: LevelGrid, seed: int) -> Quantities:
+def _samples(simulator: Simulator, real: LevelGrid, seed: int) -> Quantities:
     """Samples seen through the gaps of real flights, each flight an aircraft of its own."""
     parts = simulator.representation
     assert parts is not None

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from descentflow.gap.contest import Contest, Fit, by_cluster
+from descentflow.gap.clusters import by_cluster
+from descentflow.gap.contest import Contest, Fit
 
 MOST = 4
 """Effects named together at most."""

@@ -1,23 +1,21 @@
 """At which stage a simulator loses what the flights show: a ladder of substitutions that telescopes."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import polars as pl
 import torch
 from torch import Tensor
 
+from descentflow.gap.simulator import Simulator
 from descentflow.profiles.profiles import Profiles, profiles_from_frame
 from descentflow.sampling.rejection import sample_descents
-
-if TYPE_CHECKING:
-    from descentflow.gap.engine import Simulator
 
 STAGES = ("measurement", "representation", "coupling", "density", "rejection", "decoder")
 SAMPLES = 2000
 LEVELS_IN_LEG = 15
 
 
-def stages_of(simulator: "Simulator", frame: pl.DataFrame, seed: int) -> dict[str, Any]:
+def stages_of(simulator: Simulator, frame: pl.DataFrame, seed: int) -> dict[str, Any]:
     """Share of each stage in the loss of times along the grid.
 
     The ladder, from the flights as observed to the samples: flown from their own inferred drag and CAS (measurement:

@@ -14,6 +14,7 @@ from descentflow.gap.layout import Compared, compare
 from descentflow.gap.permutation import null_test
 from descentflow.gap.quantities import CHANNELS, Quantities, quantities_of
 from descentflow.gap.selection import select
+from descentflow.gap.uncertainty import covariance
 from descentflow.gap.where import benjamini_hochberg
 from descentflow.gap.whitening import whiten
 from descentflow.performance.open_aircraft import open_aircraft
@@ -91,7 +92,7 @@ def test_a_planted_shift_is_named_with_its_size(
     chosen = select(held, discrepancy_columns(held.compared)[0], lambda _: None)
     assert chosen.fit.effects == (name,)
     assert not chosen.outside.named
-    error = held.covariance(chosen.fit).diagonal().sqrt()
+    error = covariance(held, chosen.fit).diagonal().sqrt()
     off = (chosen.fit.theta[name] - torch.tensor(theta, dtype=torch.float64)).abs()
     assert float(off[0]) < 4 * float(error[0]) + 1e-3
 

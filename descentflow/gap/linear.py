@@ -1,0 +1,75 @@
+"""Normal equations of what is linear: a mean for all flights, what all show, and what real ones have."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+RIDGE = 1e-6
+
+
+@dataclass(frozen=True)
+class Design:
+    """Columns (n, p, q + k) of a linear model beside its mean, precision times them, and prior precision (q + k,).
+
+    The first q belong to all flights: what flights that answer more to a cause show more of anyway, effect or not (a
+    transponder's usual lag shows most where the rate changes most). The k after them belong to real flights alone.
+    """
+
+    columns: Tensor
+    products: Tensor
+    n_common: int
+    ridge: Tensor
+
+    def common(self) -> "Design":
+        """The first q alone."""
+        q = self.n_common
+        return Design(self.columns[:, :, :q], self.products[:, :, :q], q, self.ridge[:q])
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Sums over some flights: precision (f, f) of the free mean, its product with the columns (f, q + k), and so on."""
+
+    mean: Tensor
+    cross: Tensor
+    curvature: Tensor
+    mean_score: Tensor
+    score: Tensor
+    ridge: Tensor
+
+    def solved(self) -> tuple[Tensor, Tensor]:
+        """Mean (f,) and coefficients (q + k,) that maximise the penalised likelihood."""
+        information, score = self.profiled()
+        step = solve(information + torch.diag(self.ridge), score, self.curvature.diagonal())
+        if not len(self.mean):
+            return self.mean_score, step
+        return torch.linalg.solve(self.mean, self.mean_score - self.cross @ step), step
+
+    def profiled(self) -> tuple[Tensor, Tensor]:
+        """Information and score of the coefficients with the mean at its best."""
+        if not len(self.mean):
+            return self.curvature, self.score
+        stacked = torch.linalg.solve(self.mean, torch.cat([self.mean_score[:, None], self.cross], 1))
+        return self.curvature - self.cross.T @ stacked[:, 1:], self.score - self.cross.T @ stacked[:, 0]
+
+
+def solve(matrix: Tensor, vector: Tensor, raw: Tensor) -> Tensor:
+    """Solve, leaving alone what the data say nothing about: an absent channel, or a column that the mean contains."""
+    known = matrix.diagonal() > 1e-9 + 1e-7 * raw
+    step = torch.zeros_like(vector)
+    if bool(known.any()):
+        part = matrix[known][:, known]
+        size = part.diagonal().sqrt()
+        scaled = part / (size[:, None] * size) + RIDGE * torch.eye(len(part), dtype=part.dtype)
+        step[known] = torch.linalg.solve(scaled, vector[known] / size) / size
+    return step
+
+
+def sum_of(parts: Sequence[Moments]) -> Moments:
+    """Moments of all flights from those of parts of them."""
+    first, *rest = parts
+    names = ("mean", "cross", "curvature", "mean_score", "score")
+    totals = {name: sum((getattr(p, name) for p in rest), getattr(first, name)) for name in names}
+    return Moments(**totals, ridge=first.ridge)

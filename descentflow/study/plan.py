@@ -43,6 +43,7 @@ class StudyPlan:
         n_samples: Samples of each model (the paper's 10,000).
         store: Prepared descents to use instead of simulated ones.
         max_epochs: Bound on the epochs of every fit; each config's own if absent.
+        scenario: Settings of the simulated world, see :mod:`descentflow.world.scenarios`.
     """
 
     flights: dict[str, int]
@@ -51,6 +52,7 @@ class StudyPlan:
     n_samples: int = 10_000
     store: str | None = None
     max_epochs: int | None = None
+    scenario: str = "london-fir-2019"
 
     def __post_init__(self) -> None:
         """Refuse a plan that cannot be carried out."""

@@ -65,24 +65,19 @@ def _descents(plan: StudyPlan, typecode: str, folder: Path, say: Say) -> None:
             say(f"{typecode}: simulating flights from {first:,}")
             _simulate(plan, typecode, number, min(BLOCK, plan.flights[typecode] - first), path)
     say(f"{typecode}: preparing descents")
-    bottom = min(150, _low_bottom(typecode))
-    words = ["prepare", str(rows), "--out", str(folder / "descents.parquet"), "--bottom-fl", str(bottom)]
+    words = ["prepare", str(rows), "--out", str(folder / "descents.parquet")]
     _command([*words, "--report", str(folder / "prepare.json")], folder / "prepare.log")
     # The rows can be simulated again; at the paper's counts they take gigabytes.
     shutil.rmtree(rows)
 
 
-def _low_bottom(typecode: str) -> int:
-    """Lowest level of the grid: FL150 as in the paper, lower for types whose ceiling leaves too little above that."""
-    ceiling_fl = float(aircraft(typecode).altitude_maximum_ft) / 100
-    return 150 if ceiling_fl > 300 else 100
-
-
 def _simulate(plan: StudyPlan, typecode: str, block: int, number: int, path: Path) -> None:
+    from descentflow.world.scenarios import scenario
     from descentflow.world.world import simulate
 
     # A seed for each block, so that flights have names of their own and a block can be made again alone.
-    world = simulate(aircraft(typecode), number, 1000 * plan.seed + block)
+    kind = aircraft(typecode)
+    world = simulate(kind, number, 1000 * plan.seed + block, scenario(plan.scenario, kind))
     with whole_file(path) as temporary:
         world.rows.write_parquet(temporary)
 

@@ -1,9 +1,12 @@
 """The study of one type, in steps that each leave one file: a step whose file is there is not done again."""
 
+import logging
 import shutil
-from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
+from typing import TextIO
 
 from descentflow import cli
 from descentflow.errors import DescentflowError
@@ -15,6 +18,8 @@ BLOCK = 4_000
 """Flights simulated at a time: their rows and truth are some 300 MB."""
 RESAMPLES = 50
 """Of the held-out flights, behind each score's interval."""
+LAST = "flights.json"
+"""What :func:`descentflow.study.pictures.type_pictures` writes last: where it is, the type's pictures are done."""
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "model"
 Say = Callable[[str], None]
 
@@ -44,9 +49,23 @@ def study_type(plan: StudyPlan, typecode: str, folder: Path, say: Say) -> None:
         if not (model / "done").exists():
             say(f"{typecode}: scoring {name}")
             words = ["evaluate", str(model / "model.ckpt"), "--real", str(descents), "--out", str(model)]
-            words += ["-n", str(plan.n_samples), "--seed", str(plan.seed), "--resamples", str(RESAMPLES)]
+            words += [
+                "-n",
+                str(plan.n_samples),
+                "--seed",
+                str(plan.seed),
+                "--resamples",
+                str(RESAMPLES),
+                "--no-figures",
+            ]
             _command(words, model / "scores.log")
             (model / "done").touch()
+    if not (folder / LAST).exists():
+        from descentflow.study.pictures import type_pictures
+
+        say(f"{typecode}: figures")
+        with _into(folder / "figures.log"):
+            type_pictures(plan, folder, typecode)
 
 
 def _descents(plan: StudyPlan, typecode: str, folder: Path, say: Say) -> None:
@@ -100,10 +119,27 @@ def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path) -> None:
 
 def _command(words: list[str], log: Path) -> None:
     """Run one of descentflow's commands, what it prints going into a log."""
-    with log.open("w") as file, redirect_stdout(file), redirect_stderr(file):
+    with _into(log):
         status = cli.main(words)
     if status:
         last = log.read_text().strip().splitlines()[-1:] or ["nothing printed"]
         raise DescentflowError(
             f"descentflow {words[0]} ended with: {last[0]}", expected="a command that succeeds", mend=f"see {log}"
         )
+
+
+@contextmanager
+def _into(log: Path) -> Iterator[None]:
+    """Send what is printed into a log, and what Lightning logs, whose handler keeps the stream it was made with."""
+    with log.open("w") as file, redirect_stdout(file), redirect_stderr(file):
+        _lightning_to(file)
+        try:
+            yield
+        finally:
+            _lightning_to(sys.__stderr__)
+
+
+def _lightning_to(stream: TextIO | None) -> None:
+    for handler in logging.getLogger("lightning.pytorch").handlers:
+        if isinstance(handler, logging.StreamHandler):
+            handler.setStream(stream)

@@ -80,8 +80,8 @@ class WorldConfig:
     """Flights that hold one rate from the top and another to the bottom, as turboprops do."""
     first_rate_fpm: tuple[float, float] = (700.0, 1100.0)
     second_rate_fpm: tuple[float, float] = (1200.0, 1500.0)
-    switch_height: tuple[float, float] = (0.35, 0.7)
-    """Where the second rate takes over, in units of the height from bottom to top."""
+    switch_fl: tuple[float, float] = (160.0, 220.0)
+    """Flight level where the second rate takes over; from the top on for flights that start below it."""
     cruise_s: tuple[float, float] = (20.0, 60.0)
     """Level flight before the descent."""
     flights_per_aircraft: int = 5

@@ -75,7 +75,7 @@ def draw_held(
     missing = torch.full_like(top_m, torch.nan)
     # A slow start leaves room for idle descent below it.
     slow_low = top_m - torch.minimum(_ranged(config.slow_start_fl, uniform[:, 2]) * FL_M, 0.6 * height)
-    switch = bottom_m + _ranged(config.switch_height, uniform[:, 3]) * height
+    switch = _ranged(config.switch_fl, uniform[:, 3]) * FL_M
     first = torch.where(two, _rate_mps(config.first_rate_fpm, uniform[:, 4], uniform[:, 5]), missing)
     first = torch.where(slow, _rate_mps(config.slow_start_fpm, uniform[:, 4], uniform[:, 5]), first)
     second = torch.where(two, _rate_mps(config.second_rate_fpm, uniform[:, 6], uniform[:, 7]), missing)

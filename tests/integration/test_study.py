@@ -4,11 +4,13 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+import torch
 
+from descentflow.data.datamodule import DescentDataModule
 from descentflow.densities.checkpoint import load_model
-from descentflow.errors import ConfigError
+from descentflow.errors import ConfigError, DataError
 from descentflow.study.plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
-from descentflow.study.report import write_report
+from descentflow.study.report import most_clusters, read_published, write_report
 from descentflow.study.steps import study_type
 from descentflow.study.tables import all_scores, means, table, with_best
 
@@ -36,9 +38,10 @@ def test_every_type_and_model_has_its_fifteen_scores(study: Path) -> None:
 
 def test_the_page_holds_the_tables_and_figures(study: Path) -> None:
     page = (study / "report.html").read_text()
-    assert page.count("<table>") == 7
-    assert page.count("data:image/png") == 3 * 2 * 2
+    assert page.count("<table>") == 1 + 1 + 1 + 5 + 1  # flights, means, likelihoods, the paper's five, components
+    assert page.count("data:image/png") == 1 + 1 + 1 + 3 * 3  # mass, boxes, rejections; three a type
     assert 'src="http' not in page
+    assert page.count("</h2>") == page.count('<a href="#s') == 11 + 3
 
 
 def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) -> None:
@@ -72,6 +75,10 @@ def test_published_figures_stand_in_columns_of_their_own(study: Path) -> None:
     assert row["paper_gmm"] == 0.4
     assert row["gaussian"] != 0.5
     assert found.filter(typecode="BE20")["paper_gmm"].is_null().all()
+    (study / "published_scores.csv").write_text(published.write_csv())
+    assert read_published(study).scores is not None
+    with pytest.raises(DataError, match="no published figures"):
+        read_published(study / "nowhere")
 
 
 def test_models_within_five_percent_of_the_best_are_marked() -> None:
@@ -89,6 +96,22 @@ def test_means_are_over_types() -> None:
     )
     row = means(scores).row(0, named=True)
     assert (row["types"], row["score"], row["over_floor"]) == (2, 2.0, 2.5)
+
+
+def test_the_likelihoods_are_those_of_the_held_out_flights(study: Path) -> None:
+    data = DescentDataModule(study / "A320" / "descents.parquet", checkpoint=study / "A320" / "gmm" / "model.ckpt")
+    data.setup()
+    told = dict(pl.read_csv(study / "A320" / "nll.csv").select("model", "nll").iter_rows())
+    for name in PLAN.models:
+        with torch.no_grad():
+            nll = -load_model(study / "A320" / name / "model.ckpt").log_prob(data.weights("test")).mean()
+        assert told[name] == pytest.approx(float(nll), rel=1e-9)
+
+
+def test_the_papers_cap_on_clusters() -> None:
+    """Appendix C's table: maxima from training flights and components, of types that no other cap holds."""
+    told = [(8656, 5, 27), (4836, 8, 7), (2013, 12, 1), (871, 6, 2), (697, 4, 3), (205, 5, 1), (16774, 12, 12)]
+    assert [most_clusters(n, d) for n, d, _ in told] == [most for _, _, most in told]
 
 
 def test_the_papers_counts_and_impossible_plans() -> None:

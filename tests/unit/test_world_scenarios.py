@@ -52,13 +52,13 @@ def test_turboprops_hold_one_rate_and_then_a_steeper_one() -> None:
     level = pl.col("altitude") / 100
     margin = 12  # flight levels in which a rate is taken up
     first = told.filter(level.is_between(pl.col("first_low_fl") + 2, pl.col("top_fl") - margin))
-    second = told.filter(level.is_between(150, pl.col("first_low_fl") - margin))
+    second = told.filter(level.is_between(150, pl.min_horizontal("first_low_fl", "top_fl") - margin))
     for stretch, name in ((first, "first"), (second, "second")):
         held = stretch.group_by("flight_id").agg(
             rate=pl.col("vertical_rate").mean(), scatter=pl.col("vertical_rate").std(), n=pl.len()
         )
         held = held.filter(pl.col("n") >= 10).join(world.flights, on="flight_id")
-        assert len(held) > 20
+        assert len(held) > 15
         assert (held["rate"] - held[f"{name}_rate_fpm"]).abs().max() < 40
         assert held["scatter"].median() < 60
     rates = world.flights

@@ -2,8 +2,11 @@
 
 import base64
 import html
+import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+
+from matplotlib.figure import Figure
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 1240px; margin: 2em auto; padding: 0 1em; color: #222; }
@@ -92,6 +95,13 @@ def picture_of(data: bytes, caption: str) -> str:
     text = html.escape(caption)
     encoded = base64.b64encode(data).decode("ascii")
     return f'<figure><img alt="{text}" src="data:image/png;base64,{encoded}"><figcaption>{text}</figcaption></figure>'
+
+
+def png(figure: Figure) -> bytes:
+    """A figure as PNG for a page."""
+    data = io.BytesIO()
+    figure.savefig(data, format="png", dpi=100)
+    return data.getvalue()
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -3,9 +3,13 @@
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from descentflow.errors import ConfigError
 from descentflow.files import whole_file
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 PAPER_FLIGHTS = {
     "B738": 41_011,
@@ -98,7 +102,7 @@ def paper_plan(share: float = 1.0, typecodes: list[str] | None = None, **setting
     return StudyPlan(flights, **settings)  # type: ignore[arg-type]
 
 
-def begin(plan: StudyPlan, folder: Path) -> None:
+def begin(plan: "DataclassInstance", folder: Path) -> None:
     """Write the plan into the study's folder, or check that a study begun there is the same.
 
     Raises:

@@ -1,21 +1,21 @@
 """One self-contained HTML page of a study: means over types, the five tables, figures, components, each type."""
 
 import html
-import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import polars as pl
-from matplotlib.figure import Figure
 
 from descentflow.densities.checkpoint import load_model
+from descentflow.densities.em import most_clusters
 from descentflow.errors import DataError
 from descentflow.figures.boxes import boxes_figure
 from descentflow.figures.rejection_rates import rejection_rates_figure
 from descentflow.files import whole_file
-from descentflow.study.page import Cell, number, page, picture, picture_of, rows
+from descentflow.study.page import Cell, number, page, picture, picture_of, png, rows
 from descentflow.study.plan import MODELS, StudyPlan
+from descentflow.study.sweep_report import sweep_sections
 from descentflow.study.tables import QUANTITIES, WITHIN, all_scores, means, table
 
 INTRODUCTION = """
@@ -89,6 +89,7 @@ def write_report(plan: StudyPlan, folder: Path, published: Path | None = None) -
         sections.append((heading, _table(one, plan.models)))
     sections.append(("Components and clusters", _components(plan, folder, theirs.types)))
     sections.append(("Rejected draws", _rejections(plan, folder)))
+    sections += sweep_sections(plan, folder)
     sections += [(typecode, _type(plan, folder / typecode)) for typecode in plan.flights]
     source = "simulated flights" if plan.store is None else plan.store
     title = f"Study of {len(plan.flights)} types: {sum(plan.flights.values()):,} {source}"
@@ -158,7 +159,7 @@ def _to_floor(row: dict[str, float | None]) -> str:
 def _boxes(scores: pl.DataFrame, plan: StudyPlan) -> str:
     figure = boxes_figure(scores, {name: MODELS[name] for name in plan.models})
     caption = "Each dot is a type; boxes are quartiles over types. Floor: two halves of the held-out flights."
-    return picture_of(_png(figure), caption)
+    return picture_of(png(figure), caption)
 
 
 def _likelihoods(plan: StudyPlan, folder: Path) -> str:
@@ -229,24 +230,13 @@ def _components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> s
     return text + rows(head + papers, lines)
 
 
-def most_clusters(n_train: int, dimension: int) -> int:
-    """The paper's cap on clusters, ``15 n_p <= n_train`` (appendix C); at least one.
-
-    Example:
-        >>> most_clusters(8656, 5)
-        27
-    """
-    each = dimension * (dimension + 3) // 2 + 1
-    return max((n_train // 15 + 1) // each, 1)
-
-
 def _rejections(plan: StudyPlan, folder: Path) -> str:
     rates: dict[str, dict[str, float]] = {}
     for typecode in plan.flights:
         told = {m: json.loads((folder / typecode / m / "rejections.json").read_text()) for m in plan.models}
         rates[typecode] = {MODELS[m]: 1 - told[m]["acceptance"] for m in plan.models}
     caption = "Share of draws with a drag or CAS outside the training flights' range at some level."
-    return picture_of(_png(rejection_rates_figure(rates)), caption)
+    return picture_of(png(rejection_rates_figure(rates)), caption)
 
 
 def _type(plan: StudyPlan, folder: Path) -> str:
@@ -260,9 +250,3 @@ def _type(plan: StudyPlan, folder: Path) -> str:
 
 def _unit(unit: str) -> str:
     return "" if unit == "1" else f" ({unit})"
-
-
-def _png(figure: Figure) -> bytes:
-    data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=100)
-    return data.getvalue()

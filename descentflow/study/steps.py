@@ -3,7 +3,7 @@
 import logging
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import TextIO
@@ -21,55 +21,20 @@ RESAMPLES = 50
 LAST = "flights.json"
 """What :func:`descentflow.study.pictures.type_pictures` writes last: where it is, the type's pictures are done."""
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "model"
-Say = Callable[[str], None]
 
 
-def study_type(plan: StudyPlan, typecode: str, folder: Path, say: Say) -> None:
-    """Rows, descents, fits and scores of one type.
+def make_descents(plan: StudyPlan, typecode: str, folder: Path) -> None:
+    """Leave ``descents.parquet`` of one type: from the store, or simulated block by block and prepared.
 
     Args:
         plan: The study.
         typecode: One of its types.
-        folder: The type's folder; a rerun goes on with the first file that is missing.
-        say: Called with what is being done.
+        folder: The type's folder; blocks that are there already are not simulated again.
 
     Raises:
-        DescentflowError: If a command fails; the message names its log.
+        DescentflowError: If `prepare` fails; the message names its log.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    descents = folder / "descents.parquet"
-    if not descents.exists():
-        _descents(plan, typecode, folder, say)
-    for name in plan.models:
-        model = folder / name
-        model.mkdir(exist_ok=True)
-        if not (model / "model.ckpt").exists():
-            say(f"{typecode}: fitting {name}")
-            _fit(plan, name, descents, model)
-        if not (model / "done").exists():
-            say(f"{typecode}: scoring {name}")
-            words = ["evaluate", str(model / "model.ckpt"), "--real", str(descents), "--out", str(model)]
-            words += [
-                "-n",
-                str(plan.n_samples),
-                "--seed",
-                str(plan.seed),
-                "--resamples",
-                str(RESAMPLES),
-                "--no-figures",
-            ]
-            _command(words, model / "scores.log")
-            (model / "done").touch()
-    if not (folder / LAST).exists():
-        from descentflow.study.pictures import type_pictures
-
-        say(f"{typecode}: figures")
-        with _into(folder / "figures.log"):
-            type_pictures(plan, folder, typecode)
-
-
-def _descents(plan: StudyPlan, typecode: str, folder: Path, say: Say) -> None:
-    rows = folder / "rows"
     if plan.store is not None:
         from descentflow.surveillance.descents import read_descents, write_descents
 
@@ -77,17 +42,45 @@ def _descents(plan: StudyPlan, typecode: str, folder: Path, say: Say) -> None:
         chosen = type(source)(source.frame.filter(typecode=typecode), source.metadata)
         write_descents(chosen, folder / "descents.parquet")
         return
+    rows = folder / "rows"
     rows.mkdir(exist_ok=True)
     for number, first in enumerate(range(0, plan.flights[typecode], BLOCK)):
         path = rows / f"{number:03d}.parquet"
         if not path.exists():
-            say(f"{typecode}: simulating flights from {first:,}")
             _simulate(plan, typecode, number, min(BLOCK, plan.flights[typecode] - first), path)
-    say(f"{typecode}: preparing descents")
     words = ["prepare", str(rows), "--out", str(folder / "descents.parquet")]
-    _command([*words, "--report", str(folder / "prepare.json")], folder / "prepare.log")
+    command([*words, "--report", str(folder / "prepare.json")], folder / "prepare.log")
     # The rows can be simulated again; at the paper's counts they take gigabytes.
     shutil.rmtree(rows)
+
+
+def fit_and_score(plan: StudyPlan, name: str, folder: Path) -> None:
+    """Leave ``model.ckpt`` of one model, its scores and, last, ``done`` in a folder of its own.
+
+    Args:
+        plan: The study.
+        name: One of its models.
+        folder: The type's folder, with its descents.
+
+    Raises:
+        DescentflowError: If a command fails; the message names its log.
+    """
+    model, descents = folder / name, folder / "descents.parquet"
+    model.mkdir(exist_ok=True)
+    if not (model / "model.ckpt").exists():
+        _fit(plan, name, descents, model)
+    words = ["evaluate", str(model / "model.ckpt"), "--real", str(descents), "--out", str(model), "--no-figures"]
+    words += ["-n", str(plan.n_samples), "--seed", str(plan.seed), "--resamples", str(RESAMPLES)]
+    command(words, model / "scores.log")
+    (model / "done").touch()
+
+
+def draw_type(plan: StudyPlan, typecode: str, folder: Path) -> None:
+    """Leave the figures of one type, see :func:`descentflow.study.pictures.type_pictures`."""
+    from descentflow.study.pictures import type_pictures
+
+    with _into(folder / "figures.log"):
+        type_pictures(plan, folder, typecode)
 
 
 def _simulate(plan: StudyPlan, typecode: str, block: int, number: int, path: Path) -> None:
@@ -111,13 +104,13 @@ def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path) -> None:
     words += ["--scores.n_samples", "200"]
     if plan.max_epochs is not None:
         words += ["--trainer.max_epochs", str(plan.max_epochs)]
-    _command(words, folder / "fit.log")
+    command(words, folder / "fit.log")
     best = next(runs.rglob("best.ckpt"))
     with whole_file(folder / "model.ckpt") as temporary:
         shutil.copyfile(best, temporary)
 
 
-def _command(words: list[str], log: Path) -> None:
+def command(words: list[str], log: Path) -> None:
     """Run one of descentflow's commands, what it prints going into a log."""
     with _into(log):
         status = cli.main(words)

@@ -8,10 +8,11 @@ import torch
 
 from descentflow.data.datamodule import DescentDataModule
 from descentflow.densities.checkpoint import load_model
+from descentflow.engine import ProcessEngine
 from descentflow.errors import ConfigError, DataError
 from descentflow.study.plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
-from descentflow.study.report import most_clusters, read_published, write_report
-from descentflow.study.steps import study_type
+from descentflow.study.report import read_published, write_report
+from descentflow.study.run import run_study
 from descentflow.study.tables import all_scores, means, table, with_best
 
 PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "gmm"), n_samples=300, max_epochs=2)
@@ -21,8 +22,7 @@ PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "g
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")
     begin(PLAN, folder)
-    for typecode in PLAN.flights:
-        study_type(PLAN, typecode, folder / typecode, lambda _: None)
+    run_study(PLAN, folder, ProcessEngine(1), lambda _: None)
     write_report(PLAN, folder)
     return folder
 
@@ -52,8 +52,9 @@ def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) 
         (study / "BE20" / "gaussian" / name).unlink()
     (study / "BE20" / "gaussian" / "runs" / "stray").mkdir()
     begin(PLAN, study)
-    for typecode in PLAN.flights:
-        study_type(PLAN, typecode, study / typecode, lambda _: None)
+    said: list[str] = []
+    run_study(PLAN, study, ProcessEngine(1), said.append)
+    assert said == ["models: 1 of 1 done (5 were there); last BE20 gaussian"]
     write_report(PLAN, study)
     assert (study / "A320" / "gmm" / "model.ckpt").stat().st_mtime_ns == untouched
     assert (study / "report.html").read_bytes() == before
@@ -106,12 +107,6 @@ def test_the_likelihoods_are_those_of_the_held_out_flights(study: Path) -> None:
         with torch.no_grad():
             nll = -load_model(study / "A320" / name / "model.ckpt").log_prob(data.weights("test")).mean()
         assert told[name] == pytest.approx(float(nll), rel=1e-9)
-
-
-def test_the_papers_cap_on_clusters() -> None:
-    """Appendix C's table: maxima from training flights and components, of types that no other cap holds."""
-    told = [(8656, 5, 27), (4836, 8, 7), (2013, 12, 1), (871, 6, 2), (697, 4, 3), (205, 5, 1), (16774, 12, 12)]
-    assert [most_clusters(n, d) for n, d, _ in told] == [most for _, _, most in told]
 
 
 def test_the_papers_counts_and_impossible_plans() -> None:

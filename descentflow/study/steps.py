@@ -79,7 +79,7 @@ def draw_type(plan: StudyPlan, typecode: str, folder: Path) -> None:
     """Leave the figures of one type, see :func:`descentflow.study.pictures.type_pictures`."""
     from descentflow.study.pictures import type_pictures
 
-    with _into(folder / "figures.log"):
+    with into(folder / "figures.log"):
         type_pictures(plan, folder, typecode)
 
 
@@ -112,7 +112,7 @@ def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path) -> None:
 
 def command(words: list[str], log: Path) -> None:
     """Run one of descentflow's commands, what it prints going into a log."""
-    with _into(log):
+    with into(log):
         status = cli.main(words)
     if status:
         last = log.read_text().strip().splitlines()[-1:] or ["nothing printed"]
@@ -122,17 +122,21 @@ def command(words: list[str], log: Path) -> None:
 
 
 @contextmanager
-def _into(log: Path) -> Iterator[None]:
-    """Send what is printed into a log, and what Lightning logs, whose handler keeps the stream it was made with."""
+def into(log: Path) -> Iterator[None]:
+    """Send what is printed into a log, and what Lightning logs, whose handlers keep the stream they were made with."""
     with log.open("w") as file, redirect_stdout(file), redirect_stderr(file):
-        _lightning_to(file)
+        before = [(handler, handler.setStream(file)) for handler in _handlers()]
         try:
             yield
         finally:
-            _lightning_to(sys.__stderr__)
+            kept = dict(before)
+            for handler in _handlers():
+                # One that was made in here, as Lightning was imported, has no stream from before.
+                stream = kept.get(handler) or sys.__stderr__
+                if stream is not None:
+                    handler.setStream(stream)
 
 
-def _lightning_to(stream: TextIO | None) -> None:
-    for handler in logging.getLogger("lightning.pytorch").handlers:
-        if isinstance(handler, logging.StreamHandler):
-            handler.setStream(stream)
+def _handlers() -> list[logging.StreamHandler[TextIO]]:
+    loggers = [logging.getLogger(name) for name in ("lightning", "lightning.pytorch", "lightning.fabric")]
+    return [h for logger in loggers for h in logger.handlers if isinstance(h, logging.StreamHandler)]

@@ -5,16 +5,11 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.data.datamodule import DescentDataModule
-from descentflow.figures.sweeps import STATISTICS, completed_figure, flow_sizes_figure, variance_figure
-from descentflow.study.gappy import METHODS, complete
-from descentflow.study.page import Cell, number, picture_of, png, rows
+from descentflow.figures.sweeps import STATISTICS, flow_sizes_figure, variance_figure
+from descentflow.study.gappy import METHODS
+from descentflow.study.page import Cell, number, picture, picture_of, png, rows
 from descentflow.study.plan import StudyPlan
 from descentflow.study.sweeps import PAPER_SIZE
-from descentflow.units import KT_MPS
-
-SHOWN = 5
-"""Gappy flights in the figure, as in the paper's."""
 
 
 def sweep_sections(plan: StudyPlan, folder: Path) -> list[tuple[str, str]]:
@@ -26,7 +21,9 @@ def sweep_sections(plan: StudyPlan, folder: Path) -> list[tuple[str, str]]:
     }
     found = []
     for name, (heading, make) in makers.items():
-        files = sorted((folder / "sweeps" / name).glob("*.[cj]s*"))
+        order = {typecode: k for k, typecode in enumerate(plan.flights)}
+        files = [path for path in (folder / "sweeps" / name).glob("*.[cj]s*[vn]") if _typecode(path) in order]
+        files.sort(key=lambda path: (order[_typecode(path)], path.name))
         if files:
             found.append((heading, make(plan, folder / "sweeps", files)))
     return found
@@ -69,25 +66,14 @@ def _gappy(plan: StudyPlan, folder: Path, files: list[Path]) -> str:
             lines.append([*about, *marked, number(int(part["n_flights"][0]))])
     text = "<p>Root mean square error on levels that were hidden from every method: from the top of flights, or at "
     text += "random. Probabilistic PCA is the default.</p>"
-    shown = _completed(folder / f"{_typecode(files[-1])}.parquet")
-    caption = f"{SHOWN} gappy {_typecode(files[-1])}: what was observed, and what two methods make of the rest."
-    return text + picture_of(shown, caption) + rows(["type", "hidden", *METHODS, "flights"], lines, words=2)
-
-
-def _completed(descents: Path) -> bytes:
-    data = DescentDataModule(descents)
-    data.setup()
-    real = data.profiles("train")
-    curves = {"drag (kN)": real.drag_n / 1000, "CAS (kt)": real.cas_mps / KT_MPS}
-    share = real.mask.double().mean(1)
-    gappy = ((share > 0.3) & (share < 0.75)).nonzero()[:, 0][:SHOWN]
-    methods = {"probabilistic PCA": "probabilistic PCA", "iteration (paper)": "iteration (paper)"}
-    whole = {
-        name: {label: complete(method, values, real.mask)[gappy] for label, method in methods.items()}
-        for name, values in curves.items()
-    }
-    seen = {name: (values[gappy], real.mask[gappy]) for name, values in curves.items()}
-    return png(completed_figure(real.levels_fl, seen, whole))
+    # The paper shows the F2TH.
+    shown = next((path for path in files if _typecode(path) == "F2TH"), files[-1])
+    caption = f"Gappy {_typecode(shown)}: what was observed, and what two methods make of the rest."
+    return (
+        text
+        + picture(shown.with_suffix(".png"), caption)
+        + rows(["type", "hidden", *METHODS, "flights"], lines, words=2)
+    )
 
 
 def _flow(plan: StudyPlan, folder: Path, files: list[Path]) -> str:

@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import polars as pl
 import torch
@@ -17,11 +18,21 @@ from descentflow.engine import Engine
 from descentflow.errors import ConfigError
 from descentflow.files import whole_file
 from descentflow.study.plan import StudyPlan, begin
-from descentflow.study.steps import CONFIGS, command
+from descentflow.study.steps import CONFIGS, command, into
 from descentflow.world.flight import one_thread
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from torch import Tensor
+
+    from descentflow.profiles.profiles import Profiles
 
 NAMES = ("variance", "gappy", "flow")
 """Appendix B, A and C."""
+SHOWN = 5
+"""Gappy flights in the figure, as in the paper's."""
+COMPLETED = ("probabilistic PCA", "iteration (paper)")
+"""Methods in that figure."""
 PAPER_SIZE = (5, 2)
 """Flows, and hidden units a weight, that the paper settled on."""
 
@@ -128,8 +139,8 @@ def jobs_of(name: str, typecode: str, sweep: SweepPlan) -> list[SweepJob]:
 
 
 def do_job(job: SweepJob, common: Sweeps) -> None:
-    """Do one job, with one thread."""
-    with one_thread():
+    """Do one job, with one thread; what it says goes into a log beside its file."""
+    with one_thread(), into(job.product(common.own).with_suffix(".log")):
         {"variance": _variance, "gappy": _gappy, "flow": _flow}[job.sweep](job, common)
 
 
@@ -181,7 +192,25 @@ def _gappy(job: SweepJob, common: Sweeps) -> None:
         for pattern in ("top", "random")
         for error in hidden_errors(values, real.mask, pattern)
     ]
+    figure = _completed(real, curves)
+    with whole_file(job.product(common.own).with_suffix(".png")) as temporary:
+        figure.savefig(temporary, format="png", dpi=100)
     _write_csv(pl.DataFrame(rows), job.product(common.own))
+
+
+def _completed(real: "Profiles", curves: "dict[str, Tensor]") -> "Figure":
+    """A few flights that lack much, and what two methods make of the rest (paper, appendix A's figure)."""
+    from descentflow.figures.sweeps import completed_figure
+    from descentflow.study.gappy import complete
+
+    share = real.mask.double().mean(1)
+    gappy = ((share > 0.3) & (share < 0.75)).nonzero()[:, 0][:SHOWN]
+    whole = {
+        name: {method: complete(method, values, real.mask)[gappy] for method in COMPLETED}
+        for name, values in curves.items()
+    }
+    seen = {name: (values[gappy], real.mask[gappy]) for name, values in curves.items()}
+    return completed_figure(real.levels_fl, seen, whole)
 
 
 def _flow(job: SweepJob, common: Sweeps) -> None:

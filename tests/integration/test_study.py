@@ -1,5 +1,6 @@
 """The paper's study in little: three types, two models, hundreds of flights; it resumes, and its tables add up."""
 
+import shutil
 from pathlib import Path
 
 import polars as pl
@@ -8,11 +9,13 @@ import torch
 
 from descentflow.data.datamodule import DescentDataModule
 from descentflow.densities.checkpoint import load_model
-from descentflow.engine import ProcessEngine
+from descentflow.engine import DaskEngine, ProcessEngine
 from descentflow.errors import ConfigError, DataError
 from descentflow.study.plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
 from descentflow.study.report import read_published, write_report
 from descentflow.study.run import run_study
+from descentflow.study.sweep_report import sweep_sections
+from descentflow.study.sweeps import NAMES, SweepPlan, run_sweeps
 from descentflow.study.tables import all_scores, means, table, with_best
 
 PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "gmm"), n_samples=300, max_epochs=2)
@@ -45,7 +48,7 @@ def test_the_page_holds_the_tables_and_figures(study: Path) -> None:
 
 
 def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) -> None:
-    """Without a model and with half a fit left over, the rerun fits it again and the page is the same to the byte."""
+    """Without a model and with half a fit left over, a Dask worker fits it again, and the page is the same."""
     before = (study / "report.html").read_bytes()
     untouched = (study / "A320" / "gmm" / "model.ckpt").stat().st_mtime_ns
     for name in ("model.ckpt", "done", "scores.csv"):
@@ -53,12 +56,40 @@ def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) 
     (study / "BE20" / "gaussian" / "runs" / "stray").mkdir()
     begin(PLAN, study)
     said: list[str] = []
-    run_study(PLAN, study, ProcessEngine(1), said.append)
+    run_study(PLAN, study, DaskEngine(1), said.append)
     assert said == ["models: 1 of 1 done (5 were there); last BE20 gaussian"]
     write_report(PLAN, study)
     assert (study / "A320" / "gmm" / "model.ckpt").stat().st_mtime_ns == untouched
     assert (study / "report.html").read_bytes() == before
     assert load_model(study / "BE20" / "gaussian" / "model.ckpt").sample(3, seed=0).shape[0] == 3
+
+
+def test_sweeps_leave_a_file_a_job_go_on_and_show_in_the_page(study: Path) -> None:
+    plan = StudyPlan({"BE20": 160}, models=PLAN.models, n_samples=300)
+    sweep = SweepPlan(flights=90, shares=(0.5, 0.8), folds=2, flows=(1, 5), hidden=(2,), max_epochs=1)
+    said: list[str] = []
+    run_sweeps(plan, sweep, study, NAMES, ProcessEngine(1), said.append)
+    assert [line for line in said if "2 of 2" in line or "1 of 1" in line] == [
+        f"sweep {name}: {n} of {n} done (0 were there)" for name, n in (("variance", 2), ("gappy", 1), ("flow", 2))
+    ]
+    scores = pl.concat([pl.read_csv(study / "sweeps" / "variance" / f"BE20-{fold}.csv") for fold in range(2)])
+    assert scores.group_by("share", "fold").len()["len"].to_list() == [6] * 4
+    assert scores.filter(pl.col("share") == 0.5)["components"].max() < scores["components"].max()  # type: ignore[operator]
+    before = (study / "sweeps" / "variance" / "BE20-1.csv").read_bytes()
+    (study / "sweeps" / "variance" / "BE20-1.csv").unlink()
+    run_sweeps(plan, sweep, study, ("variance",), ProcessEngine(1), said.append)
+    assert said[-1] == "sweep variance: 1 of 1 done (1 were there)"
+    assert (study / "sweeps" / "variance" / "BE20-1.csv").read_bytes() == before
+    sections = dict(sweep_sections(plan, study))
+    assert len(sections) == 3
+    assert all("<table>" in html and "data:image/png" in html for html in sections.values())
+    shutil.rmtree(study / "sweeps" / "flow")
+    assert len(sweep_sections(plan, study)) == 2
+    with pytest.raises(ConfigError, match="sweeps colours"):
+        run_sweeps(plan, sweep, study, ("colours",), ProcessEngine(1), said.append)
+    with pytest.raises(ConfigError, match="another plan"):
+        run_sweeps(plan, SweepPlan(), study, NAMES, ProcessEngine(1), said.append)
+    shutil.rmtree(study / "sweeps")
 
 
 def test_another_plan_is_refused(study: Path) -> None:

@@ -11,6 +11,7 @@ from descentflow.errors import DataError
 from descentflow.figures.boxes import box_values, boxes_figure
 from descentflow.figures.mass_range import N_MASSES, mass_range, mass_range_figure
 from descentflow.figures.rejection_rates import rejection_rates_figure
+from descentflow.figures.sweeps import completed_figure, flow_sizes_figure, variance_figure
 from descentflow.metrics.descent_set import DescentSet
 from descentflow.performance.nominal import nominal_descent
 from descentflow.study.tables import QUANTITIES
@@ -77,3 +78,37 @@ def test_rejection_rates_are_drawn_as_percentages_in_groups() -> None:
     FigureCanvasAgg(figure).draw()
     heights = [[bar.get_height() for bar in group] for group in figure.axes[0].containers]  # type: ignore[attr-defined]
     np.testing.assert_allclose(heights, [[5, 20], [10, 0]])
+
+
+def test_variance_boxes_hold_a_value_a_type_and_fold() -> None:
+    rows = [
+        (typecode, share, fold, statistic, "1", share + fold + (side == "above"))
+        for typecode in ("X", "Y")
+        for share in (0.5, 0.8)
+        for fold in range(3)
+        for statistic in ("ks", "wasserstein", "mae")
+        for side in ("above", "below")
+    ]
+    names = ["typecode", "share", "fold", "statistic", "unit", "score"]
+    figure = variance_figure(pl.DataFrame(rows, schema=names, orient="row"))
+    FigureCanvasAgg(figure).draw()
+    (means,) = (line for line in figure.axes[0].lines if line.get_marker() == "x")
+    np.testing.assert_allclose(means.get_ydata(), [0.5 + 1 + 0.5, 0.8 + 1 + 0.5])
+
+
+def test_completed_flights_are_drawn_where_nothing_was_observed() -> None:
+    values, mask = torch.arange(8.0).reshape(2, 4), torch.tensor([[1, 1, 0, 0], [1, 1, 1, 0]]).bool()
+    figure = completed_figure(
+        torch.arange(150.0, 154.0), {"CAS (kt)": (values, mask)}, {"CAS (kt)": {"m": values + 10}}
+    )
+    FigureCanvasAgg(figure).draw()
+    drawn = [np.asarray(line.get_xdata(), dtype=float) for line in figure.axes[0].lines]
+    np.testing.assert_array_equal(drawn[0], [np.nan, np.nan, 12, 13])
+    np.testing.assert_array_equal(drawn[2], [0, 1, np.nan, np.nan])
+
+
+def test_flow_sizes_show_the_mean_of_types() -> None:
+    figure = flow_sizes_figure({2: {1: [0.0, 1.0], 4: [2.0, 4.0]}, 5: {1: [0.0], 4: [0.0]}})
+    FigureCanvasAgg(figure).draw()
+    two = next(line for line in figure.axes[0].lines if line.get_label() == "2 flows")
+    np.testing.assert_allclose(two.get_ydata(), [0.5, 3.0])

@@ -19,8 +19,10 @@ import polars as pl
 from descentflow.engine import DaskEngine, Engine, ProcessEngine
 from descentflow.study.plan import MODELS, PAPER_FLIGHTS, StudyPlan, begin, paper_plan
 from descentflow.study.report import write_report
-from descentflow.study.run import run_study
+from descentflow.study.run import costs, run_study
 from descentflow.study.sweeps import NAMES, SweepPlan, run_sweeps
+
+_SPENT = (pl.col("cpu_s").sum(), pl.col("peak_mb").max())
 
 
 def main() -> None:
@@ -64,6 +66,8 @@ def main() -> None:
 
     engine = _engine(args)
     run_study(plan, args.out, engine, say)
+    for stage, cpu_s, peak_mb in costs(args.out).group_by("stage", maintain_order=True).agg(*_SPENT).iter_rows():
+        say(f"{stage}: {cpu_s:.0f} s of processor time, at most {peak_mb:.0f} MB in one process")
     if args.sweeps is not None:
         sweep = SweepPlan(flights=args.sweep_flights, max_epochs=args.max_epochs)
         run_sweeps(plan, sweep, args.out, tuple(args.sweeps) or NAMES, engine, say)

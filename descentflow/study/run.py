@@ -1,10 +1,17 @@
 """A whole study on any engine: descents of each type, then fits and scores of each model, then the figures."""
 
-from collections.abc import Callable, Sequence
+import json
+import resource
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import polars as pl
+
 from descentflow.engine import Engine
+from descentflow.files import whole_file
 from descentflow.study.plan import StudyPlan
 from descentflow.study.steps import LAST, draw_type, fit_and_score, make_descents
 from descentflow.world.flight import one_thread
@@ -73,16 +80,41 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, say: Say) -> None:
             say(f"{name}: {done} of {len(missing)} done ({len(jobs) - len(missing)} were there); last {finished[-1]}")
 
 
+def costs(folder: Path) -> pl.DataFrame:
+    """What the jobs of a study cost: columns ``stage typecode model cpu_s wall_s peak_mb``, from `cost_*.json`.
+
+    ``peak_mb`` is the largest memory that the job's process ever had, so that of the jobs before it as well.
+    """
+    found = [json.loads(path.read_text()) for path in sorted(folder.glob("*/cost_*.json"))]
+    return pl.DataFrame(found, schema={"stage": pl.String, "typecode": pl.String, "model": pl.String, **_NUMBERS})
+
+
+_NUMBERS = dict.fromkeys(("cpu_s", "wall_s", "peak_mb"), pl.Float64)
+
+
 def _descents(job: Job, place: Place) -> None:
-    with one_thread():
+    with _accounted("descents", job, place):
         make_descents(place.plan, job.typecode, place.of(job))
 
 
 def _model(job: Job, place: Place) -> None:
-    with one_thread():
+    with _accounted("models", job, place):
         fit_and_score(place.plan, str(job.model), place.of(job))
 
 
 def _figures(job: Job, place: Place) -> None:
-    with one_thread():
+    with _accounted("figures", job, place):
         draw_type(place.plan, job.typecode, place.of(job))
+
+
+@contextmanager
+def _accounted(stage: str, job: Job, place: Place) -> Iterator[None]:
+    """Work with one thread, and leave what it cost beside the job's files."""
+    cpu, wall = time.process_time(), time.monotonic()
+    with one_thread():
+        yield
+    spent = {"cpu_s": time.process_time() - cpu, "wall_s": time.monotonic() - wall}
+    spent["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    about = {"stage": stage, "typecode": job.typecode, "model": job.model}
+    with whole_file(place.of(job) / f"cost_{stage}{'' if job.model is None else f'_{job.model}'}.json") as temporary:
+        temporary.write_text(json.dumps({**about, **spent}))

@@ -20,6 +20,8 @@ RESAMPLES = 50
 """Of the held-out flights, behind each score's interval."""
 LAST = "flights.json"
 """What :func:`descentflow.study.pictures.type_pictures` writes last: where it is, the type's pictures are done."""
+CSV_LOGGER = ("--trainer.logger", "lightning.pytorch.loggers.CSVLogger", "--trainer.logger.init_args.save_dir")
+"""In place of TensorBoard, for which every fit draws figures that nobody would look at; the folder follows."""
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "model"
 
 
@@ -99,7 +101,7 @@ def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path) -> None:
     # What a killed fit left would only be in the way: a fit of minutes starts again.
     shutil.rmtree(runs, ignore_errors=True)
     words = ["fit", "--config", str(CONFIGS / f"{name}.yaml"), "--data.descents", str(descents)]
-    words += ["--seed_everything", str(plan.seed), "--trainer.logger.init_args.save_dir", str(runs)]
+    words += ["--seed_everything", str(plan.seed), *CSV_LOGGER, str(runs)]
     words += ["--trainer.enable_progress_bar", "false", "--trainer.enable_model_summary", "false"]
     words += ["--scores.n_samples", "200"]
     if plan.max_epochs is not None:

@@ -18,7 +18,7 @@ from descentflow.engine import Engine
 from descentflow.errors import ConfigError
 from descentflow.files import whole_file
 from descentflow.study.plan import StudyPlan, begin
-from descentflow.study.steps import CONFIGS, command, into
+from descentflow.study.steps import CONFIGS, CSV_LOGGER, command, into
 from descentflow.world.flight import one_thread
 
 if TYPE_CHECKING:
@@ -223,7 +223,7 @@ def _flow(job: SweepJob, common: Sweeps) -> None:
     runs.mkdir(parents=True)
     descents = common.own / f"{job.typecode}.parquet"
     words = ["fit", "--config", str(CONFIGS / "flow.yaml"), "--data.descents", str(descents)]
-    words += ["--seed_everything", str(common.study.seed), "--trainer.logger.init_args.save_dir", str(runs)]
+    words += ["--seed_everything", str(common.study.seed), *CSV_LOGGER, str(runs)]
     words += ["--model.init_args.n_flows", str(job.flows), "--model.init_args.hidden_per_weight", str(job.hidden)]
     words += ["--trainer.enable_progress_bar", "false", "--trainer.enable_model_summary", "false"]
     words += ["--scores.n_samples", "200"]

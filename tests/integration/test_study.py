@@ -13,7 +13,7 @@ from descentflow.engine import DaskEngine, ProcessEngine
 from descentflow.errors import ConfigError, DataError
 from descentflow.study.plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
 from descentflow.study.report import read_published, write_report
-from descentflow.study.run import run_study
+from descentflow.study.run import costs, run_study
 from descentflow.study.sweep_report import sweep_sections
 from descentflow.study.sweeps import NAMES, SweepPlan, run_sweeps
 from descentflow.study.tables import all_scores, means, table, with_best
@@ -128,6 +128,13 @@ def test_means_are_over_types() -> None:
     )
     row = means(scores).row(0, named=True)
     assert (row["types"], row["score"], row["over_floor"]) == (2, 2.0, 2.5)
+
+
+def test_every_job_leaves_what_it_cost(study: Path) -> None:
+    spent = costs(study)
+    assert dict(spent.group_by("stage").len().iter_rows()) == {"descents": 3, "models": 6, "figures": 3}
+    assert (spent["cpu_s"] > 0).all()
+    assert spent["peak_mb"].is_between(100, 20_000).all()
 
 
 def test_the_likelihoods_are_those_of_the_held_out_flights(study: Path) -> None:

@@ -25,8 +25,8 @@ small { display: block; color: #777; font-weight: normal; font-size: 11px; white
 @page { size: A4 landscape; margin: 11mm; }
 @media print {
   body { max-width: none; margin: 0; font-size: 11px; } table { font-size: 9.5px; } small { font-size: 8px; }
-  td, th { padding: 1px 5px; } h2 { break-after: avoid; } h2.part { break-before: page; } nav { display: none; }
-  figure { break-inside: avoid; } figure img { max-height: 165mm; } tr { break-inside: avoid; }
+  td, th { padding: 1px 5px; } h2 { break-after: avoid; } nav { display: none; }
+  figure { break-inside: avoid; } figure img { max-height: 142mm; } tr { break-inside: avoid; }
   .wide { overflow: visible; }
 }
 """
@@ -45,7 +45,7 @@ def page(title: str, sections: Sequence[tuple[str, str]], introduction: str) -> 
     """
     links = "".join(f'<a href="#s{k}">{html.escape(heading)}</a>' for k, (heading, _) in enumerate(sections))
     body = "".join(
-        f'<h2 class="part" id="s{k}">{html.escape(heading)}</h2>{content}'
+        f'<h2 id="s{k}">{html.escape(heading)}</h2>{content}'
         for k, (heading, content) in enumerate(sections)
     )
     head = f"<!doctype html><html lang=en><meta charset=utf-8><title>{html.escape(title)}</title>"

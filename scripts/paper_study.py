@@ -17,10 +17,13 @@ from pathlib import Path
 import polars as pl
 
 from descentflow.engine import DaskEngine, Engine, ProcessEngine
+from descentflow.errors import DescentflowError
+from descentflow.performance.registry import aircraft
 from descentflow.study.plan import MODELS, PAPER_FLIGHTS, StudyPlan, begin, paper_plan
 from descentflow.study.report import write_report
 from descentflow.study.run import costs, run_study
 from descentflow.study.sweeps import NAMES, SweepPlan, run_sweeps
+from descentflow.world.scenarios import scenario
 
 _SPENT = (pl.col("cpu_s").sum(), pl.col("peak_mb").max())
 
@@ -55,9 +58,11 @@ def main() -> None:
         "seed": args.seed,
         "n_samples": args.samples,
         "max_epochs": args.max_epochs,
-        "scenario": args.scenario,
+        "scenario": str(Path(args.scenario).resolve()) if Path(args.scenario).is_file() else args.scenario,
     }
     plan = _of_store(args, settings) if args.store else paper_plan(args.share, args.types.split(","), **settings)
+    for typecode in plan.flights if plan.store is None else ():
+        scenario(plan.scenario, aircraft(typecode))  # better refused now than when the type's turn comes
     begin(plan, args.out)
     start, terminal = time.monotonic(), sys.stdout
 
@@ -84,8 +89,11 @@ def _of_store(args: argparse.Namespace, settings: dict[str, object]) -> StudyPla
     frame = read_descents(args.store).frame
     counts = dict(frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).iter_rows())
     chosen = {name: counts.get(name, 0) for name in args.types.split(",") if counts.get(name, 0)}
-    return StudyPlan(chosen, store=str(args.store), **settings)
+    return StudyPlan(chosen, store=str(args.store.resolve()), **settings)
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except DescentflowError as error:
+        sys.exit(f"error: {error}")

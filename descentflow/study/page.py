@@ -45,8 +45,7 @@ def page(title: str, sections: Sequence[tuple[str, str]], introduction: str) -> 
     """
     links = "".join(f'<a href="#s{k}">{html.escape(heading)}</a>' for k, (heading, _) in enumerate(sections))
     body = "".join(
-        f'<h2 id="s{k}">{html.escape(heading)}</h2>{content}'
-        for k, (heading, content) in enumerate(sections)
+        f'<h2 id="s{k}">{html.escape(heading)}</h2>{content}' for k, (heading, content) in enumerate(sections)
     )
     head = f"<!doctype html><html lang=en><meta charset=utf-8><title>{html.escape(title)}</title>"
     head += f"<style>{STYLE}</style>"

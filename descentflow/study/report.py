@@ -77,7 +77,7 @@ def write_report(plan: StudyPlan, folder: Path, published: Path | None = None) -
     scores, theirs = all_scores(plan, folder), read_published(published)
     first = next(iter(plan.flights))
     sections = [
-        ("Flights and what BADA's mass explains of them", _flights(plan, folder, first)),
+        ("Flights and what BADA's mass explains of them", _flights(plan, folder, first, theirs.types)),
         ("Means over types", _means(means(scores), plan.models)),
         ("Scores over types", _boxes(scores, plan)),
         ("Likelihood of held-out flights", _likelihoods(plan, folder)),
@@ -107,7 +107,7 @@ def _settings(plan: StudyPlan) -> str:
     return f"<p>{html.escape(text)}</p>"
 
 
-def _flights(plan: StudyPlan, folder: Path, first: str) -> str:
+def _flights(plan: StudyPlan, folder: Path, first: str, theirs: pl.DataFrame | None) -> str:
     lines: list[list[Cell]] = []
     for typecode, flights in plan.flights.items():
         told = json.loads((folder / typecode / "flights.json").read_text())
@@ -119,10 +119,12 @@ def _flights(plan: StudyPlan, folder: Path, first: str) -> str:
                 *(f"{told['spanning']:.0%}", f"FL{told['from_fl']}", f"{five:.0f}", f"{half:.0f}"),
                 *(f"{ninety_five:.0f}", f"{told['bada_s']:.0f}", f"{low:.0f} to {high:.0f}"),
                 f"{told['explained']:.0%}",
+                *_paper(theirs, typecode, ("n_trajectories", "max_fl")),
             ]
         )
     head = ["type", "flights", "prepared", "grid", "span it", "from", "5 %", "half", "95 %"]
     head += ["BADA", "BADA, all masses", "explained"]
+    head += [] if theirs is None else ["paper: flights", "paper: top"]
     text = (
         "<p>Time in seconds from a level that half of the flights reach down to the bottom of the grid: percentiles of "
         "the held-out flights, BADA's at its reference mass, and its range over all masses. <b>explained</b> is the "
@@ -216,11 +218,7 @@ def _components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> s
         train = len(parts.split.train)
         clusters = len(loaded["gmm"].mixture.probs) if "gmm" in loaded else None  # type: ignore[union-attr, arg-type]
         counts = (train, drag, cas, drag + cas, most_clusters(train, drag + cas), clusters)
-        cells: list[Cell] = [typecode, *(number(c) for c in counts)]
-        if theirs is not None:
-            row = theirs.filter(typecode=typecode)
-            cells += [(number(row[0, c]) if len(row) else "-", "paper") for c in names]
-        lines.append(cells)
+        lines.append([typecode, *(number(c) for c in counts), *_paper(theirs, typecode, names)])
     head = ["type", "trained on", "of drag", "of CAS", "together", "most clusters", "clusters by BIC"]
     papers = [] if theirs is None else [f"paper: {name}" for name in head[1:]]
     text = (
@@ -228,6 +226,14 @@ def _components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> s
     )
     text += "cluster for every 15 training flights a parameter.</p>"
     return text + rows(head + papers, lines)
+
+
+def _paper(theirs: pl.DataFrame | None, typecode: str, names: tuple[str, ...]) -> list[Cell]:
+    """The paper's numbers of a type, in grey; nothing where they are not given."""
+    if theirs is None:
+        return []
+    row = theirs.filter(typecode=typecode)
+    return [(number(row[0, name]) if len(row) else "-", "paper") for name in names]
 
 
 def _rejections(plan: StudyPlan, folder: Path) -> str:

@@ -44,7 +44,7 @@ class Place:
 
 
 def run_study(plan: StudyPlan, folder: Path, engine: Engine, say: Say) -> None:
-    """Do what is missing of a study, in three stages of jobs that do not need each other.
+    """Do what is missing of a study, in stages of jobs that do not need each other.
 
     Results do not depend on the engine (every job keeps to one thread: a sum's last bits depend on their number), and a
     rerun after a break goes on with the files that are missing.
@@ -65,10 +65,12 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, say: Say) -> None:
     # The largest first: a worker that ends with it would keep the others waiting.
     types = sorted(plan.flights, key=lambda name: -plan.flights[name])
     every_type = [Job(name) for name in types]
-    every_model = [Job(name, model) for model in reversed(plan.models) for name in types]
+    first = [Job(name, plan.models[0]) for name in types]
+    others = [Job(name, model) for model in reversed(plan.models[1:]) for name in types]
     stages: Sequence[tuple[str, Callable[[Job, Place], None], list[Job], Callable[[Job], Path]]] = (
         ("descents", _descents, every_type, lambda job: place.of(job) / "descents.parquet"),
-        ("models", _model, every_model, lambda job: place.of(job) / str(job.model) / "done"),
+        ("first model", _model, first, lambda job: place.of(job) / str(job.model) / "done"),
+        ("other models", _model, others, lambda job: place.of(job) / str(job.model) / "done"),
         ("figures", _figures, every_type, lambda job: place.of(job) / LAST),
     )
     for name, work, jobs, product in stages:

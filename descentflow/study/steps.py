@@ -59,6 +59,8 @@ def make_descents(plan: StudyPlan, typecode: str, folder: Path) -> None:
 def fit_and_score(plan: StudyPlan, name: str, folder: Path) -> None:
     """Leave ``model.ckpt`` of one model, its scores and, last, ``done`` in a folder of its own.
 
+    The first of the plan's models fits split, components and bounds; the others take them from its checkpoint.
+
     Args:
         plan: The study.
         name: One of its models.
@@ -70,7 +72,8 @@ def fit_and_score(plan: StudyPlan, name: str, folder: Path) -> None:
     model, descents = folder / name, folder / "descents.parquet"
     model.mkdir(exist_ok=True)
     if not (model / "model.ckpt").exists():
-        _fit(plan, name, descents, model)
+        first = folder / plan.models[0] / "model.ckpt"
+        _fit(plan, name, descents, model, None if name == plan.models[0] else first)
     words = ["evaluate", str(model / "model.ckpt"), "--real", str(descents), "--out", str(model), "--no-figures"]
     words += ["-n", str(plan.n_samples), "--seed", str(plan.seed), "--resamples", str(RESAMPLES)]
     command(words, model / "scores.log")
@@ -96,7 +99,7 @@ def _simulate(plan: StudyPlan, typecode: str, block: int, number: int, path: Pat
         world.rows.write_parquet(temporary)
 
 
-def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path) -> None:
+def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path, first: Path | None) -> None:
     runs = folder / "runs"
     # What a killed fit left would only be in the way: a fit of minutes starts again.
     shutil.rmtree(runs, ignore_errors=True)
@@ -104,6 +107,8 @@ def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path) -> None:
     words += ["--seed_everything", str(plan.seed), *CSV_LOGGER, str(runs)]
     words += ["--trainer.enable_progress_bar", "false", "--trainer.enable_model_summary", "false"]
     words += ["--scores.n_samples", "200"]
+    if first is not None:
+        words += ["--data.checkpoint", str(first)]
     if plan.max_epochs is not None:
         words += ["--trainer.max_epochs", str(plan.max_epochs)]
     command(words, folder / "fit.log")

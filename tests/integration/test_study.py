@@ -57,7 +57,7 @@ def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) 
     begin(PLAN, study)
     said: list[str] = []
     run_study(PLAN, study, DaskEngine(1), said.append)
-    assert said == ["models: 1 of 1 done (5 were there); last BE20 gaussian"]
+    assert said == ["first model: 1 of 1 done (2 were there); last BE20 gaussian"]
     write_report(PLAN, study)
     assert (study / "A320" / "gmm" / "model.ckpt").stat().st_mtime_ns == untouched
     assert (study / "report.html").read_bytes() == before
@@ -128,6 +128,13 @@ def test_means_are_over_types() -> None:
     )
     row = means(scores).row(0, named=True)
     assert (row["types"], row["score"], row["over_floor"]) == (2, 2.0, 2.5)
+
+
+def test_all_models_of_a_type_share_split_and_components(study: Path) -> None:
+    one, two = (load_model(study / "DH8D" / name / "model.ckpt").representation for name in PLAN.models)
+    assert one.split == two.split
+    torch.testing.assert_close(one.decoder.drag_basis.components, two.decoder.drag_basis.components, rtol=0, atol=0)
+    torch.testing.assert_close(one.decoder.to_state()["weight_scale"], two.decoder.to_state()["weight_scale"], rtol=0, atol=0)
 
 
 def test_every_job_leaves_what_it_cost(study: Path) -> None:

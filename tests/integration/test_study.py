@@ -134,7 +134,9 @@ def test_all_models_of_a_type_share_split_and_components(study: Path) -> None:
     one, two = (load_model(study / "DH8D" / name / "model.ckpt").representation for name in PLAN.models)
     assert one.split == two.split
     torch.testing.assert_close(one.decoder.drag_basis.components, two.decoder.drag_basis.components, rtol=0, atol=0)
-    torch.testing.assert_close(one.decoder.to_state()["weight_scale"], two.decoder.to_state()["weight_scale"], rtol=0, atol=0)
+    torch.testing.assert_close(
+        one.decoder.to_state()["weight_scale"], two.decoder.to_state()["weight_scale"], rtol=0, atol=0
+    )
 
 
 def test_every_job_leaves_what_it_cost(study: Path) -> None:

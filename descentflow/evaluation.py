@@ -61,13 +61,13 @@ class Evaluation:
         found = score_intervals(self.samples, self.real, transition_fl, seed, n_resamples)
         return pl.DataFrame([asdict(one) for one in found]).fill_nan(None)
 
-    def write(self, folder: Path) -> None:
-        """Write `scores.csv`, `rejections.json` and the figures as PNG."""
+    def write(self, folder: Path, *, figures: bool = True) -> None:
+        """Write `scores.csv`, `rejections.json` and, unless they are not wanted, the figures as PNG."""
         folder.mkdir(parents=True, exist_ok=True)
         self.scores.write_csv(folder / "scores.csv")
         with whole_file(folder / "rejections.json") as temporary:
             temporary.write_text(json.dumps(self.rejections.as_dict(), indent=1))
-        for name, figure in self.figures().items():
+        for name, figure in self.figures().items() if figures else ():
             with whole_file(folder / f"{name}.png") as temporary:
                 figure.savefig(temporary, dpi=110)
 

@@ -3,19 +3,29 @@
 python scripts/paper_study.py OUT                             # thirteen types at the paper's counts: 116,066 flights
 python scripts/paper_study.py OUT --share 0.05 --types A320,DH8D,BE20
 python scripts/paper_study.py OUT --store descents.parquet --types A320
+python scripts/paper_study.py OUT --sweeps variance gappy     # and the appendices' sweeps, of the same study
+python scripts/paper_study.py OUT --workers 2                 # two processes; or --engine dask --scheduler tcp://...
 
-A killed run goes on where it stopped when it is started again with the same settings.
+A killed run goes on where it stopped when it is started again with the same settings, on any engine.
 """
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
 import polars as pl
 
+from descentflow.engine import DaskEngine, Engine, ProcessEngine
+from descentflow.errors import DescentflowError
+from descentflow.performance.registry import aircraft
 from descentflow.study.plan import MODELS, PAPER_FLIGHTS, StudyPlan, begin, paper_plan
 from descentflow.study.report import write_report
-from descentflow.study.steps import study_type
+from descentflow.study.run import costs, run_study
+from descentflow.study.sweeps import NAMES, SweepPlan, run_sweeps
+from descentflow.world.scenarios import scenario
+
+_SPENT = (pl.col("cpu_s").sum(), pl.col("peak_mb").max())
 
 
 def main() -> None:
@@ -28,24 +38,49 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--store", type=Path, help="prepared descents in place of simulated flights")
     parser.add_argument("--max-epochs", type=int, help="bound on the epochs of every fit")
-    parser.add_argument("--published", type=Path, help="CSV of the paper's scores, for columns of their own")
+    parser.add_argument("--scenario", default="london-fir-2019", help="of the simulated flights (default: %(default)s)")
+    parser.add_argument("--published", type=Path, help="folder of the paper's figures as CSV, for columns")
+    parser.add_argument(
+        "--sweeps",
+        nargs="*",
+        metavar="SWEEP",
+        help="after the study: variance, gappy, flow (appendices B, A and C; all three if none is named)",
+    )
+    parser.add_argument("--sweep-flights", type=int, default=4_000, help="most training flights (default: %(default)s)")
+    parser.add_argument("--engine", choices=["local", "dask"], default="local", help="processes here, or Dask workers")
+    parser.add_argument(
+        "--workers", type=int, default=1, help="processes, or Dask workers on this machine (default: 1)"
+    )
+    parser.add_argument("--scheduler", help="address of a Dask scheduler; its workers must see OUT under the same name")
     args = parser.parse_args()
     settings = {
         "models": tuple(args.models.split(",")),
         "seed": args.seed,
         "n_samples": args.samples,
         "max_epochs": args.max_epochs,
+        "scenario": str(Path(args.scenario).resolve()) if Path(args.scenario).is_file() else args.scenario,
     }
     plan = _of_store(args, settings) if args.store else paper_plan(args.share, args.types.split(","), **settings)
+    for typecode in plan.flights if plan.store is None else ():
+        scenario(plan.scenario, aircraft(typecode))  # better refused now than when the type's turn comes
     begin(plan, args.out)
-    start = time.monotonic()
+    start, terminal = time.monotonic(), sys.stdout
 
     def say(what: str) -> None:
-        print(f"[{time.monotonic() - start:6.0f} s] {what}", flush=True)
+        print(f"[{time.monotonic() - start:6.0f} s] {what}", file=terminal, flush=True)
 
-    for typecode in plan.flights:
-        study_type(plan, typecode, args.out / typecode, say)
+    engine = _engine(args)
+    run_study(plan, args.out, engine, say)
+    for stage, cpu_s, peak_mb in costs(args.out).group_by("stage", maintain_order=True).agg(*_SPENT).iter_rows():
+        say(f"{stage}: {cpu_s:.0f} s of processor time, at most {peak_mb:.0f} MB in one process")
+    if args.sweeps is not None:
+        sweep = SweepPlan(flights=args.sweep_flights, max_epochs=args.max_epochs)
+        run_sweeps(plan, sweep, args.out, tuple(args.sweeps) or NAMES, engine, say)
     say(f"wrote {write_report(plan, args.out, args.published)}")
+
+
+def _engine(args: argparse.Namespace) -> Engine:
+    return ProcessEngine(args.workers) if args.engine == "local" else DaskEngine(args.workers, args.scheduler)
 
 
 def _of_store(args: argparse.Namespace, settings: dict[str, object]) -> StudyPlan:
@@ -54,8 +89,11 @@ def _of_store(args: argparse.Namespace, settings: dict[str, object]) -> StudyPla
     frame = read_descents(args.store).frame
     counts = dict(frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).iter_rows())
     chosen = {name: counts.get(name, 0) for name in args.types.split(",") if counts.get(name, 0)}
-    return StudyPlan(chosen, store=str(args.store), **settings)
+    return StudyPlan(chosen, store=str(args.store.resolve()), **settings)
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except DescentflowError as error:
+        sys.exit(f"error: {error}")

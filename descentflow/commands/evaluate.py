@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resamples", type=int, help="also write intervals.csv: 90 %% bootstrap intervals of the scores over flights"
     )
+    parser.add_argument("--no-figures", dest="figures", action="store_false", help="draw no figures")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -51,11 +52,11 @@ def run(args: argparse.Namespace) -> None:
             progress=lambda n: bar.update(n) and None,
             score_progress=lambda n: two.update(n) and None,
         )
-    found.write(args.out)
+    found.write(args.out, figures=args.figures)
     if args.resamples is not None:
         with whole_file(args.out / "intervals.csv") as temporary:
             found.intervals(args.resamples, args.seed).write_csv(temporary)
     print(f"{len(real)} held-out flights ({seen} left out: the checkpoint was trained or validated on them)")
     print(found.rejections)
     print(found.scores)
-    print(f"wrote {args.out / 'scores.csv'} and figures")
+    print(f"wrote {args.out / 'scores.csv'}{' and figures' if args.figures else ''}")

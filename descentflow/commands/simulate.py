@@ -15,6 +15,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--typecode", default="A320", help="aircraft type (default: %(default)s)")
     parser.add_argument("--flights", type=int, default=2000, help="flights wanted (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same flights (default: 0)")
+    parser.add_argument(
+        "--scenario",
+        default="plain",
+        help="settings of the world by type: plain, london-fir-2019 (the traffic that the paper describes: operators "
+        "of different speeds, slow first stretches, turboprops of two rates), or a TOML file (default: %(default)s)",
+    )
     parser.add_argument("--out", type=Path, required=True, help="output: surveillance rows, .parquet")
     parser.add_argument("--truth", type=Path, help="where to put the truth (default: OUT_truth.parquet)")
     parser.add_argument(
@@ -29,6 +35,7 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.errors import ConfigError
     from descentflow.files import whole_file
     from descentflow.performance.registry import aircraft
+    from descentflow.world.scenarios import scenario
     from descentflow.world.world import simulate
 
     truth = args.truth or args.out.with_name(f"{args.out.stem}_truth.parquet")
@@ -45,14 +52,15 @@ def run(args: argparse.Namespace) -> None:
             raise ConfigError(
                 f"output {path} in a folder that does not exist", expected="a folder", mend="create the folder"
             )
+    kind = aircraft(args.typecode, args.bada_dir)
     with tqdm(total=args.flights, desc="flights", delay=2) as bar:
-        world = simulate(aircraft(args.typecode, args.bada_dir), args.flights, args.seed, progress=bar.update)
+        world = simulate(kind, args.flights, args.seed, scenario(args.scenario, kind), progress=bar.update)
     for frame, path in zip((world.rows, world.truth, world.flights), outputs, strict=True):
         with whole_file(path) as temporary:
             frame.write_parquet(temporary)
     level_offs, managed = (int(world.flights[c].is_not_null().sum()) for c in ("level_off_fl", "managed_fl"))
     print(
-        f"{len(world.flights)} flights of {args.typecode}, seed {args.seed}: {len(world.rows)} rows; "
-        f"level-offs planned for {level_offs}, constant-rate stretches for {managed} flights"
+        f"{len(world.flights)} flights of {args.typecode}, scenario {args.scenario}, seed {args.seed}: "
+        f"{len(world.rows)} rows; level-offs planned for {level_offs}, constant-rate stretches for {managed} flights"
     )
     print(f"wrote {args.out}, {truth}, {flights}")

@@ -119,6 +119,8 @@ def profiles_from_frame(
         DataError: If no flight has a level on the grid.
     """
     highest = frame["level_fl"].to_numpy().max(initial=bottom_fl) if top_fl is None else top_fl
+    # Only what is read: the join below copies every row, of which there are millions.
+    frame = frame.select("flight_id", "level_fl", "time_s", "IAS", "vertical_rate")
     frame = frame.filter(pl.col("level_fl").is_between(bottom_fl, int(highest)))
     if frame.is_empty():
         raise DataError(

@@ -105,6 +105,11 @@ def _penalised(basis: FunctionalBasis, values: Tensor, seen: Tensor, ridge: floa
     return filled
 
 
+def complete(method: str, values: Tensor, mask: Tensor, explained_variance: float = 0.95) -> Tensor:
+    """Whole profiles (n, L) that one of :data:`METHODS` makes of gappy ones."""
+    return _COMPLETE[method](values, mask, explained_variance)
+
+
 _COMPLETE: dict[str, Callable[[Tensor, Tensor, float], Tensor]] = {
     "mean fill": _mean_fill,
     "iteration (paper)": _iteration,

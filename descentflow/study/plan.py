@@ -3,9 +3,13 @@
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from descentflow.errors import ConfigError
 from descentflow.files import whole_file
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 PAPER_FLIGHTS = {
     "B738": 41_011,
@@ -43,6 +47,7 @@ class StudyPlan:
         n_samples: Samples of each model (the paper's 10,000).
         store: Prepared descents to use instead of simulated ones.
         max_epochs: Bound on the epochs of every fit; each config's own if absent.
+        scenario: Settings of the simulated world, see :mod:`descentflow.world.scenarios`.
     """
 
     flights: dict[str, int]
@@ -51,6 +56,7 @@ class StudyPlan:
     n_samples: int = 10_000
     store: str | None = None
     max_epochs: int | None = None
+    scenario: str = "london-fir-2019"
 
     def __post_init__(self) -> None:
         """Refuse a plan that cannot be carried out."""
@@ -96,7 +102,7 @@ def paper_plan(share: float = 1.0, typecodes: list[str] | None = None, **setting
     return StudyPlan(flights, **settings)  # type: ignore[arg-type]
 
 
-def begin(plan: StudyPlan, folder: Path) -> None:
+def begin(plan: "DataclassInstance", folder: Path) -> None:
     """Write the plan into the study's folder, or check that a study begun there is the same.
 
     Raises:

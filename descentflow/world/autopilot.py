@@ -18,7 +18,7 @@ from descentflow.units import FPM_MPS
 from descentflow.world.motion import Controls, Motion, Plant
 from descentflow.world.planted import Planted
 
-CRUISE, IDLE, LEVEL, MANAGED, BOTTOM, DONE, HOLD = range(7)
+CRUISE, IDLE, LEVEL, MANAGED, BOTTOM, DONE, HOLD, HELD = range(8)
 """Modes of the autopilot."""
 TRANSIENT_LABEL, IDLE_LABEL, LEVEL_LABEL, MANAGED_LABEL, PATH_LABEL = range(5)
 LABELS = ("transient", "idle", "level_off", "constant_rate", "constant_path")
@@ -134,7 +134,7 @@ def labels(pilot: Pilot, drag_n: Tensor, planted: Planted | None = None) -> Tens
     """What the flights are doing, as codes of :data:`LABELS`."""
     settled = (pilot.mode == IDLE) & (pilot.age_s >= SETTLED_S) & (pilot.extra_n < 0.01 * drag_n)
     level = (pilot.mode == LEVEL) & (pilot.held_s > 0)
-    managed = (pilot.mode == MANAGED) & (pilot.age_s >= SETTLED_S / 2)
+    managed = ((pilot.mode == MANAGED) | (pilot.mode == HELD)) & (pilot.age_s >= SETTLED_S / 2)
     label = torch.where(settled, IDLE_LABEL, TRANSIENT_LABEL)
     label = torch.where(level, LEVEL_LABEL, torch.where(managed, MANAGED_LABEL, label))
     if planted is None:
@@ -148,7 +148,7 @@ def _select_mode(plant: Plant, state: Motion, pilot: Pilot, rate: Tensor, period
     """Pass from mode to mode; comparisons with the NaN of a missing event are false."""
     p, mode = plant.parameters, pilot.mode
     flare = -CAPTURE_S * rate
-    descends = (mode == IDLE) | (mode == MANAGED) | (mode == HOLD)
+    descends = (mode == IDLE) | (mode == MANAGED) | (mode == HOLD) | (mode == HELD)
     at_level = descends & ~pilot.level_done & (state.altitude_m - p.level_off_m <= flare)
     at_bottom = descends & (state.altitude_m - p.bottom_m <= flare)
     at_managed = (mode == IDLE) & ~pilot.managed_done & (state.altitude_m <= p.managed_m) & (pilot.age_s >= SETTLED_S)
@@ -163,6 +163,10 @@ def _select_mode(plant: Plant, state: Motion, pilot: Pilot, rate: Tensor, period
         holds = (state.altitude_m <= p.planted.hold_high_m) & (state.altitude_m > p.planted.hold_low_m)
         chosen = torch.where((mode == IDLE) & (pilot.age_s >= SETTLED_S) & holds, HOLD, chosen)
     chosen = torch.where(resumes, IDLE, chosen)
+    if p.held is not None:
+        held_here = ~p.held.rate_at_mps(state.altitude_m).isnan()
+        chosen = torch.where((chosen == HELD) & ~held_here, IDLE, chosen)
+        chosen = torch.where((chosen == IDLE) & held_here, HELD, chosen)
     chosen = torch.where(at_managed, MANAGED, chosen)
     chosen = torch.where(at_level, LEVEL, chosen)
     chosen = torch.where(at_bottom, BOTTOM, chosen)
@@ -192,6 +196,8 @@ def _gamma_rate(plant: Plant, state: Motion, pilot: Pilot, error: Tensor, fracti
     captures = (pilot.mode == LEVEL) | (pilot.mode == BOTTOM)
     wanted = torch.where(captures, (target - state.altitude_m) / CAPTURE_S, 0.0)
     wanted = torch.where(pilot.mode == MANAGED, pilot.rate_mps, wanted)
+    if p.held is not None:
+        wanted = torch.where(pilot.mode == HELD, p.held.rate_at_mps(state.altitude_m), wanted)
     sine = wanted / (state.tas_mps * fraction)
     if p.planted is not None:
         by_angle = torch.tan(p.planted.hold_angle) * (1 + plant.wind_mps(state) / state.tas_mps)

@@ -71,6 +71,17 @@ class WorldConfig:
     managed_s: tuple[float, float] = (60.0, 180.0)
     managed_rate: tuple[float, float] = (0.55, 0.9)
     """Rate held, in units of the rate flown when it is selected; rounded to 100 ft/min."""
+    slow_start_share: float = 0.0
+    """Flights that hold a slow rate from the top before they descend at idle."""
+    slow_start_fpm: tuple[float, float] = (600.0, 1200.0)
+    slow_start_fl: tuple[float, float] = (20.0, 80.0)
+    """Height of that stretch, flight levels."""
+    two_rates_share: float = 0.0
+    """Flights that hold one rate from the top and another to the bottom, as turboprops do."""
+    first_rate_fpm: tuple[float, float] = (700.0, 1100.0)
+    second_rate_fpm: tuple[float, float] = (1200.0, 1500.0)
+    switch_fl: tuple[float, float] = (160.0, 220.0)
+    """Flight level where the second rate takes over; from the top on for flights that start below it."""
     cruise_s: tuple[float, float] = (20.0, 60.0)
     """Level flight before the descent."""
     flights_per_aircraft: int = 5

@@ -13,6 +13,7 @@ from descentflow.performance.aircraft import Aircraft
 from descentflow.performance.envelope import maximum_altitude_m
 from descentflow.units import FL_M, FT_M, KT_MPS
 from descentflow.world.config import Operator, WorldConfig, default_operators, largest_landing_mass_kg
+from descentflow.world.held import HeldRates, draw_held
 from descentflow.world.planted import Planted
 
 N_WAVES = 3
@@ -67,6 +68,8 @@ class FlightParameters:
     """Number of the flight in its world, int64: what a plant draws from, so that a flight depends on nothing else."""
     planted: Planted | None = None
     """Effects beyond these parameters; None for none."""
+    held: HeldRates | None = None
+    """Rates held from the top of descent; None for none."""
 
     def __len__(self) -> int:
         """Number of flights."""
@@ -74,8 +77,9 @@ class FlightParameters:
 
     def rows(self, index: Tensor) -> "FlightParameters":
         """Return the flights of an index tensor."""
-        own = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name != "planted"}
-        return FlightParameters(**own, planted=None if self.planted is None else self.planted.rows(index))
+        own = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in ("planted", "held")}
+        planted = None if self.planted is None else self.planted.rows(index)
+        return FlightParameters(**own, planted=planted, held=None if self.held is None else self.held.rows(index))
 
 
 def draw_parameters(
@@ -147,6 +151,7 @@ def _draw(aircraft: Aircraft, numbers: Sequence[int], seed: int, config: WorldCo
         managed_s=_ranged(config.managed_s, own[:, 17]).round(),
         managed_rate=_ranged(config.managed_rate, own[:, 18]),
         number=torch.tensor(numbers, dtype=torch.int64),
+        held=draw_held(numbers, seed, config, top, bottom),
     )
 
 

@@ -10,7 +10,7 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.units import FL_M, KT_MPS
+from descentflow.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.world.autopilot import LABELS
 from descentflow.world.config import Operator
 from descentflow.world.flight import Flown
@@ -100,12 +100,19 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
             "managed_fl": (parameters.managed_m / FL_M).numpy(),
         }
     )
-    already = {"operator", "cas_mps", "top_m", "bottom_m", "level_off_m", "managed_m", "number", "planted"}
+    already = {"operator", "cas_mps", "top_m", "bottom_m", "level_off_m", "managed_m", "number", "planted", "held"}
     plain = [f.name for f in fields(parameters) if f.name not in already and not f.name.startswith("wander")]
     more = [pl.Series(name, getattr(parameters, name).numpy()) for name in plain]
     if parameters.planted is not None:
         planted = parameters.planted
         more += [pl.Series(f"planted_{f.name}", getattr(planted, f.name).numpy()) for f in fields(planted)]
+    if parameters.held is not None:
+        values = {"rate_fpm": parameters.held.rate_mps / FPM_MPS, "low_fl": parameters.held.low_m / FL_M}
+        more += [
+            pl.Series(f"{which}_{name}", value[:, k].numpy()).fill_nan(None)
+            for name, value in values.items()
+            for k, which in enumerate(("first", "second"))
+        ]
     return table.with_columns(more).with_columns(pl.col("level_off_fl", "managed_fl").fill_nan(None))
 
 

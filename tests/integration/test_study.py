@@ -1,15 +1,21 @@
 """The paper's study in little: three types, two models, hundreds of flights; it resumes, and its tables add up."""
 
+import shutil
 from pathlib import Path
 
 import polars as pl
 import pytest
+import torch
 
+from descentflow.data.datamodule import DescentDataModule
 from descentflow.densities.checkpoint import load_model
-from descentflow.errors import ConfigError
+from descentflow.engine import DaskEngine, ProcessEngine
+from descentflow.errors import ConfigError, DataError
 from descentflow.study.plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
-from descentflow.study.report import write_report
-from descentflow.study.steps import study_type
+from descentflow.study.report import read_published, write_report
+from descentflow.study.run import costs, run_study
+from descentflow.study.sweep_report import sweep_sections
+from descentflow.study.sweeps import NAMES, SweepPlan, run_sweeps
 from descentflow.study.tables import all_scores, means, table, with_best
 
 PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "gmm"), n_samples=300, max_epochs=2)
@@ -19,8 +25,7 @@ PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "g
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")
     begin(PLAN, folder)
-    for typecode in PLAN.flights:
-        study_type(PLAN, typecode, folder / typecode, lambda _: None)
+    run_study(PLAN, folder, ProcessEngine(1), lambda _: None)
     write_report(PLAN, folder)
     return folder
 
@@ -36,25 +41,55 @@ def test_every_type_and_model_has_its_fifteen_scores(study: Path) -> None:
 
 def test_the_page_holds_the_tables_and_figures(study: Path) -> None:
     page = (study / "report.html").read_text()
-    assert page.count("<table>") == 7
-    assert page.count("data:image/png") == 3 * 2 * 2
+    assert page.count("<table>") == 1 + 1 + 1 + 5 + 1  # flights, means, likelihoods, the paper's five, components
+    assert page.count("data:image/png") == 1 + 1 + 1 + 3 * 3  # mass, boxes, rejections; three a type
     assert 'src="http' not in page
+    assert page.count("</h2>") == page.count('<a href="#s') == 11 + 3
 
 
 def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) -> None:
-    """Without a model and with half a fit left over, the rerun fits it again and the page is the same to the byte."""
+    """Without a model and with half a fit left over, a Dask worker fits it again, and the page is the same."""
     before = (study / "report.html").read_bytes()
     untouched = (study / "A320" / "gmm" / "model.ckpt").stat().st_mtime_ns
     for name in ("model.ckpt", "done", "scores.csv"):
         (study / "BE20" / "gaussian" / name).unlink()
     (study / "BE20" / "gaussian" / "runs" / "stray").mkdir()
     begin(PLAN, study)
-    for typecode in PLAN.flights:
-        study_type(PLAN, typecode, study / typecode, lambda _: None)
+    said: list[str] = []
+    run_study(PLAN, study, DaskEngine(1), said.append)
+    assert said == ["first model: 1 of 1 done (2 were there); last BE20 gaussian"]
     write_report(PLAN, study)
     assert (study / "A320" / "gmm" / "model.ckpt").stat().st_mtime_ns == untouched
     assert (study / "report.html").read_bytes() == before
     assert load_model(study / "BE20" / "gaussian" / "model.ckpt").sample(3, seed=0).shape[0] == 3
+
+
+def test_sweeps_leave_a_file_a_job_go_on_and_show_in_the_page(study: Path) -> None:
+    plan = StudyPlan({"BE20": 160}, models=PLAN.models, n_samples=300)
+    sweep = SweepPlan(flights=90, shares=(0.5, 0.8), folds=2, flows=(1, 5), hidden=(2,), max_epochs=1)
+    said: list[str] = []
+    run_sweeps(plan, sweep, study, NAMES, ProcessEngine(1), said.append)
+    assert [line for line in said if "2 of 2" in line or "1 of 1" in line] == [
+        f"sweep {name}: {n} of {n} done (0 were there)" for name, n in (("variance", 2), ("gappy", 1), ("flow", 2))
+    ]
+    scores = pl.concat([pl.read_csv(study / "sweeps" / "variance" / f"BE20-{fold}.csv") for fold in range(2)])
+    assert scores.group_by("share", "fold").len()["len"].to_list() == [6] * 4
+    assert scores.filter(pl.col("share") == 0.5)["components"].max() < scores["components"].max()  # type: ignore[operator]
+    before = (study / "sweeps" / "variance" / "BE20-1.csv").read_bytes()
+    (study / "sweeps" / "variance" / "BE20-1.csv").unlink()
+    run_sweeps(plan, sweep, study, ("variance",), ProcessEngine(1), said.append)
+    assert said[-1] == "sweep variance: 1 of 1 done (1 were there)"
+    assert (study / "sweeps" / "variance" / "BE20-1.csv").read_bytes() == before
+    sections = dict(sweep_sections(plan, study))
+    assert len(sections) == 3
+    assert all("<table>" in html and "data:image/png" in html for html in sections.values())
+    shutil.rmtree(study / "sweeps" / "flow")
+    assert len(sweep_sections(plan, study)) == 2
+    with pytest.raises(ConfigError, match="sweeps colours"):
+        run_sweeps(plan, sweep, study, ("colours",), ProcessEngine(1), said.append)
+    with pytest.raises(ConfigError, match="another plan"):
+        run_sweeps(plan, SweepPlan(), study, NAMES, ProcessEngine(1), said.append)
+    shutil.rmtree(study / "sweeps")
 
 
 def test_another_plan_is_refused(study: Path) -> None:
@@ -72,6 +107,10 @@ def test_published_figures_stand_in_columns_of_their_own(study: Path) -> None:
     assert row["paper_gmm"] == 0.4
     assert row["gaussian"] != 0.5
     assert found.filter(typecode="BE20")["paper_gmm"].is_null().all()
+    (study / "published_scores.csv").write_text(published.write_csv())
+    assert read_published(study).scores is not None
+    with pytest.raises(DataError, match="no published figures"):
+        read_published(study / "nowhere")
 
 
 def test_models_within_five_percent_of_the_best_are_marked() -> None:
@@ -89,6 +128,32 @@ def test_means_are_over_types() -> None:
     )
     row = means(scores).row(0, named=True)
     assert (row["types"], row["score"], row["over_floor"]) == (2, 2.0, 2.5)
+
+
+def test_all_models_of_a_type_share_split_and_components(study: Path) -> None:
+    one, two = (load_model(study / "DH8D" / name / "model.ckpt").representation for name in PLAN.models)
+    assert one.split == two.split
+    torch.testing.assert_close(one.decoder.drag_basis.components, two.decoder.drag_basis.components, rtol=0, atol=0)
+    torch.testing.assert_close(
+        one.decoder.to_state()["weight_scale"], two.decoder.to_state()["weight_scale"], rtol=0, atol=0
+    )
+
+
+def test_every_job_leaves_what_it_cost(study: Path) -> None:
+    spent = costs(study)
+    assert dict(spent.group_by("stage").len().iter_rows()) == {"descents": 3, "models": 6, "figures": 3}
+    assert (spent["cpu_s"] > 0).all()
+    assert spent["peak_mb"].is_between(100, 20_000).all()
+
+
+def test_the_likelihoods_are_those_of_the_held_out_flights(study: Path) -> None:
+    data = DescentDataModule(study / "A320" / "descents.parquet", checkpoint=study / "A320" / "gmm" / "model.ckpt")
+    data.setup()
+    told = dict(pl.read_csv(study / "A320" / "nll.csv").select("model", "nll").iter_rows())
+    for name in PLAN.models:
+        with torch.no_grad():
+            nll = -load_model(study / "A320" / name / "model.ckpt").log_prob(data.weights("test")).mean()
+        assert told[name] == pytest.approx(float(nll), rel=1e-9)
 
 
 def test_the_papers_counts_and_impossible_plans() -> None:

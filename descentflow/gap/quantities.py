@@ -218,18 +218,24 @@ def measured(grid: LevelGrid) -> Quantities:
 def reference_state(frame: pl.DataFrame, low_fl: float, high_fl: float) -> dict[str, Any] | None:
     """State of the flights that a simulator was trained on, for its checkpoint; None if they show no band.
 
-    Flights beyond :data:`LARGEST` are left out by whole aircraft, by a draw that depends on nothing but their number.
+    Flights beyond :data:`LARGEST` are left out before anything is measured, by whole aircraft, by a draw that depends
+    on nothing but which aircraft there are.
     """
     try:
-        found = quantities_of(frame, low_fl, high_fl, CHANNELS)
+        return quantities_of(_of_some_aircraft(frame, LARGEST), low_fl, high_fl, CHANNELS).to_state()
     except DataError:
         return None
-    if len(found) > LARGEST:
-        clusters = torch.from_numpy(np.random.default_rng(0).permutation(np.unique(found.cluster.numpy())))
-        position = torch.empty(int(clusters.max()) + 1, dtype=torch.long)
-        position[clusters] = torch.arange(len(clusters))
-        found = found.rows(torch.argsort(position[found.cluster], stable=True)[:LARGEST])
-    return found.to_state()
+
+
+def _of_some_aircraft(frame: pl.DataFrame, most: int) -> pl.DataFrame:
+    """Flights of aircraft drawn until there are so many; all flights if they are no more."""
+    flights = frame.group_by("flight_id").agg(pl.col("icao24").first().fill_null("")).sort("icao24", "flight_id")
+    if len(flights) <= most:
+        return frame
+    aircraft = flights["icao24"].unique().sort()
+    place = pl.Series(np.random.default_rng(0).permutation(len(aircraft)))
+    drawn = flights.join(pl.DataFrame({"icao24": aircraft, "place": place}), on="icao24").sort("place", "flight_id")
+    return frame.filter(pl.col("flight_id").is_in(drawn["flight_id"].head(most).implode()))
 
 
 def _level_part_kt(seen: dict[str, Tensor]) -> Tensor:

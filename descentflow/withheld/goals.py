@@ -61,8 +61,6 @@ def goals(blind: Sequence[Outcome], scored: Mapping[str, Any]) -> list[dict[str,
             least=0.85,
         ),
         _goal("90 % intervals cover 85 to 95 %", coverage["share"], coverage["n"], least=0.85, most=0.95),
-        _goal("closure as reported, at least 0.9 (median)", *_closure(scored, window=False), least=0.9),
-        _goal("closure of windows as reported, at least 0.75 (median)", *_closure(scored, window=True), least=0.75),
         _goal(
             "corrected simulators close what the true effect closes, at least 0.9 of it (median)",
             *_of_true(scored, window=False),
@@ -93,14 +91,6 @@ def goals(blind: Sequence[Outcome], scored: Mapping[str, Any]) -> list[dict[str,
 
 def _rate(flags: Sequence[bool]) -> tuple[float | None, int]:
     return (sum(flags) / len(flags) if flags else None), len(flags)
-
-
-def _closure(scored: Mapping[str, Any], *, window: bool) -> tuple[float | None, int]:
-    of = [
-        row["marginal"] for row in scored["closure"] if (row["cause"] == "speed_brake") == window and row["size"] >= 0.7
-    ]
-    values = [value for value in of if value is not None]
-    return (float(np.median(values)) if values else None), len(values)
 
 
 def _of_true(scored: Mapping[str, Any], *, window: bool) -> tuple[float | None, int]:

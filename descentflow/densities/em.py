@@ -97,6 +97,12 @@ def start(weights: Tensor, features: Tensor, n_clusters: int, seed: int) -> Mixt
     Neither kind wins always; four of each reached the likelihood of scikit-learn's best of three seeds in every
     of eight data sets, either kind alone did not (Arthur and Vassilvitskii 2007 for k-means++).
     """
+    labels = k_means_labels(weights, n_clusters, seed)
+    return maximisation(features, torch.nn.functional.one_hot(labels, n_clusters).to(torch.float64))
+
+
+def k_means_labels(weights: Tensor, n_clusters: int, seed: int) -> Tensor:
+    """Labels (n,) of k-means++ centres (even seeds) or of k-means from there (odd seeds), see :func:`start`."""
     # Imported here: sampling from a mixture needs no k-means.
     from sklearn.cluster import KMeans
     from sklearn.exceptions import ConvergenceWarning
@@ -108,8 +114,7 @@ def start(weights: Tensor, features: Tensor, n_clusters: int, seed: int) -> Mixt
         labels = KMeans(n_clusters, n_init=1, max_iter=lloyd_steps, random_state=seed).fit_predict(
             weights.cpu().numpy()
         )
-    nearest = torch.as_tensor(labels, dtype=torch.long, device=weights.device)
-    return maximisation(features, torch.nn.functional.one_hot(nearest, n_clusters).to(torch.float64))
+    return torch.as_tensor(labels, dtype=torch.long, device=weights.device)
 
 
 def best_start(weights: Tensor, n_clusters: int, *, seed: int, n_restarts: int) -> Mixture:

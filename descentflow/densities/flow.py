@@ -1,28 +1,93 @@
 """Autoregressive flows from normflows: masked affine (paper, section 2.3 and appendix C), and splines."""
 
+from math import log, pi
 from typing import Any
 
 import normflows as nf
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from descentflow.densities.base import Density
 
+MOST_LOG_SCALE = 2.0
+"""Of the exponential scale: one flow stretches or shrinks by e^2 at most, which keeps samples finite."""
+
 
 class FlowDensity(Density):
-    """What normalising flows share: ``log p(w) = log N(z; 0, I) + log |det dz/dw|``, z the weights sent through all."""
+    """What flows share: ``log p(w | c) = log N(z; 0, I) + log |det dz/dw|``, z the weights sent through all.
+
+    A whitened flow first takes the weights' Gaussian off them, ``u = L^-1 (w - loc - slope c)``, which it does not
+    train: while its other flows are the identity, the density is that Gaussian.
+    """
 
     flow: nf.NormalizingFlow
+    loc: Tensor
+    slope: Tensor
+    scale_tril: Tensor
 
-    def log_prob(self, weights: Tensor) -> Tensor:
-        """Log density (n,) of standardised weights (n, d)."""
-        log_prob: Tensor = self.flow.log_prob(weights.to(torch.float32))
-        return log_prob
+    def __init__(self, dimension: int, n_context: int, whitened: bool) -> None:
+        """Whiten with the standard normal until :meth:`whiten` says otherwise.
 
-    def draw(self, n: int) -> Tensor:
+        Args:
+            dimension: Number of weights d.
+            n_context: Numbers of context c.
+            whitened: Whether the Gaussian is taken off.
+        """
+        super().__init__(dimension, n_context)
+        self.whitened = whitened
+        if whitened:
+            self.register_buffer("loc", torch.zeros(dimension, dtype=torch.float64))
+            self.register_buffer("slope", torch.zeros(dimension, n_context, dtype=torch.float64))
+            self.register_buffer("scale_tril", torch.eye(dimension, dtype=torch.float64))
+
+    @torch.no_grad()
+    def whiten(self, loc: Tensor, slope: Tensor, scale_tril: Tensor) -> None:
+        """Set the Gaussian that is taken off: loc (d,), slope (d, c), lower Cholesky factor (d, d)."""
+        self.loc.copy_(loc)
+        self.slope.copy_(slope)
+        self.scale_tril.copy_(scale_tril)
+
+    def base_log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        """Log density (n,) under the Gaussian that is taken off alone."""
+        u, log_det = self._whitened(weights, self.rows_of_context(context, len(weights)))
+        return log_det - 0.5 * u.square().sum(1) - 0.5 * self.dimension * log(2 * pi)
+
+    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        """Log density (n,) of standardised weights (n, d), given context (n, c)."""
+        rows = self.rows_of_context(context, len(weights))
+        u, log_det = self._whitened(weights, rows) if self.whitened else (weights, 0.0)
+        u = u.to(self._dtype)
+        log_prob: Tensor = self.flow.log_prob(u) if rows is None else self.flow.log_prob(u, rows.to(self._dtype))
+        return log_prob + log_det
+
+    def draw(self, n: int, context: Tensor | None = None) -> Tensor:
         """Draw (n, d); a draw that is not finite is left for the sampler to count."""
-        draws: Tensor = self.flow.sample(n)[0]
-        return draws.to(torch.float64)
+        draws: Tensor = (self.flow.sample(n) if context is None else self.flow.sample(n, context.to(self._dtype)))[0]
+        draws = draws.to(torch.float64)
+        return draws @ self.scale_tril.T + self._locs(context) if self.whitened else draws
+
+    @property
+    def _dtype(self) -> torch.dtype:
+        dtype: torch.dtype = next(self.flow.parameters()).dtype
+        return dtype
+
+    def _locs(self, context: Tensor | None) -> Tensor:
+        return self.loc if context is None else self.loc + context.to(self.loc.dtype) @ self.slope.T
+
+    def _whitened(self, weights: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
+        centred = weights.to(self.loc.dtype) - self._locs(context)
+        u = torch.linalg.solve_triangular(self.scale_tril, centred.T, upper=False).T
+        return u, -self.scale_tril.diagonal().log().sum()
+
+    def _assembled(self, flows: list[nf.flows.Flow]) -> nf.NormalizingFlow:
+        base = nf.distributions.DiagGaussian(self.dimension, trainable=False)
+        kind = nf.ConditionalNormalizingFlow if self.n_context else nf.NormalizingFlow
+        return kind(base, flows)
+
+    def _own_settings(self) -> dict[str, Any]:
+        """Settings that older checkpoints do not have, where they are not the defaults."""
+        context = {"n_context": self.n_context} if self.n_context else {}
+        return {**context, "whitened": True} if self.whitened else context
 
 
 class MaskedAffineFlowDensity(FlowDensity):
@@ -36,27 +101,50 @@ class MaskedAffineFlowDensity(FlowDensity):
     flows (arXiv 1906.04032) gives the scale back.
     """
 
-    def __init__(self, dimension: int, n_flows: int = 5, hidden_per_weight: int = 2) -> None:
-        """Flows that start at the identity's neighbourhood.
+    def __init__(
+        self,
+        dimension: int,
+        n_flows: int = 5,
+        hidden_per_weight: int = 2,
+        n_context: int = 0,
+        whitened: bool = False,
+        exponential: bool = False,
+        linear: bool = True,
+    ) -> None:
+        """Flows that start at the identity's neighbourhood; at the identity with an exponential scale.
 
         Args:
             dimension: Number of weights d.
             n_flows: Number of masked affine flows.
-            hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights.
+            hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights and context.
+            n_context: Numbers of context c.
+            whitened: Take the weights' Gaussian off first.
+            exponential: Scale by an exponential, which is 1 at the start, instead of normflows' sigmoid.
+            linear: LU-decomposed maps between the flows; their order is reversed otherwise.
         """
-        super().__init__(dimension)
+        super().__init__(dimension, n_context, whitened)
         self.n_flows, self.hidden_per_weight = n_flows, hidden_per_weight
+        self.exponential, self.linear = exponential, linear
+        hidden = hidden_per_weight * (dimension + n_context)
         flows: list[nf.flows.Flow] = []
         for _ in range(n_flows):
-            affine = nf.flows.MaskedAffineAutoregressive(
-                dimension, hidden_per_weight * dimension, num_blocks=1, use_residual_blocks=False
-            )
-            flows += [nf.flows.Reverse(affine), nf.flows.LULinearPermute(dimension)]
-        self.flow = nf.NormalizingFlow(nf.distributions.DiagGaussian(dimension, trainable=False), flows)
+            kind = ExponentialAffine if exponential else nf.flows.MaskedAffineAutoregressive
+            affine = kind(dimension, hidden, num_blocks=1, use_residual_blocks=False)
+            if n_context:
+                affine.autoregressive_net = ContextNet(dimension, n_context, hidden, 2, residual=False)
+            if exponential:
+                nn.init.zeros_(_final(affine.autoregressive_net).weight)
+                nn.init.zeros_(_final(affine.autoregressive_net).bias)
+            mix = nf.flows.LULinearPermute(dimension) if linear else Flip()
+            flows += [TurnedRound(affine), mix]
+        self.flow = self._assembled(flows)
 
     def settings(self) -> dict[str, Any]:
-        """Number and width of the flows."""
-        return {"n_flows": self.n_flows, "hidden_per_weight": self.hidden_per_weight}
+        """Number, width and kind of the flows."""
+        kind = {"exponential": True} if self.exponential else {}
+        mix = {} if self.linear else {"linear": False}
+        size = {"n_flows": self.n_flows, "hidden_per_weight": self.hidden_per_weight}
+        return {**size, **self._own_settings(), **kind, **mix}
 
 
 class SplineFlowDensity(FlowDensity):
@@ -68,7 +156,15 @@ class SplineFlowDensity(FlowDensity):
 
     TAIL = 5.0
 
-    def __init__(self, dimension: int, n_flows: int = 3, hidden: int = 32, n_bins: int = 8) -> None:
+    def __init__(
+        self,
+        dimension: int,
+        n_flows: int = 3,
+        hidden: int = 32,
+        n_bins: int = 8,
+        n_context: int = 0,
+        whitened: bool = False,
+    ) -> None:
         """Flows that start at the identity.
 
         Args:
@@ -76,17 +172,104 @@ class SplineFlowDensity(FlowDensity):
             n_flows: Number of spline flows.
             hidden: Units of the one residual block behind each flow's knots.
             n_bins: Pieces of each spline.
+            n_context: Numbers of context c.
+            whitened: Take the weights' Gaussian off first.
         """
-        super().__init__(dimension)
+        super().__init__(dimension, n_context, whitened)
         self.n_flows, self.hidden, self.n_bins = n_flows, hidden, n_bins
         flows: list[nf.flows.Flow] = []
         for _ in range(n_flows):
             spline = nf.flows.AutoregressiveRationalQuadraticSpline(
                 dimension, num_blocks=1, num_hidden_channels=hidden, num_bins=n_bins, tail_bound=self.TAIL
             )
+            if n_context:
+                net = ContextNet(dimension, n_context, hidden, 3 * n_bins - 1, residual=True)
+                start = spline.mprqat.autoregressive_net.final_layer.bias
+                nn.init.zeros_(net.made.final_layer.weight)
+                nn.init.constant_(net.made.final_layer.bias, float(start[0]))
+                spline.mprqat.autoregressive_net = net
             flows += [spline, nf.flows.LULinearPermute(dimension)]
-        self.flow = nf.NormalizingFlow(nf.distributions.DiagGaussian(dimension, trainable=False), flows)
+        self.flow = self._assembled(flows)
 
     def settings(self) -> dict[str, Any]:
         """Number and size of the flows."""
-        return {"n_flows": self.n_flows, "hidden": self.hidden, "n_bins": self.n_bins}
+        size = {"n_flows": self.n_flows, "hidden": self.hidden, "n_bins": self.n_bins}
+        return {**size, **self._own_settings()}
+
+
+class ContextNet(nn.Module):
+    """normflows' MADE over context and weights, context first: every weight's map may depend on all of the context.
+
+    MADE's own ``context_features`` are not used: they do not work in its feedforward blocks, and no hidden unit that
+    carries them reaches the first weight's map.
+    """
+
+    def __init__(self, dimension: int, n_context: int, hidden: int, n_outputs: int, *, residual: bool) -> None:
+        """A network with ``n_outputs`` numbers for each of ``dimension`` weights."""
+        super().__init__()
+        self.skipped = n_context * n_outputs
+        self.made = nf.nets.MADE(
+            dimension + n_context,
+            hidden,
+            num_blocks=1,
+            output_multiplier=n_outputs,
+            use_residual_blocks=residual,
+            activation=nn.functional.relu,
+        )
+
+    def forward(self, weights: Tensor, context: Tensor) -> Tensor:
+        """Numbers (n, d n_outputs) of weights (n, d) and context (n, c)."""
+        outputs: Tensor = self.made(torch.cat([context, weights], 1))
+        # The spline divides them in place.
+        return outputs[:, self.skipped :].contiguous()
+
+
+class TurnedRound(nf.flows.Reverse):  # type: ignore[misc]
+    """normflows' ``Reverse`` that hands the context on."""
+
+    def forward(self, z: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """The other flow's inverse."""
+        turned: tuple[Tensor, Tensor] = self.flow.inverse(z, context)
+        return turned
+
+    def inverse(self, z: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """The other flow's forward."""
+        turned: tuple[Tensor, Tensor] = self.flow.forward(z, context)
+        return turned
+
+
+class Flip(nf.flows.Flow):  # type: ignore[misc]
+    """Weights in the opposite order."""
+
+    def forward(self, z: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Flip."""
+        return z.flip(1), z.new_zeros(len(z))
+
+    def inverse(self, z: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Flip back."""
+        return self.forward(z)
+
+
+class ExponentialAffine(nf.flows.MaskedAffineAutoregressive):  # type: ignore[misc]
+    """Masked affine flow whose scale is ``exp(m tanh(s / m))``: as free to grow as to shrink, and 1 for s = 0.
+
+    normflows' sigmoid scale ends at 1.001, where its gradient vanishes.
+    """
+
+    def _elementwise_forward(self, inputs: Tensor, autoregressive_params: Tensor) -> tuple[Tensor, Tensor]:
+        log_scale, shift = self._log_scale_and_shift(autoregressive_params)
+        return log_scale.exp() * inputs + shift, log_scale.sum(1)
+
+    def _elementwise_inverse(self, inputs: Tensor, autoregressive_params: Tensor) -> tuple[Tensor, Tensor]:
+        log_scale, shift = self._log_scale_and_shift(autoregressive_params)
+        return (inputs - shift) * (-log_scale).exp(), -log_scale.sum(1)
+
+    def _log_scale_and_shift(self, autoregressive_params: Tensor) -> tuple[Tensor, Tensor]:
+        raw, shift = self._unconstrained_scale_and_shift(autoregressive_params)
+        return MOST_LOG_SCALE * torch.tanh(raw / MOST_LOG_SCALE), shift
+
+
+def _final(net: nn.Module) -> nn.Linear:
+    """The last layer of a network of normflows, or of one with context."""
+    layer: nn.Linear = (net.made if isinstance(net, ContextNet) else net).final_layer  # type: ignore[assignment]
+    return layer

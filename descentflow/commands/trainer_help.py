@@ -16,6 +16,9 @@ on what
   --data.bada_dir DIR            a licence holder's BADA 3 files instead of the embedded open aircraft
   --data.typecodes [A320,A321]   only these types
   --data.split_by aircraft       never put flights of one aircraft on both sides of the split
+  --data.context [hour,operator] condition on columns of the descents, of a table, or on entry_fl, hour and operator
+                                 (from the callsign), which need none
+  --data.context_table FILE      columns of context by flight_id, CSV or Parquet
   --data.explained_variance 0.8  share of variance that the fPCA components explain
 how long
   --trainer.max_epochs N

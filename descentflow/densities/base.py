@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.data.representation import Representation
+from descentflow.densities.em import Mixture
 from descentflow.errors import ConfigError
 
 
@@ -71,6 +72,10 @@ class Density(nn.Module, ABC):
         rows = self.rows_of_context(context, n)
         with seeded(seed, self.device):
             return self.draw(n) if rows is None else self.draw(n, rows)
+
+    def mixture_given(self, context: Tensor | None = None) -> Mixture | None:
+        """The density as a mixture of Gaussians, given one context (1, c) where it takes one; None if it is none."""
+        return None
 
     def rows_of_context(self, context: Tensor | None, n: int) -> Tensor | None:
         """The context (n, c) of n flights, checked; None for a density without context.

@@ -184,7 +184,7 @@ class SplineFlowDensity(FlowDensity):
             )
             if n_context:
                 net = ContextNet(dimension, n_context, hidden, 3 * n_bins - 1, residual=True)
-                start = spline.mprqat.autoregressive_net.final_layer.bias
+                start = spline.mprqat.autoregressive_net.final_layer.bias.detach()
                 nn.init.zeros_(net.made.final_layer.weight)
                 nn.init.constant_(net.made.final_layer.bias, float(start[0]))
                 spline.mprqat.autoregressive_net = net

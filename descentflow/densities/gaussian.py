@@ -45,7 +45,7 @@ class GaussianDensity(Density):
             )
         return Mixture(torch.ones(1, dtype=self.loc.dtype), self.loc[None], self.scale_tril[None])
 
-    def mixture_given(self, context: Tensor | None) -> Mixture:
+    def mixture_given(self, context: Tensor | None = None) -> Mixture:
         """The density given one context (1, c), as a mixture of one."""
         rows = self.rows_of_context(context, 1)
         loc = self._locs(rows)

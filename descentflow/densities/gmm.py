@@ -130,7 +130,7 @@ class GaussianMixtureDensity(Density):
             self.program = MixtureProgram(n_clusters, self.dimension, self.n_context).to(self.device)
 
     @torch.no_grad()
-    def mixture_given(self, context: Tensor | None) -> Mixture:
+    def mixture_given(self, context: Tensor | None = None) -> Mixture:
         """The mixture given one context (1, c)."""
         rows = self.rows_of_context(context, 1)
         return self.mixture if rows is None else detached(self.regressions).given(rows[0].to(torch.float64))

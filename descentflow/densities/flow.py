@@ -9,21 +9,27 @@ from torch import Tensor, nn
 
 from descentflow.densities.base import Density
 
-MOST_LOG_SCALE = 2.0
-"""Of the exponential scale: one flow stretches or shrinks by e^2 at most, which keeps samples finite."""
+MOST_INPUT = 3.0
+"""Standard deviations up to which a masked affine flow of exponential scale follows what a weight says of others."""
+MOST_LOG_SCALE = 1.0
+"""Of the exponential scale. With 2, held-out NLL of small types is 0.07 nats worse, most of it from a few flights."""
 
 
 class FlowDensity(Density):
     """What flows share: ``log p(w | c) = log N(z; 0, I) + log |det dz/dw|``, z the weights sent through all.
 
-    A whitened flow first takes the weights' Gaussian off them, ``u = L^-1 (w - loc - slope c)``, which it does not
-    train: while its other flows are the identity, the density is that Gaussian.
+    A whitened flow has the weights' Gaussian about it, which it does not train: weight by weight, location (given the
+    context) and scale are taken off before the flows, and what correlation is left after them. While the flows are the
+    identity the density is that Gaussian. (With all of it taken off first, splines see turned weights, whose clusters
+    lie across their axes: held-out NLL was half a nat worse on small types.)
     """
 
     flow: nf.NormalizingFlow
     loc: Tensor
     slope: Tensor
-    scale_tril: Tensor
+    scale: Tensor
+    correlation_tril: Tensor
+    order: Tensor
 
     def __init__(self, dimension: int, n_context: int, whitened: bool) -> None:
         """Whiten with the standard normal until :meth:`whiten` says otherwise.
@@ -38,33 +44,55 @@ class FlowDensity(Density):
         if whitened:
             self.register_buffer("loc", torch.zeros(dimension, dtype=torch.float64))
             self.register_buffer("slope", torch.zeros(dimension, n_context, dtype=torch.float64))
-            self.register_buffer("scale_tril", torch.eye(dimension, dtype=torch.float64))
+            self.register_buffer("scale", torch.ones(dimension, dtype=torch.float64))
+            self.register_buffer("correlation_tril", torch.eye(dimension, dtype=torch.float64))
+            self.register_buffer("order", torch.arange(dimension))
 
     @torch.no_grad()
     def whiten(self, loc: Tensor, slope: Tensor, scale_tril: Tensor) -> None:
-        """Set the Gaussian that is taken off: loc (d,), slope (d, c), lower Cholesky factor (d, d)."""
+        """Set the Gaussian of an untrained flow: loc (d,), slope (d, c), lower Cholesky factor (d, d)."""
         self.loc.copy_(loc)
         self.slope.copy_(slope)
-        self.scale_tril.copy_(scale_tril)
+        self.scale.copy_(scale_tril.norm(dim=1))
+        # The identity but for the order of the weights, which the linear maps change.
+        eye = torch.eye(self.dimension, dtype=self._dtype, device=self.device)
+        context = (eye.new_zeros(self.dimension, self.n_context),) if self.n_context else ()
+        order = self.flow.inverse(eye, *context).argmax(1).argsort()
+        self.order.copy_(order)
+        rows = (scale_tril / self.scale[:, None])[order]
+        self.correlation_tril.copy_(torch.linalg.cholesky(rows @ rows.T))
 
+    @torch.no_grad()
     def base_log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        """Log density (n,) under the Gaussian that is taken off alone."""
-        u, log_det = self._whitened(weights, self.rows_of_context(context, len(weights)))
-        return log_det - 0.5 * u.square().sum(1) - 0.5 * self.dimension * log(2 * pi)
+        """Log density (n,) of an untrained flow, the Gaussian alone."""
+        standard = self._standardised(weights, self.rows_of_context(context, len(weights)))
+        return self._base(standard[:, self.order]) - self.scale.log().sum()
 
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         """Log density (n,) of standardised weights (n, d), given context (n, c)."""
         rows = self.rows_of_context(context, len(weights))
-        u, log_det = self._whitened(weights, rows) if self.whitened else (weights, 0.0)
-        u = u.to(self._dtype)
-        log_prob: Tensor = self.flow.log_prob(u) if rows is None else self.flow.log_prob(u, rows.to(self._dtype))
-        return log_prob + log_det
+        given = () if rows is None else (rows.to(self._dtype),)
+        if not self.whitened:
+            plain: Tensor = self.flow.log_prob(weights.to(self._dtype), *given)
+            return plain
+        start = self._standardised(weights, rows)
+        z, log_det = start.to(self._dtype), torch.zeros(len(start), dtype=self._dtype, device=start.device)
+        for flow in reversed(self.flow.flows):
+            # Not normflows' own loop, which adds up log-determinants in single precision.
+            z, part = flow.inverse(z, *given)
+            log_det = log_det + part
+        log_prob: Tensor = self._base(z) + log_det - self.scale.log().sum().to(self._dtype)
+        return log_prob
 
     def draw(self, n: int, context: Tensor | None = None) -> Tensor:
         """Draw (n, d); a draw that is not finite is left for the sampler to count."""
-        draws: Tensor = (self.flow.sample(n) if context is None else self.flow.sample(n, context.to(self._dtype)))[0]
-        draws = draws.to(torch.float64)
-        return draws @ self.scale_tril.T + self._locs(context) if self.whitened else draws
+        given = () if context is None else (context.to(self._dtype),)
+        if not self.whitened:
+            plain: Tensor = self.flow.sample(n, *given)[0]
+            return plain.to(torch.float64)
+        white = torch.randn(n, self.dimension, dtype=self._dtype, device=self.device)
+        z = self.flow.forward(white @ self.correlation_tril.to(self._dtype).T, *given)
+        return self._locs(context) + self.scale * z.to(torch.float64)
 
     @property
     def _dtype(self) -> torch.dtype:
@@ -74,10 +102,16 @@ class FlowDensity(Density):
     def _locs(self, context: Tensor | None) -> Tensor:
         return self.loc if context is None else self.loc + context.to(self.loc.dtype) @ self.slope.T
 
-    def _whitened(self, weights: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
-        centred = weights.to(self.loc.dtype) - self._locs(context)
-        u = torch.linalg.solve_triangular(self.scale_tril, centred.T, upper=False).T
-        return u, -self.scale_tril.diagonal().log().sum()
+    def _standardised(self, weights: Tensor, context: Tensor | None) -> Tensor:
+        return (weights.to(self.loc.dtype) - self._locs(context)) / self.scale
+
+    def _base(self, z: Tensor) -> Tensor:
+        """Log density (n,) of what leaves the flows: a normal with the correlation that was taken off."""
+        factor = self.correlation_tril.to(z.dtype)
+        white = torch.linalg.solve_triangular(factor, z.T, upper=False)
+        constant = factor.diagonal().log().sum() + 0.5 * self.dimension * log(2 * pi)
+        log_prob: Tensor = -0.5 * white.square().sum(0) - constant
+        return log_prob
 
     def _assembled(self, flows: list[nf.flows.Flow]) -> nf.NormalizingFlow:
         base = nf.distributions.DiagGaussian(self.dimension, trainable=False)
@@ -108,43 +142,42 @@ class MaskedAffineFlowDensity(FlowDensity):
         hidden_per_weight: int = 2,
         n_context: int = 0,
         whitened: bool = False,
-        exponential: bool = False,
         linear: bool = True,
     ) -> None:
-        """Flows that start at the identity's neighbourhood; at the identity with an exponential scale.
+        """Flows that start at the identity's neighbourhood; at the identity where they are whitened.
 
         Args:
             dimension: Number of weights d.
             n_flows: Number of masked affine flows.
             hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights and context.
             n_context: Numbers of context c.
-            whitened: Take the weights' Gaussian off first.
-            exponential: Scale by an exponential, which is 1 at the start, instead of normflows' sigmoid.
+            whitened: Start at the weights' Gaussian, see :class:`FlowDensity`, with maps that can be the identity.
             linear: LU-decomposed maps between the flows; their order is reversed otherwise.
         """
         super().__init__(dimension, n_context, whitened)
         self.n_flows, self.hidden_per_weight = n_flows, hidden_per_weight
-        self.exponential, self.linear = exponential, linear
+        self.linear = linear
         hidden = hidden_per_weight * (dimension + n_context)
         flows: list[nf.flows.Flow] = []
         for _ in range(n_flows):
-            kind = ExponentialAffine if exponential else nf.flows.MaskedAffineAutoregressive
+            kind = ExponentialAffine if whitened else nf.flows.MaskedAffineAutoregressive
             affine = kind(dimension, hidden, num_blocks=1, use_residual_blocks=False)
             if n_context:
                 affine.autoregressive_net = ContextNet(dimension, n_context, hidden, 2, residual=False)
-            if exponential:
-                nn.init.zeros_(_final(affine.autoregressive_net).weight)
-                nn.init.zeros_(_final(affine.autoregressive_net).bias)
+            if whitened:
+                _made(affine.autoregressive_net).preprocessing = Bounded()
+                final: nn.Linear = _made(affine.autoregressive_net).final_layer  # type: ignore[assignment]
+                nn.init.zeros_(final.weight)
+                nn.init.zeros_(final.bias)
             mix = nf.flows.LULinearPermute(dimension) if linear else Flip()
             flows += [TurnedRound(affine), mix]
         self.flow = self._assembled(flows)
 
     def settings(self) -> dict[str, Any]:
         """Number, width and kind of the flows."""
-        kind = {"exponential": True} if self.exponential else {}
         mix = {} if self.linear else {"linear": False}
         size = {"n_flows": self.n_flows, "hidden_per_weight": self.hidden_per_weight}
-        return {**size, **self._own_settings(), **kind, **mix}
+        return {**size, **self._own_settings(), **mix}
 
 
 class SplineFlowDensity(FlowDensity):
@@ -173,7 +206,7 @@ class SplineFlowDensity(FlowDensity):
             hidden: Units of the one residual block behind each flow's knots.
             n_bins: Pieces of each spline.
             n_context: Numbers of context c.
-            whitened: Take the weights' Gaussian off first.
+            whitened: Start at the weights' Gaussian, see :class:`FlowDensity`.
         """
         super().__init__(dimension, n_context, whitened)
         self.n_flows, self.hidden, self.n_bins = n_flows, hidden, n_bins
@@ -269,7 +302,14 @@ class ExponentialAffine(nf.flows.MaskedAffineAutoregressive):  # type: ignore[mi
         return MOST_LOG_SCALE * torch.tanh(raw / MOST_LOG_SCALE), shift
 
 
-def _final(net: nn.Module) -> nn.Linear:
-    """The last layer of a network of normflows, or of one with context."""
-    layer: nn.Linear = (net.made if isinstance(net, ContextNet) else net).final_layer  # type: ignore[assignment]
-    return layer
+class Bounded(nn.Module):
+    """``m tanh(x / m)``: far from the training flights a map is what it is at their edge, and tails stay Gaussian."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Bound."""
+        return MOST_INPUT * torch.tanh(x / MOST_INPUT)
+
+
+def _made(net: nn.Module) -> nn.Module:
+    """The network of normflows, with or without context."""
+    return net.made if isinstance(net, ContextNet) else net

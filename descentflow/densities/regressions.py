@@ -8,17 +8,18 @@ likelihood of the weights alone decides, and without slopes the model is the pla
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from math import log
 
 import torch
 from torch import Tensor
 
 from descentflow.densities.em import (
+    FEWEST_PER_PARAMETER,
     FINALISTS,
     FLIGHTS_PER_PARAMETER,
     JITTER,
     SCREENING_ITERATIONS,
     Mixture,
+    by_bic,
     k_means_labels,
 )
 from descentflow.densities.em import n_parameters as n_plain
@@ -59,10 +60,12 @@ def n_parameters(n_clusters: int, dimension: int, n_context: int) -> int:
     return n_plain(n_clusters, dimension) + n_context * (n_clusters * dimension + n_clusters - 1)
 
 
-def most_clusters(n_train: int, dimension: int, n_context: int) -> int:
+def most_clusters(
+    n_train: int, dimension: int, n_context: int, flights_per_parameter: float = FLIGHTS_PER_PARAMETER
+) -> int:
     """Largest number of clusters with 15 training flights a parameter; one at the least (paper, appendix C)."""
     k = 1
-    while FLIGHTS_PER_PARAMETER * n_parameters(k + 1, dimension, n_context) <= n_train:
+    while flights_per_parameter * n_parameters(k + 1, dimension, n_context) <= n_train:
         k += 1
     return k
 
@@ -206,22 +209,22 @@ def select_regressions(
     seed: int,
     n_restarts: int = 8,
     tolerance: float = 1e-6,
+    extend: bool = True,
     progress: Callable[[int], None] | None = None,
 ) -> RegressionSelection:
     """Choose the number of clusters by BIC, as :func:`descentflow.densities.em.select_mixture`."""
     n, dimension = weights.shape
     n_context = context.shape[1]
-    most = most_clusters(n, dimension, n_context)
-    tried: dict[int, tuple[Regressions, float]] = {}
-    for k in range(1, most + 1):
-        mixture, likelihood = fit_regressions(
-            weights, context, k, seed=seed, n_restarts=n_restarts, tolerance=tolerance
-        )
-        tried[k] = mixture, n_parameters(k, dimension, n_context) * log(n) - 2 * n * likelihood
-        if progress is not None:
-            progress(most)
-    best = min(tried, key=lambda k: tried[k][1])
-    return RegressionSelection(tried[best][0], {k: bic for k, (_, bic) in tried.items()}, cap_binds=best == most)
+    shares = (FLIGHTS_PER_PARAMETER, FEWEST_PER_PARAMETER)
+    most, furthest = (most_clusters(n, dimension, n_context, share) for share in shares)
+
+    def fit(k: int) -> tuple[Regressions, float]:
+        return fit_regressions(weights, context, k, seed=seed, n_restarts=n_restarts, tolerance=tolerance)
+
+    found, bic = by_bic(
+        fit, lambda k: n_parameters(k, dimension, n_context), n, most, furthest if extend else most, progress
+    )
+    return RegressionSelection(found, bic, cap_binds=min(bic, key=bic.__getitem__) == max(bic))
 
 
 def detached(mixture: Regressions) -> Regressions:

@@ -91,7 +91,6 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         learning_rate: PositiveFloat = 3e-3,
         weight_decay: NonNegativeFloat = 1e-5,
         whitened: bool = True,
-        exponential: bool = True,
         linear: bool = True,
         caution: NonNegativeFloat = 1.0,
     ) -> None:
@@ -103,14 +102,13 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
             learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs``.
             weight_decay: Of AdamW; what it pulls to zero is the distance from the Gaussian.
             whitened: Start from the Gaussian of the training flights.
-            exponential: Scale by an exponential instead of normflows' sigmoid.
             linear: LU-decomposed maps between the flows.
             caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
         """
         super().__init__()
         self.save_hyperparameters()
         self.n_flows, self.hidden_per_weight = int(n_flows), int(hidden_per_weight)
-        self.whitened, self.exponential, self.linear = whitened, exponential, linear
+        self.whitened, self.linear = whitened, linear
         # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
         self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
         self.caution = float(caution)
@@ -123,7 +121,6 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
             self.hidden_per_weight,
             n_context,
             whitened=self.whitened,
-            exponential=self.exponential,
             linear=self.linear,
         )
 

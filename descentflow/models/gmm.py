@@ -12,6 +12,8 @@ from tqdm import tqdm
 
 from descentflow.densities import regressions
 from descentflow.densities.em import (
+    FEWEST_PER_PARAMETER,
+    FLIGHTS_PER_PARAMETER,
     Mixture,
     best_start,
     expectation,
@@ -47,6 +49,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         tolerance: PositiveFloat = 1e-6,
         learning_rate: PositiveFloat = 0.005,
         seed: int = 0,
+        extend: bool = True,
     ) -> None:
         """Set the hyperparameters.
 
@@ -57,6 +60,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             tolerance: EM has converged when the mean log-likelihood gains less (nats a flight).
             learning_rate: Of Adam in ``svi``; larger steps throw narrow clusters off a good start.
             seed: Of the starts.
+            extend: Try more clusters than 15 flights a parameter allow where BIC decides for that cap, down to four
+                flights a parameter; the paper stops at the cap.
         """
         super().__init__()
         self.save_hyperparameters()
@@ -66,7 +71,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.automatic_optimization = training == "svi"
         self.n_clusters, self.n_restarts, self.tolerance = n_clusters, n_restarts, tolerance
         # A built-in float: the optimizer's state keeps it, and a checkpoint holds primitives only.
-        self.learning_rate, self.seed = float(learning_rate), seed
+        self.learning_rate, self.seed, self.extend = float(learning_rate), seed, extend
         self.bic: dict[int, float] = {}
         self._restored = False
         self._batches: list[tuple[Tensor, ...]] = []
@@ -93,7 +98,9 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             best = regressions.fit_regressions(weights, context, self.n_clusters, **options)[0]
         else:
             with self._progress() as show:
-                selection = regressions.select_regressions(weights, context, progress=show, **options)
+                selection = regressions.select_regressions(
+                    weights, context, progress=show, extend=self.extend, **options
+                )
             best = selection.mixture
             self._say(selection.bic, len(best.logits), selection.cap_binds)
         if self.training_method == "svi":
@@ -103,8 +110,9 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     def _search(self, weights: Tensor) -> Mixture:
         if self.n_clusters is not None:
             return fit_mixture(weights, self.n_clusters, seed=self.seed, n_restarts=self.n_restarts)[0]
+        options = {"seed": self.seed, "n_restarts": self.n_restarts}
         with self._progress() as show:
-            selection = select_mixture(weights, seed=self.seed, n_restarts=self.n_restarts, progress=show)
+            selection = select_mixture(weights, progress=show, extend=self.extend, **options)
         self._say(selection.bic, len(selection.mixture.probs), selection.cap_binds)
         return selection.mixture
 
@@ -120,7 +128,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     def _say(self, bic: dict[int, float], chosen: int, cap_binds: bool) -> None:
         self.bic = bic
-        cap = " (the cap of 15 flights a parameter decides: more clusters might fit better)"
+        flights = FEWEST_PER_PARAMETER if self.extend else FLIGHTS_PER_PARAMETER
+        cap = f" (the cap of {flights} flights a parameter decides: more clusters might fit better)"
         self.print(f"BIC chooses {chosen} of 1..{max(bic)} clusters{cap if cap_binds else ''}")
 
     def training_step(self, batch: tuple[Tensor, ...], batch_index: int) -> Tensor | None:

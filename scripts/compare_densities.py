@@ -80,7 +80,8 @@ def fitted(name: str, data: DescentDataModule, seed: int, folder: Path) -> Any:
     """A density as `descentflow fit --config configs/model/NAME.yaml` would train it."""
     config = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text())
     kind = getattr(models, config["model"]["class_path"].rsplit(".", 1)[-1])
-    data.batch_size = config.get("data", {}).get("batch_size", 512)
+    for option, value in {"batch_size": 512, "fewest_batches": 1, **config.get("data", {})}.items():
+        setattr(data, option, value)
     torch.manual_seed(seed)
     model = kind(**config["model"].get("init_args", {}))
     fit(model, data, folder / "model.ckpt", config["trainer"]["max_epochs"])

@@ -63,6 +63,7 @@ class DescentDataModule(LightningDataModule):
         context: list[str] | None = None,
         context_table: Path | None = None,
         missing_context: Missing = "drop",
+        fewest_batches: PositiveInt = 1,
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -85,6 +86,7 @@ class DescentDataModule(LightningDataModule):
                 :func:`~descentflow.data.context_columns.flight_context`; those of the checkpoint where one is given.
             context_table: CSV or Parquet with `flight_id` and columns of context.
             missing_context: What becomes of flights that lack a value: ``drop`` or ``indicator``.
+            fewest_batches: Batches that an epoch has at least; with few flights they are smaller than ``batch_size``.
         """
         super().__init__()
         self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
@@ -92,7 +94,7 @@ class DescentDataModule(LightningDataModule):
         self.test_fraction, self.validation_fraction = test_fraction, validation_fraction
         self.split_by, self.seed = split_by, seed
         self.explained_variance, self.fpca = explained_variance, fpca
-        self.batch_size, self.checkpoint = batch_size, checkpoint
+        self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
         self._representation: Representation | None = None
 
@@ -181,7 +183,8 @@ class DescentDataModule(LightningDataModule):
     def _loader(self, part: Part, *, shuffle: bool = False) -> DataLoader[Any]:
         # The weights are in memory and a batch is one slice: worker processes would only cost.
         tensors = [tensor for tensor in (self.weights(part), self.contexts(part)) if tensor is not None]
-        return DataLoader(TensorDataset(*tensors), batch_size=self.batch_size, shuffle=shuffle)
+        most = -(-len(tensors[0]) // self.fewest_batches) if shuffle else self.batch_size
+        return DataLoader(TensorDataset(*tensors), batch_size=min(self.batch_size, most), shuffle=shuffle)
 
     def _chosen(self, source: Descents) -> pl.DataFrame:
         if self.typecodes is None:

@@ -91,7 +91,7 @@ class FlowDensity(Density):
             plain: Tensor = self.flow.sample(n, *given)[0]
             return plain.to(torch.float64)
         white = torch.randn(n, self.dimension, dtype=self._dtype, device=self.device)
-        z = self.flow.forward(white @ self.correlation_tril.to(self._dtype).T, *given)
+        z: Tensor = self.flow.forward(white @ self.correlation_tril.to(self._dtype).T, *given)
         return self._locs(context) + self.scale * z.to(torch.float64)
 
     @property

@@ -26,6 +26,7 @@ class _Flow(LatentModel[F], ABC):
 
     learning_rate: float
     weight_decay: float
+    shrinkage: float
     caution: float
 
     def __init__(self) -> None:
@@ -69,7 +70,10 @@ class _Flow(LatentModel[F], ABC):
             weights = data.weights("train").to(self.device, torch.float64)
             context = data.contexts("train").to(weights) if self.density.n_context else weights[:, :0]
             self.density.whiten(*regression(weights, context, torch.ones_like(weights[:, 0])))
-        return adam_with_cosine(self, self.learning_rate, self.weight_decay, still_first=self.density.whitened)
+        decay = self.weight_decay
+        if self.shrinkage > 0:
+            decay += self.shrinkage / len(self.trainer.datamodule.weights("train"))  # type: ignore[attr-defined]
+        return adam_with_cosine(self, self.learning_rate, decay, still_first=self.density.whitened)
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """As every model, and keep the Gaussian of the checkpoint."""
@@ -90,6 +94,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         hidden_per_weight: PositiveInt = 2,
         learning_rate: PositiveFloat = 3e-3,
         weight_decay: NonNegativeFloat = 1e-5,
+        shrinkage: NonNegativeFloat = 300.0,
         whitened: bool = True,
         linear: bool = True,
         caution: NonNegativeFloat = 1.0,
@@ -100,7 +105,9 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
             n_flows: Number of masked affine flows.
             hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights.
             learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs``.
-            weight_decay: Of AdamW; what it pulls to zero is the distance from the Gaussian.
+            weight_decay: Of AdamW.
+            shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a
+                whitened flow is pulled towards its Gaussian.
             whitened: Start from the Gaussian of the training flights.
             linear: LU-decomposed maps between the flows.
             caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
@@ -111,7 +118,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         self.whitened, self.linear = whitened, linear
         # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
         self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
-        self.caution = float(caution)
+        self.shrinkage, self.caution = float(shrinkage), float(caution)
 
     def make(self, dimension: int, n_context: int = 0) -> MaskedAffineFlowDensity:
         """Flows that start at the identity or its neighbourhood."""
@@ -138,7 +145,8 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         hidden: PositiveInt = 32,
         n_bins: PositiveInt = 8,
         learning_rate: PositiveFloat = 3e-3,
-        weight_decay: NonNegativeFloat = 1e-4,
+        weight_decay: NonNegativeFloat = 1e-5,
+        shrinkage: NonNegativeFloat = 600.0,
         whitened: bool = True,
         caution: NonNegativeFloat = 1.0,
     ) -> None:
@@ -149,7 +157,9 @@ class SplineFlow(_Flow[SplineFlowDensity]):
             hidden: Units behind each flow's knots.
             n_bins: Pieces of each spline.
             learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs``.
-            weight_decay: Of AdamW; what it pulls to zero is the distance from the Gaussian.
+            weight_decay: Of AdamW.
+            shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a
+                whitened flow is pulled towards its Gaussian.
             whitened: Start from the Gaussian of the training flights.
             caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
         """
@@ -157,7 +167,7 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         self.save_hyperparameters()
         self.n_flows, self.hidden, self.n_bins = int(n_flows), int(hidden), int(n_bins)
         self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
-        self.whitened, self.caution = whitened, float(caution)
+        self.whitened, self.shrinkage, self.caution = whitened, float(shrinkage), float(caution)
 
     def make(self, dimension: int, n_context: int = 0) -> SplineFlowDensity:
         """Flows that start at the identity."""

@@ -202,6 +202,12 @@ class DescentDataModule(LightningDataModule):
         """Context of every flight, raw: the columns of the config, or those that a checkpoint's encoder knows."""
         names = list(encoder.names) if encoder is not None else self.context if self.checkpoint is None else None
         if not names:
+            if self.context_table is not None:
+                raise ConfigError(
+                    f"a table of context, {self.context_table}, for a density without context",
+                    expected="columns of it in data.context, or a checkpoint that was fitted with some",
+                    mend="name the columns, or leave the table away",
+                )
             return None
         return flight_context(frame, names, read_context_table(self.context_table))
 

@@ -43,6 +43,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, descents: Path) -> Path:
         ("gmm", 5, "GaussianMixture"),
         ("gmm_svi", 2, "GaussianMixture"),
         ("flow", 3, "MaskedAffineFlow"),
+        ("flow_paper", 2, "MaskedAffineFlow"),
         ("spline", 2, "SplineFlow"),
     ],
 )

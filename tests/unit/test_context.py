@@ -26,7 +26,7 @@ from descentflow.densities.regressions import (
 )
 from descentflow.errors import ConfigError, DataError
 from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
-from descentflow.prediction.posterior import log_density
+from descentflow.prediction.posterior import log_density, posterior_of, prior_of
 from descentflow.sampling.given import sample_given
 
 D, C = 3, 2
@@ -250,6 +250,24 @@ def test_a_checkpoint_keeps_the_context(name: str, tmp_path: Path) -> None:
     assert torch.equal(loaded.sample(20, 1, rows), model.sample(20, 1, rows))
 
 
+@pytest.mark.parametrize("name", ["mixture", "flow"])
+def test_prediction_conditions_on_context_and_observation(name: str) -> None:
+    """The prior of a prediction is the density given the flight's context; a flow's is weighted by it."""
+    density = trained(name).density
+    context = torch.tensor([[1.0, -0.5]], dtype=torch.float64)
+    prior = prior_of(density, 0, context)
+    weights = two_regimes(50, 21)[0]
+    with torch.no_grad():
+        torch.testing.assert_close(
+            prior.log_prob(weights), density.log_prob(weights, context).double(), rtol=1e-9, atol=1e-9
+        )
+    posterior = posterior_of(prior, 4 * torch.eye(D).double(), torch.tensor([8.0, 0.0, 0.0]).double())
+    drawn, effective = posterior.draw(2000, torch.Generator().manual_seed(0))
+    assert effective > 200
+    # Evidence of mean 2 and deviation 0.5 beside a cluster at 2 of deviation 0.4, which affine flows widen.
+    assert float(drawn[:, 0].mean()) == pytest.approx(2.0, abs=0.1 if name == "mixture" else 0.25)
+
+
 def test_misused_contexts_say_so() -> None:
     density = trained("gaussian").density
     with pytest.raises(ConfigError, match="without a context"):
@@ -383,6 +401,8 @@ def test_context_columns_come_from_table_descents_or_are_derived(descents: Path,
     assert found["hour"].min() >= 0
     table = read_context_table(context_file(descents, tmp_path))
     assert set(flight_context(frame, ["operator"], table)["operator"]) == {"AAA", "BBB", "CCC"}
+    with pytest.raises(ConfigError, match="for a density without context"):
+        DescentDataModule(descents, context_table=tmp_path / "context.csv").setup()
     with pytest.raises(ConfigError, match=r"context wind_mps.*entry_fl"):
         flight_context(frame, ["wind_mps"])
     frame.select("IAS").write_csv(tmp_path / "bad.csv")

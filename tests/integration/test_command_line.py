@@ -263,7 +263,7 @@ def test_predict_descent_writes_intervals_and_occupancy(run: Path, descents: Pat
 
 
 def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path, capsys) -> None:
-    """Every command with a context: fitted, tested, evaluated on each flight's own, sampled with what is given."""
+    """Every command with a context: fitted, scored, evaluated on each flight's own, sampled with what is given."""
     flights = pl.read_parquet(descents)["flight_id"].unique().sort()
     speeds = pl.Series([("SLO", "FST", "MID")[i % 3] for i in range(len(flights))])
     table = pl.DataFrame({"flight_id": flights, "operator": speeds, "deviation_k": np.arange(len(flights)) % 7.0})
@@ -272,7 +272,7 @@ def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path,
     folder = fit(tmp_path, descents, "gaussian", *context)
     checkpoint = str(folder / "checkpoints" / "best.ckpt")
     where = f"--trainer.logger.init_args.save_dir={tmp_path / 'tested'}"
-    assert main(["test", "--ckpt_path", checkpoint, where, "--scores.n_test_samples=100"]) == 0
+    assert main(["predict", "--ckpt_path", checkpoint, where]) == 0
     known = ["--context-table", str(tmp_path / "context.csv")]
     words = ["evaluate", checkpoint, "--real", str(descents), "--out", str(tmp_path / "e"), "-n", "100"]
     assert main([*words, *known]) == 0
@@ -290,7 +290,10 @@ def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path,
         assert main([*words, "--out", str(tmp_path / name)]) == 0
     first = pl.read_parquet(tmp_path / "t.parquet").unique("sample_id", keep="first").sort("sample_id")
     assert first["given_operator"].to_list() == ["SLO", "FST", "SLO", "FST", "SLO"]
+    held_out = read_checkpoint(checkpoint)["descentflow"]["representation"]["split"]["test"]
+    reaching = pl.read_parquet(descents).filter(pl.col("flight_id").is_in(held_out), pl.col("level_fl") > 320)
     words = ["predict-descent", checkpoint, str(descents), "--from-fl", "290", "-n", "20", *known]
+    words += ["--flight", reaching["flight_id"][0]]
     assert main([*words, "--out", str(tmp_path / "p.parquet")]) == 0
     capsys.readouterr()
     for bad, message in (

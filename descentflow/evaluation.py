@@ -7,6 +7,7 @@ from pathlib import Path
 
 import polars as pl
 from matplotlib.figure import Figure
+from torch import Tensor
 
 from descentflow.data.representation import Representation
 from descentflow.errors import DataError
@@ -22,7 +23,8 @@ from descentflow.metrics.scores import score
 from descentflow.metrics.table import ScoreTable
 from descentflow.performance.nominal import nominal_descent
 from descentflow.profiles.profiles import Profiles
-from descentflow.sampling.rejection import RejectionReport, Sampler, sample_descents
+from descentflow.sampling.given import ConditionalSampler, sample_given
+from descentflow.sampling.rejection import RejectionReport, sample_descents
 
 
 @dataclass(frozen=True)
@@ -73,10 +75,11 @@ class Evaluation:
 
 
 def evaluate(
-    model: Sampler,
+    model: ConditionalSampler,
     representation: Representation,
     real: Profiles,
     *,
+    context: Tensor | None = None,
     n: int = 10_000,
     seed: int = 0,
     name: str = "samples",
@@ -86,12 +89,14 @@ def evaluate(
 ) -> Evaluation:
     """Sample as many descents as asked and compare them with flights (paper, section 4).
 
-    Entry levels are drawn from those of the flights (paper, section 4.2).
+    Entry levels are drawn from those of the flights (paper, section 4.2); a conditional model is given, for each
+    sample, the entry level and the context of one flight.
 
     Args:
         model: Latent model.
         representation: Its decoder and bounds.
         real: Held-out flights on the decoder's grid.
+        context: (flights, c) encoded context of the flights, where the model takes one.
         n: Number of samples.
         seed: Of sampling and of the splits behind the floors.
         name: The model's name in figures.
@@ -110,9 +115,11 @@ def evaluate(
             mend="pass other prepared descents",
         )
     decoder = representation.decoder
-    samples = sample_descents(
-        model, decoder, representation.plausibility, n, seed, entry=real.entry_level, progress=progress
-    )
+    parts = (decoder, representation.plausibility)
+    if context is None:
+        samples = sample_descents(model, *parts, n, seed, entry=real.entry_level, progress=progress)
+    else:
+        samples = sample_given(model, *parts, context, n, seed, entry=real.entry_level, progress=progress)
     generated, observed = DescentSet.of_trajectories(samples.trajectories), DescentSet.of_profiles(real)
     nominal = DescentSet.of_nominal(nominal_descent(decoder.aircraft, decoder.levels_fl.cpu()))
     scores = score(generated, observed, decoder.transition_fl, nominal, seed, n_splits, progress=score_progress)

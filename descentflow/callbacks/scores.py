@@ -65,8 +65,9 @@ class ScoreCallback(Callback):
     def _evaluate(self, trainer: Trainer, module: LightningModule, part: str, n: int, *, n_splits: int) -> Evaluation:
         assert isinstance(module, LatentModel)
         real = trainer.datamodule.profiles(part)  # type: ignore[attr-defined]
-        name = type(module).__name__
-        return evaluate(module, module.representation, real, n=n, seed=self.seed, name=name, n_splits=n_splits)
+        context = trainer.datamodule.contexts(part)  # type: ignore[attr-defined]
+        name, parts = type(module).__name__, module.representation
+        return evaluate(module, parts, real, context=context, n=n, seed=self.seed, name=name, n_splits=n_splits)
 
     def _log(self, trainer: Trainer, found: Evaluation, stage: str) -> None:
         values = {f"{stage}/score/{name}": value for name, value in found.scores.scalars().items()}

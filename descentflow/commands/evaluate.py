@@ -14,6 +14,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
     parser.add_argument("--real", type=Path, required=True, help="prepared descents (descentflow prepare)")
+    parser.add_argument(
+        "--context-table", type=Path, help="CSV or Parquet with flight_id and the context, for a conditional model"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for scores.csv, rejections.json and figures")
     parser.add_argument("-n", "--number", type=int, default=10_000, help="samples (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of sampling and splits (default: 0)")
@@ -33,7 +36,7 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.files import whole_file
 
     model = load_model(args.checkpoint)
-    data = DescentDataModule(args.real, checkpoint=args.checkpoint)
+    data = DescentDataModule(args.real, checkpoint=args.checkpoint, context_table=args.context_table)
     data.setup()
     real, seen = data.profiles("test"), len(data.profiles("train")) + len(data.profiles("validation"))
     n_splits = 20
@@ -45,6 +48,7 @@ def run(args: argparse.Namespace) -> None:
             model,
             model.representation,
             real,
+            context=data.contexts("test"),
             n=args.number,
             seed=args.seed,
             name=type(model).__name__,

@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from descentflow.data.datamodule import DescentDataModule
     from descentflow.profiles.profiles import Profiles
 
@@ -24,6 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-n", "--number", type=int, default=500, help="continuations a flight (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same predictions (default: 0)")
+    parser.add_argument(
+        "--context-table", type=Path, help="CSV or Parquet with flight_id and the context, for a conditional model"
+    )
     parser.add_argument("--out", type=Path, required=True, help="table of time intervals (.parquet)")
     parser.add_argument("--occupancy", type=Path, help="also write the occupancy of levels (.parquet)")
     parser.add_argument("--step-s", type=float, default=10.0, help="step of the occupancy's time (default: 10)")
@@ -49,19 +54,23 @@ def run(args: argparse.Namespace) -> None:
     for output in (args.out, args.occupancy):
         if output is not None:
             check_output(output)
-    data = DescentDataModule(args.descents, checkpoint=args.checkpoint)
+    data = DescentDataModule(args.descents, checkpoint=args.checkpoint, context_table=args.context_table)
     data.setup()
     predictor = DescentPredictor(load_model(args.checkpoint), args.seed)
     try:
-        predictor = predictor.calibrated(data.profiles("validation"), seed=args.seed)
+        known = data.contexts("validation")
+        predictor = predictor.calibrated(data.profiles("validation"), seed=args.seed, context=known)
         print(f"calibrated on the checkpoint's validation flights: noise variance times {predictor.noise_multiple:g}")
     except DataError as error:
         print(f"not calibrated, intervals are likely to be too narrow: {error}")
-    flights = _chosen(data, args.flight)
+    flights, context = _chosen(data, args.flight)
     predictions, reasons = [], []
     for i in tqdm(range(len(flights)), desc="flights", delay=2):
         try:
-            predictions.append(predictor.predict(flights.subset([i]), args.from_fl, args.number, args.seed))
+            own = None if context is None else context[i : i + 1]
+            predictions.append(
+                predictor.predict(flights.subset([i]), args.from_fl, args.number, args.seed, context=own)
+            )
         except (DataError, SamplingError) as error:
             reasons.append(str(error))
     if not predictions:
@@ -89,12 +98,12 @@ def run(args: argparse.Namespace) -> None:
     print(f"wrote {args.out}")
 
 
-def _chosen(data: "DescentDataModule", names: list[str] | None) -> "Profiles":
+def _chosen(data: "DescentDataModule", names: list[str] | None) -> "tuple[Profiles, Tensor | None]":
     from descentflow.errors import ConfigError
 
-    held_out = data.profiles("test")
+    held_out, context = data.profiles("test"), data.contexts("test")
     if not names:
-        return held_out
+        return held_out, context
     position = {name: i for i, name in enumerate(held_out.flight_ids)}
     unknown = [name for name in names if name not in position]
     if unknown:
@@ -103,4 +112,5 @@ def _chosen(data: "DescentDataModule", names: list[str] | None) -> "Profiles":
             expected="flights of the file that the checkpoint was not trained or validated on",
             mend=f"choose from {', '.join(held_out.flight_ids[:3])}, ...",
         )
-    return held_out.subset([position[name] for name in names])
+    chosen = [position[name] for name in names]
+    return held_out.subset(chosen), None if context is None else context[chosen]

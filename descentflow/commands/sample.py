@@ -3,17 +3,21 @@
 import argparse
 from pathlib import Path
 
+from descentflow.commands import given
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.description = (
         "Draw plausible descents from a fitted model and write them as one long table: a row per sample and flight "
-        "level, with time since entry, altitude, CAS, Mach, TAS, vertical rate and drag."
+        "level, with time since entry, altitude, CAS, Mach, TAS, vertical rate and drag. A model that was fitted with "
+        "data.context is told the context by --given or --given-table; the table then holds it, too."
     )
     parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
     parser.add_argument("-n", "--number", type=int, default=10_000, help="descents wanted (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same descents (default: 0)")
     parser.add_argument("--out", type=Path, required=True, help="output: .parquet, .csv or .nc (NetCDF)")
+    given.add_arguments(parser)
     parser.add_argument(
         "--draw-budget", type=int, help="most draws before giving up (default: 100 for each descent wanted)"
     )
@@ -32,6 +36,7 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.densities.checkpoint import load_model
     from descentflow.errors import ConfigError
     from descentflow.files import check_output
+    from descentflow.sampling.given import sample_given
     from descentflow.sampling.rejection import sample_descents
     from descentflow.sampling.tables import write_samples
 
@@ -40,17 +45,31 @@ def run(args: argparse.Namespace) -> None:
     check_output(args.out)
     model = load_model(args.checkpoint)
     parts = model.representation
+    contexts = given.given_frame(args, parts)
     with tqdm(total=args.number, desc="descents", delay=2) as bar:
-        samples = sample_descents(
-            model,
-            parts.decoder,
-            parts.plausibility,
-            args.number,
-            args.seed,
-            draw_budget=args.draw_budget,
-            compiled=args.compile,
-            progress=lambda n: bar.update(n) and None,
-        )
-    write_samples(samples.trajectories, args.out)
+        if contexts is None or parts.context is None:
+            samples = sample_descents(
+                model,
+                parts.decoder,
+                parts.plausibility,
+                args.number,
+                args.seed,
+                draw_budget=args.draw_budget,
+                compiled=args.compile,
+                progress=lambda n: bar.update(n) and None,
+            )
+        else:
+            samples = sample_given(
+                model,
+                parts.decoder,
+                parts.plausibility,
+                parts.context.encode(contexts),
+                args.number,
+                args.seed,
+                entry=given.entry_of(contexts, parts),
+                draw_budget=args.draw_budget,
+                progress=lambda n: bar.update(n) and None,
+            )
+    write_samples(samples.trajectories, args.out, contexts)
     print(samples.report)
     print(f"wrote {args.out}")

@@ -8,14 +8,17 @@ config.yaml and TensorBoard's events (tensorboard --logdir runs).
 
 what to train
   --model NAME                   Gaussian, GaussianMixture, MaskedAffineFlow or SplineFlow
-  --config FILE                  configs/model/gaussian.yaml, gmm.yaml, gmm_svi.yaml, flow.yaml (good settings for
-                                 each), or configs/experiment/quickstart.yaml (complete)
+  --config FILE                  configs/model/gaussian.yaml, gmm.yaml, gmm_svi.yaml, flow.yaml, spline.yaml (good
+                                 settings for each), or configs/experiment/quickstart.yaml (complete)
 on what
   --data.descents FILE           prepared descents (descentflow prepare)
   --data.aircraft TYPE           whose coefficients infer and fly the drag, where descents of several types are pooled
   --data.bada_dir DIR            a licence holder's BADA 3 files instead of the embedded open aircraft
   --data.typecodes [A320,A321]   only these types
   --data.split_by aircraft       never put flights of one aircraft on both sides of the split
+  --data.context [hour,operator] condition on columns of the descents, of a table, or on entry_fl, hour and operator
+                                 (from the callsign), which need none
+  --data.context_table FILE      columns of context by flight_id, CSV or Parquet
   --data.explained_variance 0.8  share of variance that the fPCA components explain
 how long
   --trainer.max_epochs N

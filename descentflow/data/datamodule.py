@@ -12,6 +12,8 @@ from torch import Tensor
 from torch.utils.data import DataLoader, TensorDataset
 from tqdm import tqdm
 
+from descentflow.data.context import ContextEncoder, Missing
+from descentflow.data.context_columns import flight_context, read_context_table
 from descentflow.data.representation import Representation, Split, fit_representation
 from descentflow.data.splitting import SplitBy, split_flights
 from descentflow.densities.checkpoint import load_representation
@@ -58,6 +60,10 @@ class DescentDataModule(LightningDataModule):
         fpca: Method = "ppca",
         batch_size: PositiveInt = 512,
         checkpoint: Path | None = None,
+        context: list[str] | None = None,
+        context_table: Path | None = None,
+        missing_context: Missing = "drop",
+        fewest_batches: PositiveInt = 1,
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -76,6 +82,11 @@ class DescentDataModule(LightningDataModule):
             fpca: Gappy fPCA algorithm: ``ppca`` or the paper's ``iterative``.
             batch_size: Flights in a training batch.
             checkpoint: Encode with this checkpoint's representation instead of fitting one.
+            context: Columns on which the density is conditioned, see
+                :func:`~descentflow.data.context_columns.flight_context`; those of the checkpoint where one is given.
+            context_table: CSV or Parquet with `flight_id` and columns of context.
+            missing_context: What becomes of flights that lack a value: ``drop`` or ``indicator``.
+            fewest_batches: Batches that an epoch has at least; with few flights they are smaller than ``batch_size``.
         """
         super().__init__()
         self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
@@ -83,7 +94,8 @@ class DescentDataModule(LightningDataModule):
         self.test_fraction, self.validation_fraction = test_fraction, validation_fraction
         self.split_by, self.seed = split_by, seed
         self.explained_variance, self.fpca = explained_variance, fpca
-        self.batch_size, self.checkpoint = batch_size, checkpoint
+        self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
+        self.context, self.context_table, self.missing_context = context, context_table, missing_context
         self._representation: Representation | None = None
 
     def setup(self, stage: str | None = None) -> None:
@@ -106,18 +118,27 @@ class DescentDataModule(LightningDataModule):
             begin("inferring drag")
             if self.checkpoint is not None:
                 representation = load_representation(self.checkpoint)
+                table = self._context(frame, representation.context)
                 profiles = self._on_grid(frame, representation)
                 split = rest_is_test(profiles.flight_ids, representation.split)
             else:
+                table = self._context(frame, None)
+                frame = self._without_missing(frame, table)
                 profiles, split = self._fresh(frame, source)
                 begin("fitting components")
                 representation = self._fit(profiles, split, source)
                 seen = frame.filter(pl.col("flight_id").is_in([*split.train, *split.validation]))
                 levels = profiles.levels_fl
                 representation.reference = reference_state(seen, float(levels[0]), float(levels[-1]))
+                representation.context = self._encoder(table, split)
             begin("encoding flights")
+            profiles = _with_context(profiles, table, representation.context)
             self._profiles = _parts(profiles, split)
             self._weights = {part: representation.decoder.encode(self._profiles[part]) for part in self._profiles}
+            self._contexts = {
+                part: contexts_of(self._profiles[part].flight_ids, table, representation.context)
+                for part in self._profiles
+            }
         self._representation = representation
         rank_zero_info(self._summary())
 
@@ -138,6 +159,11 @@ class DescentDataModule(LightningDataModule):
         self.representation  # noqa: B018 - raises before setup
         return self._weights[part]
 
+    def contexts(self, part: Part) -> Tensor | None:
+        """Encoded context (n, c) of a part, float64; None where the density is not conditioned on any."""
+        self.representation  # noqa: B018 - raises before setup
+        return self._contexts[part]
+
     def train_dataloader(self) -> DataLoader[Any]:
         """Training weights, shuffled by Lightning's seed."""
         return self._loader("train", shuffle=True)
@@ -156,7 +182,9 @@ class DescentDataModule(LightningDataModule):
 
     def _loader(self, part: Part, *, shuffle: bool = False) -> DataLoader[Any]:
         # The weights are in memory and a batch is one slice: worker processes would only cost.
-        return DataLoader(TensorDataset(self.weights(part)), batch_size=self.batch_size, shuffle=shuffle)
+        tensors = [tensor for tensor in (self.weights(part), self.contexts(part)) if tensor is not None]
+        most = -(-len(tensors[0]) // self.fewest_batches) if shuffle else self.batch_size
+        return DataLoader(TensorDataset(*tensors), batch_size=min(self.batch_size, most), shuffle=shuffle)
 
     def _chosen(self, source: Descents) -> pl.DataFrame:
         if self.typecodes is None:
@@ -169,6 +197,42 @@ class DescentDataModule(LightningDataModule):
                 mend="change data.typecodes",
             )
         return frame
+
+    def _context(self, frame: pl.DataFrame, encoder: ContextEncoder | None) -> pl.DataFrame | None:
+        """Context of every flight, raw: the columns of the config, or those that a checkpoint's encoder knows."""
+        names = list(encoder.names) if encoder is not None else self.context if self.checkpoint is None else None
+        if not names:
+            if self.context_table is not None:
+                raise ConfigError(
+                    f"a table of context, {self.context_table}, for a density without context",
+                    expected="columns of it in data.context, or a checkpoint that was fitted with some",
+                    mend="name the columns, or leave the table away",
+                )
+            return None
+        return flight_context(frame, names, read_context_table(self.context_table))
+
+    def _without_missing(self, frame: pl.DataFrame, table: pl.DataFrame | None) -> pl.DataFrame:
+        """The descents of flights whose context is whole, before the split; says how many there were of the others."""
+        if table is None or self.missing_context == "indicator":
+            return frame
+        whole = table.drop_nulls()
+        whole = whole.filter([pl.col(n).is_finite() for n, t in whole.schema.items() if t.is_float()] or True)
+        lacking = len(table) - len(whole)
+        if lacking == len(table):
+            raise DataError(
+                f"none of {lacking} flights has a value for all of {', '.join(table.columns[1:])}",
+                expected="a context for the flights of data.descents",
+                mend="check the flight_id of data.context_table, or set data.missing_context: indicator",
+            )
+        if lacking:
+            rank_zero_info(f"left out {lacking} of {len(table)} flight(s) that lack a value of their context")
+        return frame.filter(pl.col("flight_id").is_in(whole["flight_id"].to_list()))
+
+    def _encoder(self, table: pl.DataFrame | None, split: Split) -> ContextEncoder | None:
+        if table is None:
+            return None
+        train = table.filter(pl.col("flight_id").is_in(list(split.train)))
+        return ContextEncoder.fit(train, table.columns[1:], self.missing_context)
 
     def _aircraft(self, frame: pl.DataFrame) -> Aircraft:
         if self.aircraft is not None:
@@ -220,6 +284,7 @@ class DescentDataModule(LightningDataModule):
         return (
             f"flights: {counts}; grid FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}; components: "
             f"{decoder.drag_basis.n_components} of drag, {decoder.cas_basis.n_components} of CAS"
+            + ("" if self.representation.context is None else f"; given {self.representation.context.describe()}")
         )
 
 
@@ -246,6 +311,30 @@ def _with_levels(profiles: Profiles) -> Profiles:
     if not bool(enough.all()):
         rank_zero_info(f"left out {int((~enough).sum())} flight(s) with fewer than two levels on the grid")
     return profiles.subset(torch.nonzero(enough)[:, 0])
+
+
+def contexts_of(
+    flight_ids: tuple[str, ...], table: pl.DataFrame | None, encoder: ContextEncoder | None
+) -> Tensor | None:
+    """Encoded context (n, c) of flights in their order; None without an encoder."""
+    if encoder is None or table is None:
+        return None
+    order = pl.DataFrame({"flight_id": list(flight_ids)}, schema={"flight_id": pl.String})
+    return encoder.encode(order.join(table, on="flight_id", how="left", maintain_order="left"))
+
+
+def _with_context(profiles: Profiles, table: pl.DataFrame | None, encoder: ContextEncoder | None) -> Profiles:
+    """Without the flights whose context cannot be encoded; says how many those were, by column."""
+    if encoder is None or table is None:
+        return profiles
+    order = pl.DataFrame({"flight_id": list(profiles.flight_ids)})
+    lacking = encoder.lacking(order.join(table, on="flight_id", how="left", maintain_order="left"))
+    whole = torch.ones(len(profiles), dtype=torch.bool)
+    for name, rows in lacking.items():
+        if bool(rows.any()):
+            rank_zero_info(f"left out {int(rows.sum())} flight(s) whose {name} is missing or was never trained on")
+        whole &= ~torch.from_numpy(rows.to_numpy().copy())
+    return profiles.subset(torch.nonzero(whole)[:, 0])
 
 
 def _parts(profiles: Profiles, split: Split) -> dict[Part, Profiles]:

@@ -6,6 +6,7 @@ from typing import Any
 import torch
 from torch import nn
 
+from descentflow.data.context import ContextEncoder
 from descentflow.decoder.decoder import DescentDecoder
 from descentflow.errors import DataError
 from descentflow.fpca.gappy import GappyFPCA, Method
@@ -43,6 +44,7 @@ class Representation(nn.Module):
         split: Split,
         provenance: dict[str, Any],
         reference: dict[str, Any] | None = None,
+        context: ContextEncoder | None = None,
     ) -> None:
         """Hold the parts.
 
@@ -53,21 +55,31 @@ class Representation(nn.Module):
             provenance: Primitives that say where the descents came from.
             reference: What the training flights measured, in bands of altitude, by which a diagnosis holds other
                 flights against them with the same instrument (:mod:`descentflow.gap.quantities`); may be absent.
+            context: What the density is conditioned on; None for nothing.
         """
         super().__init__()
         self.decoder, self.plausibility = decoder, plausibility
         self.split, self.provenance = split, provenance
-        self.reference = reference
+        self.reference, self.context = reference, context
+
+    @property
+    def n_context(self) -> int:
+        """Numbers that stand for one flight's context; zero without one."""
+        return 0 if self.context is None else self.context.width
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the whole."""
-        state = {
+        state: dict[str, Any] = {
             "decoder": self.decoder.to_state(),
             "plausibility": self.plausibility.to_state(),
             "split": self.split.to_state(),
             "provenance": self.provenance,
         }
-        return state if self.reference is None else {**state, "reference": self.reference}
+        if self.reference is not None:
+            state["reference"] = self.reference
+        if self.context is not None:
+            state["context"] = self.context.to_state()
+        return state
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Representation":
@@ -78,6 +90,7 @@ class Representation(nn.Module):
             Split.from_state(state["split"]),
             state["provenance"],
             state.get("reference"),
+            ContextEncoder.from_state(state["context"]) if "context" in state else None,
         )
 
 

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.data.representation import Representation
+from descentflow.densities.em import Mixture
 from descentflow.errors import ConfigError
 
 
@@ -16,7 +17,8 @@ class Density(nn.Module, ABC):
     """A density over d standardised weights (paper, section 2.3), with the representation that gives them meaning.
 
     A subclass says its log density and how to draw from it; its constructor takes the number of weights and whatever
-    :meth:`settings` returns. It knows nothing of training.
+    :meth:`settings` returns. It knows nothing of training. A density may be conditioned on the c numbers of a flight's
+    context (:class:`descentflow.data.context.ContextEncoder`): then both take one row of them for each flight.
 
     Example:
         >>> model = load_model("best.ckpt")
@@ -32,22 +34,23 @@ class Density(nn.Module, ABC):
         super().__init_subclass__(**kwargs)
         Density.kinds[cls.__name__] = cls
 
-    def __init__(self, dimension: int) -> None:
+    def __init__(self, dimension: int, n_context: int = 0) -> None:
         """Start without a representation.
 
         Args:
             dimension: Number of weights d.
+            n_context: Numbers c of context; zero for a density that is not conditioned on any.
         """
         super().__init__()
-        self.dimension = dimension
+        self.dimension, self.n_context = dimension, n_context
         self._representation: Representation | None = None
 
     @abstractmethod
-    def log_prob(self, weights: Tensor) -> Tensor:
-        """Log density (n,) of standardised weights (n, d), in nats."""
+    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        """Log density (n,) of standardised weights (n, d), in nats, given context (n, c) or (1, c)."""
 
     @abstractmethod
-    def draw(self, n: int) -> Tensor:
+    def draw(self, n: int, context: Tensor | None = None) -> Tensor:
         """Draw (n, d) standardised weights with torch's global generator; call :meth:`sample` instead."""
 
     def settings(self) -> dict[str, Any]:
@@ -55,10 +58,46 @@ class Density(nn.Module, ABC):
         return {}
 
     @torch.no_grad()
-    def sample(self, n: int, seed: int) -> Tensor:
-        """Draw (n, d) standardised weights, the same for the same seed, leaving the global generator as it was."""
+    def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
+        """Draw (n, d) standardised weights, the same for the same seed, leaving the global generator as it was.
+
+        Args:
+            n: Number of draws.
+            seed: Of the draws.
+            context: (n, c) or (1, c) where the density is conditioned on one.
+
+        Raises:
+            ConfigError: If a context is given but not known, or known but not given.
+        """
+        rows = self.rows_of_context(context, n)
         with seeded(seed, self.device):
-            return self.draw(n)
+            return self.draw(n) if rows is None else self.draw(n, rows)
+
+    def mixture_given(self, context: Tensor | None = None) -> Mixture | None:
+        """The density as a mixture of Gaussians, given one context (1, c) where it takes one; None if it is none."""
+        return None
+
+    def rows_of_context(self, context: Tensor | None, n: int) -> Tensor | None:
+        """The context (n, c) of n flights, checked; None for a density without context.
+
+        Raises:
+            ConfigError: If there should be none, should be one, or it has another shape.
+        """
+        if context is None and self.n_context == 0:
+            return None
+        known = self._representation.context if self._representation is not None else None
+        what = known.describe() if known is not None else f"{self.n_context} numbers a flight"
+        if context is None:
+            raise ConfigError(
+                "a conditional density without a context", expected=what, mend="give the context of every flight"
+            )
+        if self.n_context == 0 or context.shape[1:] != (self.n_context,) or len(context) not in (1, n):
+            raise ConfigError(
+                f"context of shape {tuple(context.shape)} for {n} flights",
+                expected=f"({n}, {self.n_context}): {what}" if self.n_context else "none: the density knows no context",
+                mend="encode it with density.representation.context",
+            )
+        return context.expand(n, -1)
 
     @property
     def device(self) -> torch.device:

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import log, pi
+from typing import TypeVar
 
 import torch
 from torch import Tensor
@@ -20,6 +21,8 @@ FINALISTS = 4
 """Restarts that go on to convergence."""
 FLIGHTS_PER_PARAMETER = 15
 """The paper's cap: 15 n_p <= n_train (appendix C)."""
+FEWEST_PER_PARAMETER = 4
+"""Where the search ends that goes on beyond that cap."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +48,10 @@ def n_parameters(n_clusters: int, dimension: int) -> int:
     return n_clusters * dimension * (dimension + 3) // 2 + n_clusters - 1
 
 
-def most_clusters(n_train: int, dimension: int) -> int:
+def most_clusters(n_train: int, dimension: int, flights_per_parameter: float = FLIGHTS_PER_PARAMETER) -> int:
     """Largest number of clusters with 15 training flights a parameter; one at the least (paper, appendix C)."""
     k = 1
-    while FLIGHTS_PER_PARAMETER * n_parameters(k + 1, dimension) <= n_train:
+    while flights_per_parameter * n_parameters(k + 1, dimension) <= n_train:
         k += 1
     return k
 
@@ -97,6 +100,12 @@ def start(weights: Tensor, features: Tensor, n_clusters: int, seed: int) -> Mixt
     Neither kind wins always; four of each reached the likelihood of scikit-learn's best of three seeds in every
     of eight data sets, either kind alone did not (Arthur and Vassilvitskii 2007 for k-means++).
     """
+    labels = k_means_labels(weights, n_clusters, seed)
+    return maximisation(features, torch.nn.functional.one_hot(labels, n_clusters).to(torch.float64))
+
+
+def k_means_labels(weights: Tensor, n_clusters: int, seed: int) -> Tensor:
+    """Labels (n,) of k-means++ centres (even seeds) or of k-means from there (odd seeds), see :func:`start`."""
     # Imported here: sampling from a mixture needs no k-means.
     from sklearn.cluster import KMeans
     from sklearn.exceptions import ConvergenceWarning
@@ -108,8 +117,7 @@ def start(weights: Tensor, features: Tensor, n_clusters: int, seed: int) -> Mixt
         labels = KMeans(n_clusters, n_init=1, max_iter=lloyd_steps, random_state=seed).fit_predict(
             weights.cpu().numpy()
         )
-    nearest = torch.as_tensor(labels, dtype=torch.long, device=weights.device)
-    return maximisation(features, torch.nn.functional.one_hot(nearest, n_clusters).to(torch.float64))
+    return torch.as_tensor(labels, dtype=torch.long, device=weights.device)
 
 
 def best_start(weights: Tensor, n_clusters: int, *, seed: int, n_restarts: int) -> Mixture:
@@ -174,6 +182,7 @@ def select_mixture(
     n_restarts: int = 8,
     tolerance: float = 1e-6,
     cap: int | None = None,
+    extend: bool = True,
     progress: Callable[[int], None] | None = None,
 ) -> Selection:
     """Choose the number of clusters by the Bayesian information criterion (paper, appendix C).
@@ -184,18 +193,58 @@ def select_mixture(
         n_restarts: Starts for each number of clusters.
         tolerance: As in :func:`fit_mixture`.
         cap: Most clusters, if fewer than 15 flights a parameter allow.
+        extend: Go on beyond 15 flights a parameter where BIC decides for the cap, see :func:`by_bic`.
         progress: Called after each number of clusters with how many will be tried.
 
     Returns:
         The best mixture; ``cap_binds`` says that the largest number allowed won, so that more might win yet.
     """
     n, dimension = weights.shape
-    most = most_clusters(n, dimension) if cap is None else min(cap, most_clusters(n, dimension))
-    tried: dict[int, tuple[Mixture, float]] = {}
-    for k in range(1, most + 1):
-        mixture, likelihood = fit_mixture(weights, k, seed=seed, n_restarts=n_restarts, tolerance=tolerance)
-        tried[k] = mixture, n_parameters(k, dimension) * log(n) - 2 * n * likelihood
+    most, furthest = (most_clusters(n, dimension, share) for share in (FLIGHTS_PER_PARAMETER, FEWEST_PER_PARAMETER))
+    if cap is not None:
+        most, furthest = min(cap, most), min(cap, furthest)
+
+    def fit(k: int) -> tuple[Mixture, float]:
+        return fit_mixture(weights, k, seed=seed, n_restarts=n_restarts, tolerance=tolerance)
+
+    found, bic = by_bic(fit, lambda k: n_parameters(k, dimension), n, most, furthest if extend else most, progress)
+    return Selection(found, bic, cap_binds=min(bic, key=bic.__getitem__) == max(bic))
+
+
+M = TypeVar("M")
+
+
+def by_bic(
+    fit: Callable[[int], tuple[M, float]],
+    n_parameters: Callable[[int], int],
+    n: int,
+    most: int,
+    furthest: int,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[M, dict[int, float]]:
+    """Try numbers of clusters and keep the one of the smallest BIC.
+
+    All of 1..most are tried. While the largest or the last but one is the best, larger ones are tried, one after the
+    other, up to ``furthest``: BIC has its own price for parameters, so the cap should not be what decides.
+
+    Args:
+        fit: Number of clusters -> mixture and mean log-likelihood (nats a flight).
+        n_parameters: Number of clusters -> free parameters.
+        n: Number of flights.
+        most: The paper's cap.
+        furthest: Where even a better BIC is not followed.
+        progress: Called after each with how many will be tried at least.
+
+    Returns:
+        The best, and the BIC of every number tried; the best is the largest only if ``furthest`` decided.
+    """
+    tried: dict[int, M] = {}
+    bic: dict[int, float] = {}
+    for k in range(1, max(most, furthest) + 1):
+        if k > most and (not bic or min(bic, key=bic.__getitem__) < k - 2):
+            break
+        tried[k], likelihood = fit(k)
+        bic[k] = n_parameters(k) * log(n) - 2 * n * likelihood
         if progress is not None:
-            progress(most)
-    best = min(tried, key=lambda k: tried[k][1])
-    return Selection(tried[best][0], {k: bic for k, (_, bic) in tried.items()}, cap_binds=best == most)
+            progress(max(most, k))
+    return tried[min(bic, key=bic.__getitem__)], bic

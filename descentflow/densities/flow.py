@@ -1,28 +1,127 @@
 """Autoregressive flows from normflows: masked affine (paper, section 2.3 and appendix C), and splines."""
 
+from math import log, pi
 from typing import Any
 
 import normflows as nf
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from descentflow.densities.base import Density
 
+MOST_INPUT = 3.0
+"""Standard deviations up to which a masked affine flow of exponential scale follows what a weight says of others."""
+MOST_LOG_SCALE = 1.0
+"""Of the exponential scale. With 2, held-out NLL of small types is 0.07 nats worse, most of it from a few flights."""
+
 
 class FlowDensity(Density):
-    """What normalising flows share: ``log p(w) = log N(z; 0, I) + log |det dz/dw|``, z the weights sent through all."""
+    """What flows share: ``log p(w | c) = log N(z; 0, I) + log |det dz/dw|``, z the weights sent through all.
+
+    A whitened flow has the weights' Gaussian about it, which it does not train: weight by weight, location (given the
+    context) and scale are taken off before the flows, and what correlation is left after them. While the flows are the
+    identity the density is that Gaussian. (With all of it taken off first, splines see turned weights, whose clusters
+    lie across their axes: held-out NLL was half a nat worse on small types.)
+    """
 
     flow: nf.NormalizingFlow
+    loc: Tensor
+    slope: Tensor
+    scale: Tensor
+    correlation_tril: Tensor
+    order: Tensor
 
-    def log_prob(self, weights: Tensor) -> Tensor:
-        """Log density (n,) of standardised weights (n, d)."""
-        log_prob: Tensor = self.flow.log_prob(weights.to(torch.float32))
+    def __init__(self, dimension: int, n_context: int, whitened: bool) -> None:
+        """Whiten with the standard normal until :meth:`whiten` says otherwise.
+
+        Args:
+            dimension: Number of weights d.
+            n_context: Numbers of context c.
+            whitened: Whether the Gaussian is taken off.
+        """
+        super().__init__(dimension, n_context)
+        self.whitened = whitened
+        if whitened:
+            self.register_buffer("loc", torch.zeros(dimension, dtype=torch.float64))
+            self.register_buffer("slope", torch.zeros(dimension, n_context, dtype=torch.float64))
+            self.register_buffer("scale", torch.ones(dimension, dtype=torch.float64))
+            self.register_buffer("correlation_tril", torch.eye(dimension, dtype=torch.float64))
+            self.register_buffer("order", torch.arange(dimension))
+
+    @torch.no_grad()
+    def whiten(self, loc: Tensor, slope: Tensor, scale_tril: Tensor) -> None:
+        """Set the Gaussian of an untrained flow: loc (d,), slope (d, c), lower Cholesky factor (d, d)."""
+        self.loc.copy_(loc)
+        self.slope.copy_(slope)
+        self.scale.copy_(scale_tril.norm(dim=1))
+        # The identity but for the order of the weights, which the linear maps change.
+        eye = torch.eye(self.dimension, dtype=self._dtype, device=self.device)
+        context = (eye.new_zeros(self.dimension, self.n_context),) if self.n_context else ()
+        order = self.flow.inverse(eye, *context).argmax(1).argsort()
+        self.order.copy_(order)
+        rows = (scale_tril / self.scale[:, None])[order]
+        self.correlation_tril.copy_(torch.linalg.cholesky(rows @ rows.T))
+
+    @torch.no_grad()
+    def base_log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        """Log density (n,) of an untrained flow, the Gaussian alone."""
+        standard = self._standardised(weights, self.rows_of_context(context, len(weights)))
+        return self._base(standard[:, self.order]) - self.scale.log().sum()
+
+    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        """Log density (n,) of standardised weights (n, d), given context (n, c)."""
+        rows = self.rows_of_context(context, len(weights))
+        given = () if rows is None else (rows.to(self._dtype),)
+        if not self.whitened:
+            plain: Tensor = self.flow.log_prob(weights.to(self._dtype), *given)
+            return plain
+        start = self._standardised(weights, rows)
+        z, log_det = start.to(self._dtype), torch.zeros(len(start), dtype=self._dtype, device=start.device)
+        for flow in reversed(self.flow.flows):
+            # Not normflows' own loop, which adds up log-determinants in single precision.
+            z, part = flow.inverse(z, *given)
+            log_det = log_det + part
+        log_prob: Tensor = self._base(z) + log_det - self.scale.log().sum().to(self._dtype)
         return log_prob
 
-    def draw(self, n: int) -> Tensor:
+    def draw(self, n: int, context: Tensor | None = None) -> Tensor:
         """Draw (n, d); a draw that is not finite is left for the sampler to count."""
-        draws: Tensor = self.flow.sample(n)[0]
-        return draws.to(torch.float64)
+        given = () if context is None else (context.to(self._dtype),)
+        if not self.whitened:
+            plain: Tensor = self.flow.sample(n, *given)[0]
+            return plain.to(torch.float64)
+        white = torch.randn(n, self.dimension, dtype=self._dtype, device=self.device)
+        z: Tensor = self.flow.forward(white @ self.correlation_tril.to(self._dtype).T, *given)
+        return self._locs(context) + self.scale * z.to(torch.float64)
+
+    @property
+    def _dtype(self) -> torch.dtype:
+        dtype: torch.dtype = next(self.flow.parameters()).dtype
+        return dtype
+
+    def _locs(self, context: Tensor | None) -> Tensor:
+        return self.loc if context is None else self.loc + context.to(self.loc.dtype) @ self.slope.T
+
+    def _standardised(self, weights: Tensor, context: Tensor | None) -> Tensor:
+        return (weights.to(self.loc.dtype) - self._locs(context)) / self.scale
+
+    def _base(self, z: Tensor) -> Tensor:
+        """Log density (n,) of what leaves the flows: a normal with the correlation that was taken off."""
+        factor = self.correlation_tril.to(z.dtype)
+        white = torch.linalg.solve_triangular(factor, z.T, upper=False)
+        constant = factor.diagonal().log().sum() + 0.5 * self.dimension * log(2 * pi)
+        log_prob: Tensor = -0.5 * white.square().sum(0) - constant
+        return log_prob
+
+    def _assembled(self, flows: list[nf.flows.Flow]) -> nf.NormalizingFlow:
+        base = nf.distributions.DiagGaussian(self.dimension, trainable=False)
+        kind = nf.ConditionalNormalizingFlow if self.n_context else nf.NormalizingFlow
+        return kind(base, flows)
+
+    def _own_settings(self) -> dict[str, Any]:
+        """Settings that older checkpoints do not have, where they are not the defaults."""
+        context = {"n_context": self.n_context} if self.n_context else {}
+        return {**context, "whitened": True} if self.whitened else context
 
 
 class MaskedAffineFlowDensity(FlowDensity):
@@ -36,27 +135,49 @@ class MaskedAffineFlowDensity(FlowDensity):
     flows (arXiv 1906.04032) gives the scale back.
     """
 
-    def __init__(self, dimension: int, n_flows: int = 5, hidden_per_weight: int = 2) -> None:
-        """Flows that start at the identity's neighbourhood.
+    def __init__(
+        self,
+        dimension: int,
+        n_flows: int = 5,
+        hidden_per_weight: int = 2,
+        n_context: int = 0,
+        whitened: bool = False,
+        linear: bool = True,
+    ) -> None:
+        """Flows that start at the identity's neighbourhood; at the identity where they are whitened.
 
         Args:
             dimension: Number of weights d.
             n_flows: Number of masked affine flows.
-            hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights.
+            hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights and context.
+            n_context: Numbers of context c.
+            whitened: Start at the weights' Gaussian, see :class:`FlowDensity`, with maps that can be the identity.
+            linear: LU-decomposed maps between the flows; their order is reversed otherwise.
         """
-        super().__init__(dimension)
+        super().__init__(dimension, n_context, whitened)
         self.n_flows, self.hidden_per_weight = n_flows, hidden_per_weight
+        self.linear = linear
+        hidden = hidden_per_weight * (dimension + n_context)
         flows: list[nf.flows.Flow] = []
         for _ in range(n_flows):
-            affine = nf.flows.MaskedAffineAutoregressive(
-                dimension, hidden_per_weight * dimension, num_blocks=1, use_residual_blocks=False
-            )
-            flows += [nf.flows.Reverse(affine), nf.flows.LULinearPermute(dimension)]
-        self.flow = nf.NormalizingFlow(nf.distributions.DiagGaussian(dimension, trainable=False), flows)
+            kind = ExponentialAffine if whitened else nf.flows.MaskedAffineAutoregressive
+            affine = kind(dimension, hidden, num_blocks=1, use_residual_blocks=False)
+            if n_context:
+                affine.autoregressive_net = ContextNet(dimension, n_context, hidden, 2, residual=False)
+            if whitened:
+                _made(affine.autoregressive_net).preprocessing = Bounded()
+                final: nn.Linear = _made(affine.autoregressive_net).final_layer  # type: ignore[assignment]
+                nn.init.zeros_(final.weight)
+                nn.init.zeros_(final.bias)
+            mix = nf.flows.LULinearPermute(dimension) if linear else Flip()
+            flows += [TurnedRound(affine), mix]
+        self.flow = self._assembled(flows)
 
     def settings(self) -> dict[str, Any]:
-        """Number and width of the flows."""
-        return {"n_flows": self.n_flows, "hidden_per_weight": self.hidden_per_weight}
+        """Number, width and kind of the flows."""
+        mix = {} if self.linear else {"linear": False}
+        size = {"n_flows": self.n_flows, "hidden_per_weight": self.hidden_per_weight}
+        return {**size, **self._own_settings(), **mix}
 
 
 class SplineFlowDensity(FlowDensity):
@@ -68,7 +189,15 @@ class SplineFlowDensity(FlowDensity):
 
     TAIL = 5.0
 
-    def __init__(self, dimension: int, n_flows: int = 3, hidden: int = 32, n_bins: int = 8) -> None:
+    def __init__(
+        self,
+        dimension: int,
+        n_flows: int = 3,
+        hidden: int = 32,
+        n_bins: int = 8,
+        n_context: int = 0,
+        whitened: bool = False,
+    ) -> None:
         """Flows that start at the identity.
 
         Args:
@@ -76,17 +205,111 @@ class SplineFlowDensity(FlowDensity):
             n_flows: Number of spline flows.
             hidden: Units of the one residual block behind each flow's knots.
             n_bins: Pieces of each spline.
+            n_context: Numbers of context c.
+            whitened: Start at the weights' Gaussian, see :class:`FlowDensity`.
         """
-        super().__init__(dimension)
+        super().__init__(dimension, n_context, whitened)
         self.n_flows, self.hidden, self.n_bins = n_flows, hidden, n_bins
         flows: list[nf.flows.Flow] = []
         for _ in range(n_flows):
             spline = nf.flows.AutoregressiveRationalQuadraticSpline(
                 dimension, num_blocks=1, num_hidden_channels=hidden, num_bins=n_bins, tail_bound=self.TAIL
             )
+            if n_context:
+                net = ContextNet(dimension, n_context, hidden, 3 * n_bins - 1, residual=True)
+                start = spline.mprqat.autoregressive_net.final_layer.bias.detach()
+                nn.init.zeros_(net.made.final_layer.weight)
+                nn.init.constant_(net.made.final_layer.bias, float(start[0]))
+                spline.mprqat.autoregressive_net = net
             flows += [spline, nf.flows.LULinearPermute(dimension)]
-        self.flow = nf.NormalizingFlow(nf.distributions.DiagGaussian(dimension, trainable=False), flows)
+        self.flow = self._assembled(flows)
 
     def settings(self) -> dict[str, Any]:
         """Number and size of the flows."""
-        return {"n_flows": self.n_flows, "hidden": self.hidden, "n_bins": self.n_bins}
+        size = {"n_flows": self.n_flows, "hidden": self.hidden, "n_bins": self.n_bins}
+        return {**size, **self._own_settings()}
+
+
+class ContextNet(nn.Module):
+    """normflows' MADE over context and weights, context first: every weight's map may depend on all of the context.
+
+    MADE's own ``context_features`` are not used: they do not work in its feedforward blocks, and no hidden unit that
+    carries them reaches the first weight's map.
+    """
+
+    def __init__(self, dimension: int, n_context: int, hidden: int, n_outputs: int, *, residual: bool) -> None:
+        """A network with ``n_outputs`` numbers for each of ``dimension`` weights."""
+        super().__init__()
+        self.skipped = n_context * n_outputs
+        self.made = nf.nets.MADE(
+            dimension + n_context,
+            hidden,
+            num_blocks=1,
+            output_multiplier=n_outputs,
+            use_residual_blocks=residual,
+            activation=nn.functional.relu,
+        )
+
+    def forward(self, weights: Tensor, context: Tensor) -> Tensor:
+        """Numbers (n, d n_outputs) of weights (n, d) and context (n, c)."""
+        outputs: Tensor = self.made(torch.cat([context, weights], 1))
+        # The spline divides them in place.
+        return outputs[:, self.skipped :].contiguous()
+
+
+class TurnedRound(nf.flows.Reverse):  # type: ignore[misc]
+    """normflows' ``Reverse`` that hands the context on."""
+
+    def forward(self, z: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """The other flow's inverse."""
+        turned: tuple[Tensor, Tensor] = self.flow.inverse(z, context)
+        return turned
+
+    def inverse(self, z: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """The other flow's forward."""
+        turned: tuple[Tensor, Tensor] = self.flow.forward(z, context)
+        return turned
+
+
+class Flip(nf.flows.Flow):  # type: ignore[misc]
+    """Weights in the opposite order."""
+
+    def forward(self, z: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Flip."""
+        return z.flip(1), z.new_zeros(len(z))
+
+    def inverse(self, z: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Flip back."""
+        return self.forward(z)
+
+
+class ExponentialAffine(nf.flows.MaskedAffineAutoregressive):  # type: ignore[misc]
+    """Masked affine flow whose scale is ``exp(m tanh(s / m))``: as free to grow as to shrink, and 1 for s = 0.
+
+    normflows' sigmoid scale ends at 1.001, where its gradient vanishes.
+    """
+
+    def _elementwise_forward(self, inputs: Tensor, autoregressive_params: Tensor) -> tuple[Tensor, Tensor]:
+        log_scale, shift = self._log_scale_and_shift(autoregressive_params)
+        return log_scale.exp() * inputs + shift, log_scale.sum(1)
+
+    def _elementwise_inverse(self, inputs: Tensor, autoregressive_params: Tensor) -> tuple[Tensor, Tensor]:
+        log_scale, shift = self._log_scale_and_shift(autoregressive_params)
+        return (inputs - shift) * (-log_scale).exp(), -log_scale.sum(1)
+
+    def _log_scale_and_shift(self, autoregressive_params: Tensor) -> tuple[Tensor, Tensor]:
+        raw, shift = self._unconstrained_scale_and_shift(autoregressive_params)
+        return MOST_LOG_SCALE * torch.tanh(raw / MOST_LOG_SCALE), shift
+
+
+class Bounded(nn.Module):
+    """``m tanh(x / m)``: far from the training flights a map is what it is at their edge, and tails stay Gaussian."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Bound."""
+        return MOST_INPUT * torch.tanh(x / MOST_INPUT)
+
+
+def _made(net: nn.Module) -> nn.Module:
+    """The network of normflows, with or without context."""
+    return net.made if isinstance(net, ContextNet) else net

@@ -1,36 +1,69 @@
-"""One Gaussian over the weights (paper, section 2.3 and appendix C)."""
+"""One Gaussian over the weights (paper, section 2.3 and appendix C), its mean linear in the context if there is one."""
+
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from descentflow.densities.base import Density
 from descentflow.densities.em import Mixture
+from descentflow.errors import ConfigError
 
 
 class GaussianDensity(Density):
-    """``log p(w) = log N(w; loc, scale_tril scale_tril')``, a standard normal until it is fitted."""
+    """``log p(w | c) = log N(w; loc + slope c, scale_tril scale_tril')``, a standard normal until it is fitted."""
 
-    def __init__(self, dimension: int) -> None:
-        """A standard normal of d weights."""
-        super().__init__(dimension)
+    def __init__(self, dimension: int, n_context: int = 0) -> None:
+        """A standard normal of d weights.
+
+        Args:
+            dimension: Number of weights d.
+            n_context: Numbers of context c.
+        """
+        super().__init__(dimension, n_context)
         self.loc = nn.Parameter(torch.zeros(dimension, dtype=torch.float64))
         self.scale_tril = nn.Parameter(torch.eye(dimension, dtype=torch.float64))
+        if n_context:
+            self.slope = nn.Parameter(torch.zeros(dimension, n_context, dtype=torch.float64))
 
-    @property
-    def distribution(self) -> torch.distributions.MultivariateNormal:
-        """The density as a torch distribution."""
-        return torch.distributions.MultivariateNormal(self.loc, scale_tril=self.scale_tril, validate_args=False)
+    def settings(self) -> dict[str, Any]:
+        """Numbers of context, if there are any."""
+        return {"n_context": self.n_context} if self.n_context else {}
 
     @property
     def mixture(self) -> Mixture:
-        """The density as a mixture of one."""
+        """The density as a mixture of one.
+
+        Raises:
+            ConfigError: If the density is conditional, see :meth:`mixture_given`.
+        """
+        if self.n_context:
+            raise ConfigError(
+                "a conditional density where one without context is needed",
+                expected="a context",
+                mend="call mixture_given(context)",
+            )
         return Mixture(torch.ones(1, dtype=self.loc.dtype), self.loc[None], self.scale_tril[None])
 
-    def log_prob(self, weights: Tensor) -> Tensor:
-        """Log density (n,) of standardised weights (n, d)."""
-        log_prob: Tensor = self.distribution.log_prob(weights.to(self.loc.dtype))  # type: ignore[no-untyped-call]
+    def mixture_given(self, context: Tensor | None = None) -> Mixture:
+        """The density given one context (1, c), as a mixture of one."""
+        rows = self.rows_of_context(context, 1)
+        loc = self._locs(rows)
+        return Mixture(torch.ones(1, dtype=loc.dtype), loc.expand(1, -1), self.scale_tril[None])
+
+    def _locs(self, context: Tensor | None) -> Tensor:
+        return self.loc if context is None else self.loc + context.to(self.loc.dtype) @ self.slope.T
+
+    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        """Log density (n,) of standardised weights (n, d), given context (n, c)."""
+        locs = self._locs(self.rows_of_context(context, len(weights)))
+        normal = torch.distributions.MultivariateNormal(locs, scale_tril=self.scale_tril, validate_args=False)
+        log_prob: Tensor = normal.log_prob(weights.to(self.loc.dtype))  # type: ignore[no-untyped-call]
         return log_prob
 
-    def draw(self, n: int) -> Tensor:
+    def draw(self, n: int, context: Tensor | None = None) -> Tensor:
         """Draw (n, d)."""
-        return self.distribution.sample((n,))
+        locs = self._locs(context)
+        shape = (n,) if context is None else ()
+        normal = torch.distributions.MultivariateNormal(locs, scale_tril=self.scale_tril, validate_args=False)
+        return normal.sample(shape)

@@ -34,8 +34,8 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         self._density: D | None = None
 
     @abstractmethod
-    def make(self, dimension: int) -> D:
-        """The density for ``dimension`` weights, before training."""
+    def make(self, dimension: int, n_context: int = 0) -> D:
+        """The density for ``dimension`` weights given ``n_context`` numbers of context, before training."""
 
     @property
     def density(self) -> D:
@@ -57,18 +57,18 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         """Bases, scaler, bounds and split."""
         return self.density.representation
 
-    def log_prob(self, weights: Tensor) -> Tensor:
-        """Log density (n,) of standardised weights (n, d), in nats."""
-        return self.density.log_prob(weights)
+    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        """Log density (n,) of standardised weights (n, d), in nats, given context (n, c) if it takes one."""
+        return self.density.log_prob(weights) if context is None else self.density.log_prob(weights, context)
 
-    def sample(self, n: int, seed: int) -> Tensor:
+    def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
         """Draw (n, d) standardised weights, the same for the same seed."""
-        return self.density.sample(n, seed)
+        return self.density.sample(n, seed, context)
 
     def attach(self, representation: Representation) -> None:
         """Take the representation, and make the density for its number of weights if there is none yet."""
         if self._density is None:
-            self._density = self.make(representation.decoder.dimension).to(self.device)
+            self._density = self.make(representation.decoder.dimension, representation.n_context).to(self.device)
         self._density.attach(representation)
 
     def setup(self, stage: str) -> None:
@@ -77,8 +77,8 @@ class LatentModel(LightningModule, ABC, Generic[D]):
             self.attach(self.trainer.datamodule.representation)  # type: ignore[attr-defined]
 
     def nll(self, batch: tuple[Tensor, ...]) -> Tensor:
-        """Mean negative log-likelihood of a batch of standardised weights, in nats a flight."""
-        return -self.log_prob(batch[0]).mean()
+        """Mean negative log-likelihood of a batch of standardised weights (and context), in nats a flight."""
+        return -self.log_prob(*batch).mean()
 
     def validation_step(self, batch: tuple[Tensor, ...], batch_index: int) -> None:
         """Log the NLL of flights that no parameter was fitted to."""
@@ -90,7 +90,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
 
     def predict_step(self, batch: tuple[Tensor, ...], batch_index: int) -> Tensor:
         """Log density of each flight: the smaller, the less usual its descent."""
-        return self.log_prob(batch[0])
+        return self.log_prob(*batch)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Add what sampling needs besides the parameters, and leave nothing that is not a tensor or a primitive."""

@@ -1,6 +1,7 @@
 """How parameters are set: by somebody's closed form, or by Adam with a cosine."""
 
 from collections.abc import Callable, Iterable
+from math import cos, pi
 from typing import Any
 
 import torch
@@ -30,10 +31,34 @@ class ClosedForm(torch.optim.Optimizer):
             closure()
 
 
+UNDECAYED = ("bias", "unconstrained_upper_diag")
+"""Parameters that are not zero where a flow is the identity, or that only shift: weight decay leaves them alone."""
+
+
 def adam_with_cosine(
-    module: LightningModule, learning_rate: float, weight_decay: float = 0.0
+    module: LightningModule, learning_rate: float, weight_decay: float = 0.0, *, still_first: bool = False
 ) -> OptimizerLRSchedulerConfig:
-    """AdamW whose learning rate falls to zero by a cosine that ends with ``trainer.max_epochs``."""
-    optimizer = torch.optim.AdamW(module.parameters(), lr=learning_rate, weight_decay=weight_decay)
+    """AdamW whose learning rate falls to zero by a cosine that ends with ``trainer.max_epochs``.
+
+    Args:
+        module: What is trained.
+        learning_rate: At the start.
+        weight_decay: Of all parameters but :data:`UNDECAYED`.
+        still_first: Train nothing in the first epoch (unless it is the only one), so that the start is validated too.
+    """
+    groups: dict[bool, list[nn.Parameter]] = {True: [], False: []}
+    for name, parameter in module.named_parameters():
+        groups[not name.endswith(UNDECAYED)].append(parameter)
+    decayed = {True: weight_decay, False: 0.0}
+    optimizer = torch.optim.AdamW(
+        [{"params": groups[key], "weight_decay": decayed[key]} for key in groups if groups[key]], lr=learning_rate
+    )
     epochs = max(module.trainer.max_epochs or 1, 1)
-    return {"optimizer": optimizer, "lr_scheduler": torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, T_max=epochs)}
+    still = still_first and epochs > 1
+
+    def rate(epoch: int) -> float:
+        if still and epoch == 0:
+            return 0.0
+        return 0.5 * (1 + cos(pi * min((epoch - still) / (epochs - still), 1.0)))
+
+    return {"optimizer": optimizer, "lr_scheduler": torch.optim.lr_scheduler.LambdaLR(optimizer, rate)}

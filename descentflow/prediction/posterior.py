@@ -22,10 +22,20 @@ class Prior:
     mixture: Mixture
     exact: Density | None
     """None where the mixture is the density itself."""
+    context: Tensor | None = None
+    """What the exact density is given, (1, c)."""
+
+    def log_prob(self, weights: Tensor) -> Tensor:
+        """Log density (n,) of the exact density at weights (n, d)."""
+        if self.exact is None:
+            return log_density(self.mixture, weights)
+        if self.context is None:
+            return self.exact.log_prob(weights).double()
+        return self.exact.log_prob(weights, self.context).double()
 
 
-def prior_of(density: Density, seed: int = 0) -> Prior:
-    """Take a density apart for conditioning.
+def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> Prior:
+    """Take a density apart for conditioning; a conditional one is first given its context (1, c).
 
     A Gaussian and a mixture of Gaussians are themselves. Anything else is approximated by a mixture fitted to its
     draws, whose clusters are widened: it only proposes, and its draws are weighted by the density.
@@ -33,13 +43,13 @@ def prior_of(density: Density, seed: int = 0) -> Prior:
     Example:
         >>> prior = prior_of(load_model("best.ckpt"))
     """
-    mixture = getattr(density, "mixture", None)
-    if isinstance(mixture, Mixture):
+    mixture = density.mixture_given(context)
+    if mixture is not None:
         return Prior(Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils))), None)
-    draws = density.sample(PROPOSAL_DRAWS, seed)
+    draws = density.sample(PROPOSAL_DRAWS, seed, context)
     draws = draws[draws.isfinite().all(1)]
     fitted, _ = fit_mixture(draws, PROPOSAL_CLUSTERS, seed=seed, n_restarts=2)
-    return Prior(Mixture(fitted.probs, fitted.locs, WIDER * fitted.scale_trils), density)
+    return Prior(Mixture(fitted.probs, fitted.locs, WIDER * fitted.scale_trils), density, context)
 
 
 @dataclass(frozen=True)
@@ -66,7 +76,7 @@ class Posterior:
         proposed = self._mixture_draw(10 * n, generator)
         weights = proposed[:, : self.n_weights]
         with torch.no_grad():
-            log_ratio = self.prior.exact.log_prob(weights).double() - log_density(self.prior.mixture, weights)
+            log_ratio = self.prior.log_prob(weights) - log_density(self.prior.mixture, weights)
         ratio = torch.where(log_ratio.isfinite(), log_ratio, -torch.inf).softmax(0)
         effective = float(1 / ratio.square().sum())
         if effective < FEWEST_EFFECTIVE:

@@ -58,10 +58,22 @@ class DescentPredictor:
         """
         self.representation = density.representation
         self.curves: LinearCurves = linear_curves(self.representation.decoder)
-        self.prior: Prior = prior_of(density, seed)
+        self.density, self.seed = density, seed
+        self._priors: dict[tuple[float, ...], Prior] = {}
+        if density.n_context == 0:
+            self._prior(None)
         self.noise_multiple = 1.0
 
-    def calibrated(self, flights: Profiles, n: int = 100, seed: int = 0) -> "DescentPredictor":
+    def _prior(self, context: Tensor | None) -> Prior:
+        """The density given a context (1, c), taken apart once for each: a flow's stand-in takes part of a second."""
+        key = () if context is None else tuple(context.flatten().tolist())
+        if key not in self._priors:
+            self._priors[key] = prior_of(self.density, self.seed, context)
+        return self._priors[key]
+
+    def calibrated(
+        self, flights: Profiles, n: int = 100, seed: int = 0, context: Tensor | None = None
+    ) -> "DescentPredictor":
         """The predictor with the noise that predicts these flights best.
 
         Flights stray from the model's components in ways that are not white, so the stated noise makes intervals too
@@ -73,6 +85,7 @@ class DescentPredictor:
                 (200 at most) whose levels below the middle are all observed.
             n: Continuations of each.
             seed: As in :meth:`predict`.
+            context: (flights, c) encoded context of each, for a conditional density.
 
         Raises:
             DataError: If fewer than ten flights can be used.
@@ -85,7 +98,8 @@ class DescentPredictor:
                 mend="prepare more descents, or predict without calibration",
             )
         candidates = [self._with_noise(multiple) for multiple in MULTIPLES]
-        scores = [sum(one._score(flights.subset([i]), n, seed) for i in usable) for one in candidates]
+        own = {i: None if context is None else context[i : i + 1] for i in usable}
+        scores = [sum(one._score(flights.subset([i]), n, seed, own[i]) for i in usable) for one in candidates]
         return candidates[max(range(len(scores)), key=scores.__getitem__)]
 
     def _with_noise(self, multiple: float) -> "DescentPredictor":
@@ -94,10 +108,10 @@ class DescentPredictor:
         changed.curves = replace(self.curves, noise_variance=multiple * self.curves.noise_variance)
         return changed
 
-    def _score(self, flight: Profiles, n: int, seed: int) -> float:
+    def _score(self, flight: Profiles, n: int, seed: int, context: Tensor | None) -> float:
         middle = int(flight.entry_level[0]) // 2
         try:
-            flown = self.predict(flight, float(flight.levels_fl[middle]), n, seed).trajectories
+            flown = self.predict(flight, float(flight.levels_fl[middle]), n, seed, context=context).trajectories
         except SamplingError:
             return LOWEST_SCORE
         time_s = flown.time_s[:, 0]
@@ -106,7 +120,9 @@ class DescentPredictor:
         score = -0.5 * ((actual - time_s.mean()) / spread).square() - spread.log()
         return max(float(score), LOWEST_SCORE)
 
-    def predict(self, flight: Profiles, from_fl: float, n: int = 500, seed: int = 0) -> Prediction:
+    def predict(
+        self, flight: Profiles, from_fl: float, n: int = 500, seed: int = 0, *, context: Tensor | None = None
+    ) -> Prediction:
         """Continue one flight from a level down to the lowest of the grid.
 
         Args:
@@ -114,6 +130,7 @@ class DescentPredictor:
             from_fl: The last level that counts as observed.
             n: Most continuations; those that do not descend all the way are left out of them.
             seed: Makes the result repeatable.
+            context: (1, c) encoded context of the flight, for a conditional density.
 
         Raises:
             DataError: If the flight is not one, is on another grid, or has too few levels at and above ``from_fl``.
@@ -121,7 +138,7 @@ class DescentPredictor:
         """
         mask = self._observed(flight, from_fl)
         precision, shift = self.curves.evidence(flight.drag_n[0], flight.cas_mps[0], mask)
-        posterior = posterior_of(self.prior, precision, shift)
+        posterior = posterior_of(self._prior(context), precision, shift)
         generator = torch.Generator().manual_seed(seed)
         drawn, effective = posterior.draw(n, generator)
         flown = self._fly(drawn, int(mask.nonzero()[0]))

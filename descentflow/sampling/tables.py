@@ -37,10 +37,11 @@ def quantities(flown: Trajectories) -> dict[str, np.ndarray]:
     return {name: tensor.detach().cpu().double().numpy() for name, tensor in tensors.items()}
 
 
-def to_frame(flown: Trajectories) -> pl.DataFrame:
+def to_frame(flown: Trajectories, given: pl.DataFrame | None = None) -> pl.DataFrame:
     """Long table: one row per sample and level, from the entry level downwards.
 
-    Columns: ``sample_id level_fl`` and those of :data:`UNITS`.
+    Columns: ``sample_id level_fl`` and those of :data:`UNITS`; then, with ``given``, the context of each sample, its
+    columns called ``given_...``: sample i is of row i, beginning again after the last.
     """
     n, n_levels = flown.time_s.shape
     # Reversed levels put each sample's rows in the order in which they are flown.
@@ -49,11 +50,17 @@ def to_frame(flown: Trajectories) -> pl.DataFrame:
     levels = flown.levels_fl.cpu().numpy().astype(np.int32)[::-1]
     level_fl = np.broadcast_to(levels, (n, n_levels))[keep]
     columns = {name: values[:, ::-1][keep] for name, values in quantities(flown).items()}
-    return pl.DataFrame({"sample_id": sample_id, "level_fl": level_fl, **columns})
+    table = pl.DataFrame({"sample_id": sample_id, "level_fl": level_fl, **columns})
+    if given is None:
+        return table
+    contexts = given[sample_id % len(given)]
+    return table.with_columns([contexts[name].alias(f"given_{name}") for name in given.columns])
 
 
-def write_samples(flown: Trajectories, path: Path) -> None:
+def write_samples(flown: Trajectories, path: Path, given: pl.DataFrame | None = None) -> None:
     """Write a table (``.parquet``, ``.csv``) or a NetCDF-3 file (``.nc``), whole or not at all.
+
+    With ``given`` the table holds the context of each sample, see :func:`to_frame`; the NetCDF file holds its row.
 
     Raises:
         ConfigError: If the extension is none of these.
@@ -64,18 +71,18 @@ def write_samples(flown: Trajectories, path: Path) -> None:
             f"output {path.name}", expected=f"an extension among {', '.join(writers)}", mend="rename the output"
         )
     with whole_file(path) as temporary:
-        writers[path.suffix](flown, temporary)
+        writers[path.suffix](flown, temporary, given)
 
 
-def _write_parquet(flown: Trajectories, path: Path) -> None:
-    to_frame(flown).write_parquet(path)
+def _write_parquet(flown: Trajectories, path: Path, given: pl.DataFrame | None) -> None:
+    to_frame(flown, given).write_parquet(path)
 
 
-def _write_csv(flown: Trajectories, path: Path) -> None:
-    to_frame(flown).write_csv(path)
+def _write_csv(flown: Trajectories, path: Path, given: pl.DataFrame | None) -> None:
+    to_frame(flown, given).write_csv(path)
 
 
-def _write_netcdf(flown: Trajectories, path: Path) -> None:
+def _write_netcdf(flown: Trajectories, path: Path, given: pl.DataFrame | None) -> None:
     """Dimensions sample and level (ascending); NaN above a sample's entry level."""
     n, n_levels = flown.time_s.shape
     with netcdf_file(path, "w") as file:
@@ -84,6 +91,9 @@ def _write_netcdf(flown: Trajectories, path: Path) -> None:
         file.createDimension("level", n_levels)
         level = file.createVariable("level_fl", "i4", ("level",))
         level[:] = flown.levels_fl.cpu().numpy().astype(np.int32)
+        if given is not None:
+            row = file.createVariable("given_row", "i4", ("sample",))
+            row[:] = np.arange(n, dtype=np.int32) % len(given)
         mask = flown.mask.cpu().numpy()
         for name, values in quantities(flown).items():
             variable = file.createVariable(name, "f8", ("sample", "level"))

@@ -43,6 +43,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, descents: Path) -> Path:
         ("gmm", 5, "GaussianMixture"),
         ("gmm_svi", 2, "GaussianMixture"),
         ("flow", 3, "MaskedAffineFlow"),
+        ("flow_paper", 2, "MaskedAffineFlow"),
         ("spline", 2, "SplineFlow"),
     ],
 )
@@ -259,3 +260,54 @@ def test_predict_descent_writes_intervals_and_occupancy(run: Path, descents: Pat
     assert set(pl.read_parquet(tmp_path / "o.parquet")["flight_id"]) == set(table["flight_id"])
     assert main([*words, "--flight", "nobody", "--out", str(tmp_path / "p.parquet")]) == 2
     assert "was not trained or validated on" in capsys.readouterr().err
+
+
+def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path, capsys) -> None:
+    """Every command with a context: fitted, scored, evaluated on each flight's own, sampled with what is given."""
+    flights = pl.read_parquet(descents)["flight_id"].unique().sort()
+    speeds = pl.Series([("SLO", "FST", "MID")[i % 3] for i in range(len(flights))])
+    table = pl.DataFrame({"flight_id": flights, "operator": speeds, "deviation_k": np.arange(len(flights)) % 7.0})
+    table.write_csv(tmp_path / "context.csv")
+    context = ["--data.context=[operator,deviation_k,entry_fl]", f"--data.context_table={tmp_path / 'context.csv'}"]
+    folder = fit(tmp_path, descents, "gaussian", *context)
+    checkpoint = str(folder / "checkpoints" / "best.ckpt")
+    where = f"--trainer.logger.init_args.save_dir={tmp_path / 'tested'}"
+    assert main(["predict", "--ckpt_path", checkpoint, where]) == 0
+    known = ["--context-table", str(tmp_path / "context.csv")]
+    words = ["evaluate", checkpoint, "--real", str(descents), "--out", str(tmp_path / "e"), "-n", "100"]
+    assert main([*words, *known]) == 0
+    assert main(words) == 2, "the table is missing"
+    out = tmp_path / "s.parquet"
+    given = ["--given", "operator=FST", "deviation_k=3.5", "entry_fl=300"]
+    assert main(["sample", checkpoint, "-n", "30", *given, "--out", str(out)]) == 0
+    samples = pl.read_parquet(out)
+    assert samples["given_operator"].unique().to_list() == ["FST"]
+    assert samples.group_by("sample_id").agg(pl.col("level_fl").max())["level_fl"].unique().to_list() == [300]
+    rows = pl.DataFrame({"operator": ["SLO", "FST"], "deviation_k": [0.0, 5.0], "entry_fl": [280, 340]})
+    rows.write_csv(tmp_path / "rows.csv")
+    for name in ("t.parquet", "t.nc"):
+        words = ["sample", checkpoint, "-n", "5", "--given-table", str(tmp_path / "rows.csv")]
+        assert main([*words, "--out", str(tmp_path / name)]) == 0
+    first = pl.read_parquet(tmp_path / "t.parquet").unique("sample_id", keep="first").sort("sample_id")
+    assert first["given_operator"].to_list() == ["SLO", "FST", "SLO", "FST", "SLO"]
+    held_out = read_checkpoint(checkpoint)["descentflow"]["representation"]["split"]["test"]
+    reaching = pl.read_parquet(descents).filter(pl.col("flight_id").is_in(held_out), pl.col("level_fl") > 320)
+    words = ["predict-descent", checkpoint, str(descents), "--from-fl", "290", "-n", "20", *known]
+    words += ["--flight", reaching["flight_id"][0]]
+    assert main([*words, "--out", str(tmp_path / "p.parquet")]) == 0
+    capsys.readouterr()
+    for bad, message in (
+        ([], "a conditional model without a context"),
+        (["--given", "operator=FST"], "no value for the context deviation_k, entry_fl"),
+        (["--given", *given[2:], "operator=XXX"], "operator (one of"),
+        (["--given", "operator"], "NAME=VALUE"),
+        (["--given", *given[1:], "wind=3"], "context wind"),
+    ):
+        assert main(["sample", checkpoint, "-n", "3", *bad, "--out", str(out)]) == 2
+        assert message in capsys.readouterr().err
+
+
+def test_a_model_without_context_refuses_one(run: Path, tmp_path: Path, capsys) -> None:
+    words = ["sample", str(run / "checkpoints" / "best.ckpt"), "--given", "hour=3", "--out", str(tmp_path / "s.csv")]
+    assert main(words) == 2
+    assert "knows no context" in capsys.readouterr().err

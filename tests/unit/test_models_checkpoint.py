@@ -9,7 +9,13 @@ import torch
 import toys
 from lightning.pytorch import Trainer
 
-from descentflow.densities import GaussianDensity
+from descentflow.densities import (
+    Density,
+    GaussianDensity,
+    GaussianMixtureDensity,
+    MaskedAffineFlowDensity,
+    SplineFlowDensity,
+)
 from descentflow.densities.checkpoint import content_of, load_model, load_representation, read_checkpoint
 from descentflow.errors import CheckpointError, ConfigError
 from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
@@ -148,6 +154,34 @@ def test_a_model_without_a_density_and_a_density_without_a_representation_say_so
         _ = Gaussian().representation
     with pytest.raises(ConfigError, match="without a representation"):
         _ = GaussianDensity(3).representation
+
+
+@pytest.mark.parametrize(
+    ("density", "settings", "name"),
+    [
+        (GaussianDensity(4), {}, "scale_tril"),
+        (GaussianMixtureDensity(4, n_clusters=2), {"n_clusters": 2}, "program.scale_trils_unconstrained"),
+        (
+            MaskedAffineFlowDensity(4, n_flows=1),
+            {"n_flows": 1, "hidden_per_weight": 2},
+            "flow.flows.0.flow.autoregressive_net.final_layer.weight",
+        ),
+        (
+            SplineFlowDensity(4, n_flows=1),
+            {"n_flows": 1, "hidden": 32, "n_bins": 8},
+            "flow.flows.0.mprqat.autoregressive_net.final_layer.weight",
+        ),
+    ],
+)
+def test_checkpoints_from_before_contexts_still_load(density: Density, settings: dict[str, int], name: str) -> None:
+    """A density without a context, not whitened: the settings and parameters that format 2 has always had."""
+    density.attach(toys.representation_of(4))
+    content = content_of(density)
+    assert content["descentflow"]["format"] == 2
+    assert content["descentflow"]["settings"] == settings
+    assert "context" not in content["descentflow"]["representation"]
+    assert f"_density.{name}" in content["state_dict"]
+    assert not any("slope" in key or "correlation" in key for key in content["state_dict"])
 
 
 def test_a_density_in_memory_becomes_a_checkpoint(tmp_path: Path) -> None:

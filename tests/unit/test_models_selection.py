@@ -1,0 +1,137 @@
+"""The best epoch is kept, the Gaussian among them; BIC goes on where the paper's cap would decide; scores by flight."""
+
+from pathlib import Path
+
+import pytest
+import torch
+import toys
+import yaml
+from torch import Tensor
+from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
+
+from descentflow.data.datamodule import DescentDataModule
+from descentflow.densities.em import FEWEST_PER_PARAMETER, by_bic, most_clusters, select_mixture
+from descentflow.errors import ConfigError
+from descentflow.forecasts import forecast_scores
+from descentflow.metrics.forecasts import crps_each, energy_score_each, skill
+from descentflow.metrics.proper import crps, energy_score
+from descentflow.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "model"
+D = 4
+
+
+def normal(*shape: int, seed: int = 0) -> Tensor:
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+@pytest.mark.parametrize("kind", [MaskedAffineFlow, SplineFlow])
+def test_few_flights_of_a_gaussian_get_no_worse_than_the_gaussian(kind: type) -> None:
+    """60 flights: a flow that trains on would be nats worse on others."""
+    mix = normal(D, D, seed=5)
+    module = toys.WeightsModule(normal(60, D) @ mix, normal(15, D, seed=1) @ mix, batch_size=16)
+    torch.manual_seed(0)
+    flow = toys.fit(kind(learning_rate=0.01, weight_decay=0.0), module, 30)
+    gaussian = toys.fit(Gaussian(), module, 1)
+    others = normal(4000, D, seed=2) @ mix
+    assert toys.mean_nll(flow.log_prob, others) < toys.mean_nll(gaussian.log_prob, others) + 0.05
+
+
+@pytest.mark.parametrize("kind", [MaskedAffineFlow, SplineFlow])
+def test_first_epoch_is_the_gaussian_and_the_best_is_kept(kind: type) -> None:
+    module = toys.WeightsModule(normal(200, D), normal(50, D, seed=1), batch_size=64)
+    seen: list[float] = []
+
+    class Watched(kind):  # type: ignore[misc, valid-type]
+        def on_validation_epoch_end(self) -> None:
+            super().on_validation_epoch_end()
+            seen.append(float(self.trainer.callback_metrics["val/bound"]))
+
+    model = toys.fit(Watched(learning_rate=0.05, caution=0.0), module, 8)
+    gaussian = toys.fit(Gaussian(), module, 1)
+    held_out = module.parts["validation"]
+    assert seen[0] == pytest.approx(toys.mean_nll(gaussian.log_prob, held_out), abs=1e-4)
+    assert toys.mean_nll(model.log_prob, held_out) == pytest.approx(min(seen), abs=1e-4)
+    assert max(seen) > min(seen) + 0.01, "the epochs differ"
+
+
+def test_shipped_settings_are_the_defaults_and_choose_by_the_bound() -> None:
+    for name, kind in (("flow", MaskedAffineFlow), ("spline", SplineFlow)):
+        config = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text())
+        given, default = config["model"]["init_args"], dict(kind().hparams)
+        assert {key: float(value) for key, value in given.items()} == {key: float(default[key]) for key in given}
+        assert config["checkpoint"]["monitor"] == "val/bound"
+        assert config["trainer"]["callbacks"][0]["init_args"]["monitor"] == "val/bound"
+
+
+def test_bic_goes_on_only_while_the_end_is_best() -> None:
+    def tried(best: int, most: int, furthest: int) -> list[int]:
+        return list(by_bic(lambda k: (k, -0.01 * (k - best) ** 2), lambda k: 0, 1000, most, furthest)[1])
+
+    assert tried(2, 4, 10) == [1, 2, 3, 4], "the best is far from the cap"
+    assert tried(4, 4, 10) == [1, 2, 3, 4, 5, 6]
+    assert tried(7, 4, 10) == [1, 2, 3, 4, 5, 6, 7, 8, 9]
+    assert tried(20, 4, 10) == list(range(1, 11)), "the furthest decides"
+    assert tried(20, 4, 4) == [1, 2, 3, 4]
+
+
+def test_the_papers_cap_hides_clusters_that_the_longer_search_finds() -> None:
+    """Five far clusters in 700 flights, of which the paper's cap allows three."""
+    centres = 6 * torch.eye(D, dtype=torch.float64)
+    clusters = MultivariateNormal(torch.cat([centres, -centres[:1]]), 0.3 * torch.eye(D).double().expand(5, D, D))
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        weights = MixtureSameFamily(Categorical(torch.ones(5).double()), clusters).sample((700,))
+    assert most_clusters(700, D) == 3
+    assert most_clusters(700, D, FEWEST_PER_PARAMETER) > 5
+    capped = select_mixture(weights, seed=0, n_restarts=4, extend=False)
+    assert capped.cap_binds
+    found = select_mixture(weights, seed=0, n_restarts=4)
+    assert len(found.mixture.probs) == 5
+    assert not found.cap_binds
+
+
+def test_the_model_says_that_its_cap_decides(capsys: pytest.CaptureFixture[str]) -> None:
+    weights = normal(400, D) * torch.where(normal(400, 1, seed=3) > 0, 3.0, 0.2) + 4 * normal(400, 1, seed=4).sign()
+    toys.fit(GaussianMixture(extend=False, n_restarts=2), toys.WeightsModule(weights, weights[:50]), 1)
+    assert "the cap of 15 flights a parameter decides" in capsys.readouterr().out
+
+
+def test_scores_of_each_flight_average_to_those_of_one_forecast() -> None:
+    samples, real = normal(30, D), normal(20, D, seed=1)
+    each = samples.expand(20, -1, -1)
+    mask = torch.ones(30, D, dtype=torch.bool)
+    torch.testing.assert_close(crps_each(each, real).mean(0), crps(samples, mask, real, mask[:20]))
+    torch.testing.assert_close(energy_score_each(each, real).mean(), energy_score(samples, real))
+    with pytest.raises(ConfigError, match="1 sample"):
+        crps_each(each[:, :1], real)
+
+
+def test_skill_covers_the_true_difference() -> None:
+    """90 % intervals hold the true difference in 90 % of 200 cases, give or take three standard errors."""
+    held = 0
+    for seed in range(200):
+        noise = normal(200, seed=seed)
+        found = skill(noise - 0.1, torch.zeros(200), seed=seed, n_resamples=400)
+        held += found.low <= -0.1 <= found.high
+    assert 0.9 - 3 * 0.0212 <= held / 200 <= 0.9 + 3 * 0.0212
+
+
+def test_forecasts_are_better_where_the_context_tells_something(tmp_path: Path) -> None:
+    import polars as pl
+
+    descents = toys.write_descents_file(tmp_path / "d.parquet", 300)
+    frame = pl.read_parquet(descents)
+    speed = frame.filter(pl.col("level_fl") == 160).select("flight_id", speed="IAS", nothing=pl.col("IAS").shuffle(0))
+    speed.write_parquet(tmp_path / "t.parquet")
+    scores = {}
+    for name in ("speed", "nothing"):
+        data = DescentDataModule(descents, context=[name], context_table=tmp_path / "t.parquet")
+        data.setup()
+        density = toys.fit(Gaussian(), data, 1).density
+        part = data.profiles("test"), data.weights("test"), data.contexts("test")
+        scores[name] = forecast_scores(density, *part, n_draws=40)
+    for key in ("nll", "energy", "crps_cas_kt", "crps_time_s"):
+        difference = (scores["speed"][key] - scores["nothing"][key]).nanmean()
+        assert float(difference) < 0
+    assert float(scores["speed"]["crps_cas_kt"].mean()) < 0.5 * float(scores["nothing"]["crps_cas_kt"].mean())

@@ -212,6 +212,10 @@ def select_mixture(
 
 
 M = TypeVar("M")
+EACH_TO = 16
+"""Up to here every number of clusters is tried."""
+PATIENCE = 4
+"""Beyond it, numbers in a row that may be no better before the search ends."""
 
 
 def by_bic(
@@ -224,8 +228,9 @@ def by_bic(
 ) -> tuple[M, dict[int, float]]:
     """Try numbers of clusters and keep the one of the smallest BIC.
 
-    All of 1..most are tried. While the largest or the last but one is the best, larger ones are tried, one after the
-    other, up to ``furthest``: BIC has its own price for parameters, so the cap should not be what decides.
+    Tried are :func:`numbers_tried` up to ``most``; beyond 16 clusters, where each costs much, until four in a row were
+    no better. While the largest or the last but one is the best, larger ones are tried, up to ``furthest``: BIC has its
+    own price for parameters, so the cap should not be what decides.
 
     Args:
         fit: Number of clusters -> mixture and mean log-likelihood (nats a flight).
@@ -240,11 +245,29 @@ def by_bic(
     """
     tried: dict[int, M] = {}
     bic: dict[int, float] = {}
-    for k in range(1, max(most, furthest) + 1):
-        if k > most and (not bic or min(bic, key=bic.__getitem__) < k - 2):
+    sizes = numbers_tried(most, max(most, furthest))
+    planned = sum(k <= most for k in sizes)
+    for i, k in enumerate(sizes):
+        since_best = i - sizes.index(min(bic, key=bic.__getitem__)) if bic else 0
+        if since_best > (2 if k > most else PATIENCE if k > EACH_TO else i):
             break
         tried[k], likelihood = fit(k)
         bic[k] = n_parameters(k) * log(n) - 2 * n * likelihood
         if progress is not None:
-            progress(max(most, k))
+            progress(max(planned, i + 1))
     return tried[min(bic, key=bic.__getitem__)], bic
+
+
+def numbers_tried(most: int, furthest: int) -> list[int]:
+    """Numbers of clusters in the order in which they are tried: all up to 16, then a tenth more each time.
+
+    Example:
+        >>> numbers_tried(20, 26)
+        [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 18, 20, 22, 24, 26]
+    """
+    found = [1]
+    while found[-1] < furthest:
+        k = found[-1]
+        further = k + 1 if k < EACH_TO else round(1.1 * k)
+        found.append(min(further, most if k < most else furthest))
+    return found

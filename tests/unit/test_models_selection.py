@@ -73,6 +73,9 @@ def test_bic_goes_on_only_while_the_end_is_best() -> None:
     assert tried(7, 4, 10) == [1, 2, 3, 4, 5, 6, 7, 8, 9]
     assert tried(20, 4, 10) == list(range(1, 11)), "the furthest decides"
     assert tried(20, 4, 4) == [1, 2, 3, 4]
+    assert tried(16, 70, 262)[15:] == [16, 18, 20, 22, 24], "four in a row no better"
+    assert tried(30, 35, 35)[-3:] == [29, 32, 35]
+    assert tried(2, 20, 20)[-1] == 16, "every number where each costs little"
 
 
 def test_the_papers_cap_hides_clusters_that_the_longer_search_finds() -> None:

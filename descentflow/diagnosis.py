@@ -9,6 +9,7 @@ from pathlib import Path
 
 import polars as pl
 
+from descentflow.data.representation import Representation
 from descentflow.densities.base import Density
 from descentflow.densities.checkpoint import content_of, load_model, read_checkpoint
 from descentflow.errors import ConfigError, DataError
@@ -113,15 +114,23 @@ def _simulator(
     if isinstance(simulator, NominalSimulator):
         return Simulator(simulator.aircraft)
     if isinstance(simulator, Density):
-        parts = simulator.representation
+        parts = _unconditional(simulator.representation)
         return Simulator(
             parts.decoder.aircraft, simulator, parts, lambda: content_of(simulator), type(simulator).__name__
         )
     path = Path(str(simulator))
     model = load_model(path)
-    return Simulator(
-        model.representation.decoder.aircraft, model, model.representation, lambda: read_checkpoint(path), path.name
-    )
+    parts = _unconditional(model.representation)
+    return Simulator(parts.decoder.aircraft, model, parts, lambda: read_checkpoint(path), path.name)
+
+
+def _unconditional(parts: Representation) -> Representation:
+    """The same, unless its density needs a context: what flights were given is not among what is compared."""
+    if parts.context is not None:
+        raise ConfigError(
+            "a simulator that is given a context", expected="one that is not", mend="fit it without data.context"
+        )
+    return parts
 
 
 def _descents(

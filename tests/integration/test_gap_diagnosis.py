@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from descentflow.cli import main
+from descentflow.data.context import ContextEncoder
 from descentflow.densities.checkpoint import load_model
 from descentflow.errors import ConfigError, DataError
 from descentflow.gap import EFFECTS, GapReport, diagnose
@@ -27,6 +28,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def plain(folder: Path) -> Path:
+    """Flights of the simulator's own world."""
+    return gap_toys.flights(folder, 120, seed=2)
+
+
+@pytest.fixture(scope="module")
 def checkpoint(folder: Path) -> Path:
     return gap_toys.simulator(folder, gap_toys.flights(folder, 220, seed=0))
 
@@ -40,8 +47,8 @@ def warm(folder: Path, checkpoint: Path) -> tuple[GapReport, Path]:
     return diagnose(path, checkpoint), out
 
 
-def test_flights_of_the_same_world_are_no_gap(folder: Path, checkpoint: Path) -> None:
-    report = diagnose(gap_toys.flights(folder, 120, seed=2), checkpoint)
+def test_flights_of_the_same_world_are_no_gap(plain: Path, checkpoint: Path) -> None:
+    report = diagnose(plain, checkpoint)
     assert report.verdict == "none"
     assert report.causes == []
     assert report.p_value > 0.03
@@ -100,17 +107,17 @@ def test_an_effect_that_is_not_in_the_catalogue_is_unknown(warm: tuple[GapReport
     assert report.remaining["largest"]["quantity"] in ("tas", "height")
 
 
-def test_nominal_bada_shows_the_mass_that_flew(folder: Path, checkpoint: Path) -> None:
+def test_nominal_bada_shows_the_mass_that_flew(plain: Path, checkpoint: Path) -> None:
     """The world's A320 are lighter than the reference mass, which nominal BADA flies."""
-    report = diagnose(folder / "descents2.parquet", typecode="A320")
+    report = diagnose(plain, typecode="A320")
     assert report.verdict == "effect"
     cause = report.causes[0]
     assert "mass" in (cause["effect"], *cause["group"])
     assert report.stages == {}
 
 
-def test_bad_input_gets_a_clear_error(folder: Path, checkpoint: Path) -> None:
-    frame = read_descents(folder / "descents2.parquet").frame
+def test_bad_input_gets_a_clear_error(plain: Path, folder: Path, checkpoint: Path) -> None:
+    frame = read_descents(plain).frame
     few = frame.filter(pl.col("flight_id").is_in(frame["flight_id"].unique().sort().head(5).implode()))
     with pytest.raises(DataError, match="at least 20"):
         diagnose(few, checkpoint)
@@ -128,6 +135,10 @@ def test_bad_input_gets_a_clear_error(folder: Path, checkpoint: Path) -> None:
         diagnose(frame.drop("Mach"), checkpoint)
     with pytest.raises(ConfigError, match="empty catalogue"):
         diagnose(frame, checkpoint, catalogue={})
+    given = load_model(checkpoint)
+    given.representation.context = ContextEncoder.fit(pl.DataFrame({"entry_fl": [300.0, 340.0]}), ["entry_fl"])
+    with pytest.raises(ConfigError, match="a simulator that is given a context"):
+        diagnose(frame, given)
 
 
 def test_a_corrected_simulator_is_not_corrected_again(warm: tuple[GapReport, Path], folder: Path) -> None:
@@ -135,20 +146,20 @@ def test_a_corrected_simulator_is_not_corrected_again(warm: tuple[GapReport, Pat
         diagnose(folder / "descents1.parquet", warm[1] / "corrected.ckpt", out=folder / "again")
 
 
-def test_torch_is_left_as_it_was(folder: Path, checkpoint: Path) -> None:
+def test_torch_is_left_as_it_was(plain: Path, checkpoint: Path) -> None:
     """The answer depends on its own seed, and moves nobody else's."""
     torch.manual_seed(5)
     expected = torch.rand(3)
     torch.manual_seed(5)
-    diagnose(folder / "descents2.parquet", typecode="A320")
+    diagnose(plain, typecode="A320")
     assert torch.equal(torch.rand(3), expected)
 
 
-def test_a_checkpoint_without_flights_of_its_own_is_sampled(folder: Path, checkpoint: Path) -> None:
+def test_a_checkpoint_without_flights_of_its_own_is_sampled(plain: Path, folder: Path, checkpoint: Path) -> None:
     """As checkpoints of earlier versions: samples stand for the flights, and physics for what they never measured."""
     model = load_model(checkpoint)
     model.representation.reference = None
-    assert diagnose(folder / "descents2.parquet", model).verdict == "none"
+    assert diagnose(plain, model).verdict == "none"
     report = diagnose(folder / "descents1.parquet", model)
     assert [cause["effect"] for cause in report.causes] == ["temperature"]
     assert report.details["normal_from"] == "samples"

@@ -5,6 +5,8 @@ from importlib import import_module
 
 PARTS = {
     "decode": "the decoder beside power, memory and pyBADA",
+    "fit": "fits beside scikit-learn, scikit-fda and zuko",
+    "score": "scores level by level beside scipy",
     "sample": "draws of the three densities beside scikit-learn, zuko and the paper's times",
     "diagnose": "one diagnosis over the number of flights",
     "prepare": "rows to free descents beside pandas, with the curve over sizes",

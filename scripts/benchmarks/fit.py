@@ -1,0 +1,113 @@
+"""Fits beside peers: components on complete and gappy data, the mixture, and epochs of a flow."""
+
+import argparse
+from collections.abc import Callable
+
+import torch
+from sklearn.decomposition import PCA
+from sklearn.mixture import GaussianMixture
+from torch import Tensor
+from torch.utils.data import DataLoader, TensorDataset
+
+from benchmarks.timing import best_of, print_row
+from descentflow.densities import MaskedAffineFlowDensity, SplineFlowDensity
+from descentflow.densities.base import Density
+from descentflow.densities.em import fit_mixture
+from descentflow.fpca.gappy import GappyFPCA
+
+VARIANCE = 0.95
+LEVELS, COMPONENTS, DIMENSION, CLUSTERS, STARTS, BATCH = 221, 5, 6, 8, 8, 256
+SPACING_M = 30.48
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the part's options."""
+    parser.add_argument("-n", type=int, default=4_000, help="flights (default: %(default)s)")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Print the table."""
+    print(f"{args.n:,} flights; {torch.get_num_threads()} threads")
+    print_row(["fit", "ms", "peer", "its ms", "ratio"], 30)
+    curves = _curves(args.n)
+    whole = torch.ones_like(curves, dtype=torch.bool)
+    gappy = _gaps(whole)
+    ours = best_of(lambda: GappyFPCA(VARIANCE).fit(curves, whole, SPACING_M), 2)
+    for name, peer in _component_peers(curves).items():
+        _row("fPCA, complete data", ours, name, best_of(peer, 2))
+    _row("fPCA, a quarter missing", best_of(lambda: GappyFPCA(VARIANCE).fit(curves, gappy, SPACING_M), 2), "", None)
+    weights = _clusters(args.n)
+    mixture = best_of(lambda: fit_mixture(weights, CLUSTERS, seed=0, n_restarts=STARTS), 2)
+    values = weights.numpy()
+    theirs = best_of(lambda: GaussianMixture(CLUSTERS, random_state=0, n_init=STARTS).fit(values), 2)
+    _row(f"{CLUSTERS} clusters, {STARTS} starts", mixture, "scikit-learn", theirs)
+    for density in (MaskedAffineFlowDensity(DIMENSION), SplineFlowDensity(DIMENSION)):
+        name = type(density).__name__.removesuffix("Density")
+        _row(f"epoch of {name}", best_of(lambda d=density: _epoch(d, weights), 2), *_zuko(name, weights))
+
+
+def _curves(n: int) -> Tensor:
+    """Smooth curves of five modes and a little noise."""
+    generator = torch.Generator().manual_seed(0)
+    place = torch.linspace(0, 1, LEVELS, dtype=torch.float64)
+    modes = torch.stack([torch.cos(torch.pi * k * place) / k for k in range(1, COMPONENTS + 1)])
+    weights = torch.randn(n, COMPONENTS, generator=generator, dtype=torch.float64)
+    return weights @ modes + 0.05 * torch.randn(n, LEVELS, generator=generator, dtype=torch.float64)
+
+
+def _gaps(whole: Tensor) -> Tensor:
+    """Tops missing, at a few heights, as descents begin: a quarter of the values."""
+    generator = torch.Generator().manual_seed(1)
+    top = LEVELS - 1 - 10 * torch.randint(0, 12, (len(whole), 1), generator=generator)
+    return torch.arange(LEVELS) <= top
+
+
+def _clusters(n: int) -> Tensor:
+    generator = torch.Generator().manual_seed(2)
+    centres = 2.0 * torch.randn(CLUSTERS, DIMENSION, generator=generator, dtype=torch.float64)
+    noise = torch.randn(n, DIMENSION, generator=generator, dtype=torch.float64)
+    return centres[torch.randint(0, CLUSTERS, (n,), generator=generator)] + 0.5 * noise
+
+
+def _component_peers(curves: Tensor) -> dict[str, Callable[[], object]]:
+    values = curves.numpy()
+    peers: dict[str, Callable[[], object]] = {"scikit-learn PCA": lambda: PCA(COMPONENTS).fit(values)}
+    try:
+        from skfda.preprocessing.dim_reduction import FPCA
+        from skfda.representation.grid import FDataGrid
+    except ImportError:
+        print("scikit-fda is not installed: no row of it")
+        return peers
+    return {**peers, "scikit-fda FPCA": lambda: FPCA(n_components=COMPONENTS).fit(FDataGrid(values))}
+
+
+def _epoch(density: Density, weights: Tensor) -> None:
+    """Maximum likelihood over all batches once, as training does."""
+    optimizer = torch.optim.Adam([p for p in density.parameters() if p.requires_grad], lr=1e-3)
+    for (batch,) in DataLoader(TensorDataset(weights), BATCH, shuffle=True):
+        optimizer.zero_grad()
+        (-density.log_prob(batch).mean()).backward()
+        optimizer.step()
+
+
+def _zuko(name: str, weights: Tensor) -> tuple[str, float | None]:
+    try:
+        from zuko.flows import MAF, NSF
+    except ImportError:
+        return "zuko is not installed", None
+    hidden = [2 * DIMENSION]
+    flow = (MAF if name.startswith("Masked") else NSF)(DIMENSION, transforms=5, hidden_features=hidden).double()
+    optimizer = torch.optim.Adam(flow.parameters(), lr=1e-3)
+
+    def epoch() -> None:
+        for (batch,) in DataLoader(TensorDataset(weights), BATCH, shuffle=True):
+            optimizer.zero_grad()
+            (-flow().log_prob(batch).mean()).backward()
+            optimizer.step()
+
+    return f"zuko {type(flow).__name__}", best_of(epoch, 2)
+
+
+def _row(name: str, ours: float, peer: str, theirs: float | None) -> None:
+    cells = ["-", "-"] if theirs is None else [f"{1000 * theirs:,.0f}", f"{theirs / ours:.2f} x"]
+    print_row([name, f"{1000 * ours:,.0f}", peer or "-", *cells], 30)

@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "descentflow"
 
 ONLY_IN = {
     "pyro": ("densities/gmm.py",),
-    "normflows": ("densities/flow.py",),
+    "normflows": ("densities/flow.py", "densities/layers.py"),
     "lightning": ("data/", "models/", "callbacks/", "training.py"),
     "tensorboard": ("callbacks/",),
     "rs1090": ("surveillance/sources/",),

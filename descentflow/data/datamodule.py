@@ -1,10 +1,9 @@
 """The one DataModule: splits by flight, fits the representation on the train part, serves standardised weights."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import polars as pl
-import torch
 from jsonargparse.typing import OpenUnitInterval, PositiveFloat, PositiveInt
 from lightning.pytorch import LightningDataModule
 from lightning.pytorch.utilities import rank_zero_info
@@ -14,6 +13,8 @@ from tqdm import tqdm
 
 from descentflow.data.context import ContextEncoder, Missing
 from descentflow.data.context_columns import flight_context, read_context_table
+from descentflow.data.given import contexts_of, with_context, without_missing
+from descentflow.data.parts import Part, parts_of, rest_is_test, top_level, with_levels
 from descentflow.data.representation import Representation, Split, fit_representation
 from descentflow.data.splitting import SplitBy, split_flights
 from descentflow.densities.checkpoint import load_representation
@@ -24,10 +25,6 @@ from descentflow.performance.aircraft import Aircraft
 from descentflow.performance.registry import aircraft as find_aircraft
 from descentflow.profiles.profiles import Profiles, profiles_from_frame
 from descentflow.surveillance.descents import Descents, read_descents
-
-Part = Literal["train", "validation", "test"]
-REACHED_BY = 0.25
-"""The grid ends at the highest level that this share of the training flights reach (paper, appendix A)."""
 
 
 class DescentDataModule(LightningDataModule):
@@ -123,7 +120,7 @@ class DescentDataModule(LightningDataModule):
                 split = rest_is_test(profiles.flight_ids, representation.split)
             else:
                 table = self._context(frame, None)
-                frame = self._without_missing(frame, table)
+                frame = without_missing(frame, table, self.missing_context)
                 profiles, split = self._fresh(frame, source)
                 begin("fitting components")
                 representation = self._fit(profiles, split, source)
@@ -132,8 +129,8 @@ class DescentDataModule(LightningDataModule):
                 representation.reference = reference_state(seen, float(levels[0]), float(levels[-1]))
                 representation.context = self._encoder(table, split)
             begin("encoding flights")
-            profiles = _with_context(profiles, table, representation.context)
-            self._profiles = _parts(profiles, split)
+            profiles = with_context(profiles, table, representation.context)
+            self._profiles = parts_of(profiles, split)
             self._weights = {part: representation.decoder.encode(self._profiles[part]) for part in self._profiles}
             self._contexts = {
                 part: contexts_of(self._profiles[part].flight_ids, table, representation.context)
@@ -211,23 +208,6 @@ class DescentDataModule(LightningDataModule):
             return None
         return flight_context(frame, names, read_context_table(self.context_table))
 
-    def _without_missing(self, frame: pl.DataFrame, table: pl.DataFrame | None) -> pl.DataFrame:
-        """The descents of flights whose context is whole, before the split; says how many there were of the others."""
-        if table is None or self.missing_context == "indicator":
-            return frame
-        whole = table.drop_nulls()
-        whole = whole.filter([pl.col(n).is_finite() for n, t in whole.schema.items() if t.is_float()] or True)
-        lacking = len(table) - len(whole)
-        if lacking == len(table):
-            raise DataError(
-                f"none of {lacking} flights has a value for all of {', '.join(table.columns[1:])}",
-                expected="a context for the flights of data.descents",
-                mend="check the flight_id of data.context_table, or set data.missing_context: indicator",
-            )
-        if lacking:
-            rank_zero_info(f"left out {lacking} of {len(table)} flight(s) that lack a value of their context")
-        return frame.filter(pl.col("flight_id").is_in(whole["flight_id"].to_list()))
-
     def _encoder(self, table: pl.DataFrame | None, split: Split) -> ContextEncoder | None:
         if table is None:
             return None
@@ -259,12 +239,12 @@ class DescentDataModule(LightningDataModule):
             validation_fraction=self.validation_fraction,
             seed=self.seed,
         )
-        top = top_level(_parts(profiles, split)["train"])
-        return _with_levels(profiles.up_to(top)), split
+        top = top_level(parts_of(profiles, split)["train"])
+        return with_levels(profiles.up_to(top)), split
 
     def _fit(self, profiles: Profiles, split: Split, source: Descents) -> Representation:
         return fit_representation(
-            _parts(profiles, split)["train"],
+            parts_of(profiles, split)["train"],
             self._aircraft(self._chosen(source)),
             split,
             explained_variance=self.explained_variance,
@@ -276,7 +256,7 @@ class DescentDataModule(LightningDataModule):
     def _on_grid(self, frame: pl.DataFrame, representation: Representation) -> Profiles:
         decoder = representation.decoder
         bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
-        return _with_levels(profiles_from_frame(frame, decoder.aircraft, bottom, top))
+        return with_levels(profiles_from_frame(frame, decoder.aircraft, bottom, top))
 
     def _summary(self) -> str:
         decoder = self.representation.decoder
@@ -286,61 +266,3 @@ class DescentDataModule(LightningDataModule):
             f"{decoder.drag_basis.n_components} of drag, {decoder.cas_basis.n_components} of CAS"
             + ("" if self.representation.context is None else f"; given {self.representation.context.describe()}")
         )
-
-
-def top_level(train: Profiles) -> int:
-    """Highest flight level that at least a quarter of the training flights reach (paper, appendix A)."""
-    entries = train.levels_fl[train.entry_level].sort(descending=True).values
-    needed = -(-len(entries) * int(REACHED_BY * 100) // 100)
-    return int(entries[needed - 1])
-
-
-def rest_is_test(flight_ids: tuple[str, ...], split: Split) -> Split:
-    """The parts of a checkpoint's split that are among these flights; every flight it never saw is a test flight."""
-    train, validation = set(split.train), set(split.validation)
-    return Split(
-        tuple(f for f in flight_ids if f in train),
-        tuple(f for f in flight_ids if f in validation),
-        tuple(f for f in flight_ids if f not in train and f not in validation),
-    )
-
-
-def _with_levels(profiles: Profiles) -> Profiles:
-    """Without the flights that have no two levels on the grid; says how many those were."""
-    enough = profiles.mask.sum(1) >= 2
-    if not bool(enough.all()):
-        rank_zero_info(f"left out {int((~enough).sum())} flight(s) with fewer than two levels on the grid")
-    return profiles.subset(torch.nonzero(enough)[:, 0])
-
-
-def contexts_of(
-    flight_ids: tuple[str, ...], table: pl.DataFrame | None, encoder: ContextEncoder | None
-) -> Tensor | None:
-    """Encoded context (n, c) of flights in their order; None without an encoder."""
-    if encoder is None or table is None:
-        return None
-    order = pl.DataFrame({"flight_id": list(flight_ids)}, schema={"flight_id": pl.String})
-    return encoder.encode(order.join(table, on="flight_id", how="left", maintain_order="left"))
-
-
-def _with_context(profiles: Profiles, table: pl.DataFrame | None, encoder: ContextEncoder | None) -> Profiles:
-    """Without the flights whose context cannot be encoded; says how many those were, by column."""
-    if encoder is None or table is None:
-        return profiles
-    order = pl.DataFrame({"flight_id": list(profiles.flight_ids)})
-    lacking = encoder.lacking(order.join(table, on="flight_id", how="left", maintain_order="left"))
-    whole = torch.ones(len(profiles), dtype=torch.bool)
-    for name, rows in lacking.items():
-        if bool(rows.any()):
-            rank_zero_info(f"left out {int(rows.sum())} flight(s) whose {name} is missing or was never trained on")
-        whole &= ~torch.from_numpy(rows.to_numpy().copy())
-    return profiles.subset(torch.nonzero(whole)[:, 0])
-
-
-def _parts(profiles: Profiles, split: Split) -> dict[Part, Profiles]:
-    position = {flight: i for i, flight in enumerate(profiles.flight_ids)}
-    return {
-        "train": profiles.subset([position[f] for f in split.train if f in position]),
-        "validation": profiles.subset([position[f] for f in split.validation if f in position]),
-        "test": profiles.subset([position[f] for f in split.test if f in position]),
-    }

@@ -7,7 +7,8 @@ import pytest
 import torch
 import toys
 
-from descentflow.data.datamodule import DescentDataModule, rest_is_test, top_level
+from descentflow.data.datamodule import DescentDataModule
+from descentflow.data.parts import rest_is_test, top_level
 from descentflow.data.representation import Split
 from descentflow.data.splitting import split_flights
 from descentflow.errors import ConfigError, DataError

@@ -80,7 +80,11 @@ def parameters(contest: Contest, name: str, theta: Tensor, error: Tensor) -> dic
         if sd == 0.0 and not p.by_law:
             # The data say nothing of it: a channel that is not there.
             continue
-        sd = math.hypot(sd, p.inexact)
+        # A law's share is a count of flights.
+        sd = (value * (1 - value) / int(contest.real.sum())) ** 0.5 if p.by_law else math.hypot(sd, p.inexact)
+        if sd == 0.0:
+            found[p.name] = {"estimate": value, "low": None, "high": None, "unit": p.unit}
+            continue
         low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, p.high)
         found[p.name] = {"estimate": value, "low": low, "high": high, "unit": p.unit}
     return found

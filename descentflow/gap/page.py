@@ -6,7 +6,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 from descentflow.figures.gap import closure_figure, contest_figure, curves_figure, where_figure
-from descentflow.gap.words import NAMES, cause_in_words, number, percent, sentences
+from descentflow.gap.words import NAMES, cause_in_words, interval, number, percent, sentences, unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,8 +54,7 @@ def _causes(report: "GapReport") -> str:
     rows = []
     for cause in report.causes:
         sizes = "<br>".join(
-            f"{escape(name.replace('_', ' '))}: <b>{number(p['estimate'])}</b> {_unit(p['unit'])}"
-            f" ({number(p['low'])} to {number(p['high'])})"
+            f"{escape(name.replace('_', ' '))}: <b>{number(p['estimate'])}</b>{escape(unit(p))}{interval(p)}"
             for name, p in cause["parameters"].items()
         )
         alike = ", ".join(cause["group"]).replace("_", " ") or "nothing in the catalogue"
@@ -74,10 +73,6 @@ def _causes(report: "GapReport") -> str:
     return _table(head, rows)
 
 
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else escape(unit)
-
-
 def _range(closure: dict[str, Any]) -> str:
     if closure.get("low") is None:
         return percent(closure.get("estimate"))
@@ -91,7 +86,7 @@ def _where(report: "GapReport") -> str:
             escape(NAMES.get(c["quantity"], c["quantity"])),
             f"FL{c['level_low_fl']:.0f} to FL{c['level_high_fl']:.0f}",
             escape(c["regime"]),
-            f"{number(c['difference'])} {_unit(c['unit'])}",
+            f"{number(c['difference'])}{escape(unit(c))}",
             f"{number(c['distance'])} (floor {number(c['floor'])})",
             percent(c["share"]),
         ]

@@ -73,12 +73,21 @@ def percent(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:.0f} %"
 
 
+def interval(parameter: dict[str, Any]) -> str:
+    """The 90 % interval in brackets; nothing where none is claimed."""
+    if parameter["low"] is None:
+        return ""
+    return f" ({number(parameter['low'])} to {number(parameter['high'])})"
+
+
+def unit(parameter: dict[str, Any]) -> str:
+    """The unit with a space before it; nothing for a plain number."""
+    return "" if parameter["unit"] == "1" else f" {parameter['unit']}"
+
+
 def sizes(cause: dict[str, Any]) -> str:
     """Parameters with their intervals."""
-    return "; ".join(
-        f"{name} {number(p['estimate'])} ({number(p['low'])} to {number(p['high'])}) {p['unit']}".rstrip(" 1")
-        for name, p in cause["parameters"].items()
-    )
+    return "; ".join(f"{name} {number(p['estimate'])}{interval(p)}{unit(p)}" for name, p in cause["parameters"].items())
 
 
 def sentences(report: "GapReport") -> list[str]:
@@ -113,10 +122,11 @@ def sentences(report: "GapReport") -> list[str]:
     alike = sorted({name.replace("_", " ") for c in report.causes for name in c["group"]})
     doubt = f", though these data cannot tell it from {', '.join(alike)}" if alike else ""
     closed = report.causes[0]["closure"]["marginal"]["estimate"]
+    are, them = ("causes are", "them") if len(report.causes) > 1 else ("cause is", "it")
     return [
         first,
-        f"The cause is {causes}{doubt}.",
-        f"With it in the simulator the gap shrinks from {report.gap_before:.3f} to {report.gap_after:.3f} spreads, "
+        f"The {are} {causes}{doubt}.",
+        f"With {them} in the simulator the gap shrinks from {report.gap_before:.3f} to {report.gap_after:.3f} spreads, "
         f"where {report.floor:.3f} is the least that can be seen ({percent(closed)} closed).",
     ]
 

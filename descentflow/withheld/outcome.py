@@ -117,7 +117,8 @@ def sizes(outcome: Outcome) -> list[dict[str, Any]]:
         )
         for name, true in truth.items():
             estimate = cause["parameters"].get(name)
-            if estimate is None or estimate["low"] is None:
+            if estimate is None or estimate["low"] is None or estimate["low"] == estimate["high"]:
+                # It claims no interval.
                 continue
             found.append(
                 {

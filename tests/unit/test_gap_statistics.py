@@ -7,6 +7,7 @@ import gap_toys
 import pytest
 import torch
 
+from descentflow.gap.answer import parameters
 from descentflow.gap.contest import Contest
 from descentflow.gap.discrepancy import discrepancy_columns
 from descentflow.gap.effects import EFFECTS
@@ -111,3 +112,17 @@ def test_a_state_survives_its_checkpoint(halves: tuple[Quantities, Quantities], 
     again = Quantities.from_state(torch.load(tmp_path / "state.pt", weights_only=True))
     torch.testing.assert_close(again.values["cas"], halves[0].values["cas"], rtol=1e-6, atol=1e-5, equal_nan=True)
     assert torch.equal(again.cluster, halves[0].cluster)
+
+
+def test_a_share_is_known_as_well_as_a_count(halves: tuple[Quantities, Quantities]) -> None:
+    held = contest(planted(halves, "", []))
+    theta = torch.tensor([0.36, 200.0, 240.0, 0.6, 0.0], dtype=torch.float64)
+    errors = torch.tensor([0.02, 0.5, 0.5, 0.0, 0.0], dtype=torch.float64)
+    found = parameters(held, "speed_brake", theta, errors)
+    sd = (0.6 * 0.4 / int(held.real.sum())) ** 0.5
+    assert found["share"]["high"] == pytest.approx(0.6 + 1.645 * sd)
+    # How an aircraft answers comes on top of what the data say of an edge.
+    assert found["low_fl"]["high"] - 200.0 == pytest.approx(1.645 * (0.5**2 + 0.6**2) ** 0.5)
+    assert "ln_ratio_noise" not in found
+    theta[3] = 1.0
+    assert parameters(held, "speed_brake", theta, errors)["share"]["low"] is None

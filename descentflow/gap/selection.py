@@ -24,6 +24,8 @@ FURTHER_SHARE = 0.004
 """...nor what is less than this share of the whole..."""
 OVERLAP_SHARE = 0.05
 """...or than this one, where it moves the same quantities: no model of the first is exact."""
+LEFT_OF_ITSELF = 0.02
+"""A shift that is off by a seventh leaves so much of what it explains where it acts."""
 OUTSIDE_SHARE = 0.3
 """A first effect must explain this share of what a free discrepancy explains in its place, for there may be two..."""
 OUTSIDE_SHARE_AFTER = 0.7
@@ -198,10 +200,11 @@ def _counts_further(contest: Contest, candidate: Candidate, chosen: Fit, so_far:
         return True
     own = _acts(contest, candidate.fit, candidate.fit.effects[-1])
     taken = torch.stack([_acts(contest, chosen, name) for name in chosen.effects]).any(0)
-    return any(_counts_in(contest, part, candidate.fit, chosen, so_far) for part in (own & ~taken, own & taken))
+    elsewhere = _counts_in(contest, own & ~taken, candidate.fit, chosen, FURTHER_SHARE * so_far)
+    return elsewhere or _counts_in(contest, own & taken, candidate.fit, chosen, 0.0)
 
 
-def _counts_in(contest: Contest, part: Tensor, fit: Fit, chosen: Fit, so_far: float) -> bool:
+def _counts_in(contest: Contest, part: Tensor, fit: Fit, chosen: Fit, least: float) -> bool:
     """Whether a further effect is worth it in some entries (p,) alone."""
     at = torch.nonzero(part)[:, 0]
     if not len(at):
@@ -209,8 +212,7 @@ def _counts_in(contest: Contest, part: Tensor, fit: Fit, chosen: Fit, so_far: fl
     scores = [contest.held_out_in(at, theta) for theta in ({}, chosen.theta, fit.theta)]
     before = contest.compare(scores[1], scores[0])[0]
     gain, error = contest.compare(scores[2], scores[1])
-    least = max(FURTHER_GAIN, FURTHER_SHARE * so_far, OVERLAP_SHARE * before)
-    return gain >= least and gain >= FURTHER_STANDING * error
+    return gain >= max(FURTHER_GAIN, least, LEFT_OF_ITSELF * before) and gain >= FURTHER_STANDING * error
 
 
 def _share_needed(contest: Contest, fit: Fit) -> float:

@@ -6,7 +6,7 @@ from torch import Tensor
 from descentflow.gap.effects.base import Effect, Parameter, Shift
 from descentflow.gap.physics import FlightState
 
-LEAST_CUT_OUT = 0.01
+LEAST_CUT_OUT = 0.05
 """Share of the levels that are gone where rates are held on purpose."""
 
 

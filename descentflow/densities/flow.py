@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.densities.base import Density
-from descentflow.densities.layers import Bounded, ContextNet, ExponentialAffine, Flip, TurnedRound, made
+from descentflow.densities.layers import Bounded, ContextNet, ExponentialAffine, Flip, TurnedRound, made, turned_linear
 
 
 class FlowDensity(Density):
@@ -165,7 +165,7 @@ class MaskedAffineFlowDensity(FlowDensity):
                 final: nn.Linear = made(affine.autoregressive_net).final_layer  # type: ignore[assignment]
                 nn.init.zeros_(final.weight)
                 nn.init.zeros_(final.bias)
-            mix = nf.flows.LULinearPermute(dimension) if linear else Flip()
+            mix = turned_linear(dimension) if linear else Flip()
             flows += [TurnedRound(affine), mix]
         self.flow = self._assembled(flows)
 
@@ -217,7 +217,7 @@ class SplineFlowDensity(FlowDensity):
                 nn.init.zeros_(net.made.final_layer.weight)
                 nn.init.constant_(net.made.final_layer.bias, float(start[0]))
                 spline.mprqat.autoregressive_net = net
-            flows += [spline, nf.flows.LULinearPermute(dimension)]
+            flows += [spline, turned_linear(dimension)]
         self.flow = self._assembled(flows)
 
     def settings(self) -> dict[str, Any]:

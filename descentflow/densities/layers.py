@@ -63,6 +63,17 @@ class Flip(nf.flows.Flow):  # type: ignore[misc]
         return self.forward(z)
 
 
+def turned_linear(dimension: int) -> nf.flows.LULinearPermute:
+    """An LU-decomposed linear map that turns the order of the weights round, and is the identity otherwise.
+
+    normflows permutes at random. Then some seeds leave a weight before another in every flow, which training does not
+    turn round again: three in twenty ended 0.75 nats worse on a bent density.
+    """
+    mix = nf.flows.LULinearPermute(dimension)
+    mix.permutation._permutation.copy_(torch.arange(dimension - 1, -1, -1))
+    return mix
+
+
 class ExponentialAffine(nf.flows.MaskedAffineAutoregressive):  # type: ignore[misc]
     """Masked affine flow whose scale is ``exp(m tanh(s / m))``: as free to grow as to shrink, and 1 for s = 0.
 

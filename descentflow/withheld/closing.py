@@ -14,8 +14,10 @@ from descentflow.surveillance.prepare import Cleaning, prepare
 
 SAMPLES: Final = 2000
 CLOSABLE: Final = 0.1
-"""An effect that closes less than a tenth of a standard deviation is lost among the chance of who flies: operators go
-by aircraft, and a hundred aircraft leave some knots between two fleets."""
+"""Standard deviations by which the true effect comes closer at a level where it acts; less is lost in the chance of
+who flies: operators go by aircraft, and a hundred aircraft leave some knots between two fleets."""
+FEWEST_CELLS: Final = 10
+"""Levels of CAS and rate at which it has to act to be judged."""
 FEWEST: Final = 50
 """Flights at a level for it to count."""
 _QUANTILES: Final = torch.linspace(0.01, 0.99, 50, dtype=torch.float64)
@@ -24,9 +26,9 @@ _QUANTILES: Final = torch.linspace(0.01, 0.99, 50, dtype=torch.float64)
 def closing(rows: Path, simulator: Path, corrected: Path, true: Path) -> dict[str, Any]:
     """Distances of generated descents from the flights, before and after correction, and with the true effect.
 
-    The distance is the Wasserstein distance of CAS, and of rate, at every level, in standard deviations of the flights,
-    averaged over levels; it uses nothing of the diagnosis. The true effect's simulator was trained on other flights
-    with the same effect.
+    The distance is the Wasserstein distance of CAS, and of rate, at every level, in standard deviations of the flights;
+    it uses nothing of the diagnosis. The true effect's simulator was trained on other flights with the same effect.
+    Compared is where that one comes closer: a window's effect would be lost in the mean over all levels.
 
     Args:
         rows: The flights.
@@ -35,8 +37,8 @@ def closing(rows: Path, simulator: Path, corrected: Path, true: Path) -> dict[st
         true: Checkpoint trained with the effect.
 
     Returns:
-        ``before``, ``after`` and ``true`` distances, and ``of_true``: the share of what the true effect closes
-        (None where that is too little to divide by).
+        Mean ``before``, ``after`` and ``true`` distances over the ``cells`` (levels of CAS and of rate) where the true
+        effect acts, and ``of_true``: the share of what it closes there (None where it acts hardly anywhere).
 
     Example:
         >>> closing(rows, Path("sim.ckpt"), Path("corrected.ckpt"), Path("refit.ckpt"))["of_true"]
@@ -46,7 +48,7 @@ def closing(rows: Path, simulator: Path, corrected: Path, true: Path) -> dict[st
     bottom = max(int(decoder.levels_fl[0]) for decoder in decoders)
     top = min(int(decoder.levels_fl[-1]) for decoder in decoders)
     frame = prepare([rows], cleaning=Cleaning(bottom_fl=bottom))[0].frame
-    found: dict[str, Any] = {}
+    found: dict[str, Tensor] = {}
     for name, model in models.items():
         parts = model.representation
         grid = profiles_from_frame(
@@ -56,9 +58,14 @@ def closing(rows: Path, simulator: Path, corrected: Path, true: Path) -> dict[st
             model, parts.decoder, parts.plausibility, SAMPLES, 0, entry=_padded(grid, parts.decoder.levels_fl)
         )
         generated = DescentSet.of_trajectories(samples.trajectories)
-        found[name] = _distance(DescentSet.of_profiles(grid), generated, bottom, top)
-    closed, closable = found["before"] - found["after"], found["before"] - found["true"]
-    return {**found, "of_true": closed / closable if closable >= CLOSABLE else None}
+        found[name] = _distances(DescentSet.of_profiles(grid), generated, bottom, top)
+    closable = found["before"] - found["true"]
+    acts = closable >= CLOSABLE
+    of_true = None
+    if int(acts.sum()) >= FEWEST_CELLS:
+        of_true = float((found["before"] - found["after"])[acts].sum() / closable[acts].sum())
+    means = {name: float(cells[acts].mean()) if bool(acts.any()) else None for name, cells in found.items()}
+    return {**means, "cells": int(acts.sum()), "of_true": of_true}
 
 
 def _padded(grid: Profiles, levels_fl: Tensor) -> Tensor:
@@ -66,19 +73,18 @@ def _padded(grid: Profiles, levels_fl: Tensor) -> Tensor:
     return grid.entry_level.clamp(max=len(levels_fl) - 1)
 
 
-def _distance(real: DescentSet, generated: DescentSet, bottom: int, top: int) -> float:
-    """Mean scaled Wasserstein distance over the levels from bottom to top."""
+def _distances(real: DescentSet, generated: DescentSet, bottom: int, top: int) -> Tensor:
+    """Scaled Wasserstein distances of CAS and rate at the levels from bottom to top; NaN where too few are seen."""
     at_real, at_made = (_levels(one.levels_fl, bottom, top) for one in (real, generated))
     parts = []
     for name in ("cas_mps", "rate_mps"):
         mine = torch.where(real.mask, getattr(real, name).double(), torch.nan)[:, at_real]
         made = torch.where(generated.mask, getattr(generated, name).double(), torch.nan)[:, at_made]
         enough = (mine.isfinite().sum(0) >= FEWEST) & (made.isfinite().sum(0) >= FEWEST)
-        mine, made = mine[:, enough], made[:, enough]
         gap = (torch.nanquantile(mine, _QUANTILES, dim=0) - torch.nanquantile(made, _QUANTILES, dim=0)).abs().mean(0)
         centred = mine - mine.nanmean(0)
-        parts.append(float((gap / centred.square().nanmean(0).sqrt()).mean()))
-    return sum(parts) / len(parts)
+        parts.append(torch.where(enough, gap / centred.square().nanmean(0).sqrt(), torch.nan))
+    return torch.cat(parts)
 
 
 def _levels(levels_fl: Tensor, bottom: int, top: int) -> Tensor:

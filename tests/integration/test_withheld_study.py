@@ -11,7 +11,7 @@ from withheld_toys import perfect_report
 
 from descentflow.densities.checkpoint import load_model
 from descentflow.errors import DataError
-from descentflow.withheld.closing import closing
+from descentflow.withheld.closing import FEWEST_CELLS, closing
 from descentflow.withheld.plan import Plan, SetPlan, SimulatorPlan
 from descentflow.withheld.run import diagnose_all, generate, package_diagnosis
 from descentflow.withheld.score import score
@@ -142,7 +142,8 @@ def test_a_corrected_simulator_comes_closer_to_the_flights(folder: Path, tmp_pat
     assert report["verdict"] == "effect"
     corrected = tmp_path / "corrected.ckpt"
     whole = closing(rows, simulator, corrected, corrected)
+    # Ten kelvins change the rate by 2 %: it acts, as seen beside the chance of who flies, at some levels and not at all.
+    assert 0 < whole["cells"] < 200
     assert whole["after"] < whole["before"]
-    # Ten kelvins change the rate by 2 %: too little beside the chance of who flies for a share to mean anything.
-    assert whole["of_true"] is None
     assert whole["true"] == whole["after"]
+    assert whole["of_true"] == (pytest.approx(1.0) if whole["cells"] >= FEWEST_CELLS else None)

@@ -142,7 +142,7 @@ def test_a_corrected_simulator_comes_closer_to_the_flights(folder: Path, tmp_pat
     assert report["verdict"] == "effect"
     corrected = tmp_path / "corrected.ckpt"
     whole = closing(rows, simulator, corrected, corrected)
-    # Ten kelvins change the rate by 2 %: it acts, as seen beside the chance of who flies, at some levels and not at all.
+    # Ten kelvins change the rate by 2 %: beside the chance of who flies it shows at some levels only.
     assert 0 < whole["cells"] < 200
     assert whole["after"] < whole["before"]
     assert whole["true"] == whole["after"]

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing import get_context
@@ -26,6 +26,20 @@ class Engine(ABC):
         """Yield as often as a task is done; the first error ends it."""
 
 
+def _each(
+    pool: Executor, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object
+) -> Iterator[None]:
+    """Yield as tasks finish; what has not begun is cancelled when one fails or nobody waits any more."""
+    with pool:
+        waiting = [pool.submit(function, task, common) for task in tasks]
+        try:
+            for done in as_completed(waiting):
+                done.result()
+                yield
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
 @dataclass
 class LocalEngine(Engine):
     """Threads of this process: Polars and NumPy let others run while they compute."""
@@ -34,14 +48,7 @@ class LocalEngine(Engine):
 
     def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
         """See :class:`Engine`."""
-        with ThreadPoolExecutor(max_workers=self.workers) as pool:
-            waiting = [pool.submit(function, task, common) for task in tasks]
-            try:
-                for done in as_completed(waiting):
-                    done.result()
-                    yield
-            finally:
-                pool.shutdown(cancel_futures=True)
+        yield from _each(ThreadPoolExecutor(self.workers), function, tasks, common)
 
 
 @dataclass
@@ -60,14 +67,8 @@ class ProcessEngine(Engine):
                 function(task, common)
                 yield
             return
-        with ProcessPoolExecutor(min(self.workers, len(tasks)), mp_context=get_context("spawn")) as pool:
-            waiting = [pool.submit(function, task, common) for task in tasks]
-            try:
-                for done in as_completed(waiting):
-                    done.result()
-                    yield
-            finally:
-                pool.shutdown(cancel_futures=True)
+        pool = ProcessPoolExecutor(min(self.workers, len(tasks)), mp_context=get_context("spawn"))
+        yield from _each(pool, function, tasks, common)
 
 
 @dataclass

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from descentflow.surveillance.thresholds import Cleaning, describe
 
 if TYPE_CHECKING:
-    from descentflow.surveillance.engine import Engine
+    from descentflow.engine import Engine
 
 UNITS = ("", "k", "m", "g", "t")
 SHOWN_AT_RANDOM = 6
@@ -161,7 +161,7 @@ def _cleaning(args: argparse.Namespace) -> Cleaning:
 def _engine(args: argparse.Namespace) -> "Engine":
     import os
 
-    from descentflow.surveillance.engine import DaskEngine, LocalEngine
+    from descentflow.engine import DaskEngine, LocalEngine
 
     workers = args.workers or os.cpu_count() or 1
     return LocalEngine(workers) if args.engine == "local" else DaskEngine(workers, args.scheduler)

@@ -10,7 +10,6 @@ from descentflow.gap.simulator import Simulator
 from descentflow.profiles.profiles import Profiles, profiles_from_frame
 from descentflow.sampling.rejection import sample_descents
 
-STAGES = ("measurement", "representation", "coupling", "density", "rejection", "decoder")
 SAMPLES = 2000
 LEVELS_IN_LEG = 15
 

@@ -59,16 +59,6 @@ def level_distances(first: Tensor, first_mask: Tensor, second: Tensor, second_ma
     return Distances(*by_chunks(compare, first, first_mask, second, second_mask))
 
 
-def ks_distance(first: Tensor, first_mask: Tensor, second: Tensor, second_mask: Tensor) -> Tensor:
-    """Kolmogorov-Smirnov distance (L,) per level; see :func:`level_distances`."""
-    return level_distances(first, first_mask, second, second_mask).ks
-
-
-def wasserstein_distance(first: Tensor, first_mask: Tensor, second: Tensor, second_mask: Tensor) -> Tensor:
-    """Wasserstein-1 distance (L,) per level, in the unit of the values; see :func:`level_distances`."""
-    return level_distances(first, first_mask, second, second_mask).wasserstein
-
-
 def observed_mean(values: Tensor, mask: Tensor) -> Tensor:
     """Mean (L,) of the observed values at each level, in float64; NaN where there is none."""
     return torch.where(mask, values, 0.0).sum(0, dtype=torch.float64) / mask.sum(0)

@@ -1,6 +1,6 @@
 """The coefficients of one aircraft type in BADA 3 form."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, Literal, get_args
 
 from torch import Tensor
@@ -127,7 +127,3 @@ class Aircraft:
                 mend="write the checkpoint again with this version of descentflow",
             )
         return cls(**state)
-
-    def with_mass(self, mass_kg: Number) -> "Aircraft":
-        """Return the same type with another reference mass."""
-        return replace(self, mass_reference_kg=mass_kg)

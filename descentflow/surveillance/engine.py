@@ -6,13 +6,10 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.engine import DaskEngine, Engine, LocalEngine, version
 from descentflow.files import whole_file
 from descentflow.surveillance.cleaning import Work, clean
 from descentflow.surveillance.descents import KEY
 from descentflow.surveillance.store import ROW_GROUP
-
-__all__ = ["DaskEngine", "Engine", "LocalEngine", "Partition", "clean_partition", "version"]
 
 
 @dataclass(frozen=True)

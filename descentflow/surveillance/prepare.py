@@ -10,12 +10,13 @@ from typing import Any
 import polars as pl
 
 from descentflow import __version__
+from descentflow.engine import Engine, LocalEngine
 from descentflow.errors import ConfigError, DataError
 from descentflow.files import check_output, whole_file
 from descentflow.surveillance import store
 from descentflow.surveillance.cleaning import Outcome, clean
 from descentflow.surveillance.descents import KEY, SCHEMA_VERSION, Descents, top_levels
-from descentflow.surveillance.engine import Engine, LocalEngine, Partition, clean_partition
+from descentflow.surveillance.engine import Partition, clean_partition
 from descentflow.surveillance.fates import some_flights
 from descentflow.surveillance.flights import check_left
 from descentflow.surveillance.intake import Group, Intake, groups_of, read_again, read_group, take_in

@@ -8,9 +8,9 @@ from typing import Any
 
 import polars as pl
 
+from descentflow.engine import version
 from descentflow.surveillance.cleaning import Work
 from descentflow.surveillance.descents import SCHEMA_VERSION
-from descentflow.surveillance.engine import version
 from descentflow.surveillance.flights import names_shared
 from descentflow.surveillance.intake import Intake
 from descentflow.surveillance.thresholds import Cleaning

@@ -9,8 +9,8 @@ from polars.testing import assert_frame_equal
 from surveillance_toys import fleet, written
 
 from descentflow.cli import main
+from descentflow.engine import LocalEngine
 from descentflow.errors import ConfigError
-from descentflow.surveillance.engine import LocalEngine
 from descentflow.surveillance.fates import SHOWN, some_flights
 from descentflow.surveillance.prepare import Request, prepare_to
 

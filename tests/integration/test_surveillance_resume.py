@@ -14,11 +14,11 @@ import pytest
 from polars.testing import assert_frame_equal
 from surveillance_toys import fleet, written
 
+from descentflow.engine import DaskEngine, LocalEngine
 from descentflow.errors import ConfigError, DataError
 from descentflow.surveillance import engine as engines
 from descentflow.surveillance import intake
 from descentflow.surveillance.descents import read_descents
-from descentflow.surveillance.engine import DaskEngine, LocalEngine
 from descentflow.surveillance.prepare import Cleaning, Request, prepare, prepare_to
 
 MEMORY = 800_000
@@ -26,11 +26,12 @@ MEMORY = 800_000
 SLOW_RUN = """
 import sys, time
 from pathlib import Path
+from descentflow.engine import LocalEngine
 from descentflow.surveillance import engine, prepare
 clean = engine.clean
 engine.clean = lambda *args: (time.sleep(0.15), clean(*args))[1]
 prepare.prepare_to(Path(sys.argv[2]), prepare.Request([Path(sys.argv[1])]), memory_bytes={memory},
-                   engine=engine.LocalEngine(1))
+                   engine=LocalEngine(1))
 """
 
 SLOW_WORKER = """

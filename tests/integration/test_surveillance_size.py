@@ -9,10 +9,10 @@ import pytest
 from polars.testing import assert_frame_equal
 from surveillance_toys import fleet, written
 
+from descentflow.engine import LocalEngine
 from descentflow.errors import ConfigError, DataError
 from descentflow.surveillance import intake, spill, store
 from descentflow.surveillance.descents import Descents, read_descents
-from descentflow.surveillance.engine import LocalEngine
 from descentflow.surveillance.prepare import Cleaning, Request, prepare, prepare_to
 
 

@@ -1,6 +1,7 @@
 """Flights of the world for tests of the diagnosis, and simulators trained on them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -51,6 +52,7 @@ def state(n: int = 6, affected: bool = True) -> FlightState:
     mask = torch.ones_like(cas, dtype=torch.bool)
     slopes = torch.where(cas < planned, slope, 0.0)
     depth = altitude[-1] - altitude + 0 * cas
-    return FlightState(
+    flown = FlightState(
         open_aircraft("A320"), 57e3, altitude, 20 * FL_M, cas, slopes, torch.zeros_like(cas), mask, depth, affected
     )
+    return replace(flown, rate_slope_per_m=flown.schedule_slope_per_m)

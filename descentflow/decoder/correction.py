@@ -68,7 +68,7 @@ class Correction:
         depth = (top - altitude).clamp(min=0.0)
         still = torch.zeros_like(cas)
         slope = _slope(cas, spacing)
-        state = FlightState(aircraft, self.mass_kg, altitude, spacing, cas, slope, still, mask, depth, False)
+        state = FlightState(aircraft, self.mass_kg, altitude, spacing, cas, slope, still, mask, depth, affected=False)
         zero = torch.zeros_like(cas)
         flies, reports = ({"rate": zero, "cas": zero, "tas": zero} for _ in range(2))
         for name, theta in self.effects.items():

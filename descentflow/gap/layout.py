@@ -146,6 +146,7 @@ def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightS
         physics["tailwind_mps"],
         physics["log_rate"].isfinite(),
         physics["depth_m"],
+        rate_slope_per_m=physics["rate_slope_per_m"],
     )
 
 

@@ -19,6 +19,10 @@ LOST_S = 15.0
 """Time lost in a gap from which it counts as one."""
 FEWEST_IN_BAND = 0.4
 """Share of a band's levels that a flight must show there."""
+EDGE_LEVELS = 3
+"""Levels on either side of the edge of a band whose mean counts as the value there..."""
+FEWEST_AT_EDGE = 3
+"""...if at least so many are seen."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,16 @@ class Bands:
         xx, xv = (seen * height**2) @ self.around, (filled * height) @ self.around
         spread = xx - x * x / n.clamp(min=1)
         return torch.where(n >= 5, (xv - x * v / n.clamp(min=1)) / spread.clamp(min=1e-6), 0.0)
+
+    def change(self, values: Tensor) -> Tensor:
+        """Value (n, K) at the upper edge of each band less that at its lower edge; NaN where either is not seen."""
+        half = self.height_fl / 2
+        middle = self.altitude_m / FL_M
+        edges = torch.cat([middle[:1] - half, middle + half])
+        near = ((self.grid.levels_fl[:, None] - edges).abs() <= EDGE_LEVELS).double()
+        seen = values.isfinite().double() @ near
+        at_edge = values.nan_to_num(0.0) @ near / seen.clamp(min=1)
+        return torch.where(seen >= FEWEST_AT_EDGE, at_edge, torch.nan).diff(dim=1)
 
     def rates_mps(self, fall_mps: Tensor) -> tuple[Tensor, Tensor]:
         """Rate of descent (n, K) as reported, and from the times at levels; both as means over time.

@@ -43,16 +43,14 @@ class FlightState:
     """Below the flight's own highest level."""
     affected: bool = True
     """Whether the effect asked for is in these flights already (real ones), or is to be added (a simulator's)."""
+    rate_slope_per_m: Tensor | None = None
+    """d ln(reported rate)/dHp between the edges of each band, NaN where not seen; None where no flight was seen."""
 
     def rows(self, index: Tensor) -> "FlightState":
         """The flights at these positions."""
-        return replace(
-            self,
-            **{
-                name: getattr(self, name)[index]
-                for name in ("cas_mps", "cas_slope_per_s", "tailwind_mps", "mask", "depth_m")
-            },
-        )
+        names = ["cas_mps", "cas_slope_per_s", "tailwind_mps", "mask", "depth_m"]
+        names += [] if self.rate_slope_per_m is None else ["rate_slope_per_m"]
+        return replace(self, **{name: getattr(self, name)[index] for name in names})
 
     def mach(self) -> Tensor:
         """Mach number (n, K) of the CAS."""

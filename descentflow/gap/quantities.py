@@ -17,7 +17,7 @@ from descentflow.gap.levels import LevelGrid, gaps_of, short_scale_noise
 from descentflow.performance.airspeed import mach_to_cas_mps, mach_to_tas_mps
 from descentflow.units import FL_M, FPM_MPS, FT_M, KT_MPS
 
-VERSION = 1
+VERSION = 2
 """Of the state that checkpoints carry."""
 N_BANDS = 15
 """About this many bands cover the grid; each is a multiple of 500 ft high."""
@@ -68,8 +68,9 @@ class Quantities:
     """n flights: ``values`` by quantity, (n, K) or (n,), NaN where not seen; what physics needs beside them.
 
     ``log_rate`` is the logarithm of the reported rate (m/s), of which `rate` will be what the polar does not explain;
-    ``cas_mps``, ``cas_slope_per_s``, ``tailwind_mps`` (n, K); ``cluster`` (n,) number of the
-    aircraft; ``depth_m`` (n, K) below the flight's own highest level.
+    ``cas_mps``, ``cas_slope_per_s``, ``tailwind_mps`` (n, K); ``rate_slope_per_m`` (n, K) d ln(reported rate)/dHp
+    between the edges of a band, NaN where they are not seen; ``depth_m`` (n, K) below the flight's own highest level;
+    ``cluster`` (n,) number of the aircraft.
     """
 
     levels_fl: tuple[float, float]
@@ -187,13 +188,15 @@ def measured(grid: LevelGrid) -> Quantities:
     bands = grid.bands(band)
     cas_kt = grid.values["IAS"]
     # The mean of the rate and not of its logarithm: noise would pull that down.
-    reported, crossed = bands.rates_mps(-grid.values["vertical_rate"] * FPM_MPS)
+    fall_mps = -grid.values["vertical_rate"] * FPM_MPS
+    reported, crossed = bands.rates_mps(fall_mps)
     log_rate = reported.log()
     cas = torch.where(log_rate.isfinite(), bands.mean(cas_kt), torch.nan)
     physics = {
         "log_rate": log_rate,
         "cas_mps": cas * KT_MPS,
         "cas_slope_per_s": bands.slope(cas_kt) * KT_MPS,
+        "rate_slope_per_m": bands.change(fall_mps) / (reported * band * FL_M),
         "depth_m": bands.depth_m(),
     }
     values = {"lag": log_rate - crossed.log(), "cas": cas}

@@ -31,9 +31,26 @@ class VerticalRateLag(Effect):
         return LEAST_LAG_S < float(theta[0]) < self.parameters[0].high
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
-        """Reported rate, also against the altitude differenced over time."""
-        # An aircraft takes some 40 s to change from Mach to CAS, so the step of the rate is spread over bands.
-        slope = state.schedule_slope_per_m
-        slope = torch.nn.functional.pad(slope[:, None], (1, 1), mode="replicate").unfold(2, 3, 1)[:, 0].mean(-1)
-        late = theta[0] * state.schedule_log_rate.exp() * slope
+        """Reported rate, also against the altitude differenced over time.
+
+        A first-order lag tau makes the report y of a rate r follow dy/dt = (r - y) / tau. Its mean over a band exceeds
+        that of r by tau times the change of y over the band, whatever r does within it.
+        """
+        rate = state.schedule_log_rate.exp()
+        if state.rate_slope_per_m is None:
+            late = _late(rate, state.width_m, float(theta[0])) - rate.log()
+        else:
+            seen = state.rate_slope_per_m.isfinite()
+            late = theta[0] * rate * torch.where(seen, state.rate_slope_per_m, state.schedule_slope_per_m)
         return {"rate": late, "lag": late, "noise_rate": theta[1] * torch.ones_like(late[:, 0])}
+
+
+def _late(rate_mps: Tensor, width_m: float, lag_s: float) -> Tensor:
+    """Logarithm of what is reported of rates (n, K) at ascending levels, by the first-order lag itself."""
+    if lag_s <= 0:
+        return rate_mps.log()
+    found = [rate_mps[:, -1]]
+    for rate in rate_mps.flip(1).unbind(1)[1:]:
+        keep = torch.exp(-width_m / rate / lag_s)
+        found.append(keep * found[-1] + (1 - keep) * rate)
+    return torch.stack(found, 1).flip(1).log()

@@ -20,7 +20,9 @@ class Correction:
     """Effects by name with their parameters, and the mass at which their sensitivities are taken.
 
     Drag stays as the latent model drew it; speeds, rates and times change. What only sensors add (bias and lag) changes
-    the reported speed and rate and not the time; noise has no mean and is not added.
+    the reported speed and rate and not the time; noise has no mean and is not added. An effect that takes a share of
+    the flights takes them whole and leaves the others as they are; which ones, the last digits of their speeds say,
+    which are as good as random and the same whenever a descent is decoded.
 
     Example:
         >>> Correction({"temperature": [10.0]}, 57e3).apply(aircraft, flown)
@@ -34,7 +36,8 @@ class Correction:
     def apply(self, aircraft: Aircraft, flown: Trajectories) -> Trajectories:
         """The descents as they are with the effects."""
         altitude = (flown.levels_fl * FL_M).to(flown.cas_mps)
-        flies, reports = self._shifts(aircraft, altitude, flown.cas_mps, flown.mask)
+        speeds = torch.where(flown.mask, flown.cas_mps, 0.0).detach().double().sum(1)
+        flies, reports = self._shifts(aircraft, altitude, flown.cas_mps, flown.mask, speeds)
         cas = flown.cas_mps + flies["cas"] + reports["cas"]
         mach = cas_to_mach(flown.cas_mps + flies["cas"], altitude)
         factor = flies["rate"].exp()
@@ -49,13 +52,13 @@ class Correction:
         )
 
     def reach(self, aircraft: Aircraft, levels_fl: Tensor, cas_mps: Tensor) -> tuple[Tensor, Tensor]:
-        """Change of CAS (n, L) in m/s and factor of the rate (n, L) at given speeds."""
+        """Change of CAS (n, L) in m/s and factor of the rate (n, L) at given speeds, of flights that effects take."""
         altitude = levels_fl * FL_M
         flies, reports = self._shifts(aircraft, altitude, cas_mps, torch.ones_like(cas_mps, dtype=torch.bool))
         return flies["cas"] + reports["cas"], (flies["rate"] + reports["rate"]).exp()
 
     def _shifts(
-        self, aircraft: Aircraft, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor
+        self, aircraft: Aircraft, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor, speeds: Tensor | None = None
     ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
         """Sums of shifts that are flown, and that are reported only: ``rate`` (ln), ``cas`` (m/s), ``tas`` (ln)."""
         # Here and not above: a plain decoder must not pay for the catalogue.
@@ -71,9 +74,13 @@ class Correction:
         state = FlightState(aircraft, self.mass_kg, altitude, spacing, cas, slope, still, mask, depth, affected=False)
         zero = torch.zeros_like(cas)
         flies, reports = ({"rate": zero, "cas": zero, "tas": zero} for _ in range(2))
-        for name, theta in self.effects.items():
+        for place, (name, theta) in enumerate(self.effects.items()):
             effect = EFFECTS[name]
-            shift = dict(effect.shift(state, torch.tensor(theta, dtype=torch.float64)))
+            share, whole = effect.mixture(torch.tensor(theta, dtype=torch.float64))
+            shift = dict(effect.shift(state, whole))
+            if speeds is not None and share < 1.0:
+                taken = _digits(speeds, place) < share
+                shift = {q: torch.where(taken[:, None] if v.ndim == 2 else taken, v, 0.0) for q, v in shift.items()}
             target = reports if effect.sensor else flies
             for quantity in target:
                 if quantity in shift:
@@ -107,6 +114,11 @@ class Correction:
             raise KeyError(f"effect {strange[0]}")
         effects = {name: [float(v) for v in theta] for name, theta in state["effects"].items()}
         return cls(effects, state["mass_kg"], state["inherited"])
+
+
+def _digits(speeds: Tensor, place: int) -> Tensor:
+    """Numbers (n,) in [0, 1) out of sums of speeds over hundreds of levels, others for each place."""
+    return (speeds * (97.0 + 31.0 * place)).remainder(1.0)
 
 
 def _slope(cas_mps: Tensor, spacing_m: float) -> Tensor:

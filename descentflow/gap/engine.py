@@ -35,7 +35,7 @@ SLACK = 5.0
 """Samples miss what components and energy share leave out: up to a percent of the rate about the transition."""
 ENOUGH = 100
 """Flights of a simulator from which the spread between flights is learnt without the real ones."""
-SIGNIFICANT = 0.03
+SIGNIFICANT = 0.02
 """A gap is called from this p-value; it leaves room below five false alarms in a hundred."""
 
 

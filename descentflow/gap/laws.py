@@ -9,6 +9,11 @@ from torch import Tensor
 if TYPE_CHECKING:
     from descentflow.gap.contest import Contest, Fit
 
+LEAST_SPREAD = 0.25
+"""Share of the variance claimed that must show: a mean fixes the share of the flights only roughly."""
+KURTOSIS = 5.0
+"""A variance of n flights is known to about the root of so much over n."""
+
 
 def learnt_laws(contest: "Contest", theta: Mapping[str, Tensor]) -> dict[str, Tensor] | None:
     """Parameters with those of laws over flights set; None where no effect has any."""
@@ -39,23 +44,45 @@ def lawful_shift(contest: "Contest", fit: "Fit") -> tuple[Tensor, dict[str, floa
     """
     spreads: dict[str, float] = {}
     total = torch.zeros_like(contest.y)
-    seen = contest.compared.y.isfinite()
-    normal = torch.zeros(contest.y.shape[1], dtype=contest.y.dtype)
-    if contest.has_reference:
-        normal = contest.compared.y[~contest.real].nanmean(0).nan_to_num(0.0) * contest.compared.free
-    for name, theta in fit.theta.items():
-        own = torch.where(seen, contest.all_shift(name, theta), 0.0)
-        others = contest.shift({n: t for n, t in fit.theta.items() if n != name})
-        rest = torch.where(seen, contest.y - others - normal, 0.0)
-        weighted = contest.whitening.apply(own)
-        size = (own * weighted).sum(1).clamp(min=1e-9)
-        share = (weighted * rest).sum(1) / size
+    for name in fit.theta:
+        own, share, size = _shares(contest, fit, name)
         spread = _excess_variance(share[contest.real], share[~contest.real])
         spreads[name] = spread**0.5
         # Where shares do not spread every flight has the mean effect.
         held = spread * size / (1 + spread * size) * (share - 1) + 1
         total = total + torch.where(contest.real[:, None], own * held[:, None], 0.0)
     return total, spreads
+
+
+def spreads_as_claimed(contest: "Contest", fit: "Fit", name: str) -> bool:
+    """Whether shares of an effect differ between flights as a law that takes some and leaves the others says.
+
+    Of what takes the share s whole, shares are 1/s or zero: their variance is (1 - s)/s more than without it. A cause
+    that takes all flights alike may imitate the mean of such an effect, and not that.
+    """
+    share, _ = contest.catalogue[name].mixture(fit.theta[name])
+    if share >= 1.0 or not contest.has_reference:
+        return True
+    shown = _shares(contest, fit, name)[1]
+    real, normal = shown[contest.real], shown[~contest.real]
+    usual = float(normal.var())
+    error = usual * (KURTOSIS / len(real) + KURTOSIS / len(normal)) ** 0.5
+    excess = float(real.var()) - usual
+    return bool(excess + 2 * error >= LEAST_SPREAD * (1 - share) / share)
+
+
+def _shares(contest: "Contest", fit: "Fit", name: str) -> tuple[Tensor, Tensor, Tensor]:
+    """Shift (n, p) of one of the effects, what each flight shows of its shape (n,) with mean one, and how surely."""
+    seen = contest.compared.y.isfinite()
+    normal = torch.zeros(contest.y.shape[1], dtype=contest.y.dtype)
+    if contest.has_reference:
+        normal = contest.compared.y[~contest.real].nanmean(0).nan_to_num(0.0) * contest.compared.free
+    own = torch.where(seen, contest.all_shift(name, fit.theta[name]), 0.0)
+    others = contest.shift({n: t for n, t in fit.theta.items() if n != name})
+    rest = torch.where(seen, contest.y - others - normal, 0.0)
+    weighted = contest.whitening.apply(own)
+    size = (own * weighted).sum(1).clamp(min=1e-9)
+    return own, (weighted * rest).sum(1) / size, size
 
 
 def _excess_variance(real: Tensor, normal: Tensor) -> float:

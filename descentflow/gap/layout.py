@@ -9,7 +9,7 @@ from torch import Tensor
 from descentflow.gap.physics import FlightState, implied_mass_kg, log_rate
 from descentflow.gap.quantities import BY_BAND, OF_FLIGHT, Quantities
 from descentflow.performance.aircraft import Aircraft
-from descentflow.units import FL_M
+from descentflow.units import FL_M, FPM_MPS
 
 CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
 """What physics claims to be zero, whether or not the simulator's own flights measured it."""
@@ -31,6 +31,9 @@ NEGLIGIBLE = {
     "missing": 0.005,
 }
 """Shifts of a mean that mean nothing in practice, in each quantity's unit: what equations leave out, and no more."""
+EDGE_NOISE = 0.7
+"""Variance of the change of a rate over a band by its noise, in squares of the short-scale noise: means of a few
+reports at either edge, each of which serves several levels."""
 SETTLED_M = 300.0
 """Rates are compared from so far below the highest level seen: above it, they are of how a descent begins, and how
 late a report is shows as much as how steep the descent is."""
@@ -146,8 +149,23 @@ def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightS
         physics["tailwind_mps"],
         physics["log_rate"].isfinite(),
         physics["depth_m"],
-        rate_slope_per_m=physics["rate_slope_per_m"],
+        rate_slope_per_m=_calibrated_slope(flights),
     )
+
+
+def _calibrated_slope(flights: Quantities) -> Tensor:
+    """Slopes of the reported rate (n, K) drawn towards each band's mean by as much as their noise scatters them.
+
+    A lag is the slope of a regression on them, which noise in them would flatten (regression calibration: Carroll et
+    al., Measurement Error in Nonlinear Models, chapter 4).
+    """
+    slope, rate = flights.physics["rate_slope_per_m"], flights.physics["log_rate"].exp()
+    noise_mps = flights.values["noise_rate"].exp()[:, None] * FPM_MPS
+    noise = EDGE_NOISE * (noise_mps / (flights.band_fl * FL_M * rate)) ** 2
+    mean = slope.nanmean(0)
+    spread = ((slope - mean) ** 2).nanmean(0)
+    true = (spread - noise.where(slope.isfinite(), torch.nan).nanmean(0)).clamp(min=0.0)
+    return torch.where(noise.isfinite(), mean + true / (true + noise) * (slope - mean), torch.nan)
 
 
 def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, slack: float = 1.0) -> Compared:

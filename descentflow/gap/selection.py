@@ -8,6 +8,7 @@ from torch import Tensor
 
 from descentflow.gap.clusters import by_cluster
 from descentflow.gap.contest import Contest, Fit
+from descentflow.gap.laws import spreads_as_claimed
 
 MOST = 4
 """Effects named together at most."""
@@ -34,7 +35,7 @@ OUTSIDE_GAIN = 45.0
 """...where that leaves more than so many nats..."""
 OUTSIDE_STANDING = 4.0
 """...and so many standard errors unexplained."""
-LEFT_SHARE = 0.1
+LEFT_SHARE = 0.13
 """Nor may the chosen effects together leave more than this share of the whole to a free discrepancy."""
 LEAST_SIZE = 1.5
 """Mean shift, in negligible shifts of its quantity, below which no effect is named."""
@@ -175,10 +176,15 @@ def _best(contest: Contest, candidates: dict[str, Candidate], chosen: Fit, so_fa
             if not chosen.effects
             else _counts_further(contest, candidate, chosen, so_far)
         )
-        credible = counts and contest.catalogue[name].plausible(contest.compared.state, theta)
-        if credible and size_of(contest, name, theta) >= LEAST_SIZE:
+        if counts and _credible(contest, candidate.fit, name) and size_of(contest, name, theta) >= LEAST_SIZE:
             return candidate
     return None
+
+
+def _credible(contest: Contest, fit: Fit, name: str) -> bool:
+    """Whether parameters and spread between flights can be what the effect says."""
+    plausible = contest.catalogue[name].plausible(contest.compared.state, fit.theta[name])
+    return plausible and spreads_as_claimed(contest, fit, name)
 
 
 def _counts_first(contest: Contest, candidate: Candidate) -> bool:
@@ -273,8 +279,7 @@ def _group(contest: Contest, chosen: Fit, others: dict[str, Fit], without: Fit) 
     for name, fit in others.items():
         lead, error = contest.compare(chosen.log_score, fit.log_score)
         gain = contest.compare(fit.log_score, without.log_score)[0]
-        credible = contest.catalogue[name].plausible(contest.compared.state, fit.theta[name])
-        if credible and gain >= worth and (lead < SAME * error or lead < SAME_NATS):
+        if _credible(contest, fit, name) and gain >= worth and (lead < SAME * error or lead < SAME_NATS):
             same.append(name)
         totals.append(by_cluster(fit.log_score, contest.compared.cluster))
     scores = torch.stack(totals)

@@ -5,7 +5,9 @@ from pathlib import Path
 import gap_toys
 import polars as pl
 import pytest
+import torch
 
+from descentflow.gap.levels import LevelGrid
 from descentflow.gap.quantities import _of_some_aircraft, reference_state
 from descentflow.surveillance.descents import read_descents
 
@@ -20,3 +22,15 @@ def test_a_reference_takes_whole_aircraft(monkeypatch: pytest.MonkeyPatch, tmp_p
     assert per_aircraft == [2, 5, 5, 5, 5]
     assert len(reference_state(frame, 150, 340)["cluster"]) == 22
     assert _of_some_aircraft(frame, 60) is frame
+
+
+def test_the_change_over_a_band_is_that_between_its_edges() -> None:
+    levels = torch.arange(150, 211, dtype=torch.float64)
+    values = torch.where(levels < 171, 8.0, 10.0).double().expand(2, -1).clone()
+    values[1, 13:18] = torch.nan
+    grid = LevelGrid(levels, levels.expand(2, -1), {"vertical_rate": values}, torch.zeros(2), ("a", "b"))
+    change = grid.bands(15.0).change(values)
+    # Bands FL150-165, 165-180, ...: the step lies within the second one; the other flight shows one level at an edge.
+    torch.testing.assert_close(change[0], torch.tensor([0.0, 2.0, 0.0, 0.0], dtype=torch.float64))
+    assert change[1, :2].isnan().all()
+    assert change[1, 2:].isfinite().all()

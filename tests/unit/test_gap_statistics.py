@@ -2,11 +2,13 @@
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import gap_toys
 import pytest
 import torch
 
+from descentflow.gap import laws
 from descentflow.gap.answer import parameters
 from descentflow.gap.contest import Contest
 from descentflow.gap.discrepancy import discrepancy_columns
@@ -126,3 +128,17 @@ def test_a_share_is_known_as_well_as_a_count(halves: tuple[Quantities, Quantitie
     assert "ln_ratio_noise" not in found
     theta[3] = 1.0
     assert parameters(held, "speed_brake", theta, errors)["share"]["low"] is None
+
+
+@pytest.mark.parametrize("holds", [True, False])
+def test_a_share_of_the_flights_must_show_in_their_spread(monkeypatch: pytest.MonkeyPatch, holds: bool) -> None:
+    generator = torch.Generator().manual_seed(1)
+    real = torch.arange(800) >= 400
+    shares = 0.3 * torch.randn(800, generator=generator, dtype=torch.float64)
+    # Both have mean one: three in ten flights hold a path, or all flights are a little slower.
+    taken = torch.rand(800, generator=generator) < 0.3
+    shares = shares + torch.where(real, torch.where(taken, 1 / 0.3, 0.0) if holds else 1.0, 0.0)
+    monkeypatch.setattr(laws, "_shares", lambda contest, fit, name: (None, shares, None))
+    contest = SimpleNamespace(catalogue=EFFECTS, real=real, has_reference=True)
+    fit = SimpleNamespace(theta={"geometric_path": torch.tensor([0.3, 0.1], dtype=torch.float64)})
+    assert laws.spreads_as_claimed(contest, fit, "geometric_path") == holds

@@ -107,6 +107,10 @@ class Effect(ABC):
             for p, value in zip(self.parameters, theta.tolist(), strict=True)
         )
 
+    def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
+        """Share of the flights that have the effect, and its parameters in those; one where all have it alike."""
+        return 1.0, theta
+
     def learn_law(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
         """Parameters of the law over flights, from the rates themselves.
 

@@ -27,6 +27,10 @@ class GeometricPath(Effect):
         """All flights may hold one; a path at the very angle that idle allows is a fit driven to its bound."""
         return float(theta[0]) > 0.0 and LEAST_SHALLOWER < float(theta[1]) < self.parameters[1].high - 1e-6
 
+    def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
+        """Flights hold it or do not."""
+        return float(theta[0]), torch.stack([torch.ones_like(theta[0]), theta[1]])
+
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """From the idle path's angle to one held, shallower by a share than the shallowest of the idle path."""
         ground = cas_to_tas_mps(state.cas_mps, state.altitude_m) + state.tailwind_mps

@@ -72,6 +72,12 @@ class SpeedBrake(Effect):
         found[3] = two_groups(height)
         return found
 
+    def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
+        """Flights have them out or do not."""
+        share = theta[3]
+        full = torch.stack([theta[0] / share, theta[1], theta[2], torch.ones_like(share), theta[4] / share])
+        return float(share), full
+
     def starts(self, state: FlightState) -> list[Tensor]:
         """Windows of several lengths that tile the grid; none covers more than half of it (that would be a polar)."""
         low, high = _range_fl(state)

@@ -1,12 +1,19 @@
 """Vertical rate reported late: smoothing in the transponder's sources."""
 
+import math
+
 import torch
 from torch import Tensor
 
 from descentflow.gap.effects.base import Effect, Parameter, Shift
 from descentflow.gap.physics import FlightState
+from descentflow.surveillance.filters import Descending, SteadyDescent
+from descentflow.units import FPM_MPS
 
 LEAST_LAG_S = 1.5
+LEAST_MPS = Descending().slowest_fpm * FPM_MPS
+AFTER_S = SteadyDescent().transient_s
+"""Where prepared descents begin."""
 
 
 class VerticalRateLag(Effect):
@@ -38,19 +45,26 @@ class VerticalRateLag(Effect):
         """
         rate = state.schedule_log_rate.exp()
         if state.rate_slope_per_m is None:
-            late = _late(rate, state.width_m, float(theta[0])) - rate.log()
+            late = _late(rate, state, float(theta[0])) - rate.log()
         else:
             seen = state.rate_slope_per_m.isfinite()
             late = theta[0] * rate * torch.where(seen, state.rate_slope_per_m, state.schedule_slope_per_m)
         return {"rate": late, "lag": late, "noise_rate": theta[1] * torch.ones_like(late[:, 0])}
 
 
-def _late(rate_mps: Tensor, width_m: float, lag_s: float) -> Tensor:
-    """Logarithm of what is reported of rates (n, K) at ascending levels, by the first-order lag itself."""
+def _late(rate_mps: Tensor, state: FlightState, lag_s: float) -> Tensor:
+    """Logarithm of what is reported of rates (n, K) at ascending levels, by the first-order lag itself.
+
+    A prepared descent begins some seconds after its report has reached the least rate, and so does the lag here.
+    """
     if lag_s <= 0:
         return rate_mps.log()
-    found = [rate_mps[:, -1]]
-    for rate in rate_mps.flip(1).unbind(1)[1:]:
-        keep = torch.exp(-width_m / rate / lag_s)
-        found.append(keep * found[-1] + (1 - keep) * rate)
-    return torch.stack(found, 1).flip(1).log()
+    begun = rate_mps - (rate_mps - LEAST_MPS).clamp(min=0.0) * math.exp(-AFTER_S / lag_s)
+    found, below_top = begun[:, -1], (state.depth_m > 0).unbind(1)
+    late = [found]
+    for level in range(rate_mps.shape[1] - 2, -1, -1):
+        rate = rate_mps[:, level]
+        keep = torch.exp(-state.width_m / rate / lag_s)
+        found = torch.where(below_top[level], keep * found + (1 - keep) * rate, begun[:, level])
+        late.append(found)
+    return torch.stack(late[::-1], 1).log()

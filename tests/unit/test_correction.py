@@ -1,0 +1,67 @@
+"""What corrected simulators fly: effects that take a share of the flights, and reports that lag."""
+
+import math
+
+import gap_toys
+import pytest
+import torch
+
+from descentflow.decoder.correction import Correction
+from descentflow.decoder.trajectories import Trajectories
+from descentflow.gap.effects import EFFECTS
+from descentflow.gap.effects.vertical_rate_lag import _late
+from descentflow.performance.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.units import FL_M
+
+N = 4000
+
+
+@pytest.fixture(scope="module")
+def flown() -> Trajectories:
+    """Descents at constant CAS, each another, and 10 m/s."""
+    levels = torch.arange(150.0, 321.0)
+    generator = torch.Generator().manual_seed(3)
+    cas = (140 + 8 * torch.randn(N, 1, generator=generator)).expand(N, len(levels)).contiguous()
+    mach = cas_to_mach(cas, levels * FL_M)
+    time = (levels[-1] - levels) * FL_M / 10.0
+    rate = torch.full_like(cas, -10.0)
+    entry = torch.full((N,), len(levels) - 1)
+    return Trajectories(
+        levels, entry, time.expand_as(cas), cas, mach, mach_to_tas_mps(mach, levels * FL_M), rate, torch.ones_like(cas)
+    )
+
+
+def test_brakes_are_out_on_their_share_of_the_flights_and_wholly(flown: Trajectories) -> None:
+    theta = [0.3, 200.0, 250.0, 0.6, 0.0]
+    after = Correction({"speed_brake": theta}, 57e3).apply(open_aircraft("A320"), flown)
+    inside = (flown.levels_fl > 210) & (flown.levels_fl < 240)
+    factor = (after.rate_mps / flown.rate_mps)[:, inside].mean(1)
+    braked = factor > 1.01
+    # A binomial share of 4,000 stays within four standard errors but for one in 16,000 seeds; this one is fixed.
+    assert float(braked.float().mean()) == pytest.approx(0.6, abs=4 * math.sqrt(0.24 / N))
+    assert torch.equal(factor[~braked], torch.ones_like(factor[~braked]))
+    # Half as much parasitic drag again: the share's mean would be 30 % more.
+    share, whole = EFFECTS["speed_brake"].mixture(torch.tensor(theta, dtype=torch.float64))
+    assert (share, float(whole[0])) == (0.6, pytest.approx(0.5))
+    assert float(factor[braked].min()) > 1.2
+    again = Correction({"speed_brake": theta}, 57e3).apply(open_aircraft("A320"), flown)
+    assert torch.equal(again.rate_mps, after.rate_mps)
+
+
+def test_two_effects_take_flights_independently(flown: Trajectories) -> None:
+    of_low = Correction({"speed_brake": [0.3, 170.0, 200.0, 0.5, 0.0]}, 57e3).apply(open_aircraft("A320"), flown)
+    of_path = Correction({"temperature": [0.0], "geometric_path": [0.5, 0.1]}, 57e3)
+    first = (of_low.rate_mps / flown.rate_mps - 1).abs().amax(1) > 0.01
+    second = (of_path.apply(open_aircraft("A320"), flown).rate_mps / flown.rate_mps - 1).abs().amax(1) > 0.01
+    assert float((first & second).float().mean()) == pytest.approx(0.25, abs=4 * math.sqrt(0.1875 / N))
+
+
+def test_a_late_rate_follows_the_closed_form_of_a_first_order_lag() -> None:
+    state = gap_toys.state()
+    rate = torch.full_like(state.cas_mps, 10.0)
+    late = _late(rate, state, 12.0).exp()
+    # From 2.54 m/s, 20 s before the first level, the report comes up to 10 m/s with a time constant of 12 s.
+    time = 20.0 + (state.altitude_m[-1] - state.altitude_m) / 10.0
+    torch.testing.assert_close(late[0], 10.0 - (10.0 - 2.54) * torch.exp(-time / 12.0), rtol=1e-9, atol=0)
+    assert torch.equal(_late(rate, state, 0.0), rate.log())

@@ -108,7 +108,10 @@ class Effect(ABC):
         )
 
     def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
-        """Share of the flights that have the effect, and its parameters in those; one where all have it alike."""
+        """Share of the flights that have the effect, and its parameters in those.
+
+        One where all have it alike, or where the parameters do not say how many have it.
+        """
         return 1.0, theta
 
     def learn_law(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:

@@ -27,13 +27,6 @@ class VerticalSpeedMode(Effect):
         """A held rate leaves gaps where cleaning finds it; without gaps it is something else."""
         return float(theta[0]) > LEAST_CUT_OUT
 
-    def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
-        """Flights hold a rate, with what that leaves of gaps, or do not."""
-        share = theta[2]
-        if float(share) <= 0.0:
-            return 1.0, theta
-        return float(share), torch.stack([theta[0] / share, theta[1] / share, torch.ones_like(share), theta[3]])
-
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Gaps in the levels and time lost in them; where a rate is held, a shallow one in place of the idle rate."""
         each = torch.ones_like(state.cas_mps[:, 0])

@@ -124,10 +124,11 @@ class DescentDataModule(LightningDataModule):
                 profiles, split = self._fresh(frame, source)
                 begin("fitting components")
                 representation = self._fit(profiles, split, source)
-                seen = frame.filter(pl.col("flight_id").is_in([*split.train, *split.validation]))
-                levels = profiles.levels_fl
-                representation.reference = reference_state(seen, float(levels[0]), float(levels[-1]))
+                levels, seen = profiles.levels_fl, [*split.train, *split.validation]
+                representation.reference = reference_state(frame, float(levels[0]), float(levels[-1]), seen)
                 representation.context = self._encoder(table, split)
+            # A gigabyte for forty thousand flights, which what follows has no use for.
+            del frame, source
             begin("encoding flights")
             profiles = with_context(profiles, table, representation.context)
             self._profiles = parts_of(profiles, split)

@@ -218,23 +218,32 @@ def measured(grid: LevelGrid) -> Quantities:
     return Quantities((low_fl, high_fl), band, values, physics, grid.cluster).rows(good)
 
 
-def reference_state(frame: pl.DataFrame, low_fl: float, high_fl: float) -> dict[str, Any] | None:
+def reference_state(
+    frame: pl.DataFrame, low_fl: float, high_fl: float, flights: Sequence[str]
+) -> dict[str, Any] | None:
     """State of the flights that a simulator was trained on, for its checkpoint; None if they show no band.
 
     Flights beyond :data:`LARGEST` are left out before anything is measured, by whole aircraft, by a draw that depends
     on nothing but which aircraft there are.
+
+    Args:
+        frame: Prepared descents.
+        low_fl: Lowest level of the simulator's grid.
+        high_fl: Highest level of it.
+        flights: Those of the table that it was trained on.
     """
     try:
-        return quantities_of(_of_some_aircraft(frame, LARGEST), low_fl, high_fl, CHANNELS).to_state()
+        return quantities_of(_of_some_aircraft(frame, flights, LARGEST), low_fl, high_fl, CHANNELS).to_state()
     except DataError:
         return None
 
 
-def _of_some_aircraft(frame: pl.DataFrame, most: int) -> pl.DataFrame:
-    """Flights of aircraft drawn until there are so many; all flights if they are no more."""
+def _of_some_aircraft(frame: pl.DataFrame, among: Sequence[str], most: int) -> pl.DataFrame:
+    """Flights among some, of aircraft drawn until there are so many; all of them if they are no more."""
     flights = frame.group_by("flight_id").agg(pl.col("icao24").first().fill_null("")).sort("icao24", "flight_id")
+    flights = flights.filter(pl.col("flight_id").is_in(list(among)))
     if len(flights) <= most:
-        return frame
+        return frame.filter(pl.col("flight_id").is_in(flights["flight_id"].implode()))
     aircraft = flights["icao24"].unique().sort()
     place = pl.Series(np.random.default_rng(0).permutation(len(aircraft)))
     drawn = flights.join(pl.DataFrame({"icao24": aircraft, "place": place}), on="icao24").sort("place", "flight_id")

@@ -14,6 +14,9 @@ from descentflow.performance.energy import inferred_drag_n
 from descentflow.performance.state import idle_state
 from descentflow.units import FL_M, FPM_MPS, KT_MPS
 
+BLOCK = 4096
+"""Flights whose drag is inferred at a time."""
+
 
 @dataclass(frozen=True)
 class Profiles:
@@ -113,7 +116,7 @@ def profiles_from_frame(
         bottom_fl: Lowest level of the grid.
         top_fl: Highest level of the grid; the highest in the table if absent. Flights without a level on the
             grid are not among the profiles.
-        mass_kg: Mass for the drag; the reference mass if absent.
+        mass_kg: Mass for the drag, one for all flights; the reference mass if absent.
 
     Raises:
         DataError: If no flight has a level on the grid.
@@ -141,7 +144,9 @@ def profiles_from_frame(
     # Where nothing was observed, a harmless speed keeps the arithmetic finite; the mask hides the result.
     cas_mps = torch.where(mask, cas_kt, 250.0) * KT_MPS
     rate_mps = rate_fpm * FPM_MPS
-    drag_n = infer_drag_n(aircraft, cas_mps, rate_mps, levels * FL_M, mass_kg)
+    # Flight by flight it is the same; block by block the many steps of the equation need no memory of all flights.
+    blocks = zip(torch.split(cas_mps, BLOCK), torch.split(rate_mps, BLOCK), strict=True)
+    drag_n = torch.cat([infer_drag_n(aircraft, cas, rate, levels * FL_M, mass_kg) for cas, rate in blocks])
     return Profiles(tuple(flight_ids), levels, time_s, cas_mps, rate_mps, torch.where(mask, drag_n, 0.0), mask)
 
 

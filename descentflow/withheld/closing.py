@@ -27,7 +27,7 @@ def closing(rows: Path, simulator: Path, corrected: Path, true: Path) -> dict[st
     """Distances of generated descents from the flights, before and after correction, and with the true effect.
 
     The distance is the Wasserstein distance of CAS, and of rate, at every level, in standard deviations of the flights;
-    it uses nothing of the diagnosis. The true effect's simulator was trained on other flights with the same effect.
+    it uses nothing of the diagnosis. The true effect's simulator was trained on the same aircraft with that effect.
     Compared is where that one comes closer: a window's effect would be lost in the mean over all levels.
 
     Args:

@@ -166,11 +166,14 @@ def draw_plan(
     order = generator.permutation(len(blind))
     sets = [replace(blind[i], name=f"blind_{k:04d}") for k, i in enumerate(order)]
     if extra:
+        seed_of = {one.name: one.seed for one in simulators}
         for cause in CATALOGUED:
             causes = {cause.name: cause.values(generator, 1.0)}
             held = str(generator.choice(right))
             sets.append(_full(f"withheld_{cause.name}", "withheld", causes, held, next(seeds)))
-            refit = SimulatorPlan(f"refit_{cause.name}", next(seeds), 1.0, causes)
+            # The same aircraft and crews as the one that is corrected, so that nothing but the cause is between them:
+            # what a correction closes is held against this one.
+            refit = SimulatorPlan(f"refit_{cause.name}", seed_of[held], 1.0, causes)
             simulators.append(refit)
             sets.append(_full(f"refit_{cause.name}", "refit", causes, refit.name, next(seeds)))
     return Plan(seed, generator.bytes(16).hex(), tuple(sets), tuple(simulators))

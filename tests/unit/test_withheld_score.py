@@ -46,8 +46,13 @@ def test_a_plan_is_made_up_as_asked() -> None:
         assert len(one.causes) == {"null": 0, "single": 1, "double": 2, "outside": 1}[one.kind]
         assert not any(len(set(one.causes) & group) > 1 for group in (SCALE_GROUP, HELD))
         assert one.kind != "null" or one.size == 0
-    seeds = [one.seed for one in PLAN.sets] + [simulator.seed for simulator in PLAN.simulators]
+    seed_of = {simulator.name: simulator.seed for simulator in PLAN.simulators}
+    paired = [one for one in PLAN.sets if one.part == "withheld"]
+    seeds = [one.seed for one in PLAN.sets] + [seed for name, seed in seed_of.items() if not name.startswith("refit")]
     assert len(set(seeds)) == len(seeds)
+    # The one that knows the effect has the aircraft and crews of the one that is corrected.
+    assert all(seed_of[one.simulator] == seed_of[one.name.replace("withheld", "refit")] for one in paired)
+    assert len(paired) == 13
     # No null set against a wrong polar: there would be a gap.
     wrong = {simulator.name for simulator in PLAN.simulators if simulator.cd0_factor != 1}
     assert not any(one.kind == "null" and one.simulator in wrong for one in blind)

@@ -229,16 +229,18 @@ class Contest:
         return theta
 
     def _beside(self, theta: dict[str, Tensor]) -> dict[str, Tensor]:
-        """Go on from a neighbour where one is better, until none is."""
+        """Go on from the best neighbour where that leads higher, until none does."""
         for name in theta:
             better = True
             while better:
                 value = self._objective(self.shift(theta))
                 tried = [{**theta, name: beside} for beside in self.catalogue[name].neighbours(theta[name])]
-                values = [self._objective(self.shift(trial)) for trial in tried]
-                better = bool(values) and max(values) > value + LEAST_BETTER
-                if better:
-                    theta = self._climb(tried[values.index(max(values))])
+                if not tried:
+                    break
+                # Both ends of a window may have to move: the neighbour itself need not be better than where it is.
+                climbed = self._climb(max(tried, key=lambda trial: self._objective(self.shift(trial))))
+                better = self._objective(self.shift(climbed)) > value + LEAST_BETTER
+                theta = climbed if better else theta
         return theta
 
     def _moved(self, theta: Mapping[str, Tensor], step: Tensor) -> dict[str, Tensor]:

@@ -31,10 +31,12 @@ OUTSIDE_SHARE = 0.3
 """A first effect must explain this share of what a free discrepancy explains in its place, for there may be two..."""
 OUTSIDE_SHARE_AFTER = 0.7
 """...and a further one that moves the same quantities this share..."""
-OUTSIDE_GAIN = 45.0
+OUTSIDE_GAIN = 60.0
 """...where that leaves more than so many nats..."""
 OUTSIDE_STANDING = 4.0
-"""...and so many standard errors unexplained."""
+"""...and so many standard errors unexplained..."""
+OUTSIDE_MOST = (25.0, 3.3)
+"""...or so many, where that is more than what is explained."""
 LEFT_SHARE = 0.13
 """Nor may the chosen effects together leave more than this share of the whole to a free discrepancy."""
 LEAST_SIZE = 1.5
@@ -114,9 +116,12 @@ def select(contest: Contest, discrepancy: Tensor, say: Callable[[str], None]) ->
     candidates = singles
     while len(chosen.effects) < MOST:
         free, error = _free(contest, chosen, discrepancy)
-        best = _best(contest, candidates, chosen, contest.compare(chosen.log_score, null.log_score)[0])
+        so_far = contest.compare(chosen.log_score, null.log_score)[0]
+        best = _best(contest, candidates, chosen, so_far)
         left = free - (0.0 if best is None else best.gain)
-        if _stands_out(left, error) and (best is None or best.gain < _share_needed(contest, best.fit) * free):
+        if _stands_out(left, error, so_far + free - left) and (
+            best is None or best.gain < _share_needed(contest, best.fit) * free
+        ):
             # No effect does what a shift without a cause does: adding more would only imitate it.
             break
         if best is None:
@@ -134,7 +139,7 @@ def select(contest: Contest, discrepancy: Tensor, say: Callable[[str], None]) ->
     chosen = _pruned(contest, chosen)
     left, error = _free(contest, chosen, discrepancy)
     explained = contest.compare(chosen.log_score, null.log_score)[0]
-    outside = _stands_out(left, error) and left > LEFT_SHARE * (explained + left)
+    outside = _stands_out(left, error, explained) and left > LEFT_SHARE * (explained + left)
     groups, probability, gains = {}, {}, {}
     for name in chosen.effects:
         rest = tuple(e for e in chosen.effects if e != name)
@@ -160,8 +165,9 @@ def _free(contest: Contest, chosen: Fit, discrepancy: Tensor) -> tuple[float, fl
     return contest.compare(free, chosen.log_score)
 
 
-def _stands_out(rest: float, error: float) -> bool:
-    return rest > OUTSIDE_GAIN and rest > OUTSIDE_STANDING * error
+def _stands_out(rest: float, error: float, explained: float) -> bool:
+    least, standing = OUTSIDE_MOST if rest > explained else (OUTSIDE_GAIN, OUTSIDE_STANDING)
+    return rest > least and rest > standing * error
 
 
 def _best(contest: Contest, candidates: dict[str, Candidate], chosen: Fit, so_far: float) -> Candidate | None:

@@ -91,13 +91,16 @@ class SpeedBrake(Effect):
         return found
 
     def neighbours(self, theta: Tensor) -> list[Tensor]:
-        """Either end moved: within a band of altitude the next one is not felt."""
-        found = []
-        for end in (1, 2):
+        """One end or both moved, with as much drag in all: within a band of altitude the next one is not felt."""
+        found, out = [], RUN_OUT_M / FL_M
+        height = float(theta[2] - theta[1]) - out
+        for low, high in ((1.0, 0.0), (0.0, 1.0), (-1.0, 1.0)):
             for move in MOVES_FL:
                 moved = theta.clone()
-                moved[end] += move
+                moved[1] += low * move
+                moved[2] += high * move
                 if float(moved[2] - moved[1]) >= NARROWEST_FL:
+                    moved[0] *= max(height, 0.0) / (float(moved[2] - moved[1]) - out)
                     found.append(moved)
         return found
 

@@ -38,6 +38,7 @@ def details_of(
             "rest_nats": chosen.outside.rest,
             "rest_error_nats": chosen.outside.error,
             "share_explained": chosen.outside.share_explained,
+            "named": chosen.outside.named,
         },
         "contest": [
             {

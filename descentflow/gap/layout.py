@@ -160,6 +160,9 @@ def _calibrated_slope(flights: Quantities) -> Tensor:
     al., Measurement Error in Nonlinear Models, chapter 4).
     """
     slope, rate = flights.physics["rate_slope_per_m"], flights.physics["log_rate"].exp()
+    if "noise_rate" not in flights.values:
+        # Sampled flights have none, and so nothing is known of it where they are one of the sides.
+        return slope
     noise_mps = flights.values["noise_rate"].exp()[:, None] * FPM_MPS
     noise = EDGE_NOISE * (noise_mps / (flights.band_fl * FL_M * rate)) ** 2
     mean = slope.nanmean(0)

@@ -1,3 +1,5 @@
 """Realistic aircraft descents, learnt from surveillance data and flown by BADA's total-energy equation."""
 
-__version__ = "0.1.0"
+from descentflow.core.version import __version__
+
+__all__ = ["__version__"]

@@ -21,17 +21,17 @@ import torch
 import yaml
 
 from descentflow import models
-from descentflow.cli import main as command
-from descentflow.data.datamodule import DescentDataModule
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.cli.entry import main as command
+from descentflow.core.errors import DescentflowError
+from descentflow.core.files import check_output, whole_file
 from descentflow.densities.checkpoint import load_model
-from descentflow.errors import DescentflowError
-from descentflow.files import check_output, whole_file
-from descentflow.forecasts import forecast_scores
-from descentflow.metrics.forecasts import Skill, skill
-from descentflow.performance.registry import aircraft
-from descentflow.training import fit
-from descentflow.world.config import WorldConfig
-from descentflow.world.world import simulate
+from descentflow.evaluation.forecast_scores import forecast_scores
+from descentflow.evaluation.metrics.forecast_metrics import Skill, skill
+from descentflow.simulation.world import simulate
+from descentflow.simulation.world_config import WorldConfig
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.fit import fit
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "model"
 SPREADS = {"deviation_spread_k": 10.0, "wind_slope_spread_per_s": 0.001}

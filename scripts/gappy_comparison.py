@@ -2,11 +2,11 @@
 
 import sys
 
-from descentflow.data.datamodule import DescentDataModule
-from descentflow.figures.gappy import gappy_figure
-from descentflow.files import whole_file
-from descentflow.study.gappy import hidden_errors
-from descentflow.units import KT_MPS
+from descentflow.core.files import whole_file
+from descentflow.core.units import KT_MPS
+from descentflow.studies.paper.figures.hidden_errors import gappy_figure
+from descentflow.studies.paper.hidden_levels import hidden_errors
+from descentflow.training.datamodule import DescentDataModule
 
 
 def main(descents: str, path: str, aircraft: str | None = None) -> None:

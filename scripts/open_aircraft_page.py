@@ -8,8 +8,8 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from descentflow.figures.open_aircraft import open_aircraft_figure
-from descentflow.performance.open_aircraft import CoefficientSource, open_type, open_typecodes
+from descentflow.aircraft_types.open_types.open_aircraft import CoefficientSource, open_type, open_typecodes
+from descentflow.studies.aircraft.open_aircraft_figures import open_aircraft_figure
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 1150px; margin: 2em auto; padding: 0 1em; color: #222; }

@@ -16,14 +16,14 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.engine import DaskEngine, Engine, ProcessEngine
-from descentflow.errors import DescentflowError
-from descentflow.performance.registry import aircraft
-from descentflow.study.plan import MODELS, PAPER_FLIGHTS, StudyPlan, begin, paper_plan
-from descentflow.study.report import write_report
-from descentflow.study.run import costs, run_study
-from descentflow.study.sweeps import NAMES, SweepPlan, run_sweeps
-from descentflow.world.scenarios import scenario
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.core.errors import DescentflowError
+from descentflow.core.workers import DaskEngine, Engine, ProcessEngine
+from descentflow.simulation.scenarios import scenario
+from descentflow.studies.paper.study_plan import MODELS, PAPER_FLIGHTS, StudyPlan, begin, paper_plan
+from descentflow.studies.paper.study_report import write_report
+from descentflow.studies.paper.study_run import costs, run_study
+from descentflow.studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
 
 _SPENT = (pl.col("cpu_s").sum(), pl.col("peak_mb").max())
 
@@ -84,7 +84,7 @@ def _engine(args: argparse.Namespace) -> Engine:
 
 
 def _of_store(args: argparse.Namespace, settings: dict[str, object]) -> StudyPlan:
-    from descentflow.surveillance.descents import read_descents
+    from descentflow.surveillance.descents.prepared_descents import read_descents
 
     frame = read_descents(args.store).frame
     counts = dict(frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).iter_rows())

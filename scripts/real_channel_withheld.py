@@ -11,12 +11,12 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.errors import DescentflowError
-from descentflow.figures.withheld_real import PER_KFT, real_figure
-from descentflow.gap import diagnose
-from descentflow.surveillance.descents import Descents
-from descentflow.withheld.real import check_temperature, check_wind
-from descentflow.withheld.seal import write_json
+from descentflow.core.errors import DescentflowError
+from descentflow.diagnosis.diagnose import diagnose
+from descentflow.studies.blind_diagnosis.figures.real_figures import PER_KFT, real_figure
+from descentflow.studies.blind_diagnosis.real_flights import check_temperature, check_wind
+from descentflow.studies.blind_diagnosis.seal import write_json
+from descentflow.surveillance.descents.prepared_descents import Descents
 
 
 def package(descents: Descents, typecode: str, channels: Sequence[str]) -> dict[str, Any]:

@@ -5,8 +5,8 @@ import sys
 import torch
 
 from descentflow.densities.checkpoint import load_model
-from descentflow.sampling.rejection import sample_descents
-from descentflow.sampling.tables import to_frame
+from descentflow.generation.rejection import sample_descents
+from descentflow.generation.sample_tables import to_frame
 
 
 def main(checkpoint: str, n: int = 1000, seed: int = 0) -> None:

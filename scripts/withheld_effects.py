@@ -13,13 +13,13 @@ import time
 from pathlib import Path
 from typing import Any
 
-from descentflow.errors import DescentflowError
-from descentflow.withheld.closing import closing
-from descentflow.withheld.page import write_page
-from descentflow.withheld.plan import Plan, draw_plan
-from descentflow.withheld.run import diagnose_all, generate
-from descentflow.withheld.score import score
-from descentflow.withheld.seal import KEY, MANIFEST, open_key, read_json, write_json
+from descentflow.core.errors import DescentflowError
+from descentflow.studies.blind_diagnosis.blind_page import write_page
+from descentflow.studies.blind_diagnosis.blind_plan import Plan, draw_plan
+from descentflow.studies.blind_diagnosis.blind_run import diagnose_all, generate
+from descentflow.studies.blind_diagnosis.blind_score import score
+from descentflow.studies.blind_diagnosis.closing import closing
+from descentflow.studies.blind_diagnosis.seal import KEY, MANIFEST, open_key, read_json, write_json
 
 VERDICTS = {True: "met", False: "MISSED", None: "not judged"}
 

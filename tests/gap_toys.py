@@ -7,17 +7,17 @@ from pathlib import Path
 import torch
 from lightning.pytorch import Trainer
 
-from descentflow.data.datamodule import DescentDataModule
-from descentflow.gap.physics import FlightState
-from descentflow.models import Gaussian
-from descentflow.performance.airspeed import mach_to_cas_mps
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.surveillance.descents import write_descents
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.units import FL_M, KT_MPS
+from descentflow.effects.flight_state import FlightState
+from descentflow.physics.airspeed import mach_to_cas_mps
+from descentflow.simulation.parameters import FlightParameters
+from descentflow.simulation.world import simulate
+from descentflow.simulation.world_config import WorldConfig
+from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
-from descentflow.units import FL_M, KT_MPS
-from descentflow.world.config import WorldConfig
-from descentflow.world.parameters import FlightParameters
-from descentflow.world.world import simulate
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.models import Gaussian
 
 Plant = Callable[[FlightParameters], FlightParameters]
 

@@ -9,9 +9,9 @@ import polars as pl
 from source_toys import all_call, cat048, cat062, packed, register_60, reply, scat_of, snapshots_of, tar_of, trace_of
 from surveillance_toys import flight
 
-from descentflow.errors import DataError
-from descentflow.surveillance.readers import read_rows
-from descentflow.surveillance.report import DropReport
+from descentflow.core.errors import DataError
+from descentflow.surveillance.formats.readers import read_rows
+from descentflow.surveillance.rows.drop_report import DropReport
 
 FLIGHT = flight().head(60)
 

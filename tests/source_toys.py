@@ -9,7 +9,7 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.surveillance.schema import POSSIBLE, REQUIRED
+from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED
 
 GENERATOR = 0x1FFF409
 """Of the parity of Mode S (ICAO Annex 10, volume IV, 3.1.2.3.3)."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.airdata import pressure_ratio
+from descentflow.surveillance.rows.air_data import pressure_ratio
 
 START = datetime(2024, 3, 1, 10, tzinfo=UTC)
 SPEED_OF_SOUND_KT = np.sqrt(1.4 * 101_325.0 / 1.225) / 0.514444

@@ -10,16 +10,16 @@ from lightning.pytorch import Callback, LightningDataModule, LightningModule, Tr
 from torch import Tensor
 from torch.utils.data import DataLoader, TensorDataset
 
-from descentflow.data.representation import Representation, Split, fit_representation
-from descentflow.decoder.decoder import DescentDecoder
-from descentflow.fpca.basis import FunctionalBasis
-from descentflow.models import LatentModel
-from descentflow.performance.aircraft import Aircraft
-from descentflow.performance.airspeed import cas_to_mach, mach_to_cas_mps
-from descentflow.profiles.profiles import Profiles, infer_drag_n
-from descentflow.sampling.plausibility import Plausibility
-from descentflow.surveillance.descents import Descents, write_descents
-from descentflow.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.plausibility import Plausibility
+from descentflow.representation.profiles import Profiles, infer_drag_n
+from descentflow.representation.representation import Representation, Split, fit_representation
+from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
+from descentflow.training.models import LatentModel
 
 AIRCRAFT = Aircraft(
     typecode="TOY", engine="jet", n_engines=2, wake_category="M", source="invented for tests",

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from descentflow.withheld.plan import SCALE_GROUP, Plan, SetPlan
-from descentflow.withheld.truth import reported
+from descentflow.studies.blind_diagnosis.blind_plan import SCALE_GROUP, Plan, SetPlan
+from descentflow.studies.blind_diagnosis.true_sizes import reported
 
 
 def perfect_report(one: SetPlan, catalogued: tuple[str, ...], without: str | None = None) -> dict[str, Any]:

@@ -1,24 +1,24 @@
 """Latent densities over the weights: log density, sampling and checkpoints. No trainer is imported here.
 
 Each is imported when it is first asked for: a checkpoint of one need not pay for the libraries of the others.
-:mod:`descentflow.models` trains them.
+:mod:`descentflow.training` trains them.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from descentflow.densities.base import Density
+    from descentflow.densities.density import Density
     from descentflow.densities.flow import MaskedAffineFlowDensity, SplineFlowDensity
     from descentflow.densities.gaussian import GaussianDensity
-    from descentflow.densities.gmm import GaussianMixtureDensity
+    from descentflow.densities.mixture import GaussianMixtureDensity
 
 __all__ = ["Density", "GaussianDensity", "GaussianMixtureDensity", "MaskedAffineFlowDensity", "SplineFlowDensity"]
 
 MODULES = {
-    "Density": "base",
+    "Density": "density",
     "GaussianDensity": "gaussian",
-    "GaussianMixtureDensity": "gmm",
+    "GaussianMixtureDensity": "mixture",
     "MaskedAffineFlowDensity": "flow",
     "SplineFlowDensity": "flow",
 }

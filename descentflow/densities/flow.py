@@ -7,7 +7,7 @@ import normflows as nf
 import torch
 from torch import Tensor, nn
 
-from descentflow.densities.base import Density
+from descentflow.densities.density import Density
 from descentflow.densities.layers import Bounded, ContextNet, ExponentialAffine, Flip, TurnedRound, made, turned_linear
 
 

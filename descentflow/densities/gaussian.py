@@ -5,9 +5,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from descentflow.densities.base import Density
+from descentflow.core.errors import ConfigError
+from descentflow.densities.density import Density
 from descentflow.densities.em import Mixture
-from descentflow.errors import ConfigError
 
 
 class GaussianDensity(Density):

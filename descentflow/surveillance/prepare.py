@@ -9,24 +9,24 @@ from typing import Any
 
 import polars as pl
 
-from descentflow import __version__
-from descentflow.engine import Engine, LocalEngine
-from descentflow.errors import ConfigError, DataError
-from descentflow.files import check_output, whole_file
-from descentflow.surveillance import store
-from descentflow.surveillance.cleaning import Outcome, clean
-from descentflow.surveillance.descents import KEY, SCHEMA_VERSION, Descents, top_levels
-from descentflow.surveillance.engine import Partition, clean_partition
-from descentflow.surveillance.fates import some_flights
-from descentflow.surveillance.flights import check_left
-from descentflow.surveillance.intake import Group, Intake, groups_of, read_again, read_group, take_in
-from descentflow.surveillance.job import PARTS, ROWS, fingerprint, job_folder, work_folder
-from descentflow.surveillance.prepared import Prepared, finished
-from descentflow.surveillance.readers import files_of
-from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.request import Request
-from descentflow.surveillance.spill import Memory, Spill, joined, partitions
-from descentflow.surveillance.thresholds import Cleaning
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.files import check_output, whole_file
+from descentflow.core.version import __version__
+from descentflow.core.workers import Engine, LocalEngine
+from descentflow.surveillance.cleaning.chain import Outcome, clean
+from descentflow.surveillance.cleaning.drop_reasons import some_flights
+from descentflow.surveillance.cleaning.flights import check_left
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents import store
+from descentflow.surveillance.descents.prepared_descents import KEY, SCHEMA_VERSION, Descents, top_levels
+from descentflow.surveillance.formats.readers import files_of
+from descentflow.surveillance.out_of_core.batches import Partition, clean_partition
+from descentflow.surveillance.out_of_core.finish import Prepared, finished
+from descentflow.surveillance.out_of_core.intake import Group, Intake, groups_of, read_again, read_group, take_in
+from descentflow.surveillance.out_of_core.job import PARTS, ROWS, fingerprint, job_folder, work_folder
+from descentflow.surveillance.out_of_core.request import Request
+from descentflow.surveillance.out_of_core.spill import Memory, Spill, joined, partitions
+from descentflow.surveillance.rows.drop_report import DropReport
 
 __all__ = ["MEMORY_BYTES", "Cleaning", "Prepared", "Request", "prepare", "prepare_to"]
 

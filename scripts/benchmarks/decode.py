@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 
 from benchmarks.timing import best_of, fresh_process_s, peak_mib, print_row
-from descentflow.decoder.trajectories import integrate, integrate_plain
-from descentflow.performance.registry import aircraft
-from descentflow.units import FL_M
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.core.units import FL_M
+from descentflow.representation.decoder.trajectories import integrate, integrate_plain
 
 N_DESCENTS, N_LEVELS = 10_000, 228
 GPU_DESCENTS, GPU_CHUNK = 10_000_000, 250_000
@@ -107,8 +107,8 @@ _CHUNKED = """
 import sys; sys.path[:0] = {path!r}
 import torch; torch.set_num_threads(1)
 from benchmarks.decode import profiles
-from descentflow.decoder.trajectories import integrate
-from descentflow.performance.registry import aircraft
+from descentflow.representation.decoder.trajectories import integrate
+from descentflow.aircraft_types.registry import aircraft
 levels, altitude, drag, cas, entry = profiles(torch.float64, 10_000)
 flown = None
 for _ in range({chunks}):
@@ -125,12 +125,21 @@ def _memory() -> None:
 
 def _first_descent(checkpoint: Path | None) -> None:
     """Time of `descentflow sample -n 1` in a fresh process."""
-    bare = fresh_process_s(["-c", "from descentflow.decoder.trajectories import integrate"])
+    bare = fresh_process_s(["-c", "from descentflow.representation.decoder.trajectories import integrate"])
     print(f"fresh process that imports the decoder: {bare:.2f} s")
     with tempfile.TemporaryDirectory() as folder:
         if checkpoint is None:
             checkpoint = _small_model(Path(folder))
-        command = ["-m", "descentflow.cli", "sample", str(checkpoint), "-n", "1", "--out", f"{folder}/one.parquet"]
+        command = [
+            "-m",
+            "descentflow.cli.entry",
+            "sample",
+            str(checkpoint),
+            "-n",
+            "1",
+            "--out",
+            f"{folder}/one.parquet",
+        ]
         print(f"first descent from a checkpoint in a fresh process: {fresh_process_s(command):.2f} s")
 
 
@@ -140,7 +149,7 @@ def _small_model(folder: Path) -> Path:
         "prepare rows.parquet --out descents.parquet",
         "fit --model Gaussian --data.descents descents.parquet",
     ):
-        command = [sys.executable, "-m", "descentflow.cli", *words.split()]
+        command = [sys.executable, "-m", "descentflow.cli.entry", *words.split()]
         subprocess.run(command, check=True, capture_output=True, cwd=folder)
     return next(folder.rglob("best.ckpt"))
 

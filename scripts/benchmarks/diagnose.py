@@ -39,9 +39,9 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _descents(folder: Path, number: int, seed: int, warmer: bool) -> Path:
-    from descentflow.performance.open_aircraft import open_aircraft
-    from descentflow.world.config import WorldConfig
-    from descentflow.world.world import simulate
+    from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+    from descentflow.simulation.world import simulate
+    from descentflow.simulation.world_config import WorldConfig
 
     config = WorldConfig(deviation_mean_k=10.0) if warmer else None
     rows, out = folder / f"rows-{number}-{seed}.parquet", folder / f"descents-{number}-{seed}.parquet"

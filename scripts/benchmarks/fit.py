@@ -11,9 +11,9 @@ from torch.utils.data import DataLoader, TensorDataset
 
 from benchmarks.timing import best_of, print_row
 from descentflow.densities import MaskedAffineFlowDensity, SplineFlowDensity
-from descentflow.densities.base import Density
+from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
-from descentflow.fpca.gappy import GappyFPCA
+from descentflow.representation.fpca.gappy import GappyFPCA
 
 VARIANCE = 0.95
 LEVELS, COMPONENTS, DIMENSION, CLUSTERS, STARTS, BATCH = 221, 5, 6, 8, 8, 256

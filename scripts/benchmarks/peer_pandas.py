@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 
-from descentflow.surveillance.airdata import cas_of_mach_kt
-from descentflow.surveillance.free_rate import FreeRate
-from descentflow.surveillance.schema import CHANNELS, POSSIBLE, REQUIRED
-from descentflow.surveillance.thresholds import Cleaning
+from descentflow.surveillance.cleaning.constant_rate import FreeRate
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt
+from descentflow.surveillance.rows.schema import CHANNELS, POSSIBLE, REQUIRED
 
 RULES = Cleaning()
 SPIKES = (("altitude", RULES.spike_altitude_ft), ("IAS", RULES.spike_ias_kt), ("Mach", RULES.spike_mach))

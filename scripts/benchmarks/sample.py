@@ -8,15 +8,15 @@ import torch
 from torch import Tensor
 
 from benchmarks.timing import best_of, print_row
-from descentflow.data.representation import Split, fit_representation
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.densities import GaussianDensity, GaussianMixtureDensity, MaskedAffineFlowDensity
-from descentflow.densities.base import Density
+from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.profiles.profiles import profiles_from_frame
-from descentflow.sampling.rejection import sample_descents
+from descentflow.generation.rejection import sample_descents
+from descentflow.representation.profiles import profiles_from_frame
+from descentflow.representation.representation import Split, fit_representation
+from descentflow.simulation.world import simulate
 from descentflow.surveillance.prepare import prepare
-from descentflow.world.world import simulate
 
 FLIGHTS, CLUSTERS = 600, 4
 PAPER_DESCENT_S = 5e-3

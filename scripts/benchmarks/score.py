@@ -8,8 +8,8 @@ import torch
 from scipy.stats import ks_2samp, wasserstein_distance
 
 from benchmarks.timing import best_of, print_row
-from descentflow.metrics.distances import level_distances
-from descentflow.metrics.proper import crps
+from descentflow.evaluation.metrics.distances import level_distances
+from descentflow.evaluation.metrics.proper import crps
 
 LEVELS = 221
 

@@ -41,7 +41,7 @@ def measured(*words: str) -> tuple[float, float, int]:
     """Wall and CPU seconds, and peak resident bytes, of one descentflow command in a process of its own."""
     start = time.perf_counter()
     with tempfile.TemporaryFile() as said:
-        cpu, peak = _in_a_small_parent([sys.executable, "-m", "descentflow.cli", *words], said)
+        cpu, peak = _in_a_small_parent([sys.executable, "-m", "descentflow.cli.entry", *words], said)
     return time.perf_counter() - start, cpu, peak
 
 

@@ -11,9 +11,10 @@ import toys
 import yaml
 from scipy.io import netcdf_file
 
-from descentflow.cli import main
-from descentflow.densities.checkpoint import load_model, read_checkpoint
-from descentflow.performance.registry import aircraft
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.cli.entry import main
+from descentflow.densities.checkpoint import load_model
+from descentflow.representation.checkpoint import read_checkpoint
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 QUICK = ["--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false", "--scores.n_samples=200"]

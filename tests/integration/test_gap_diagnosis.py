@@ -9,15 +9,16 @@ import polars as pl
 import pytest
 import torch
 
-from descentflow.cli import main
-from descentflow.data.context import ContextEncoder
+from descentflow.cli.entry import main
+from descentflow.core.errors import ConfigError, DataError
 from descentflow.densities.checkpoint import load_model
-from descentflow.errors import ConfigError, DataError
-from descentflow.gap import EFFECTS, GapReport, diagnose
-from descentflow.gap.report import KEYS
-from descentflow.sampling.rejection import sample_descents
-from descentflow.surveillance.descents import read_descents
-from descentflow.world.config import WorldConfig
+from descentflow.diagnosis.diagnose import diagnose
+from descentflow.diagnosis.report.gap_report import KEYS, GapReport
+from descentflow.effects import EFFECTS
+from descentflow.generation.rejection import sample_descents
+from descentflow.representation.context import ContextEncoder
+from descentflow.simulation.world_config import WorldConfig
+from descentflow.surveillance.descents.prepared_descents import read_descents
 
 BASIC = ("IAS", "Mach", "vertical_rate")
 

@@ -7,16 +7,16 @@ import polars as pl
 import pytest
 import torch
 
-from descentflow.data.datamodule import DescentDataModule
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.workers import DaskEngine, ProcessEngine
 from descentflow.densities.checkpoint import load_model
-from descentflow.engine import DaskEngine, ProcessEngine
-from descentflow.errors import ConfigError, DataError
-from descentflow.study.plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
-from descentflow.study.report import read_published, write_report
-from descentflow.study.run import costs, run_study
-from descentflow.study.sweep_report import sweep_sections
-from descentflow.study.sweeps import NAMES, SweepPlan, run_sweeps
-from descentflow.study.tables import all_scores, means, table, with_best
+from descentflow.studies.paper.study_plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
+from descentflow.studies.paper.study_report import read_published, write_report
+from descentflow.studies.paper.study_run import costs, run_study
+from descentflow.studies.paper.study_tables import all_scores, means, table, with_best
+from descentflow.studies.paper.sweep_report import sweep_sections
+from descentflow.studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
+from descentflow.training.datamodule import DescentDataModule
 
 PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "gmm"), n_samples=300, max_epochs=2)
 

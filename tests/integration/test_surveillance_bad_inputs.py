@@ -9,8 +9,8 @@ import polars as pl
 import pytest
 from surveillance_toys import fleet, flight, written
 
-from descentflow.cli import main
-from descentflow.surveillance.airdata import isa_tas_of_mach_kt
+from descentflow.cli.entry import main
+from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 
 
 @pytest.fixture(scope="module")

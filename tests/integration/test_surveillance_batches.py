@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 from surveillance_toys import fleet, written
 
-from descentflow.surveillance import cleaning as module
+from descentflow.surveillance.cleaning import chain as module
 from descentflow.surveillance.prepare import prepare
 
 

@@ -8,10 +8,10 @@ import pytest
 from polars.testing import assert_frame_equal
 from surveillance_toys import fleet, written
 
-from descentflow.cli import main
-from descentflow.engine import LocalEngine
-from descentflow.errors import ConfigError
-from descentflow.surveillance.fates import SHOWN, some_flights
+from descentflow.cli.entry import main
+from descentflow.core.errors import ConfigError
+from descentflow.core.workers import LocalEngine
+from descentflow.surveillance.cleaning.drop_reasons import SHOWN, some_flights
 from descentflow.surveillance.prepare import Request, prepare_to
 
 

@@ -12,7 +12,7 @@ from hostile_toys import FLIGHT, OF_JSON, SOURCES, as_bytes, outcome, refused
 from source_toys import packed, tar_of, trace_of, written_to
 from surveillance_toys import flight
 
-from descentflow.cli import main
+from descentflow.cli.entry import main
 
 PACKED = {"compression": "zstd"}
 KINDS = ("text", "categorical", "enum")
@@ -105,10 +105,10 @@ def test_nothing_after_the_end_of_an_archive_is_unpacked(tmp_path: Path) -> None
 
 
 def test_lines_and_documents_that_are_too_long_to_be_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("descentflow.surveillance.sources.streams.LARGEST_LINE", 20_000)
-    monkeypatch.setattr("descentflow.surveillance.sources.streams.LARGEST_DOCUMENT", 30_000)
-    monkeypatch.setattr("descentflow.surveillance.sources.tables.LARGEST_LINE", 20_000)
-    monkeypatch.setattr("descentflow.surveillance.sources.tables.CSV_BYTES", 10_000)
+    monkeypatch.setattr("descentflow.surveillance.formats.streams.LARGEST_LINE", 20_000)
+    monkeypatch.setattr("descentflow.surveillance.formats.streams.LARGEST_DOCUMENT", 30_000)
+    monkeypatch.setattr("descentflow.surveillance.formats.tables.LARGEST_LINE", 20_000)
+    monkeypatch.setattr("descentflow.surveillance.formats.tables.CSV_BYTES", 10_000)
     snapshot = '{"now": 1, "aircraft": []}\n'
     refused(written_to(tmp_path / "a.json", snapshot + " " * 20_001), "line 2: longer than")
     trace = json.dumps(trace_of(flight()), indent=0)
@@ -121,7 +121,7 @@ def test_lines_and_documents_that_are_too_long_to_be_held(tmp_path: Path, monkey
 def test_a_quote_that_is_never_closed_costs_no_more_than_its_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("descentflow.surveillance.sources.tables.CSV_BYTES", 4 << 20)
+    monkeypatch.setattr("descentflow.surveillance.formats.tables.CSV_BYTES", 4 << 20)
     text = FLIGHT.write_csv() + '1,"' + "\n" * (4 << 20)
     rows, words = outcome(written_to(tmp_path / "a.csv", text))
     assert rows is None or len(rows) <= len(FLIGHT) + 1, words

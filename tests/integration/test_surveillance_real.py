@@ -7,8 +7,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from descentflow.cli import main
-from descentflow.surveillance.descents import Descents, read_descents
+from descentflow.cli.entry import main
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 
 FAMILY = "A319,A320,A321,A20N,A21N"
 

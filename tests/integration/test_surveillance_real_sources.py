@@ -10,10 +10,10 @@ import polars as pl
 import pytest
 from source_toys import possible
 
-from descentflow.surveillance.airdata import cas_of_mach_kt
-from descentflow.surveillance.embedded import embedded_rows
-from descentflow.surveillance.readers import read_rows
-from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.formats.embedded import embedded_rows
+from descentflow.surveillance.formats.readers import read_rows
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt
+from descentflow.surveillance.rows.drop_report import DropReport
 
 FILES = {
     # name: rows read, rows with IAS, Mach and altitude

@@ -14,11 +14,11 @@ import pytest
 from polars.testing import assert_frame_equal
 from surveillance_toys import fleet, written
 
-from descentflow.engine import DaskEngine, LocalEngine
-from descentflow.errors import ConfigError, DataError
-from descentflow.surveillance import engine as engines
-from descentflow.surveillance import intake
-from descentflow.surveillance.descents import read_descents
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.workers import DaskEngine, LocalEngine
+from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.surveillance.out_of_core import batches as engines
+from descentflow.surveillance.out_of_core import intake
 from descentflow.surveillance.prepare import Cleaning, Request, prepare, prepare_to
 
 MEMORY = 800_000
@@ -26,8 +26,9 @@ MEMORY = 800_000
 SLOW_RUN = """
 import sys, time
 from pathlib import Path
-from descentflow.engine import LocalEngine
-from descentflow.surveillance import engine, prepare
+from descentflow.core.workers import LocalEngine
+from descentflow.surveillance.out_of_core import batches as engine
+from descentflow.surveillance import prepare
 clean = engine.clean
 engine.clean = lambda *args: (time.sleep(0.15), clean(*args))[1]
 prepare.prepare_to(Path(sys.argv[2]), prepare.Request([Path(sys.argv[1])]), memory_bytes={memory},
@@ -36,7 +37,7 @@ prepare.prepare_to(Path(sys.argv[2]), prepare.Request([Path(sys.argv[1])]), memo
 
 SLOW_WORKER = """
 import time
-from descentflow.surveillance import engine
+from descentflow.surveillance.out_of_core import batches as engine
 engine.clean = lambda *args, clean=engine.clean: (time.sleep(0.15), clean(*args))[1]
 """
 
@@ -212,5 +213,5 @@ def test_without_dask_or_a_scheduler_the_error_says_what_to_do(
 def test_the_command_starts_workers_of_its_own(rows: Path, tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="the extra `dask` is not installed")
     words = ["prepare", str(rows), "--out", str(tmp_path / "d.parquet"), "--engine", "dask", "--workers", "2"]
-    subprocess.run([sys.executable, "-m", "descentflow.cli", *words], check=True)
+    subprocess.run([sys.executable, "-m", "descentflow.cli.entry", *words], check=True)
     assert_frame_equal(read_descents(tmp_path / "d.parquet").frame, prepare([rows])[0].frame, check_exact=True)

@@ -9,10 +9,11 @@ import pytest
 from polars.testing import assert_frame_equal
 from surveillance_toys import fleet, written
 
-from descentflow.engine import LocalEngine
-from descentflow.errors import ConfigError, DataError
-from descentflow.surveillance import intake, spill, store
-from descentflow.surveillance.descents import Descents, read_descents
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.workers import LocalEngine
+from descentflow.surveillance.descents import store
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+from descentflow.surveillance.out_of_core import intake, spill
 from descentflow.surveillance.prepare import Cleaning, Request, prepare, prepare_to
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from descentflow.cli import main
-from descentflow.surveillance.cleaning import after_rates, before_rates
+from descentflow.cli.entry import main
+from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.surveillance.cleaning.chain import after_rates, before_rates
+from descentflow.surveillance.cleaning.rates import with_rate
 from descentflow.surveillance.prepare import Cleaning, prepare
-from descentflow.surveillance.rates import with_rate
-from descentflow.surveillance.report import DropReport
-from descentflow.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.surveillance.rows.drop_report import DropReport
 
 FLIGHTS = 200
 

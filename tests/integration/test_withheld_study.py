@@ -9,14 +9,14 @@ import polars as pl
 import pytest
 from withheld_toys import perfect_report
 
+from descentflow.core.errors import DataError
 from descentflow.densities.checkpoint import load_model
-from descentflow.errors import DataError
-from descentflow.withheld.closing import FEWEST_CELLS, closing
-from descentflow.withheld.plan import Plan, SetPlan, SimulatorPlan
-from descentflow.withheld.run import diagnose_all, generate, package_diagnosis
-from descentflow.withheld.score import score
-from descentflow.withheld.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json
-from descentflow.world.causes import CATALOGUED
+from descentflow.simulation.causes import CATALOGUED
+from descentflow.studies.blind_diagnosis.blind_plan import Plan, SetPlan, SimulatorPlan
+from descentflow.studies.blind_diagnosis.blind_run import diagnose_all, generate, package_diagnosis
+from descentflow.studies.blind_diagnosis.blind_score import score
+from descentflow.studies.blind_diagnosis.closing import FEWEST_CELLS, closing
+from descentflow.studies.blind_diagnosis.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json
 
 SCRIPT = runpy.run_path(str(Path(__file__).resolve().parents[2] / "scripts" / "withheld_effects.py"))
 NAMES = tuple(cause.name for cause in CATALOGUED)

@@ -6,11 +6,11 @@ import torch
 from scipy.interpolate import CubicSpline
 from toys import AIRCRAFT
 
-from descentflow.decoder.trajectories import integrate
-from descentflow.units import FL_M
-from descentflow.world.config import WorldConfig
-from descentflow.world.flight import Flown, fly
-from descentflow.world.parameters import FlightParameters, draw_parameters
+from descentflow.core.units import FL_M
+from descentflow.representation.decoder.trajectories import integrate
+from descentflow.simulation.flight import Flown, fly
+from descentflow.simulation.parameters import FlightParameters, draw_parameters
+from descentflow.simulation.world_config import WorldConfig
 
 FLIGHTS = 6
 SETTLED_S = 45

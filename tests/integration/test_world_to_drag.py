@@ -4,13 +4,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from descentflow.performance.airspeed import cas_to_tas_mps
-from descentflow.performance.forces import descent_thrust_n
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.profiles.profiles import profiles_from_frame
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.physics.airspeed import cas_to_tas_mps
+from descentflow.physics.forces import descent_thrust_n
+from descentflow.representation.profiles import profiles_from_frame
+from descentflow.simulation.world import simulate
+from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.prepare import prepare
-from descentflow.world.config import WorldConfig
-from descentflow.world.world import simulate
 
 
 @pytest.fixture(scope="module")

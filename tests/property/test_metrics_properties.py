@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy import stats
 from torch import Tensor
 
-from descentflow.metrics.distances import level_distances
-from descentflow.metrics.proper import energy_distance
+from descentflow.evaluation.metrics.distances import level_distances
+from descentflow.evaluation.metrics.proper import energy_distance
 
 # Few distinct values make ties, neighbours in the last bit test that none are made, and both signs of very different
 # size take the slow way of sorting.

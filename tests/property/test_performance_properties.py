@@ -5,8 +5,10 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from descentflow.decoder.trajectories import integrate
-from descentflow.performance.airspeed import (
+from descentflow.aircraft_types.bada3.fixed_columns import e10
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.units import FL_M
+from descentflow.physics.airspeed import (
     cas_to_mach,
     cas_to_tas_mps,
     crossover_altitude_m,
@@ -15,19 +17,17 @@ from descentflow.performance.airspeed import (
     tas_to_cas_mps,
     tas_to_mach,
 )
-from descentflow.performance.atmosphere import pressure_altitude_m, pressure_pa
-from descentflow.performance.energy import (
+from descentflow.physics.atmosphere import pressure_altitude_m, pressure_pa
+from descentflow.physics.energy import (
     descent_rate_mps,
     energy_share_factor,
     energy_share_factor_local,
     inferred_drag_n,
 )
-from descentflow.performance.fixed_columns import e10
-from descentflow.performance.forces import descent_thrust_n, drag_n
-from descentflow.performance.nominal import nominal_descent
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.profiles.profiles import infer_drag_n
-from descentflow.units import FL_M
+from descentflow.physics.forces import descent_thrust_n, drag_n
+from descentflow.physics.nominal_descent import nominal_descent
+from descentflow.representation.decoder.trajectories import integrate
+from descentflow.representation.profiles import infer_drag_n
 
 QUICK = settings(max_examples=60, deadline=None)
 altitudes = st.floats(-300.0, 15000.0)

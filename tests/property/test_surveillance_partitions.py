@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from polars.testing import assert_frame_equal
 from surveillance_toys import fleet
 
-from descentflow.engine import LocalEngine
-from descentflow.surveillance.descents import read_descents
+from descentflow.core.workers import LocalEngine
+from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.prepare import Request, prepare, prepare_to
 
 FLEET = fleet(12, every_s=10.0)

@@ -9,13 +9,13 @@ import toys
 from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from descentflow.decoder import fast
-from descentflow.decoder.trajectories import Trajectories, integrate, integrate_plain
-from descentflow.performance.atmosphere import isa_fraction
-from descentflow.performance.constants import G0_MPS2
-from descentflow.performance.forces import descent_thrust_n
-from descentflow.profiles.profiles import infer_drag_n
-from descentflow.units import FL_M, KT_MPS
+from descentflow.core.constants import G0_MPS2
+from descentflow.core.units import FL_M, KT_MPS
+from descentflow.physics.atmosphere import isa_fraction
+from descentflow.physics.forces import descent_thrust_n
+from descentflow.representation.decoder import fused as fast
+from descentflow.representation.decoder.trajectories import Trajectories, integrate, integrate_plain
+from descentflow.representation.profiles import infer_drag_n
 
 LEVELS = torch.arange(150, 371, dtype=torch.float64)
 ALTITUDE_M = LEVELS * FL_M

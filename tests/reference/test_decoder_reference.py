@@ -9,11 +9,11 @@ import toys
 from scipy.integrate import solve_ivp
 from torch import Tensor
 
-from descentflow.decoder.trajectories import Trajectories, integrate, integrate_plain
-from descentflow.performance.energy import descent_rate_mps
-from descentflow.performance.state import idle_state
-from descentflow.profiles.profiles import infer_drag_n
-from descentflow.units import FL_M, KT_MPS
+from descentflow.core.units import FL_M, KT_MPS
+from descentflow.physics.energy import descent_rate_mps
+from descentflow.physics.idle_state import idle_state
+from descentflow.representation.decoder.trajectories import Trajectories, integrate, integrate_plain
+from descentflow.representation.profiles import infer_drag_n
 
 LEVELS = torch.arange(150, 371, dtype=torch.float64)
 ALTITUDE_M = LEVELS * FL_M

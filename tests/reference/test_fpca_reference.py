@@ -5,9 +5,9 @@ import pytest
 import torch
 from sklearn.decomposition import PCA, FactorAnalysis
 
-from descentflow.errors import ConfigError, DataError
-from descentflow.fpca import ppca
-from descentflow.fpca.gappy import GappyFPCA, Method
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.representation.fpca import ppca
+from descentflow.representation.fpca.gappy import GappyFPCA, Method
 
 SPACING_M = 30.48
 

@@ -6,9 +6,9 @@ import torch
 from scipy import stats
 from torch import Tensor
 
-from descentflow.errors import DataError
-from descentflow.metrics import distances
-from descentflow.metrics.distances import Distances, level_distances
+from descentflow.core.errors import DataError
+from descentflow.evaluation.metrics import distances
+from descentflow.evaluation.metrics.distances import Distances, level_distances
 
 # Both sum at most 500 terms of order 1 to 100 in double precision.
 TOLERANCE = 1e-12

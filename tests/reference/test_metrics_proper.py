@@ -8,8 +8,8 @@ import torch
 from scipy import stats
 from torch import Tensor
 
-from descentflow.metrics import proper
-from descentflow.metrics.proper import crps, energy_distance, energy_score
+from descentflow.evaluation.metrics import proper
+from descentflow.evaluation.metrics.proper import crps, energy_distance, energy_score
 
 
 def draw(n: int, seed: int, mean: float = 0.0, n_levels: int = 4) -> tuple[Tensor, Tensor]:

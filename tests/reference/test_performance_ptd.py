@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 import torch
 
-from descentflow.performance.atmosphere import density_kg_m3, pressure_pa, speed_of_sound_mps, temperature_k
-from descentflow.performance.bada_files import load_aircraft
-from descentflow.performance.nominal import nominal_descent
-from descentflow.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.aircraft_types.bada3.bada_directory import load_aircraft
+from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.physics.atmosphere import density_kg_m3, pressure_pa, speed_of_sound_mps, temperature_k
+from descentflow.physics.nominal_descent import nominal_descent
 
 LEVELS = {"J2M": 24, "J2H": 26, "J4H": 28, "BZJT": 28, "TP2M": 18, "GA": 11}
 COLUMNS = (

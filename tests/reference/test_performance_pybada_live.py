@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 import torch
 
-from descentflow.performance.airspeed import cas_to_tas_mps, crossover_altitude_m
-from descentflow.performance.bada_files import load_aircraft
-from descentflow.performance.configuration import NAMES, descent_configuration, stall_cas_mps
-from descentflow.performance.energy import descent_rate_mps, energy_share_factor
-from descentflow.performance.envelope import maximum_altitude_m, maximum_cas_mps, minimum_cas_mps
-from descentflow.performance.forces import descent_thrust_n, drag_n, max_climb_thrust_n
-from descentflow.performance.fuel import descent_fuel_flow_kg_s
-from descentflow.performance.schedule import descent_cas_mps
-from descentflow.performance.transition import transition_altitude_m
-from descentflow.units import FT_M
+from descentflow.aircraft_types.bada3.bada_directory import load_aircraft
+from descentflow.core.units import FT_M
+from descentflow.physics.airspeed import cas_to_tas_mps, crossover_altitude_m
+from descentflow.physics.configuration import NAMES, descent_configuration, stall_cas_mps
+from descentflow.physics.energy import descent_rate_mps, energy_share_factor
+from descentflow.physics.envelope import maximum_altitude_m, maximum_cas_mps, minimum_cas_mps
+from descentflow.physics.forces import descent_thrust_n, drag_n, max_climb_thrust_n
+from descentflow.physics.fuel import descent_fuel_flow_kg_s
+from descentflow.physics.speed_schedule import descent_cas_mps
+from descentflow.physics.transition import transition_altitude_m
 
 # pyBADA warns of its own (numpy and pandas deprecations, optional map packages); the package's warnings stay errors.
 pytestmark = pytest.mark.filterwarnings("ignore:::pyBADA")
@@ -181,7 +181,7 @@ def test_crossover_below_and_above_the_tropopause(side, cas, mach, tolerance):
 
 
 def test_level_speed_changes_have_the_manual_s_constants(side):
-    from descentflow.performance import energy
+    from descentflow.physics import energy
 
     assert side.theirs.esf(flightEvolution="dec", phase="des") == energy.ESF_DECELERATING_DESCENT
     assert side.theirs.esf(flightEvolution="acc", phase="des") == energy.ESF_ACCELERATING_DESCENT

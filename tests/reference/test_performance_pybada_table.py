@@ -7,12 +7,12 @@ from collections import defaultdict
 import pytest
 import torch
 
-from descentflow.performance.aircraft import Aircraft
-from descentflow.performance.atmosphere import density_kg_m3, pressure_pa, speed_of_sound_mps, temperature_k
-from descentflow.performance.forces import max_climb_thrust_n
-from descentflow.performance.nominal import nominal_state
-from descentflow.performance.transition import transition_altitude_m
-from descentflow.units import KT_MPS
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.units import KT_MPS
+from descentflow.physics.atmosphere import density_kg_m3, pressure_pa, speed_of_sound_mps, temperature_k
+from descentflow.physics.forces import max_climb_thrust_n
+from descentflow.physics.nominal_descent import nominal_state
+from descentflow.physics.transition import transition_altitude_m
 
 TYPES = ("J2M", "J2H", "J4H", "BZJT", "TP2M", "GA")
 RELATIVE = 1e-12

@@ -3,9 +3,9 @@
 import numpy as np
 import torch
 
-from descentflow.performance.airspeed import mach_to_cas_mps, mach_to_tas_mps
-from descentflow.surveillance.airdata import cas_of_mach_kt, isa_tas_of_mach_kt
-from descentflow.surveillance.rates import ALTITUDE_ERROR_FT, LARGEST_ERROR_FPM, WINDOWS_S, local_slope
+from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
+from descentflow.surveillance.cleaning.rates import ALTITUDE_ERROR_FT, LARGEST_ERROR_FPM, WINDOWS_S, local_slope
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt
 
 
 def test_cas_of_mach_is_that_of_the_performance_model() -> None:

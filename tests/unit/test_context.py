@@ -12,9 +12,7 @@ from sklearn.linear_model import LinearRegression
 from torch import Tensor
 from torch.utils.data import DataLoader, TensorDataset
 
-from descentflow.data.context import OTHER, ContextEncoder
-from descentflow.data.context_columns import flight_context, read_context_table
-from descentflow.data.datamodule import DescentDataModule
+from descentflow.core.errors import ConfigError, DataError
 from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.densities.flow import ContextNet, MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.regressions import (
@@ -24,10 +22,12 @@ from descentflow.densities.regressions import (
     maximisation,
     n_parameters,
 )
-from descentflow.errors import ConfigError, DataError
-from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
-from descentflow.prediction.posterior import log_density, posterior_of, prior_of
-from descentflow.sampling.given import sample_given
+from descentflow.generation.conditional import sample_given
+from descentflow.generation.prediction.posterior import log_density, posterior_of, prior_of
+from descentflow.representation.context import OTHER, ContextEncoder
+from descentflow.training.context_columns import flight_context, read_context_table
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 D, C = 3, 2
 

@@ -6,13 +6,13 @@ import gap_toys
 import pytest
 import torch
 
-from descentflow.decoder.correction import Correction
-from descentflow.decoder.trajectories import Trajectories
-from descentflow.gap.effects import EFFECTS
-from descentflow.gap.effects.vertical_rate_lag import _late
-from descentflow.performance.airspeed import cas_to_mach, mach_to_tas_mps
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.units import FL_M
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.units import FL_M
+from descentflow.effects import EFFECTS
+from descentflow.effects.vertical_rate_lag import _late
+from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.representation.correction import Correction
+from descentflow.representation.decoder.trajectories import Trajectories
 
 N = 4000
 

@@ -7,11 +7,11 @@ import pytest
 import torch
 import toys
 
-from descentflow.data.datamodule import DescentDataModule
-from descentflow.data.parts import rest_is_test, top_level
-from descentflow.data.representation import Split
-from descentflow.data.splitting import split_flights
-from descentflow.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.representation.representation import Split
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.parts import rest_is_test, top_level
+from descentflow.training.splitting import split_flights
 
 
 @pytest.fixture(scope="module")

@@ -11,17 +11,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from descentflow.errors import DataError
-from descentflow.figures.acceptance import acceptance_figure
-from descentflow.figures.components import components_figure, weight_deviations
-from descentflow.figures.cuts import bandwidth, cuts_figure, density
-from descentflow.figures.distances import distance_by_level_figure, level_scores_figure
-from descentflow.figures.profiles import profiles_figure, since_entry_s
-from descentflow.metrics.descent_set import DescentSet
-from descentflow.metrics.scores import score
-from descentflow.performance.nominal import nominal_descent
-from descentflow.sampling.rejection import RejectionReport
-from descentflow.units import KT_MPS
+from descentflow.core.errors import DataError
+from descentflow.core.units import KT_MPS
+from descentflow.evaluation.figures.acceptance import acceptance_figure
+from descentflow.evaluation.figures.components import components_figure, weight_deviations
+from descentflow.evaluation.figures.distances_by_level import distance_by_level_figure, level_scores_figure
+from descentflow.evaluation.figures.level_cuts import bandwidth, cuts_figure, density
+from descentflow.evaluation.figures.profile_bands import profiles_figure, since_entry_s
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.scores import score
+from descentflow.generation.rejection import RejectionReport
+from descentflow.physics.nominal_descent import nominal_descent
 
 
 @cache

@@ -5,12 +5,12 @@ import torch
 import toys
 from torch import Tensor
 
-from descentflow.errors import DataError
-from descentflow.figures.gappy import gappy_figure
-from descentflow.fpca.gappy import GappyFPCA
-from descentflow.fpca.hidden import FEWEST, hide
-from descentflow.study.gappy import METHODS, hidden_errors
-from descentflow.units import KT_MPS
+from descentflow.core.errors import DataError
+from descentflow.core.units import KT_MPS
+from descentflow.representation.fpca.gappy import GappyFPCA
+from descentflow.representation.fpca.hidden import FEWEST, hide
+from descentflow.studies.paper.figures.hidden_errors import gappy_figure
+from descentflow.studies.paper.hidden_levels import METHODS, hidden_errors
 
 
 def generator(seed: int = 0) -> torch.Generator:

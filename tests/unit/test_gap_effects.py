@@ -4,10 +4,10 @@ import gap_toys
 import pytest
 import torch
 
-from descentflow.gap.effects import EFFECTS
-from descentflow.gap.effects.speed_brake import two_groups
-from descentflow.gap.physics import implied_mass_kg, log_rate
-from descentflow.gap.quantities import QUANTITIES
+from descentflow.effects import EFFECTS
+from descentflow.effects.flight_state import implied_mass_kg, log_rate
+from descentflow.effects.speed_brake import two_groups
+from descentflow.measurements.quantities import QUANTITIES
 
 THETA = {
     "temperature": [6.0],

@@ -8,20 +8,20 @@ import gap_toys
 import pytest
 import torch
 
-from descentflow.gap import laws
-from descentflow.gap.answer import parameters
-from descentflow.gap.contest import Contest
-from descentflow.gap.discrepancy import discrepancy_columns
-from descentflow.gap.effects import EFFECTS
-from descentflow.gap.layout import Compared, compare
-from descentflow.gap.permutation import null_test
-from descentflow.gap.quantities import CHANNELS, Quantities, quantities_of
-from descentflow.gap.selection import select
-from descentflow.gap.uncertainty import covariance
-from descentflow.gap.where import benjamini_hochberg
-from descentflow.gap.whitening import whiten
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.surveillance.descents import read_descents
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.diagnosis.inference import heterogeneity as laws
+from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+from descentflow.diagnosis.inference.likelihood import Contest
+from descentflow.diagnosis.inference.permutation import null_test
+from descentflow.diagnosis.inference.selection import select
+from descentflow.diagnosis.inference.two_sides import Compared, compare
+from descentflow.diagnosis.inference.uncertainty import covariance
+from descentflow.diagnosis.inference.where import benjamini_hochberg
+from descentflow.diagnosis.inference.whitening import whiten
+from descentflow.diagnosis.report.causes import parameters
+from descentflow.effects import EFFECTS
+from descentflow.measurements.quantities import CHANNELS, Quantities, quantities_of
+from descentflow.surveillance.descents.prepared_descents import read_descents
 
 NONE_APART = torch.zeros(3, dtype=torch.bool)
 

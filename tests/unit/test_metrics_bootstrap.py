@@ -1,11 +1,11 @@
 import pytest
 import toys
 
-from descentflow.errors import ConfigError
-from descentflow.metrics.bootstrap import score_intervals
-from descentflow.metrics.descent_set import DescentSet
-from descentflow.metrics.scores import score
-from descentflow.units import KT_MPS
+from descentflow.core.errors import ConfigError
+from descentflow.core.units import KT_MPS
+from descentflow.evaluation.metrics.bootstrap import score_intervals
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.scores import score
 
 
 def sets(n: int, seed: int) -> DescentSet:

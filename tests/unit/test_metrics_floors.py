@@ -5,9 +5,9 @@ from math import comb
 import pytest
 import torch
 
-from descentflow.metrics.descent_set import DescentSet
-from descentflow.metrics.floors import Values, split_distances
-from descentflow.metrics.scores import score
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.noise_floor import Values, split_distances
+from descentflow.evaluation.metrics.scores import score
 
 
 def normal(n: int, n_levels: int, seed: int, share: float = 1.0) -> Values:

@@ -11,12 +11,12 @@ import torch
 import toys
 from torch import Tensor
 
-from descentflow.errors import ConfigError, DataError
-from descentflow.metrics.descent_set import DescentSet
-from descentflow.metrics.floors import half_size, split_distances
-from descentflow.metrics.scores import score
-from descentflow.metrics.table import ScoreTable
-from descentflow.units import FPM_MPS, KT_MPS
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.noise_floor import half_size, split_distances
+from descentflow.evaluation.metrics.score_table import ScoreTable
+from descentflow.evaluation.metrics.scores import score
 
 
 @cache

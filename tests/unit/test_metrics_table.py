@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from descentflow.errors import DataError
-from descentflow.metrics.comparison import MIN_VALUES
-from descentflow.metrics.descent_set import DescentSet
-from descentflow.metrics.floors import split_distances
-from descentflow.metrics.scores import score
-from descentflow.units import KT_MPS
+from descentflow.core.errors import DataError
+from descentflow.core.units import KT_MPS
+from descentflow.evaluation.metrics.comparison import MIN_VALUES
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.noise_floor import split_distances
+from descentflow.evaluation.metrics.scores import score
 
 
 def plain(n: int, seed: int = 0, n_levels: int = 11) -> DescentSet:

@@ -9,6 +9,7 @@ import torch
 import toys
 from lightning.pytorch import Trainer
 
+from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.densities import (
     Density,
     GaussianDensity,
@@ -16,10 +17,10 @@ from descentflow.densities import (
     MaskedAffineFlowDensity,
     SplineFlowDensity,
 )
-from descentflow.densities.checkpoint import content_of, load_model, load_representation, read_checkpoint
-from descentflow.errors import CheckpointError, ConfigError
-from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
-from descentflow.sampling.rejection import sample_descents
+from descentflow.densities.checkpoint import content_of, load_model
+from descentflow.generation.rejection import sample_descents
+from descentflow.representation.checkpoint import load_representation, read_checkpoint
+from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 DIMENSION = 4
 MODELS = {
@@ -141,7 +142,7 @@ def broken(kind: str, folder: Path) -> Path:
 def test_a_bad_checkpoint_says_what_is_wrong(kind: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(Exception, match=words) as caught:
         load_model(broken(kind, tmp_path))
-    assert type(caught.value).__module__ == "descentflow.errors"
+    assert type(caught.value).__module__ == "descentflow.core.errors"
 
 
 def test_no_file(tmp_path: Path) -> None:

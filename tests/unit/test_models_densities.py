@@ -20,7 +20,7 @@ from descentflow.densities.em import (
     quadratic_features,
     start,
 )
-from descentflow.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
+from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 DIMENSION = 5
 

@@ -9,13 +9,13 @@ import yaml
 from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
-from descentflow.data.datamodule import DescentDataModule
+from descentflow.core.errors import ConfigError
 from descentflow.densities.em import FEWEST_PER_PARAMETER, by_bic, most_clusters, select_mixture
-from descentflow.errors import ConfigError
-from descentflow.forecasts import forecast_scores
-from descentflow.metrics.forecasts import crps_each, energy_score_each, skill
-from descentflow.metrics.proper import crps, energy_score
-from descentflow.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
+from descentflow.evaluation.forecast_scores import forecast_scores
+from descentflow.evaluation.metrics.forecast_metrics import crps_each, energy_score_each, skill
+from descentflow.evaluation.metrics.proper import crps, energy_score
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "model"
 D = 4

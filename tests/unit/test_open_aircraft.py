@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from descentflow.errors import AircraftError
-from descentflow.performance.aircraft import Aircraft
-from descentflow.performance.forces import descent_thrust_n, max_climb_thrust_n
-from descentflow.performance.nominal import nominal_descent
-from descentflow.performance.open_aircraft import open_aircraft, open_sources, open_type, open_typecodes
-from descentflow.performance.transition import transition_altitude_m
-from descentflow.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_sources, open_type, open_typecodes
+from descentflow.core.errors import AircraftError
+from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.physics.forces import descent_thrust_n, max_climb_thrust_n
+from descentflow.physics.nominal_descent import nominal_descent
+from descentflow.physics.transition import transition_altitude_m
 
 PAPER_TYPES = ["B738", "A320", "A319", "DH8D", "E190", "B772", "A388", "C56X", "E170", "AT76", "PC12", "F2TH", "BE20"]
 RELATED = {"A20N": "A320", "A21N": "A320", "A321": "A320", "B737": "B738", "B739": "B738"}

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from descentflow.performance.open_aircraft import open_aircraft, open_type, open_typecodes
-from descentflow.units import FT_M, KT_MPS
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_type, open_typecodes
+from descentflow.core.units import FT_M, KT_MPS
 
 G, RHO0 = 9.80665, 1.225
 # The files print coefficients with four significant digits.

@@ -10,11 +10,11 @@ import pytest
 import torch
 from matplotlib.figure import Figure
 
-from descentflow.errors import AircraftError
-from descentflow.figures.open_aircraft import descent_masses_kg, open_aircraft_figure
-from descentflow.performance.nominal import nominal_descent
-from descentflow.performance.open_aircraft import open_aircraft, open_type, open_typecodes
-from descentflow.units import FPM_MPS
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_type, open_typecodes
+from descentflow.core.errors import AircraftError
+from descentflow.core.units import FPM_MPS
+from descentflow.physics.nominal_descent import nominal_descent
+from descentflow.studies.aircraft.open_aircraft_figures import descent_masses_kg, open_aircraft_figure
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "open_aircraft_page.py"
 

@@ -1,7 +1,8 @@
 import pytest
 import torch
 
-from descentflow.performance.airspeed import (
+from descentflow.core.units import KT_MPS
+from descentflow.physics.airspeed import (
     cas_to_mach,
     cas_to_tas_mps,
     crossover_altitude_m,
@@ -10,8 +11,7 @@ from descentflow.performance.airspeed import (
     tas_to_cas_mps,
     tas_to_mach,
 )
-from descentflow.performance.atmosphere import pressure_altitude_m, speed_of_sound_mps
-from descentflow.units import KT_MPS
+from descentflow.physics.atmosphere import pressure_altitude_m, speed_of_sound_mps
 
 
 def test_at_sea_level_calibrated_and_true_airspeed_are_one():

@@ -3,7 +3,7 @@ import math
 import pytest
 import torch
 
-from descentflow.performance.atmosphere import (
+from descentflow.physics.atmosphere import (
     density_kg_m3,
     geometric_altitude_m,
     isa_fraction,

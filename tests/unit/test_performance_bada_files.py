@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from descentflow.errors import AircraftError, DataError
-from descentflow.performance.bada_files import (
+from descentflow.aircraft_types.bada3.bada_directory import (
     apf_of,
     load_aircraft,
     load_directory,
@@ -20,12 +19,13 @@ from descentflow.performance.bada_files import (
     write_apf,
     write_opf,
 )
-from descentflow.performance.fixed_columns import e10
-from descentflow.performance.global_parameters import STANDARD
-from descentflow.performance.gpf_file import read_gpf_rows
-from descentflow.performance.nominal import nominal_descent
-from descentflow.performance.open_aircraft import open_aircraft, open_typecodes
-from descentflow.performance.registry import aircraft
+from descentflow.aircraft_types.bada3.fixed_columns import e10
+from descentflow.aircraft_types.bada3.global_parameters import STANDARD
+from descentflow.aircraft_types.bada3.gpf_file import read_gpf_rows
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.core.errors import AircraftError, DataError
+from descentflow.physics.nominal_descent import nominal_descent
 
 FILES = ("J2M___", "J2H___", "J4H___", "BZJT__", "TP2M__", "GA____")
 LINES = {"mass": 18, "flaps": 31, "thrust": 44, "actype": 13}

@@ -1,9 +1,10 @@
 import pytest
 import torch
 
-from descentflow.performance.airspeed import cas_to_mach, cas_to_tas_mps, mach_to_cas_mps, mach_to_tas_mps
-from descentflow.performance.atmosphere import geometric_altitude_m, isa_fraction
-from descentflow.performance.energy import (
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, mach_to_cas_mps, mach_to_tas_mps
+from descentflow.physics.atmosphere import geometric_altitude_m, isa_fraction
+from descentflow.physics.energy import (
     ESF_ACCELERATING_DESCENT,
     ESF_CONSTANT_TAS,
     ESF_DECELERATING_DESCENT,
@@ -13,7 +14,6 @@ from descentflow.performance.energy import (
     energy_share_factor_local,
     inferred_drag_n,
 )
-from descentflow.performance.open_aircraft import open_aircraft
 
 G0 = 9.80665
 DOUBLE = torch.float64

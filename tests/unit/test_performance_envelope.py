@@ -3,16 +3,16 @@ from dataclasses import replace
 import pytest
 import torch
 
-from descentflow.performance.airspeed import cas_to_mach, crossover_altitude_m
-from descentflow.performance.atmosphere import pressure_pa
-from descentflow.performance.envelope import buffet_mach, maximum_altitude_m, maximum_cas_mps, minimum_cas_mps
-from descentflow.performance.fuel import (
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.units import FT_M, KT_MPS
+from descentflow.physics.airspeed import cas_to_mach, crossover_altitude_m
+from descentflow.physics.atmosphere import pressure_pa
+from descentflow.physics.envelope import buffet_mach, maximum_altitude_m, maximum_cas_mps, minimum_cas_mps
+from descentflow.physics.fuel import (
     descent_fuel_flow_kg_s,
     minimum_fuel_flow_kg_s,
     nominal_fuel_flow_kg_s,
 )
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.units import FT_M, KT_MPS
 
 DOUBLE = torch.float64
 JET = replace(

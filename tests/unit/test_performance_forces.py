@@ -3,18 +3,18 @@ from dataclasses import replace
 import pytest
 import torch
 
-from descentflow.errors import AircraftError
-from descentflow.performance.atmosphere import density_kg_m3
-from descentflow.performance.configuration import APPROACH, CLEAN, LANDING, descent_configuration, stall_cas_mps
-from descentflow.performance.forces import (
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.errors import AircraftError
+from descentflow.core.units import FT_M, KT_MPS
+from descentflow.physics.atmosphere import density_kg_m3
+from descentflow.physics.configuration import APPROACH, CLEAN, LANDING, descent_configuration, stall_cas_mps
+from descentflow.physics.forces import (
     descent_thrust_floor_ft,
     descent_thrust_n,
     drag_n,
     max_climb_thrust_n,
     polar,
 )
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.units import FT_M, KT_MPS
 
 DOUBLE = torch.float64
 JET = replace(

@@ -5,17 +5,17 @@ from dataclasses import replace
 import pytest
 import torch
 
-from descentflow.performance.airspeed import cas_to_mach, cas_to_tas_mps, tas_to_cas_mps
-from descentflow.performance.energy import (
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, tas_to_cas_mps
+from descentflow.physics.energy import (
     descent_rate_mps,
     energy_share_factor,
     energy_share_factor_exact,
     inferred_drag_n,
 )
-from descentflow.performance.forces import descent_thrust_n, drag_n
-from descentflow.performance.fuel import descent_fuel_flow_kg_s
-from descentflow.performance.nominal import nominal_descent
-from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.physics.forces import descent_thrust_n, drag_n
+from descentflow.physics.fuel import descent_fuel_flow_kg_s
+from descentflow.physics.nominal_descent import nominal_descent
 
 ALTITUDE = torch.tensor([3000.0, 6500.0, 9800.0, 11000.0, 12300.0], dtype=torch.float64)
 ABOVE = ALTITUDE > 9000.0

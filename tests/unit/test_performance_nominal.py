@@ -5,11 +5,11 @@ import pytest
 import torch
 from scipy.integrate import solve_ivp
 
-from descentflow.errors import AircraftError
-from descentflow.performance.nominal import NominalDescent, nominal_descent, nominal_state
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.performance.transition import transition_altitude_m
-from descentflow.units import FL_M
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.errors import AircraftError
+from descentflow.core.units import FL_M
+from descentflow.physics.nominal_descent import NominalDescent, nominal_descent, nominal_state
+from descentflow.physics.transition import transition_altitude_m
 
 DOUBLE = torch.float64
 # A thrust step inside the grid, so that every kind of jump is crossed.

@@ -7,15 +7,21 @@ import toys
 from torch import Tensor
 from torch.distributions import MultivariateNormal
 
-from descentflow.decoder.trajectories import Trajectories
-from descentflow.densities.base import Density
+from descentflow.core.errors import ConfigError, DataError, SamplingError
+from descentflow.densities.density import Density
 from descentflow.densities.em import Mixture
 from descentflow.densities.gaussian import GaussianDensity
-from descentflow.errors import ConfigError, DataError, SamplingError
-from descentflow.prediction.curves import LinearCurves, linear_curves
-from descentflow.prediction.posterior import Prior, log_density, posterior_of, prior_of
-from descentflow.prediction.predict import DescentPredictor
-from descentflow.prediction.summary import actual_times, coverage, level_occupancy, occupancy_table, time_intervals
+from descentflow.generation.prediction.linear_curves import LinearCurves, linear_curves
+from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
+from descentflow.generation.prediction.predictor import DescentPredictor
+from descentflow.generation.prediction.summary import (
+    actual_times,
+    coverage,
+    level_occupancy,
+    occupancy_table,
+    time_intervals,
+)
+from descentflow.representation.decoder.trajectories import Trajectories
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:

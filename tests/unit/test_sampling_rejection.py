@@ -5,9 +5,9 @@ import torch
 import toys
 from torch import Tensor
 
-from descentflow.errors import SamplingError
-from descentflow.sampling.plausibility import RULES, Plausibility, level_bounds
-from descentflow.sampling.rejection import sample_descents
+from descentflow.core.errors import SamplingError
+from descentflow.generation.rejection import sample_descents
+from descentflow.representation.plausibility import RULES, Plausibility, level_bounds
 
 
 class Normal:

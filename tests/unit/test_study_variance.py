@@ -4,9 +4,9 @@ import pytest
 import torch
 import toys
 
-from descentflow.fpca.gappy import GappyFPCA
-from descentflow.study.variance import fold_scores, truncated
-from descentflow.units import FL_M
+from descentflow.core.units import FL_M
+from descentflow.representation.fpca.gappy import GappyFPCA
+from descentflow.studies.paper.variance import fold_scores, truncated
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8, 0.9])

@@ -5,8 +5,8 @@ import polars as pl
 import pytest
 from surveillance_toys import rows_at
 
-from descentflow.surveillance.airdata import cas_of_mach_kt
-from descentflow.surveillance.filters import (
+from descentflow.surveillance.cleaning.constant_rate import FreeRate
+from descentflow.surveillance.cleaning.filters import (
     STRETCH,
     AirspeedsAgree,
     Chain,
@@ -16,8 +16,8 @@ from descentflow.surveillance.filters import (
     LargestDescent,
     SteadyDescent,
 )
-from descentflow.surveillance.free_rate import FreeRate
-from descentflow.surveillance.report import DropReport
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt
+from descentflow.surveillance.rows.drop_report import DropReport
 
 EVERY_10_S = [10.0 * i for i in range(12)]
 

@@ -5,8 +5,8 @@ import polars as pl
 import pytest
 from surveillance_toys import fleet, flight, rows_at
 
-from descentflow.errors import DataError
-from descentflow.surveillance.flights import (
+from descentflow.core.errors import DataError
+from descentflow.surveillance.cleaning.flights import (
     check_left,
     in_order,
     name_flights,
@@ -16,9 +16,9 @@ from descentflow.surveillance.flights import (
     usable,
     with_types,
 )
-from descentflow.surveillance.rates import local_slope, with_rate
-from descentflow.surveillance.report import DropReport, Step
-from descentflow.surveillance.units_check import check_rate_units, check_units
+from descentflow.surveillance.cleaning.rates import local_slope, with_rate
+from descentflow.surveillance.rows.drop_report import DropReport, Step
+from descentflow.surveillance.rows.units_check import check_rate_units, check_units
 
 
 def test_unusable_rows_and_duplicates_count_each_kind_of_bad_row_once() -> None:

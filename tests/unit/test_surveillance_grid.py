@@ -7,11 +7,11 @@ import polars as pl
 import pytest
 from surveillance_toys import rows_at
 
-from descentflow.errors import DataError
-from descentflow.surveillance.descents import Descents, read_descents, top_levels, write_descents
-from descentflow.surveillance.filters import STRETCH
-from descentflow.surveillance.grid import to_levels
-from descentflow.surveillance.report import DropReport
+from descentflow.core.errors import DataError
+from descentflow.surveillance.cleaning.filters import STRETCH
+from descentflow.surveillance.cleaning.level_grid import to_levels
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, top_levels, write_descents
+from descentflow.surveillance.rows.drop_report import DropReport
 
 
 def grid(rows: pl.DataFrame, bottom_fl: int = 100, gap_s: float = 60.0, gap_ft: float = 3000.0) -> pl.DataFrame:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from descentflow.commands.prepare import _cleaning, add_arguments, memory_bytes
-from descentflow.errors import ConfigError
-from descentflow.surveillance.thresholds import Cleaning, as_yaml, cleaning_of, describe, read_cleaning
+from descentflow.cli.prepare_command import _cleaning, add_arguments, memory_bytes
+from descentflow.core.errors import ConfigError
+from descentflow.surveillance.cleaning.thresholds import Cleaning, as_yaml, cleaning_of, describe, read_cleaning
 
 DEFAULT = Path(__file__).resolve().parents[2] / "configs" / "prepare" / "default.yaml"
 

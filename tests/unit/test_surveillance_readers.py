@@ -11,13 +11,13 @@ import pytest
 from polars.testing import assert_frame_equal
 from surveillance_toys import flight, written
 
-from descentflow.errors import DataError
-from descentflow.surveillance.normalise import normalise
-from descentflow.surveillance.readers import files_of, read_rows, read_table
-from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.schema import TIMESTAMP
-from descentflow.surveillance.sources import aircraft_json
-from descentflow.surveillance.sources.streams import Input
+from descentflow.core.errors import DataError
+from descentflow.surveillance.formats import aircraft_json
+from descentflow.surveillance.formats.readers import files_of, read_rows, read_table
+from descentflow.surveillance.formats.streams import Input
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.normalise import normalise
+from descentflow.surveillance.rows.schema import TIMESTAMP
 
 NOON = datetime(2024, 3, 1, 12, 0, 0, 250_000, tzinfo=UTC)
 ROW = {"icao24": "4ca001", "altitude": 30_000.0, "IAS": 270.0, "Mach": 0.7}

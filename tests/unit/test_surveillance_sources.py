@@ -25,13 +25,13 @@ from source_toys import (
 )
 from surveillance_toys import START, flight
 
-from descentflow.errors import ConfigError, DataError
-from descentflow.surveillance.airdata import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
-from descentflow.surveillance.readers import FORMATS, read_rows, row_blocks
-from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.sources.archives import with_parts
-from descentflow.surveillance.sources.registers import values_of
-from descentflow.surveillance.sources.values import numbers, table, texts
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.surveillance.formats.archives import with_parts
+from descentflow.surveillance.formats.readers import FORMATS, read_rows, row_blocks
+from descentflow.surveillance.formats.registers import values_of
+from descentflow.surveillance.formats.values import numbers, table, texts
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
+from descentflow.surveillance.rows.drop_report import DropReport
 
 FLIGHT = flight()
 SHARED_COLUMNS = ("timestamp", "icao24", "callsign", "typecode", "altitude", "vertical_rate", "IAS", "Mach", "track")
@@ -95,7 +95,7 @@ def test_blocks_bound_what_is_held_and_lose_nothing(tmp_path: Path) -> None:
 
 
 def test_csv_is_cut_between_rows_and_never_inside_quotes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("descentflow.surveillance.sources.tables.CSV_BYTES", 1000)
+    monkeypatch.setattr("descentflow.surveillance.formats.tables.CSV_BYTES", 1000)
     quoted = FLIGHT.with_columns(callsign=pl.lit('TST "1"\n,\n'))
     quoted.write_csv(tmp_path / "rows.csv")
     found, _ = rows_of(tmp_path / "rows.csv")
@@ -308,7 +308,7 @@ def test_batches_of_messages_make_no_difference(tmp_path: Path, monkeypatch: pyt
     lines = "\n".join(f"{time} {frame}" for time, frame in frames_of(FLIGHT))
     path = written_to(tmp_path / "frames.txt", lines)
     whole, _ = rows_of(path)
-    monkeypatch.setattr("descentflow.surveillance.sources.mode_s_frames.BATCH", 100)
+    monkeypatch.setattr("descentflow.surveillance.formats.mode_s_frames.BATCH", 100)
     parts, _ = rows_of(path)
     assert_frame_equal(parts, whole)
 

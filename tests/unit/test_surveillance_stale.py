@@ -5,13 +5,13 @@ import polars as pl
 import pytest
 from surveillance_toys import fleet, flight, rows_at
 
-from descentflow.surveillance.airdata import mach_of_cas
-from descentflow.surveillance.cleaning import after_rates, before_rates
-from descentflow.surveillance.filters import STRETCH, Descending
-from descentflow.surveillance.operations import ClearedLevel, ClearedSpeed, LargestBank
-from descentflow.surveillance.report import DropReport
-from descentflow.surveillance.stale import Stale
-from descentflow.surveillance.thresholds import Cleaning
+from descentflow.surveillance.cleaning.chain import after_rates, before_rates
+from descentflow.surveillance.cleaning.clearances import ClearedLevel, ClearedSpeed, LargestBank
+from descentflow.surveillance.cleaning.filters import STRETCH, Descending
+from descentflow.surveillance.cleaning.stale import Stale
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.rows.air_data import mach_of_cas
+from descentflow.surveillance.rows.drop_report import DropReport
 
 LIMITS = {"altitude": 300.0, "IAS": 8.0, "Mach": 0.02, "vertical_rate": 300.0}
 

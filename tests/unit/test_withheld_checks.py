@@ -6,14 +6,19 @@ import numpy as np
 import polars as pl
 import pytest
 
-from descentflow.errors import DataError
-from descentflow.performance.open_aircraft import open_aircraft
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.errors import DataError
+from descentflow.simulation.world import World, simulate
+from descentflow.simulation.world_config import WorldConfig
+from descentflow.studies.blind_diagnosis.hypsometry import (
+    gravity_mps2,
+    hypsometric_deviation,
+    speed_deviation,
+    weighted_mean,
+)
+from descentflow.studies.blind_diagnosis.real_flights import filled
+from descentflow.studies.blind_diagnosis.winds import tailwind_gradient, wind_profile
 from descentflow.surveillance.prepare import prepare
-from descentflow.withheld.hypsometry import gravity_mps2, hypsometric_deviation, speed_deviation, weighted_mean
-from descentflow.withheld.real import filled
-from descentflow.withheld.winds import tailwind_gradient, wind_profile
-from descentflow.world.config import WorldConfig
-from descentflow.world.world import World, simulate
 
 
 @pytest.fixture(scope="module")

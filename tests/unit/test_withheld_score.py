@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from withheld_toys import study
 
-from descentflow.errors import ConfigError
-from descentflow.withheld.outcome import matched, overlap, stands_for
-from descentflow.withheld.page import page
-from descentflow.withheld.plan import HELD, SCALE_GROUP, Plan, draw_plan
-from descentflow.withheld.score import score
-from descentflow.withheld.truth import reported
-from descentflow.world.causes import CATALOGUED, CAUSES
+from descentflow.core.errors import ConfigError
+from descentflow.simulation.causes import CATALOGUED, CAUSES
+from descentflow.studies.blind_diagnosis.blind_page import page
+from descentflow.studies.blind_diagnosis.blind_plan import HELD, SCALE_GROUP, Plan, draw_plan
+from descentflow.studies.blind_diagnosis.blind_score import score
+from descentflow.studies.blind_diagnosis.outcome import matched, overlap, stands_for
+from descentflow.studies.blind_diagnosis.true_sizes import reported
 
 NAMES = tuple(cause.name for cause in CATALOGUED)
 PLAN = draw_plan(300, seed=7)

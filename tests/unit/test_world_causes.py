@@ -9,12 +9,12 @@ import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
 
-from descentflow.errors import ConfigError
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.world.causes import CATALOGUED, CAUSES, OUTSIDE, Planting
-from descentflow.world.config import WorldConfig
-from descentflow.world.world import World, simulate
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.errors import ConfigError
+from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.simulation.causes import CATALOGUED, CAUSES, OUTSIDE, Planting
+from descentflow.simulation.world import World, simulate
+from descentflow.simulation.world_config import WorldConfig
 
 A320 = open_aircraft("A320")
 N, SEED = 40, 5

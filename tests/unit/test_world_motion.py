@@ -8,13 +8,13 @@ import torch
 from scipy.integrate import solve_ivp
 from toys import AIRCRAFT
 
-from descentflow.performance.airspeed import cas_to_tas_mps
-from descentflow.performance.constants import G0_MPS2, LAPSE_K_M, P0_PA, R_AIR, T0_K
-from descentflow.units import FL_M, FT_M, KT_MPS
-from descentflow.world.config import WorldConfig
-from descentflow.world.flight import fly
-from descentflow.world.motion import Controls, Motion, Plant
-from descentflow.world.parameters import FlightParameters, draw_parameters
+from descentflow.core.constants import G0_MPS2, LAPSE_K_M, P0_PA, R_AIR, T0_K
+from descentflow.core.units import FL_M, FT_M, KT_MPS
+from descentflow.physics.airspeed import cas_to_tas_mps
+from descentflow.simulation.flight import fly
+from descentflow.simulation.motion import Controls, Motion, Plant
+from descentflow.simulation.parameters import FlightParameters, draw_parameters
+from descentflow.simulation.world_config import WorldConfig
 
 QUIET = WorldConfig(wander_kt=0.0, level_off_share=0.0, managed_share=0.0, interval_s=1)
 

@@ -8,13 +8,13 @@ import pytest
 from polars.testing import assert_frame_equal
 from toys import AIRCRAFT
 
-from descentflow.cli import main
-from descentflow.errors import ConfigError
-from descentflow.performance.open_aircraft import open_aircraft, open_typecodes
-from descentflow.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.world.config import WorldConfig, default_operators
-from descentflow.world.observe import QUANTA
-from descentflow.world.world import World, simulate
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
+from descentflow.cli.entry import main
+from descentflow.core.errors import ConfigError
+from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.simulation.observe import QUANTA
+from descentflow.simulation.world import World, simulate
+from descentflow.simulation.world_config import WorldConfig, default_operators
 
 N = 150
 
@@ -204,7 +204,7 @@ def test_settings_that_make_no_world_are_refused(settings: dict[str, object], wo
 def test_bottom_above_the_top_and_aircraft_that_never_descends_are_refused(monkeypatch) -> None:
     with pytest.raises(ConfigError, match="above the bottom"):
         simulate(AIRCRAFT, 5, 0, WorldConfig(bottom_fl=390))
-    monkeypatch.setattr("descentflow.world.flight.LONGEST_S", 300.0)
+    monkeypatch.setattr("descentflow.simulation.flight.LONGEST_S", 300.0)
     with pytest.raises(ConfigError, match="idle thrust"):
         simulate(replace(AIRCRAFT, ct_des_high=0.9), 2, 0)
     with pytest.raises(ConfigError, match="0 flights"):

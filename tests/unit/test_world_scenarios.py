@@ -9,13 +9,13 @@ import pytest
 import torch
 from sklearn.mixture import GaussianMixture
 
-from descentflow.errors import ConfigError
-from descentflow.performance.open_aircraft import open_aircraft
-from descentflow.study.plan import PAPER_FLIGHTS
-from descentflow.world.config import WorldConfig
-from descentflow.world.parameters import draw_parameters
-from descentflow.world.scenarios import scenario
-from descentflow.world.world import World, simulate
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.errors import ConfigError
+from descentflow.simulation.parameters import draw_parameters
+from descentflow.simulation.scenarios import scenario
+from descentflow.simulation.world import World, simulate
+from descentflow.simulation.world_config import WorldConfig
+from descentflow.studies.paper.study_plan import PAPER_FLIGHTS
 
 LONDON = "london-fir-2019"
 

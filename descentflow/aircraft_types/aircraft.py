@@ -1,0 +1,128 @@
+"""The coefficients of one aircraft type in BADA 3 form."""
+
+from dataclasses import dataclass, fields
+from typing import Any, Literal, get_args
+
+from torch import Tensor
+
+from descentflow.core.errors import AircraftError
+from descentflow.core.tensors import Number
+
+Engine = Literal["jet", "turboprop", "piston"]
+
+
+@dataclass(frozen=True)
+class Aircraft:
+    """Coefficients of one type, named and scaled as in the BADA 3 user manual (section 3, OPF and APF files).
+
+    Numeric fields may be replaced by tensors (``dataclasses.replace(aircraft, cd0_cr=tensor)``) that
+    broadcast against the batch, so every result can be differentiated with respect to any coefficient.
+
+    Units stand in the suffix; the thrust, fuel and drag coefficients have the units of the manual's equations
+    (altitudes in ft and speeds in kt there).
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> open_aircraft("A320").engine
+        'jet'
+    """
+
+    typecode: str
+    engine: Engine
+    n_engines: int
+    wake_category: str
+    source: str
+
+    mass_reference_kg: Number
+    mass_minimum_kg: Number
+    mass_maximum_kg: Number
+    mass_payload_kg: Number
+
+    vmo_kt: Number
+    mmo: Number
+    altitude_maximum_ft: Number
+    """Maximum operating altitude h_MO."""
+    altitude_mtow_ft: Number
+    """Maximum altitude h_max at maximum mass under ISA."""
+    altitude_mass_gradient_ft_kg: Number
+    """G_w: growth of h_max per kg below maximum mass."""
+    altitude_temperature_gradient_ft_k: Number
+    """G_t: change of h_max per kelvin of temperature deviation."""
+
+    wing_area_m2: Number
+    buffet_clbo: Number
+    buffet_k: Number
+    cd0_cr: Number
+    cd2_cr: Number
+    cd0_ic: Number
+    cd2_ic: Number
+    cd0_to: Number
+    cd2_to: Number
+    cd0_ap: Number
+    cd2_ap: Number
+    cd0_ld: Number
+    cd2_ld: Number
+    cd0_gear: Number
+    vstall_cr_kt: Number
+    vstall_ic_kt: Number
+    vstall_to_kt: Number
+    vstall_ap_kt: Number
+    vstall_ld_kt: Number
+
+    ct1: Number
+    ct2: Number
+    ct3: Number
+    ct4: Number
+    ct5: Number
+    ct_des_low: Number
+    ct_des_high: Number
+    altitude_des_ft: Number
+    """H_p,des: the altitude where high-altitude descent thrust hands over to low."""
+    ct_des_app: Number
+    ct_des_ld: Number
+    cf1: Number
+    cf2: Number
+    cf3: Number
+    cf4: Number
+    cf_cr: Number
+
+    des_cas_low_kt: Number
+    """V_des,1: standard descent CAS between 3,000 or 6,000 ft and 10,000 ft."""
+    des_cas_high_kt: Number
+    """V_des,2: standard descent CAS between 10,000 ft and the Mach transition altitude."""
+    des_mach: Number
+    """M_des: standard descent Mach above the transition altitude; 0 where the type has none."""
+
+    def __post_init__(self) -> None:
+        """Refuse an engine that BADA 3 does not know."""
+        if self.engine not in get_args(Engine):
+            raise AircraftError(
+                f"{self.typecode}: engine {self.engine!r}",
+                expected=f"one of {', '.join(get_args(Engine))}",
+                mend="correct the engine field of the OPF file",
+            )
+
+    def numbers(self) -> tuple[Number, ...]:
+        """All coefficients, in the order of the fields."""
+        return tuple(v for f in fields(self) if isinstance(v := getattr(self, f.name), float | Tensor))
+
+    def to_state(self) -> dict[str, Any]:
+        """Return the coefficients as primitives, for a checkpoint that loads without executing code."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {k: v.item() if isinstance(v, Tensor) else v for k, v in values.items()}
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> "Aircraft":
+        """Rebuild from :meth:`to_state`.
+
+        Raises:
+            AircraftError: If a coefficient is missing or one is not known.
+        """
+        names = {f.name for f in fields(cls)}
+        if set(state) != names:
+            raise AircraftError(
+                f"coefficients that differ by {sorted(names ^ set(state))}",
+                expected="exactly the fields of Aircraft",
+                mend="write the checkpoint again with this version of descentflow",
+            )
+        return cls(**state)

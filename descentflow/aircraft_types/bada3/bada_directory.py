@@ -1,0 +1,169 @@
+"""BADA 3 directories: a licence holder's files in, aircraft out; each kind of file has a module of its own."""
+
+import warnings
+from dataclasses import fields
+from difflib import get_close_matches
+from pathlib import Path
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.bada3.apf_file import Apf, apf_of, read_apf, write_apf
+from descentflow.aircraft_types.bada3.global_parameters import STANDARD
+from descentflow.aircraft_types.bada3.gpf_file import read_gpf
+from descentflow.aircraft_types.bada3.opf_file import Opf, opf_of, read_opf, write_opf
+from descentflow.aircraft_types.bada3.synonym_file import Synonym, read_synonym
+from descentflow.core.errors import AircraftError
+
+__all__ = [
+    "apf_of",
+    "load_aircraft",
+    "load_directory",
+    "opf_of",
+    "read_apf",
+    "read_gpf",
+    "read_opf",
+    "read_synonym",
+    "to_aircraft",
+    "write_apf",
+    "write_opf",
+]
+
+_DESCENT_SPEEDS = ("des_cas_low_kt", "des_cas_high_kt", "des_mach")
+
+
+def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None) -> Aircraft:
+    """Join coefficients and procedures into one aircraft; speeds are the default company's at average mass.
+
+    Args:
+        opf: Coefficients.
+        apf: Procedures.
+        typecode: Name of the result; the OPF's own when None.
+
+    Returns:
+        The aircraft.
+
+    Raises:
+        AircraftError: If the two files belong to different types.
+
+    Example:
+        >>> to_aircraft(read_opf("bada/A320__.OPF"), read_apf("bada/A320__.APF")).engine
+        'jet'
+    """
+    if opf.typecode != apf.typecode:
+        raise AircraftError(
+            f"OPF of {opf.typecode} with APF of {apf.typecode}",
+            expected="two files of one type",
+            mend="pair the files that carry the same name",
+        )
+    known = Aircraft.__dataclass_fields__
+    numbers = {name: value for name, value in opf.numbers.items() if name in known}
+    speeds = {name: getattr(apf.default.average, name) for name in _DESCENT_SPEEDS}
+    return Aircraft(
+        typecode=typecode or opf.typecode,
+        engine=opf.engine,
+        n_engines=opf.n_engines,
+        wake_category=opf.wake_category,
+        source=f"BADA 3 files {opf.typecode} of {opf.modified or 'unknown date'}",
+        **numbers,
+        **speeds,
+    )
+
+
+def load_aircraft(typecode: str, bada_dir: str | Path) -> Aircraft:
+    """Load one type from a BADA 3 directory, resolved through SYNONYM.NEW.
+
+    Warns where the directory's BADA.GPF says otherwise than the manual, whose global parameters every command takes;
+    from Python they can be passed: ``nominal_descent(..., limits=read_gpf("bada/BADA.GPF"))``.
+
+    Args:
+        typecode: ICAO type designator, in any case; without SYNONYM.NEW the name of the files themselves.
+        bada_dir: Directory of OPF, APF and SYNONYM.NEW files.
+
+    Returns:
+        The aircraft, named by the type asked for.
+
+    Raises:
+        AircraftError: If the directory or a file is missing or malformed, or the type is not in it; the message lists
+            near names.
+
+    Example:
+        >>> load_aircraft("A320", "bada").typecode
+        'A320'
+    """
+    folder = _folder(bada_dir)
+    wanted = typecode.strip().upper()
+    synonyms = _synonyms(folder)
+    if wanted not in synonyms:
+        near = ", ".join(get_close_matches(wanted, synonyms, n=8)) or "none"
+        raise AircraftError(
+            f"type {typecode!r} in {folder}",
+            expected=f"one of the {len(synonyms)} types there (near it: {near})",
+            mend="choose a type the directory holds, or add a line to its SYNONYM.NEW",
+        )
+    _compare_global_parameters(folder / "BADA.GPF")
+    return _load(folder, synonyms[wanted].file, wanted)
+
+
+def load_directory(bada_dir: str | Path) -> dict[str, Aircraft]:
+    """Load every type of a BADA 3 directory.
+
+    Args:
+        bada_dir: Directory of OPF, APF and SYNONYM.NEW files.
+
+    Returns:
+        Aircraft by type code.
+
+    Raises:
+        AircraftError: As :func:`load_aircraft`, for the first file that fails.
+
+    Example:
+        >>> len(load_directory("bada"))
+        1476
+    """
+    folder = _folder(bada_dir)
+    _compare_global_parameters(folder / "BADA.GPF")
+    return {code: _load(folder, synonym.file, code) for code, synonym in _synonyms(folder).items()}
+
+
+def _folder(bada_dir: str | Path) -> Path:
+    folder = Path(bada_dir)
+    if not folder.is_dir():
+        raise AircraftError(
+            f"BADA directory {folder}",
+            expected="an existing directory with OPF, APF and SYNONYM.NEW files",
+            mend="give the directory of your BADA 3 release as --bada-dir",
+        )
+    return folder
+
+
+def _synonyms(folder: Path) -> dict[str, Synonym]:
+    """Types of the directory: those of SYNONYM.NEW, or each OPF file for itself where that list is absent."""
+    listed = folder / "SYNONYM.NEW"
+    if listed.is_file():
+        return read_synonym(listed)
+    names = [path.stem for path in sorted(folder.glob("*.OPF"))]
+    if not names:
+        raise AircraftError(
+            f"{folder} holds neither SYNONYM.NEW nor OPF files",
+            expected="a BADA 3 release",
+            mend="unpack the release there; file names are in capitals",
+        )
+    return {name.rstrip("_"): Synonym(name.rstrip("_"), "", "", name, True, True) for name in names}
+
+
+def _compare_global_parameters(file: Path) -> None:
+    """Warn where they are not the manual's: unlike a type's files they are not taken over."""
+    if not file.is_file():
+        return
+    try:
+        found = read_gpf(file)
+    except AircraftError as error:
+        warnings.warn(f"global parameters not compared with the manual's, which hold: {error}", stacklevel=3)
+        return
+    names = [field.name for field in fields(found)]
+    other = [f"{n} = {getattr(found, n)}" for n in names if getattr(found, n) != getattr(STANDARD, n)]
+    if other:
+        warnings.warn(f"{file} has {', '.join(other)}: not taken over, the manual's values hold", stacklevel=3)
+
+
+def _load(folder: Path, file: str, typecode: str) -> Aircraft:
+    return to_aircraft(read_opf(folder / f"{file}.OPF"), read_apf(folder / f"{file}.APF"), typecode)

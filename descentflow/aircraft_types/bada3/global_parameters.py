@@ -1,0 +1,33 @@
+"""BADA's parameters that hold for all types (user manual, section 5; file BADA.GPF)."""
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class GlobalParameters:
+    """What a descent needs of section 5 of the manual; the defaults are the manual's values for civil flights.
+
+    A directory's own BADA.GPF is read by :func:`descentflow.aircraft_types.bada3.bada_directory.read_gpf`.
+
+    Example:
+        >>> GlobalParameters().approach_ceiling_ft
+        8000.0
+    """
+
+    min_speed_factor: float = 1.3
+    """C_v,min: minimum speed over stall speed, all phases but take-off (5.7)."""
+    approach_ceiling_ft: float = 8000.0
+    """H_max,AP: no approach configuration at or above this altitude (5.6)."""
+    landing_ceiling_ft: float = 3000.0
+    """H_max,LD: no landing configuration at or above this altitude (5.6)."""
+    expedited_drag_factor: float = 1.6
+    """C_des,exp: drag factor of an expedited descent, flown with spoilers (5.4)."""
+    des_increment_kt: tuple[float, float, float, float] = (5.0, 10.0, 20.0, 50.0)
+    """V_d,des 1 to 4: speed above the minimum below 1,000, 1,500, 2,000 and 3,000 ft, jets and turboprops (5.8)."""
+    des_increment_piston_kt: tuple[float, float, float] = (5.0, 10.0, 20.0)
+    """V_d,des 5 to 7: the same below 500, 1,000 and 1,500 ft for pistons (5.8)."""
+
+
+STANDARD: Final = GlobalParameters()
+"""The manual's values."""

@@ -1,0 +1,94 @@
+"""GPF, the global parameters file (BADA 3 user manual, section 6.8)."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from descentflow.aircraft_types.bada3.fixed_columns import Line, data_lines, read_lines
+from descentflow.aircraft_types.bada3.global_parameters import GlobalParameters
+
+_TURBINE = {"jet", "turbo", "tbp"}
+_PISTON = {"piston", "pst"}
+
+
+@dataclass(frozen=True)
+class GlobalRow:
+    """One parameter and the flights, engines and phases it holds for."""
+
+    name: str
+    flights: frozenset[str]
+    engines: frozenset[str]
+    phases: frozenset[str]
+    value: float
+
+
+def read_gpf_rows(path: str | Path) -> tuple[GlobalRow, ...]:
+    """Read every parameter of a GPF file.
+
+    Args:
+        path: File ``BADA.GPF``.
+
+    Returns:
+        The rows in the file's order.
+
+    Raises:
+        AircraftError: If a line is out of its columns or holds no number; the message names file and line.
+
+    Example:
+        >>> read_gpf_rows("bada/BADA.GPF")[0].name
+        'acc_long_max'
+    """
+    return tuple(_row(line) for line in data_lines(read_lines(Path(path))))
+
+
+def _row(line: Line) -> GlobalRow:
+    words = line.text[2:].rstrip("/ ").split()
+    # The columns differ between releases, but no field of this file may hold a blank.
+    if len(words) != 5:
+        line.fail(f"{len(words)} fields", "name, flights, engines, phases and value")
+    try:
+        value = float(words[4])
+    except ValueError:
+        line.fail(f"value {words[4]!r}", "a number such as .13000E+01")
+    flights, engines, phases = (frozenset(word.lower().split(",")) for word in words[1:4])
+    return GlobalRow(words[0], flights, engines, phases, value)
+
+
+def read_gpf(path: str | Path) -> GlobalParameters:
+    """Read what a descent needs of a GPF file, for civil flights.
+
+    Args:
+        path: File ``BADA.GPF``.
+
+    Returns:
+        The global parameters.
+
+    Raises:
+        AircraftError: If a line is malformed or a parameter is missing; the message names the file.
+
+    Example:
+        >>> read_gpf("bada/BADA.GPF").min_speed_factor
+        1.3
+    """
+    rows = read_gpf_rows(path)
+    first = data_lines(read_lines(Path(path)))[0]
+
+    def find(name: str, phase: str, engines: set[str]) -> float:
+        for row in rows:
+            if row.name == name and "civ" in row.flights and phase in row.phases and row.engines & engines:
+                return row.value
+        first.fail(f"no parameter {name} for civil flights in phase {phase} in the file", f"a line for {name}")
+
+    def increments(numbers: range, engines: set[str]) -> Iterator[float]:
+        return (find(f"V_des_{number}", "des", engines) for number in numbers)
+
+    one, two, three, four = increments(range(1, 5), _TURBINE)
+    five, six, seven = increments(range(5, 8), _PISTON)
+    return GlobalParameters(
+        min_speed_factor=find("C_v_min", "des", _TURBINE),
+        approach_ceiling_ft=find("H_max_app", "app", _TURBINE),
+        landing_ceiling_ft=find("H_max_ld", "lnd", _TURBINE),
+        expedited_drag_factor=find("C_des_exp", "des", _TURBINE),
+        des_increment_kt=(one, two, three, four),
+        des_increment_piston_kt=(five, six, seven),
+    )

@@ -1,0 +1,1 @@
+"""Open aircraft: coefficients in BADA 3 form from open sources, one TOML file for each type."""

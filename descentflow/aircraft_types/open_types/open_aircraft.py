@@ -1,0 +1,203 @@
+"""Open aircraft in BADA 3 form: coefficients from open sources, none of them EUROCONTROL's.
+
+One readable file per type in ``open_types/``; every coefficient carries its source and a confidence. Types read on
+demand, so that importing this module costs nothing.
+"""
+
+import tomllib
+from dataclasses import dataclass, fields
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import Any, Literal, get_args
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.errors import AircraftError
+
+Confidence = Literal["direct", "derived", "textbook estimate", "unchecked"]
+"""Printed by the source; follows from printed numbers by the stated formula; typical of the class of aircraft; commonly
+published but not checked against a type-certificate data sheet."""
+
+_FOLDER = "coefficients"
+_SOURCES = "sources"
+_TEXT_FIELDS = ("engine", "wake_category")
+_ABOUT_FIELDS = ("typecode", "source")
+_ENTRY = {"value", "unit", "source", "confidence"}
+
+
+@dataclass(frozen=True)
+class CoefficientSource:
+    """Where one number of an open aircraft comes from."""
+
+    name: str
+    """Field of :class:`Aircraft`, or the name of a fact or a published range."""
+    value: float | str | tuple[float, ...]
+    """The number; a published range reads (middle, lowest, highest)."""
+    unit: str
+    source: str
+    confidence: Confidence
+
+
+@dataclass(frozen=True)
+class OpenType:
+    """All that the data file of a type says."""
+
+    typecode: str
+    summary: str
+    known_to_be_off: str
+    """What a user must not trust, and by how much, as far as it is known."""
+    relation: str | None
+    """The type that this one is made from, or None."""
+    relation_stated: str
+    """How it differs from that type; empty when it is its own."""
+    coefficients: tuple[CoefficientSource, ...]
+    facts: tuple[CoefficientSource, ...]
+    """Printed numbers from which coefficients were derived."""
+    published: tuple[CoefficientSource, ...]
+    """Published kinematic ranges (Mach, CAS, rates), for comparison only; empty where there are none."""
+
+
+def open_aircraft(typecode: str) -> Aircraft:
+    """Coefficients of an open aircraft.
+
+    Args:
+        typecode: ICAO type designator, as in :func:`open_typecodes`.
+
+    Returns:
+        The aircraft. Not EUROCONTROL's BADA: rates are uncertain by 10 to 20 %.
+
+    Raises:
+        AircraftError: If the type is not among the open ones.
+
+    Example:
+        >>> open_aircraft("A320").wing_area_m2
+        122.4
+    """
+    read = open_type(typecode)
+    values = {c.name: c.value for c in read.coefficients}
+    return Aircraft(typecode=typecode, source=f"descentflow open aircraft, not BADA: {read.summary}", **values)  # type: ignore[arg-type]
+
+
+def open_typecodes() -> tuple[str, ...]:
+    """Type designators of all open aircraft, sorted.
+
+    Example:
+        >>> "B738" in open_typecodes()
+        True
+    """
+    names = (f.name.removesuffix(".toml") for f in _folder().iterdir() if f.name.endswith(".toml"))
+    return tuple(sorted(n for n in names if n != _SOURCES))
+
+
+def open_sources(typecode: str) -> tuple[CoefficientSource, ...]:
+    """Source and confidence of every coefficient of an open aircraft, in the order of :class:`Aircraft`.
+
+    Args:
+        typecode: ICAO type designator.
+
+    Returns:
+        One entry per coefficient.
+
+    Raises:
+        AircraftError: If the type is not among the open ones.
+
+    Example:
+        >>> {s.name: s.confidence for s in open_sources("A320")}["cd0_cr"]
+        'derived'
+    """
+    return open_type(typecode).coefficients
+
+
+@cache
+def open_type(typecode: str) -> OpenType:
+    """All that is known of an open aircraft: coefficients, facts, published ranges and what is known to be off.
+
+    Args:
+        typecode: ICAO type designator.
+
+    Returns:
+        The type; what a relation leaves open is taken from the type that it names.
+
+    Raises:
+        AircraftError: If the type is not among the open ones, or its file is not complete.
+
+    Example:
+        >>> open_type("A20N").relation
+        'A320'
+    """
+    if typecode not in open_typecodes():
+        raise AircraftError(
+            f"no open aircraft {typecode!r}",
+            expected=f"one of {', '.join(open_typecodes())}",
+            mend="choose one of these, or point --bada-dir at BADA files that have the type",
+        )
+    content = _read(typecode)
+    base = open_type(content["relation"]) if "relation" in content else None
+    read = OpenType(
+        typecode=typecode,
+        summary=content["summary"],
+        known_to_be_off=content["known_to_be_off"].strip(),
+        relation=content.get("relation"),
+        relation_stated=content.get("relation_stated", ""),
+        coefficients=_merged(content, "coefficients", base.coefficients if base else ()),
+        facts=_merged(content, "facts", base.facts if base else ()),
+        published=_merged(content, "published", base.published if base else ()),
+    )
+    _check_complete(read)
+    return read
+
+
+def _merged(content: dict[str, Any], table: str, base: tuple[CoefficientSource, ...]) -> tuple[CoefficientSource, ...]:
+    """Entries of a table laid over those of the related type, which keep their order."""
+    entries = {e.name: e for e in base}
+    entries.update((name, _entry(name, raw)) for name, raw in content.get(table, {}).items())
+    return tuple(entries.values())
+
+
+def _entry(name: str, raw: dict[str, Any]) -> CoefficientSource:
+    """Check one inline table of a type file and write out its source key."""
+    if set(raw) != _ENTRY or raw["confidence"] not in get_args(Confidence):
+        raise AircraftError(
+            f"open aircraft entry {name} = {raw}",
+            expected=f"the keys {sorted(_ENTRY)} and a confidence among {', '.join(get_args(Confidence))}",
+            mend="correct the entry in descentflow/aircraft_types/open_types/coefficients",
+        )
+    value = raw["value"]
+    if isinstance(value, list):
+        value = tuple(float(v) for v in value)
+    elif not isinstance(value, str) and name != "n_engines":
+        value = float(value)
+    return CoefficientSource(name, value, raw["unit"], _source_text(raw["source"]), raw["confidence"])
+
+
+def _source_text(key_and_detail: str) -> str:
+    key, colon, detail = key_and_detail.partition(":")
+    texts = _read(_SOURCES)["sources"]
+    if key not in texts:
+        raise AircraftError(
+            f"source key {key!r}",
+            expected=f"one of {', '.join(texts)}",
+            mend="add the key to descentflow/aircraft_types/open_types/coefficients/sources.toml",
+        )
+    return f"{texts[key]}; {detail.strip()}" if colon else str(texts[key])
+
+
+def _check_complete(read: OpenType) -> None:
+    wanted = {f.name for f in fields(Aircraft)} - set(_ABOUT_FIELDS)
+    found = {c.name for c in read.coefficients}
+    texts = {c.name for c in read.coefficients if isinstance(c.value, str)}
+    if found != wanted or texts != set(_TEXT_FIELDS):
+        raise AircraftError(
+            f"open aircraft {read.typecode} with coefficients that differ by {sorted(found ^ wanted)}",
+            expected="exactly the fields of Aircraft, text for engine and wake_category only",
+            mend=f"complete descentflow/aircraft_types/open_types/coefficients/{read.typecode}.toml",
+        )
+
+
+def _folder() -> Traversable:
+    return files("descentflow.aircraft_types.open_types").joinpath(_FOLDER)
+
+
+@cache
+def _read(name: str) -> dict[str, Any]:
+    return tomllib.loads(_folder().joinpath(f"{name}.toml").read_text(encoding="utf-8"))

@@ -1,0 +1,84 @@
+"""The command line. Nothing heavy is imported before a command needs it, so `descentflow --help` answers at once."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from descentflow.core.errors import DescentflowError
+from descentflow.core.version import __version__
+
+COMMANDS = {
+    "simulate": "fly aircraft of known truth and write what a radar would report of them",
+    "prepare": "clean surveillance rows (Parquet, CSV, aircraft.json) into free descents",
+    "fit": "train a generator of descents on prepared descents",
+    "validate": "log-likelihood of a checkpoint on its validation flights",
+    "test": "scores of a checkpoint against held-out flights, with figures",
+    "predict": "log-likelihood of each held-out flight (the smaller, the less usual the descent)",
+    "sample": "draw plausible descents from a checkpoint",
+    "predict-descent": "the rest of a descent from its first part: time to each level, occupancy of levels",
+    "evaluate": "scores of a checkpoint against the descents of any prepared file",
+    "diagnose": "where a simulator and real descents differ, and which unmodelled effect causes it",
+}
+TRAINER = ("fit", "validate", "test", "predict")
+"""Commands of the LightningCLI, which know every option of trainer, model and data."""
+
+OVERVIEW = f"""usage: descentflow COMMAND [options]
+
+Learn realistic aircraft descents from surveillance data, sample them, and compare them with reality.
+
+commands, in the order of the data's path:
+{chr(10).join(f"  {name:<16}{purpose}" for name, purpose in COMMANDS.items())}
+
+`descentflow COMMAND --help` explains one command. A first run without data of your own:
+  descentflow simulate --typecode A320 --flights 2000 --out rows.parquet
+  descentflow prepare rows.parquet --out descents.parquet
+  descentflow fit --model Gaussian --data.descents descents.parquet
+  descentflow sample runs/Gaussian/version_0/checkpoints/best.ckpt -n 1000 --out samples.parquet
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        arguments: Words after the program's name; those of the process if absent.
+
+    Returns:
+        Exit status: 0 if all went well, 2 after an error that the message explains.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0] in ("-h", "--help"):
+        print(OVERVIEW, end="")
+        return 0
+    if words[0] == "--version":
+        print(f"descentflow {__version__}")
+        return 0
+    name, rest = words[0], words[1:]
+    if name not in COMMANDS:
+        print(f"descentflow: no command {name!r}; there are {', '.join(COMMANDS)}", file=sys.stderr)
+        return 2
+    try:
+        return _run(name, rest)
+    except DescentflowError as error:
+        print(f"descentflow {name}: {error}", file=sys.stderr)
+        return 2
+
+
+def _run(name: str, rest: list[str]) -> int:
+    if name in TRAINER:
+        trainer_help = import_module("descentflow.cli.trainer_help")
+        if rest in (["-h"], ["--help"]):
+            print(trainer_help.text(name), end="")
+            return 0
+        import_module("descentflow.cli.trainer").run(name, rest)
+        return 0
+    module = import_module(f"descentflow.cli.{name.replace('-', '_')}_command")
+    parser = argparse.ArgumentParser(prog=f"descentflow {name}")
+    module.add_arguments(parser)
+    module.run(parser.parse_args(rest))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""`descentflow prepare`: surveillance rows to free descents."""
+
+import argparse
+import re
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from descentflow.surveillance.cleaning.thresholds import Cleaning, describe
+
+if TYPE_CHECKING:
+    from descentflow.core.workers import Engine
+
+UNITS = ("", "k", "m", "g", "t")
+SHOWN_AT_RANDOM = 6
+"""Flights of `--figures` besides those that each rule hit most."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.description = (
+        "Clean surveillance rows into free descents on flight levels, with an account of everything dropped. Rows come "
+        "from any source that the README lists, each with a time, an address, pressure altitude, IAS and Mach. There "
+        "may be any number: memory is bounded, and a run that was killed goes on where it was when it is called again."
+    )
+    parser.add_argument("rows", type=Path, nargs="*", help="files or folders of rows")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="a .parquet file, or a folder for a store of Parquet files by type"
+    )
+    parser.add_argument("--embedded", action="store_true", help="use the real snapshots that come with descentflow")
+    parser.add_argument("--format", metavar="NAME", help="what the files are (default: found from their content)")
+    parser.add_argument("--types", type=Path, help="CSV of icao24,typecode for rows that do not name their type")
+    parser.add_argument("--typecode", help="keep these types, for instance A320,A321 (default: all)")
+    parser.add_argument("--report", type=Path, help="also write the account as JSON")
+    parser.add_argument(
+        "--figures", type=Path, metavar="DIR", help="plots of what was kept and dropped of some flights"
+    )
+    size = parser.add_argument_group("size")
+    size.add_argument(
+        "--memory", type=memory_bytes, default="2GB", help="bound on each process's memory (default: %(default)s)"
+    )
+    size.add_argument(
+        "--engine", choices=["local", "dask"], default="local", help="threads of this process, or a Dask cluster"
+    )
+    size.add_argument("--scheduler", help="address of a Dask scheduler (default: workers on this machine)")
+    size.add_argument("--workers", type=int, help="threads, or Dask workers on this machine (default: processors)")
+    rules = parser.add_argument_group("thresholds (each with its source in configs/prepare/default.yaml)")
+    rules.add_argument("--config", type=Path, help="YAML file of thresholds; options here go before it")
+    for field in fields(Cleaning):
+        # Absent options are left to --config, and then to the defaults.
+        optional = "None" in str(field.type)
+        kind = number_or_none if optional else int if isinstance(field.default, int) else float
+        text = f"{describe(field.name)[0]} (default: {field.default})".replace("%", "%%")
+        name = f"--{field.name.replace('_', '-')}"
+        rules.add_argument(name, type=kind, default=argparse.SUPPRESS, metavar="X", help=text)
+
+
+def number_or_none(text: str) -> float | None:
+    """A threshold, or none to switch its filter off.
+
+    Example:
+        >>> number_or_none("25"), number_or_none("none")
+        (25.0, None)
+    """
+    return None if text.lower() == "none" else float(text)
+
+
+def memory_bytes(text: str) -> int:
+    """Bytes of a size as people write it.
+
+    Example:
+        >>> memory_bytes("1.5GB")
+        1500000000
+    """
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?", text.strip().lower())
+    if not found:
+        raise argparse.ArgumentTypeError(f"{text!r} is no size such as 2GB or 800MB")
+    return int(float(found[1]) * (1024 if found[3] else 1000) ** UNITS.index(found[2]))
+
+
+def run(args: argparse.Namespace) -> None:
+    """Read, clean, write, and print the account."""
+    import json
+
+    from tqdm import tqdm
+
+    from descentflow.core.files import whole_file
+    from descentflow.surveillance.formats.embedded import embedded_rows, embedded_types
+    from descentflow.surveillance.formats.readers import read_table
+    from descentflow.surveillance.prepare import Request, prepare_to
+
+    _check(args)
+    paths = [*args.rows, *([embedded_rows()] if args.embedded else [])]
+    types = read_table(args.types) if args.types else embedded_types() if args.embedded else None
+    wanted = [name.strip() for name in args.typecode.split(",")] if args.typecode else None
+    request = Request(paths, types, wanted, _cleaning(args), args.format, SHOWN_AT_RANDOM if args.figures else 0)
+    with tqdm(desc="prepare", delay=2, leave=False, bar_format="{desc} [{elapsed}]") as bar:
+
+        def show(stage: str) -> None:
+            bar.set_description_str(f"prepare: {stage}", refresh=False)
+            bar.update()
+
+        prepared = prepare_to(args.out, request, memory_bytes=args.memory, engine=_engine(args), progress=show)
+    if args.report:
+        with whole_file(args.report) as temporary:
+            temporary.write_text(json.dumps(prepared.metadata, indent=1))
+    if args.figures and prepared.fates is not None:
+        from descentflow.surveillance.figures.cleaning_page import write_page
+
+        number = write_page(args.figures, prepared.fates, prepared.report)
+        print(f"wrote {args.figures / 'index.html'}: {number} flights")
+    print(prepared.report)
+    for typecode, top in prepared.metadata["top_fl"].items():
+        print(f"{typecode}: {prepared.flights[typecode]:,} descents, a quarter of them from FL{top} or above")
+    print(f"wrote {args.out}" if prepared.written else f"{args.out} was there already, made of the same")
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what cannot work before anything is read."""
+    from descentflow.core.errors import ConfigError
+    from descentflow.core.files import check_output
+    from descentflow.surveillance.out_of_core.spill import LEAST_BYTES
+
+    if not args.rows and not args.embedded:
+        raise ConfigError("no rows", expected="files, folders or --embedded", mend="name what is to be prepared")
+    if args.memory < LEAST_BYTES:
+        raise ConfigError(
+            f"--memory of {args.memory / 1e6:,.0f} MB",
+            expected=f"{LEAST_BYTES / 1e6:,.0f} MB or more; the program itself takes more than half of that",
+            mend="allow more",
+        )
+    if args.workers is not None and args.workers < 1:
+        raise ConfigError(f"--workers {args.workers}", expected="1 or more", mend="leave it out for all processors")
+    if args.scheduler and args.engine != "dask":
+        raise ConfigError("--scheduler without --engine dask", expected="both", mend="add --engine dask")
+    outputs = [path for path in (args.out, args.report) if path]
+    for output in outputs:
+        if output is args.report or output.suffix == ".parquet":
+            check_output(output)
+    if args.figures:
+        check_output(args.figures / "index.html" if args.figures.is_dir() else args.figures)
+    taken = {path.resolve() for path in (*args.rows, *([args.types] if args.types else []))}
+    if taken & {path.resolve() for path in outputs} or len({path.resolve() for path in outputs}) < len(outputs):
+        raise ConfigError(
+            f"an output that is also an input or the other output ({', '.join(map(str, outputs))})",
+            expected="names of their own for --out and --report",
+            mend="choose other names",
+        )
+
+
+def _cleaning(args: argparse.Namespace) -> Cleaning:
+    """Thresholds of the options, else of the file, else the defaults."""
+    from descentflow.surveillance.cleaning.thresholds import cleaning_of, read_cleaning
+
+    settings: dict[str, Any] = read_cleaning(args.config) if args.config else {}
+    cleaning_of(settings, str(args.config))
+    chosen = {field.name: getattr(args, field.name) for field in fields(Cleaning) if field.name in args}
+    return cleaning_of(settings | chosen, "options")
+
+
+def _engine(args: argparse.Namespace) -> "Engine":
+    import os
+
+    from descentflow.core.workers import DaskEngine, LocalEngine
+
+    workers = args.workers or os.cpu_count() or 1
+    return LocalEngine(workers) if args.engine == "local" else DaskEngine(workers, args.scheduler)

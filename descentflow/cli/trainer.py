@@ -1,0 +1,131 @@
+"""The trainer's commands: LightningCLI with this project's defaults and without its traps."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
+
+from descentflow.core.errors import CheckpointError, ConfigError
+from descentflow.core.threads import one_thread_unless_told
+from descentflow.representation.checkpoint import SECTION, read_checkpoint
+from descentflow.training.callbacks.log_prob_writer import WriteLogProb
+from descentflow.training.callbacks.score_callback import ScoreCallback
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.fit import quiet
+from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
+
+MODELS = (Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow)
+"""Imported so that `--model NAME` finds them by their short names."""
+
+UNNAMED = "default"
+"""Stands for the model's name in the folder of a run."""
+
+
+class DescentCLI(LightningCLI):
+    """LightningCLI whose checkpoints, scores and logger are set up unless a config says otherwise."""
+
+    def add_arguments_to_parser(self, parser: LightningArgumentParser) -> None:
+        """Add the callbacks that every run has, each with its own section in the config."""
+        parser.add_lightning_class_args(ModelCheckpoint, "checkpoint")
+        parser.add_lightning_class_args(ScoreCallback, "scores")
+        parser.set_defaults(
+            {
+                "checkpoint.monitor": "val/nll",
+                "checkpoint.filename": "best",
+                "checkpoint.auto_insert_metric_name": False,
+                "trainer.max_epochs": 200,
+                "trainer.num_sanity_val_steps": 0,
+                "trainer.log_every_n_steps": 1,
+                "trainer.logger": {
+                    "class_path": "lightning.pytorch.loggers.TensorBoardLogger",
+                    "init_args": {"save_dir": "runs", "name": UNNAMED},
+                },
+            }
+        )
+
+    def before_instantiate_classes(self) -> None:
+        """Name the run's folder after its model unless a config names it."""
+        config = self.config[self.subcommand]
+        logger = config.trainer.logger
+        if getattr(logger, "init_args", None) is not None and logger.init_args.get("name") == UNNAMED:
+            logger.init_args.name = config.model.class_path.rsplit(".", 1)[-1]
+
+
+def run(command: str, rest: Sequence[str]) -> None:
+    """Run ``fit``, ``validate``, ``test`` or ``predict``.
+
+    Args:
+        command: Which.
+        rest: The words after it.
+
+    Raises:
+        ConfigError: If ``validate``, ``test`` or ``predict`` is given no checkpoint: it would score a model of
+            random parameters.
+        CheckpointError: If the checkpoint cannot be used.
+    """
+    words = ["--help" if word == "--help_all" else word for word in rest]
+    if "--help" not in words:
+        words = _with_accelerator(words)
+        if command != "fit":
+            words = _with_run_settings(command, words)
+    quiet()
+    one_thread_unless_told()
+    # The best checkpoint's own `save_last` writes only in epochs that are the best so far; a killed run resumes here.
+    every_epoch = ModelCheckpoint(filename="last", save_top_k=1, enable_version_counter=False)
+    DescentCLI(
+        LatentModel,
+        DescentDataModule,
+        subclass_mode_model=True,
+        seed_everything_default=0,
+        trainer_defaults={"callbacks": [WriteLogProb(), every_epoch]},
+        save_config_kwargs={"overwrite": False},
+        parser_kwargs={"prog": "descentflow"},
+        args=[command, *words],
+    )
+
+
+def _with_accelerator(words: list[str]) -> list[str]:
+    """Choose CUDA where there is one; never Apple's MPS, which has no float64."""
+    if _option(words, "--trainer.accelerator") is not None:
+        return words
+    return ["--trainer.accelerator", "cuda" if torch.cuda.is_available() else "cpu", *words]
+
+
+def _with_run_settings(command: str, words: list[str]) -> list[str]:
+    """Put the run's own config first, and let its representation encode whatever flights are scored."""
+    checkpoint = _option(words, "--ckpt_path")
+    if checkpoint is None:
+        raise ConfigError(
+            f"{command} without a checkpoint",
+            expected="--ckpt_path FILE (otherwise random parameters would be scored)",
+            mend="pass the run's checkpoints/best.ckpt",
+        )
+    content = read_checkpoint(checkpoint)
+    if _option(words, "--config") is None:
+        words = ["--config", str(_run_config(Path(checkpoint))), *words]
+    if "model" not in content[SECTION]:
+        raise CheckpointError(f"{checkpoint}: no model named", expected="a whole checkpoint", mend="fit again")
+    return [*words, "--data.checkpoint", checkpoint]
+
+
+def _run_config(checkpoint: Path) -> Path:
+    for folder in (checkpoint.parent, checkpoint.parent.parent):
+        if (folder / "config.yaml").is_file():
+            return folder / "config.yaml"
+    raise ConfigError(
+        f"no config.yaml beside {checkpoint} or one folder up",
+        expected="the settings of the run that wrote it",
+        mend="pass them with --config FILE",
+    )
+
+
+def _option(words: Sequence[str], name: str) -> str | None:
+    """Value of an option given as ``--name value`` or ``--name=value``."""
+    for position, word in enumerate(words):
+        if word == name and position + 1 < len(words):
+            return words[position + 1]
+        if word.startswith(f"{name}="):
+            return word.split("=", 1)[1]
+    return None

@@ -1,0 +1,57 @@
+"""Turn the floats among the arguments of an equation into tensors, so that each equation is written once."""
+
+import torch
+from torch import Tensor
+
+Number = float | Tensor
+"""A scalar, or a tensor where it varies by flight or level or is differentiated by."""
+
+
+def as_tensors(*values: Number) -> list[Tensor]:
+    """Return every value as a floating tensor.
+
+    Floats, scalar tensors and integer tensors take the precision of the first floating tensor among the values that has
+    dimensions (else of the first one), floats also its device; when there is none they become float64, the precision
+    in which altitudes in metres and pressures in pascals keep their digits.
+
+    Args:
+        values: Floats or tensors of any shape.
+
+    Returns:
+        Tensors in the order given.
+
+    Example:
+        >>> [v.dtype for v in as_tensors(1.0, torch.ones(2, dtype=torch.float32))]
+        [torch.float32, torch.float32]
+    """
+    floating = [v for v in values if isinstance(v, Tensor) and v.is_floating_point()]
+    like = max(floating, key=lambda v: v.dim() > 0, default=torch.empty((), dtype=torch.float64))
+    return [_one(v, like) for v in values]
+
+
+def _one(value: Number, like: Tensor) -> Tensor:
+    if not isinstance(value, Tensor):
+        return torch.full((), value, dtype=like.dtype, device=like.device)
+    # A tensor without dimensions is a scalar like any float: on its own it must not raise the precision of a batch.
+    return value.to(like.dtype) if value.dim() == 0 or not value.is_floating_point() else value
+
+
+def safe_sqrt(value: Tensor) -> Tensor:
+    """Square root that is zero, with zero gradient, where the value is not positive (a standing aircraft).
+
+    Example:
+        >>> safe_sqrt(torch.tensor([0.0, 4.0])).tolist()
+        [0.0, 2.0]
+    """
+    positive = value > 0
+    return torch.where(positive, torch.where(positive, value, 1.0).sqrt(), 0.0)
+
+
+def broadcast(*values: Tensor) -> list[Tensor]:
+    """Return every tensor expanded to the common shape.
+
+    Example:
+        >>> [tuple(v.shape) for v in broadcast(torch.ones(2, 1), torch.ones(3))]
+        [(2, 3), (2, 3)]
+    """
+    return list(torch.broadcast_tensors(*values))  # type: ignore[no-untyped-call]

@@ -1,0 +1,135 @@
+"""Where tasks are worked on: this process, processes of this machine, or a Dask cluster; the code is the same."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from importlib import import_module
+from multiprocessing import get_context
+from typing import Any, TypeVar
+
+import polars as pl
+
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.version import __version__
+
+Task = TypeVar("Task")
+
+
+class Engine(ABC):
+    """Runs a function on tasks."""
+
+    workers: int
+
+    @abstractmethod
+    def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
+        """Yield as often as a task is done; the first error ends it."""
+
+
+def _each(
+    pool: Executor, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object
+) -> Iterator[None]:
+    """Yield as tasks finish; what has not begun is cancelled when one fails or nobody waits any more."""
+    with pool:
+        waiting = [pool.submit(function, task, common) for task in tasks]
+        try:
+            for done in as_completed(waiting):
+                done.result()
+                yield
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+@dataclass
+class LocalEngine(Engine):
+    """Threads of this process: Polars and NumPy let others run while they compute."""
+
+    workers: int
+
+    def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
+        """See :class:`Engine`."""
+        yield from _each(ThreadPoolExecutor(self.workers), function, tasks, common)
+
+
+@dataclass
+class ProcessEngine(Engine):
+    """Processes of this machine, begun afresh; with one worker this process itself, one task after another.
+
+    For work that draws, trains or prints, which threads of one process cannot do beside each other.
+    """
+
+    workers: int
+
+    def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
+        """See :class:`Engine`; the function and the tasks must be importable by a new process."""
+        if self.workers == 1 or len(tasks) <= 1:
+            for task in tasks:
+                function(task, common)
+                yield
+            return
+        pool = ProcessPoolExecutor(min(self.workers, len(tasks)), mp_context=get_context("spawn"))
+        yield from _each(pool, function, tasks, common)
+
+
+@dataclass
+class DaskEngine(Engine):
+    """Workers of a Dask cluster: the one at an address, or processes on this machine.
+
+    All must see the same files under the same names, and have this version of descentflow. A task whose worker dies
+    is run again by another.
+    """
+
+    workers: int = 2
+    scheduler: str | None = None
+
+    def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
+        """See :class:`Engine`."""
+        try:
+            distributed: Any = import_module("distributed")
+        except ImportError as error:
+            raise ConfigError(
+                "--engine dask, but dask.distributed is not installed",
+                expected="the extra `dask`",
+                mend="pip install 'descentflow[dask]'",
+            ) from error
+        try:
+            cluster = self.scheduler or distributed.LocalCluster(
+                n_workers=self.workers, threads_per_worker=1, memory_limit=0, dashboard_address=None
+            )
+            client = distributed.Client(cluster, timeout=30)
+        except (OSError, ValueError, TypeError) as error:
+            raise ConfigError(
+                f"no Dask scheduler at {self.scheduler} ({error})",
+                expected="an address such as tcp://host:8786",
+                mend="start one with `dask scheduler`, or leave --scheduler out for local workers",
+            ) from error
+        try:
+            _check_versions(client)
+            shared = client.scatter(common, broadcast=True, hash=False)
+            futures = client.map(function, tasks, [shared] * len(tasks), pure=False, key=function.__name__)
+            for future in distributed.as_completed(futures):
+                # What tasks return is of no use, and might be asked of a worker that is dead by now.
+                if future.status != "finished":
+                    future.result()
+                yield
+        finally:
+            client.close()
+            if not isinstance(cluster, str):
+                cluster.close()
+
+
+def _check_versions(client: Any) -> None:
+    """Refuse workers that would work by other rules."""
+    client.wait_for_workers(1, timeout=60)
+    found = set(client.run(version).values())
+    if found != {version()}:
+        raise DataError(
+            f"workers with {', '.join(sorted(found))}",
+            expected=f"{version()} everywhere",
+            mend="install the same versions on all workers",
+        )
+
+
+def version() -> str:
+    """What all workers must have alike."""
+    return f"descentflow {__version__}, Polars {pl.__version__}"

@@ -1,1 +1,0 @@
-"""From weights to trajectories: drag and CAS, then batched total-energy integration."""

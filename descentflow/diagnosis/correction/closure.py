@@ -1,0 +1,207 @@
+"""How far the gap shrinks: distances before and after, against what two samples of one population would show."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.inference.likelihood import Contest, Fit
+from descentflow.diagnosis.inference.permutation import sides
+
+QUANTILES = torch.linspace(0.02, 0.98, 25, dtype=torch.float64)
+REPLICATES = 30
+"""Fleets drawn for each interval, and permutations behind each floor."""
+LEVEL = (0.05, 0.95)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Mean distance in spreads between flights, before and after the causes are added, and the floor."""
+
+    before: float
+    after: float
+    floor: float
+
+
+def distances(y: Tensor, real: Tensor, scale: Tensor, counts: Tensor) -> Tensor:
+    """Wasserstein distance (p,) of every entry between both sides, in spreads; against zero where there is one side.
+
+    Of counts and lost times, which are zero for most flights, the difference of means (``counts`` (p,) bool): an effect
+    moves some flights far and most not at all, which no shift of all flights undoes.
+    """
+    mine = torch.nanquantile(y[real], QUANTILES, dim=0)
+    if bool(real.all()):
+        return (mine.mean(0).abs() / scale).nan_to_num(0.0)
+    apart = (mine - torch.nanquantile(y[~real], QUANTILES, dim=0)).abs().mean(0)
+    means = (y[real].nanmean(0) - y[~real].nanmean(0)).abs()
+    return (torch.where(counts, means, apart) / scale).nan_to_num(0.0)
+
+
+def by_quantity(contest: Contest, values: Tensor, chosen: Tensor) -> Tensor:
+    """Mean of the chosen entries' values (..., p) over quantities, each of which counts once."""
+    parts = []
+    for quantity in contest.compared.quantities():
+        at = contest.compared.columns(quantity)
+        at = at[chosen[at]]
+        if len(at):
+            parts.append(values[..., at].mean(-1))
+    return torch.stack(parts).mean(0) if parts else torch.zeros(values.shape[:-1])
+
+
+class Closure:
+    """Distances of one contest, over the entries that differ."""
+
+    def __init__(self, contest: Contest, affected: Tensor, seed: int) -> None:
+        """Prepare.
+
+        Args:
+            contest: Flights of both sides.
+            affected: (p,) entries over which distances are taken.
+            seed: Of the resampling.
+        """
+        self.contest, self.affected, self.seed = contest, affected, seed
+        self.y, self.real, self.scale = contest.compared.y, contest.real, contest.compared.scale
+        names, self.index = torch.unique(contest.compared.cluster, return_inverse=True)
+        self.n_clusters = len(names)
+
+    def gap(self, shift: Tensor) -> Gap:
+        """Distances before and after a shift (n, p) is taken off the real flights."""
+        return Gap(self._mean(self.y), self._mean(self.y - shift), self.floor(shift))
+
+    def floor(self, shift: Tensor) -> float:
+        """Mean distance when the corrected flights of both sides are mixed."""
+        mixed = self.y - shift
+        if not self.contest.has_reference:
+            centred = mixed - mixed.nanmean(0)
+            signs = sides(self.contest, REPLICATES, self.seed)[1:]
+            found = [self._mean(centred * sign[:, None]) for sign in signs]
+        else:
+            # What the causes left stays in the real flights: it is taken off before mixing, or it would blur the floor.
+            for side in (self.real, ~self.real):
+                mixed = torch.where(side[:, None], mixed - mixed[side].nanmean(0), mixed)
+            labels = sides(self.contest, REPLICATES, self.seed)[1:] > 0.5
+            found = [self._mean(mixed, label) for label in labels]
+        return float(torch.tensor(found).mean())
+
+    def _mean(self, y: Tensor, real: Tensor | None = None) -> float:
+        found = distances(y, self.real if real is None else real, self.scale, self.contest.compared.counts())
+        return float(by_quantity(self.contest, found, self.affected))
+
+    def claimed(self, shift: Tensor, floor: float) -> float | None:
+        """Share of the gap in distributions that a shift closes, down to a known floor."""
+        return _share(self._mean(self.y), self._mean(self.y - shift), floor)
+
+    def marginal(self, shift: Tensor) -> dict[str, float | None]:
+        """The same with a floor of its own and an interval over resampled fleets."""
+        floor = self.floor(shift)
+        estimate = self.claimed(shift, floor)
+        drawn = []
+        for index in self._fleets():
+            y, s = self.y[index], self.real[index]
+            after = (self.y - shift)[index]
+            drawn.append(_share(self._mean(y, s), self._mean(after, s), floor))
+        return _with_interval(estimate, drawn)
+
+    def conditional(self, shift: Tensor) -> dict[str, float | None]:
+        """Share of the squared mean gap, given each flight's own speed, that a shift closes."""
+        before, after = self._given_speed(self.y), self._given_speed(self.y - shift)
+        drawn = [self._shrunk(before[index], after[index], self.real[index]) for index in self._fleets()]
+        return _with_interval(self._shrunk(before, after, self.real), drawn)
+
+    def transfer(self, fit: Fit) -> dict[str, float | None]:
+        """The same with parameters learnt from slow flights and scored on fast ones, and the other way about."""
+        c = self.contest
+        cas = c.compared.state.cas_mps.mean(1)
+        mean = torch.zeros(self.n_clusters, dtype=cas.dtype).index_add_(0, self.index, cas)
+        mean = mean / torch.bincount(self.index).clamp(min=1)
+        slow = (mean <= mean.median())[self.index]
+        shift = torch.zeros_like(self.y)
+        for part in (slow, ~slow):
+            moved = c.theta_of(fit, part)
+            shift = torch.where(part[:, None], shift, c.shift(moved))
+        before, after = self._given_speed(self.y), self._given_speed(self.y - shift)
+        found = []
+        for index in [torch.arange(len(self.y)), *self._fleets()]:
+            shares = [
+                self._shrunk(before[index][s], after[index][s], self.real[index][s])
+                for s in (slow[index], ~slow[index])
+            ]
+            known = [x for x in shares if x is not None]
+            found.append(sum(known) / len(known) if known else None)
+        return _with_interval(found[0], found[1:])
+
+    def _given_speed(self, y: Tensor) -> Tensor:
+        """Entries less what follows from CAS, which is left out itself."""
+        c = self.contest.compared
+        cas = c.columns("cas")
+        if not len(cas):
+            return y
+        covariance = self.contest.whitening.covariance
+        block = covariance[cas][:, cas] + 0.05 * torch.diag(covariance.diagonal()[cas])
+        centred = (y[:, cas] - y[:, cas].nanmean(0)).nan_to_num(0.0)
+        rest: Tensor = y - centred @ torch.linalg.solve(block, covariance[cas])
+        rest[:, cas] = torch.nan
+        return rest
+
+    def _shrunk(self, before: Tensor, after: Tensor, real: Tensor) -> float | None:
+        first, noise = self._squared(before, real)
+        second, _ = self._squared(after, real)
+        if first <= 3 * noise:
+            return None
+        return 1 - max(second, 0.0) / first
+
+    def _squared(self, y: Tensor, real: Tensor) -> tuple[float, float]:
+        """Mean squared shift in negligible shifts, less what chance adds; and what chance adds."""
+        mean, variance = y[real].nanmean(0), _variance_of_mean(y[real])
+        if bool((~real).any()):
+            mean, variance = mean - y[~real].nanmean(0), variance + _variance_of_mean(y[~real])
+        used = self.affected & mean.isfinite()
+        unit = self.contest.compared.negligible()[used] ** 2
+        noise = float((variance[used] / unit).sum())
+        return float((mean[used] ** 2 / unit).sum()) - noise, noise
+
+    def _fleets(self) -> list[Tensor]:
+        """Positions of flights in fleets of aircraft drawn with replacement, side by side."""
+        generator = torch.Generator().manual_seed(self.seed + 1)
+        owner = torch.zeros(self.n_clusters, dtype=torch.bool)
+        owner[self.index] = self.real
+        members = [torch.nonzero(self.index == c)[:, 0] for c in range(self.n_clusters)]
+        found = []
+        for _ in range(REPLICATES):
+            drawn = []
+            for side in (torch.nonzero(owner)[:, 0], torch.nonzero(~owner)[:, 0]):
+                if len(side):
+                    drawn += side[torch.randint(len(side), (len(side),), generator=generator)].tolist()
+            found.append(torch.cat([members[c] for c in drawn]))
+        return found
+
+
+def _variance_of_mean(y: Tensor) -> Tensor:
+    seen = y.isfinite()
+    n = seen.sum(0).clamp(min=2)
+    centred = torch.where(seen, y - y.nanmean(0), 0.0)
+    variance: Tensor = centred.square().sum(0) / (n - 1) / n
+    return variance
+
+
+def _share(before: float, after: float, floor: float) -> float | None:
+    """Closure: one where the rest is at the floor; none where there was no gap."""
+    if before <= floor * 1.02:
+        return None
+    return 1 - (after - floor) / (before - floor)
+
+
+def _with_interval(estimate: float | None, drawn: list[float | None]) -> dict[str, float | None]:
+    known = torch.tensor([x for x in drawn if x is not None], dtype=torch.float64)
+    if estimate is None or len(known) < REPLICATES // 2:
+        return {"estimate": estimate, "low": None, "high": None}
+    low, high = (float(known.quantile(q)) for q in LEVEL)
+    return {"estimate": estimate, "low": min(low, estimate), "high": max(high, estimate)}
+
+
+def rivals_closure(closure: Closure, shifts: Mapping[str, Tensor], floor: float) -> list[dict[str, Any]]:
+    """Marginal closure that each effect alone would claim, largest first."""
+    rows = [{"effect": name, "closure": closure.claimed(shift, floor)} for name, shift in shifts.items()]
+    return sorted(rows, key=lambda row: -9.0 if row["closure"] is None else -row["closure"])

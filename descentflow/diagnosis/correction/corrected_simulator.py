@@ -1,0 +1,73 @@
+"""The simulator with its causes added: a checkpoint whose decoder applies them after it has flown."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import ConfigError
+from descentflow.diagnosis.simulator import Simulator
+from descentflow.effects import EFFECTS, Effect
+from descentflow.representation.correction import Correction
+from descentflow.representation.plausibility import Plausibility
+
+SECTION = "descentflow"
+"""Key of a checkpoint under which the representation stands."""
+
+
+def corrected(
+    simulator: Simulator,
+    mass_kg: float,
+    catalogue: Mapping[str, Effect],
+    theta: Mapping[str, Tensor],
+    *,
+    inherited: bool = False,
+) -> Callable[[Path], None] | None:
+    """What writes the corrected checkpoint; None where there is no checkpoint to correct.
+
+    Effects of the user's own cannot be written: a checkpoint that names code outside the package would not load.
+    """
+    if simulator.content is None or simulator.representation is None:
+        return None
+    read, parts = simulator.content, simulator.representation
+
+    def write(path: Path) -> None:
+        foreign = [name for name in theta if catalogue[name] is not EFFECTS.get(name)]
+        if foreign:
+            raise ConfigError(
+                f"a corrected checkpoint with {', '.join(foreign)}",
+                expected="effects of the package's own catalogue",
+                mend="write the report without a checkpoint, or add the effect to descentflow.effects",
+            )
+        content = read()
+        correction = Correction({n: v.tolist() for n, v in theta.items()}, mass_kg, inherited)
+        state: dict[str, Any] = content[SECTION]["representation"]
+        before = state["decoder"].get("correction")
+        if before is not None:
+            raise ConfigError(
+                "a simulator that is corrected already",
+                expected="one without a correction",
+                mend="diagnose the simulator that `descentflow fit` wrote",
+            )
+        state["decoder"]["correction"] = correction.to_state()
+        state["plausibility"] = _widened(
+            parts.plausibility, parts.decoder.levels_fl, correction, parts.decoder.aircraft
+        )
+        torch.save(content, path)
+
+    return write
+
+
+def _widened(bounds: Plausibility, levels_fl: Tensor, correction: Correction, aircraft: Any) -> dict[str, Any]:
+    """Bounds moved along with the speeds and rates that the correction makes, so that it is not rejected for them."""
+    state = bounds.to_state()
+    edges = torch.stack([state["cas_low"], state["cas_high"]]).double()
+    speed, rate = correction.reach(aircraft, levels_fl.double().cpu(), edges)
+    state["cas_low"] = torch.minimum(state["cas_low"], (edges[0] + speed.clamp(max=0.0).amin(0)).to(state["cas_low"]))
+    state["cas_high"] = torch.maximum(
+        state["cas_high"], (edges[1] + speed.clamp(min=0.0).amax(0)).to(state["cas_high"])
+    )
+    state["slowest_rate_mps"] = state["slowest_rate_mps"] * min(float(rate.amin()), 1.0)
+    return state

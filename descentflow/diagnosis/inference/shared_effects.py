@@ -1,0 +1,119 @@
+"""Causes that a simulator has inherited: its own flights have them too, so nothing differs, and physics still objects.
+
+Inferred drag takes in whatever explains the rates of the training flights. What it cannot take in: airspeeds that
+disagree with the standard atmosphere, wind between airspeed and groundspeed, IAS against Mach number, a reported rate
+against altitude over time, and sharp edges in altitude. Mass, thrust, drag, speeds and held paths leave no such trace,
+and are not looked for.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+from descentflow.diagnosis.inference.likelihood import Contest
+from descentflow.diagnosis.inference.permutation import null_test
+from descentflow.diagnosis.inference.selection import Candidate, Chosen, Outside
+from descentflow.diagnosis.inference.two_sides import Compared, compare
+from descentflow.diagnosis.inference.whitening import whiten
+from descentflow.effects import Effect
+from descentflow.measurements.quantities import Quantities
+
+MOST = 3
+LEAST_GAIN = 20.0
+LEAST_STANDING = 4.0
+NEXT_SHARE = 0.05
+"""A further one must explain this share of the whole."""
+DEGREE = 3
+"""Of the polynomial in altitude that the rate may have for any reason."""
+
+
+@dataclass(frozen=True)
+class Inherited:
+    """What was found against physics alone."""
+
+    contest: Contest
+    chosen: Chosen
+    p_value: float
+
+
+def inherited_causes(
+    real: Quantities, aircraft: Aircraft, catalogue: Mapping[str, Effect], seed: int, say: Callable[[str], None]
+) -> Inherited | None:
+    """Look for causes that show against physics alone.
+
+    Args:
+        real: Real flights.
+        aircraft: Coefficients of the simulator.
+        catalogue: Effects that may be named.
+        seed: Of folds and permutations.
+        say: Told what is being done.
+
+    Returns:
+        The causes, None if there is none.
+    """
+    sizes = {name: effect.inherited_from for name, effect in catalogue.items()}
+    able = {name: catalogue[name] for name, size in sizes.items() if size is not None}
+    if not able:
+        return None
+    compared = compare(None, real, aircraft)
+    weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget(), compared.of_flight())
+    contest = Contest(compared, weights, able, seed, nuisance=_smooth_rates(compared))
+    null = contest.fit(())
+    singles: dict[str, Candidate] = {}
+    for name in able:
+        say(f"looking for {name} in the simulator's own flights")
+        fit = contest.fit((name,))
+        singles[name] = Candidate(fit, *contest.compare(fit.log_score, null.log_score))
+    chosen = null
+    path: list[tuple[str, tuple[float, float]]] = []
+    candidates = singles
+    while len(path) < MOST:
+        so_far = contest.compare(chosen.log_score, null.log_score)[0]
+        best = _best(contest, candidates, sizes, so_far)
+        if best is None:
+            break
+        path.append((best.fit.effects[-1], (best.gain, best.error)))
+        chosen = best.fit
+        candidates = {}
+        for name in able:
+            if name not in chosen.effects:
+                fit = contest.fit((*chosen.effects, name), chosen.theta)
+                candidates[name] = Candidate(fit, *contest.compare(fit.log_score, chosen.log_score))
+    if not path:
+        return None
+    explained = contest.compare(chosen.log_score, null.log_score)[0]
+    gains = dict(path)
+    empty: dict[str, tuple[str, ...]] = dict.fromkeys(gains, ())
+    found = Chosen(null, Outside(explained, 0.0, 0.0, False), singles, chosen, empty, dict.fromkeys(gains, 1.0), gains)
+    test = null_test(contest, discrepancy_columns(compared)[0], seed)
+    return Inherited(contest, found, test.p_value)
+
+
+def _best(
+    contest: Contest, candidates: Mapping[str, Candidate], sizes: Mapping[str, float | None], so_far: float
+) -> Candidate | None:
+    least = max(LEAST_GAIN, NEXT_SHARE * so_far)
+    for candidate in sorted(candidates.values(), key=lambda c: -c.gain):
+        name = candidate.fit.effects[-1]
+        theta, size = candidate.fit.theta[name], sizes[name]
+        large = size is not None and float(theta[0].abs()) >= size
+        counts = candidate.gain >= least and candidate.gain >= LEAST_STANDING * candidate.error
+        if large and counts and contest.catalogue[name].plausible(contest.compared.state, theta):
+            return candidate
+    return None
+
+
+def _smooth_rates(compared: Compared) -> Tensor:
+    """Columns (n, p, q): a polynomial in altitude for the rate, which any inferred drag may follow."""
+    at = compared.columns("rate")
+    altitude = compared.state.altitude_m
+    place = 2 * (altitude - altitude.mean()) / (altitude[-1] - altitude[0]).clamp(min=1.0)
+    columns = torch.zeros(*compared.y.shape, DEGREE + 1, dtype=torch.float64)
+    for i in at.tolist():
+        for power in range(DEGREE + 1):
+            columns[:, i, power] = 0.05 * place[compared.entries[i].band] ** power
+    return columns

@@ -1,0 +1,272 @@
+"""Quantities as one vector a flight: which entries are compared, and what the simulator claims of each."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.units import FL_M, FPM_MPS
+from descentflow.effects.flight_state import FlightState, implied_mass_kg, log_rate
+from descentflow.measurements.quantities import BY_BAND, OF_FLIGHT, Quantities
+
+CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
+"""What physics claims to be zero, whether or not the simulator's own flights measured it."""
+FEWEST = 10
+SHARE = 0.1
+"""An entry is compared if so many, and this share, of the flights of either side show it."""
+NEGLIGIBLE = {
+    "rate": 0.002,
+    "lag": 0.002,
+    "cas": 0.5,
+    "mismatch": 0.1,
+    "tas": 0.0005,
+    "wind": 0.1,
+    "height": 1.0,
+    "noise": 0.03,
+    "level": 2.0,
+    "level_gaps": 0.03,
+    "slow": 2.0,
+    "missing": 0.005,
+}
+"""Shifts of a mean that mean nothing in practice, in each quantity's unit: what equations leave out, and no more."""
+EDGE_NOISE = 0.7
+"""Variance of the change of a rate over a band by its noise, in squares of the short-scale noise: means of a few
+reports at either edge, each of which serves several levels."""
+SETTLED_M = 300.0
+"""Rates are compared from so far below the highest level seen: above it, they are of how a descent begins, and how
+late a report is shows as much as how steep the descent is."""
+EXTREME = 6.0
+"""Values are drawn in to this many robust standard deviations: one misread flight must not decide."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One number of the vector: a quantity, and its band (-1 for a quantity of the whole flight)."""
+
+    quantity: str
+    band: int
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Flights of both sides as vectors.
+
+    Shapes: ``y`` (n, p) with NaN where not seen, simulator's flights first; ``real`` (n,) bool; ``free`` (p,) bool,
+    true where the simulator's own flights say what is normal and false where physics claims zero; ``scale`` (p,)
+    spread between flights; ``cluster`` (n,).
+    """
+
+    entries: tuple[Entry, ...]
+    y: Tensor
+    real: Tensor
+    free: Tensor
+    scale: Tensor
+    cluster: Tensor
+    state: FlightState
+    band_fl: float
+    slack: float = 1.0
+    """How much larger negligible shifts of rate and CAS are: samples are coarser than flights."""
+
+    def nugget(self) -> Tensor:
+        """Variance (p,) by which a flight may be off for the means to be off by what is negligible."""
+        n_real, n_before = float(self.real.sum()), float((~self.real).sum())
+        count = n_real * n_before / (n_real + n_before) if n_before else n_real
+        return count * self.negligible() ** 2
+
+    def counts(self) -> Tensor:
+        """Entries (p,) that are counts and lost times, zero for most flights."""
+        return torch.tensor([e.quantity in ("level", "level_gaps", "slow", "missing") for e in self.entries])
+
+    def negligible(self) -> Tensor:
+        """Negligible shift (p,) of each entry."""
+        kinds = [e.quantity.split("_")[0] if e.quantity.startswith("noise") else e.quantity for e in self.entries]
+        sizes = [NEGLIGIBLE[kind] * (self.slack if kind in ("rate", "cas") else 1.0) for kind in kinds]
+        return torch.tensor(sizes, dtype=torch.float64)
+
+    def of_flight(self) -> Tensor:
+        """Entries (p,) that are one number of a whole flight: noise, and gaps."""
+        return torch.tensor([e.band < 0 for e in self.entries])
+
+    def of(self, quantity: str) -> Tensor:
+        """Which entries (p,) are of a quantity."""
+        return torch.tensor([e.quantity == quantity for e in self.entries])
+
+    def columns(self, quantity: str) -> Tensor:
+        """Positions (k,) of a quantity's entries."""
+        return torch.nonzero(self.of(quantity))[:, 0]
+
+    def only(self, entries: Tensor) -> "Compared":
+        """The same flights with some entries (k,) alone."""
+        kept = tuple(self.entries[i] for i in entries.tolist())
+        return replace(self, entries=kept, y=self.y[:, entries], free=self.free[entries], scale=self.scale[entries])
+
+    def quantities(self) -> tuple[str, ...]:
+        """Quantities that are compared, each once, in order."""
+        return tuple(dict.fromkeys(e.quantity for e in self.entries))
+
+    def vector(self, shift: Mapping[str, Tensor]) -> Tensor:
+        """A shift of quantities, (n, K), (n,), (n, K, k) or (n, k), as vectors (n, p) or (n, p, k)."""
+        some = next(iter(shift.values()))
+        n = len(some)
+        parts: list[Tensor | None] = []
+        for e in self.entries:
+            value = shift.get(e.quantity)
+            if value is None:
+                parts.append(None)
+            else:
+                parts.append(value[:, e.band] if e.band >= 0 else value)
+        shape = next((p.shape for p in parts if p is not None), None)
+        if shape is None:
+            # Nothing of it is compared; what it would shift says how many columns it has.
+            is_band = next(iter(shift)) in BY_BAND
+            trailing = some.shape[2:] if is_band else some.shape[1:]
+            return torch.zeros(n, len(self.entries), *trailing, dtype=torch.float64)
+        zero = torch.zeros(shape, dtype=torch.float64)
+        return torch.stack([zero if p is None else p for p in parts], 1)
+
+    def level_range(self, e: Entry) -> tuple[float, float]:
+        """Flight levels that an entry covers."""
+        levels = self.state.altitude_m / FL_M
+        if e.band < 0:
+            return float(levels[0] - self.band_fl / 2), float(levels[-1] + self.band_fl / 2)
+        return float(levels[e.band] - self.band_fl / 2), float(levels[e.band] + self.band_fl / 2)
+
+
+def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightState:
+    """What effects may look at; bands without a report have the column's mean speed, and no mask."""
+    physics = flights.physics
+    cas = physics["cas_mps"]
+    filled = torch.where(cas.isfinite(), cas, cas.nanmean(0).nan_to_num(140.0))
+    return FlightState(
+        aircraft,
+        mass_kg,
+        flights.altitude_m,
+        flights.band_fl * FL_M,
+        filled,
+        physics["cas_slope_per_s"],
+        physics["tailwind_mps"],
+        physics["log_rate"].isfinite(),
+        physics["depth_m"],
+        rate_slope_per_m=_calibrated_slope(flights),
+    )
+
+
+def _calibrated_slope(flights: Quantities) -> Tensor:
+    """Slopes of the reported rate (n, K) drawn towards each band's mean by as much as their noise scatters them.
+
+    A lag is the slope of a regression on them, which noise in them would flatten (regression calibration: Carroll et
+    al., Measurement Error in Nonlinear Models, chapter 4).
+    """
+    slope, rate = flights.physics["rate_slope_per_m"], flights.physics["log_rate"].exp()
+    if "noise_rate" not in flights.values:
+        # Sampled flights have none, and so nothing is known of it where they are one of the sides.
+        return slope
+    noise_mps = flights.values["noise_rate"].exp()[:, None] * FPM_MPS
+    noise = EDGE_NOISE * (noise_mps / (flights.band_fl * FL_M * rate)) ** 2
+    mean = slope.nanmean(0)
+    spread = ((slope - mean) ** 2).nanmean(0)
+    true = (spread - noise.where(slope.isfinite(), torch.nan).nanmean(0)).clamp(min=0.0)
+    return torch.where(noise.isfinite(), mean + true / (true + noise) * (slope - mean), torch.nan)
+
+
+def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, slack: float = 1.0) -> Compared:
+    """Join both sides.
+
+    Args:
+        reference: The simulator's flights; None for a simulator that claims the polar's rate at the reference mass.
+        real: Real flights, on the same bands.
+        aircraft: Coefficients of the simulator.
+        slack: How much larger negligible shifts of rate and CAS are than between flights.
+    """
+    both = real if reference is None else _joined(reference, real)
+    n_before = 0 if reference is None else len(reference)
+    state = state_of(both, aircraft, float(aircraft.mass_reference_kg))
+    if reference is not None:
+        own = state_of(reference, aircraft, state.mass_kg)
+        mass = implied_mass_kg(own, reference.physics["log_rate"], own.mask)
+        state = state_of(both, aircraft, mass)
+    values = dict(both.values)
+    expected = log_rate(state)
+    settled = both.physics["depth_m"] >= SETTLED_M
+    values["rate"] = torch.where(settled, both.physics["log_rate"] - expected, torch.nan)
+    values["lag"] = torch.where(settled, values["lag"], torch.nan)
+    is_real = torch.arange(len(both)) >= n_before
+    entries, columns, free = [], [], []
+    # Where the simulator's flights measured nothing, flights of mean zero with the real spread stand for its claim.
+    stand_in = torch.arange(n_before) % len(real)
+    for name in (*BY_BAND, *OF_FLIGHT):
+        if name not in values or (reference is None and name not in CLAIMED_ZERO):
+            continue
+        table = values[name] if name in BY_BAND else values[name][:, None]
+        for band in range(table.shape[1]):
+            column = table[:, band]
+            anchored = reference is not None and _enough(column[~is_real])
+            if not _enough(column[is_real]) or not (anchored or name in CLAIMED_ZERO):
+                continue
+            if float(column[column.isfinite()].std()) < 1e-9:
+                continue
+            entries.append(Entry(name, band if name in BY_BAND else -1))
+            shown = _drawn_in(column[is_real])
+            normal = _drawn_in(column[~is_real]) if anchored else (shown - shown.nanmean())[stand_in]
+            columns.append(torch.cat([normal, shown]))
+            free.append(reference is not None)
+    y = torch.stack(columns, 1)
+    scale = _spread(y, is_real)
+    return Compared(
+        tuple(entries),
+        y,
+        is_real,
+        torch.tensor(free),
+        scale,
+        both.cluster,
+        state,
+        real.band_fl,
+        slack,
+    )
+
+
+def _enough(column: Tensor) -> bool:
+    count = int(column.isfinite().sum())
+    return count >= FEWEST and count >= SHARE * len(column)
+
+
+def _drawn_in(column: Tensor) -> Tensor:
+    """One side's values without its extremes."""
+    if not bool(column.isfinite().any()):
+        return column
+    middle = column.nanmedian()
+    spread = 1.4826 * (column - middle).abs().nanmedian()
+    if float(spread) < 1e-9:
+        return column
+    return torch.where(
+        column.isfinite(), column.clamp(float(middle - EXTREME * spread), float(middle + EXTREME * spread)), column
+    )
+
+
+def _spread(y: Tensor, real: Tensor) -> Tensor:
+    """Standard deviation (p,) between flights of one side, pooled over both."""
+    seen = y.isfinite()
+    total, count = torch.zeros(y.shape[1], dtype=y.dtype), torch.zeros(y.shape[1], dtype=y.dtype)
+    for side in (real, ~real):
+        part, there = y[side].nan_to_num(0.0), seen[side]
+        n = there.sum(0).clamp(min=1)
+        total += (part.square().sum(0) - part.sum(0) ** 2 / n).clamp(min=0.0)
+        count += (n - 1).clamp(min=0)
+    return (total / count.clamp(min=1)).sqrt().clamp(min=1e-9)
+
+
+def _joined(first: Quantities, second: Quantities) -> Quantities:
+    def cat(a: dict[str, Tensor], b: dict[str, Tensor]) -> dict[str, Tensor]:
+        found = {}
+        for name in {**a, **b}:
+            like = a[name] if name in a else b[name]
+            blank = [torch.full((len(q), *like.shape[1:]), torch.nan, dtype=like.dtype) for q in (first, second)]
+            found[name] = torch.cat([a.get(name, blank[0]), b.get(name, blank[1])])
+        return found
+
+    cluster = torch.cat([first.cluster, second.cluster + first.cluster.max() + 1])
+    return Quantities(
+        second.levels_fl, second.band_fl, cat(first.values, second.values), cat(first.physics, second.physics), cluster
+    )

@@ -1,0 +1,40 @@
+"""The catalogue of effects; each is a small module, and a user's own is an entry more."""
+
+from descentflow.effects.airspeed_bias import AirspeedBias
+from descentflow.effects.drag_polar import DragPolar
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.geometric_path import GeometricPath
+from descentflow.effects.idle_thrust import IdleThrust
+from descentflow.effects.level_off import LevelOff
+from descentflow.effects.mass import Mass
+from descentflow.effects.measurement_noise import MeasurementNoise
+from descentflow.effects.speed_brake import SpeedBrake
+from descentflow.effects.speed_schedule import SpeedSchedule
+from descentflow.effects.temperature import Temperature
+from descentflow.effects.vertical_rate_lag import VerticalRateLag
+from descentflow.effects.vertical_speed_mode import VerticalSpeedMode
+from descentflow.effects.wind_gradient import WindGradient
+
+__all__ = ["EFFECTS", "UNKNOWN", "Effect", "Parameter", "Shift"]
+
+EFFECTS: dict[str, Effect] = {
+    effect.name: effect
+    for effect in (
+        Temperature(),
+        WindGradient(),
+        Mass(),
+        IdleThrust(),
+        DragPolar(),
+        SpeedBrake(),
+        GeometricPath(),
+        VerticalSpeedMode(),
+        LevelOff(),
+        SpeedSchedule(),
+        AirspeedBias(),
+        VerticalRateLag(),
+        MeasurementNoise(),
+    )
+}
+"""Every effect by its name."""
+UNKNOWN = "unknown"
+"""What lies outside the catalogue."""

@@ -1,0 +1,36 @@
+"""A position or instrument error of indicated airspeed: IAS disagrees with Mach number and pressure."""
+
+from torch import Tensor
+
+from descentflow.core.units import KT_MPS
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.physics.airspeed import cas_to_mach
+
+
+class AirspeedBias(Effect):
+    """IAS reads too high by a constant and a part that grows with Mach number; the aircraft flies as it did."""
+
+    name = "airspeed_bias"
+    inherited_from = 0.7
+    parameters = (
+        Parameter("bias_kt", -25.0, 25.0, "kt", 1.0),
+        Parameter("growth_kt", -40.0, 40.0, "kt per 0.1 of Mach", 1.0),
+    )
+    needs = ("IAS", "Mach")
+    sensor = True
+    says = "reported airspeeds are biased"
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """IAS, its difference to the CAS of the Mach number, and the rate expected at a wrong speed."""
+        # Real flights report the wrong speed, so the true one lies below; a simulator's is the true one.
+        sign = -1.0 if state.affected else 1.0
+        bias = _bias_kt(theta, state.mach())
+        if state.affected:
+            bias = _bias_kt(theta, cas_to_mach(state.cas_mps - bias * KT_MPS, state.altitude_m))
+        other = log_rate(state, cas_mps=state.cas_mps + sign * bias * KT_MPS)
+        return {"cas": bias, "mismatch": bias, "rate": sign * (state.own_log_rate - other)}
+
+
+def _bias_kt(theta: Tensor, mach: Tensor) -> Tensor:
+    return theta[0] + theta[1] * (mach - 0.65) / 0.1

@@ -1,0 +1,203 @@
+"""The rate that the performance equations give a flight at its own speed, and how it answers to a changed cause."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.tensors import Number
+from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps, mach_to_tas_mps
+from descentflow.physics.energy import descent_rate_mps, energy_share_factor_local
+from descentflow.physics.forces import descent_thrust_n, drag_n
+
+SLOWEST_MPS = 0.5
+"""Rates are kept this fast before their logarithm is taken: drag that falls to the thrust is no descent."""
+
+CHANGING = 0.3
+"""Slopes of CAS between this share of that at constant Mach number and one less it belong to neither phase."""
+NEAR_MACH = 0.02
+"""Bands at constant Mach number are within so much of the fastest; slower ones only look like it."""
+FEWEST_SHOWN = 10
+"""Flights that show their Mach number, for the line that gives it to others."""
+
+
+@dataclass(frozen=True)
+class FlightState:
+    """n flights at K pressure altitudes: all that an effect may look at.
+
+    Shapes: ``altitude_m`` (K,), ``width_m`` () the height of the bands around them, all else (n, K). ``mass_kg`` is the
+    one mass at which the polar explains the simulator's drag on average (:func:`implied_mass_kg`).
+    """
+
+    aircraft: Aircraft
+    mass_kg: float
+    altitude_m: Tensor
+    width_m: float
+    cas_mps: Tensor
+    cas_slope_per_s: Tensor
+    """dCAS/dHp."""
+    tailwind_mps: Tensor
+    mask: Tensor
+    depth_m: Tensor
+    """Below the flight's own highest level."""
+    affected: bool = True
+    """Whether the effect asked for is in these flights already (real ones), or is to be added (a simulator's)."""
+    rate_slope_per_m: Tensor | None = None
+    """d ln(reported rate)/dHp between the edges of each band, NaN where not seen; None where no flight was seen."""
+
+    def rows(self, index: Tensor) -> "FlightState":
+        """The flights at these positions."""
+        names = ["cas_mps", "cas_slope_per_s", "tailwind_mps", "mask", "depth_m"]
+        names += [] if self.rate_slope_per_m is None else ["rate_slope_per_m"]
+        return replace(self, **{name: getattr(self, name)[index] for name in names})
+
+    def mach(self) -> Tensor:
+        """Mach number (n, K) of the CAS."""
+        return cas_to_mach(self.cas_mps, self.altitude_m)
+
+    @cached_property
+    def own_log_rate(self) -> Tensor:
+        """:func:`log_rate` of the flights as they are."""
+        return log_rate(self)
+
+    @cached_property
+    def schedule(self) -> "Schedule":
+        """The Mach number and CAS that each flight holds: means over the bands in which it does.
+
+        A flight seen below its crossover alone does not show its Mach number: it has what others of its CAS hold.
+        """
+        mach = self.mach().detach()
+        ratio = self.cas_slope_per_s / constant_mach_slope(mach, self.altitude_m)
+        fastest = torch.where(self.mask, mach, 0.0).amax(1, keepdim=True)
+        holds_mach = self.mask & (ratio > 1 - CHANGING) & (mach > fastest - NEAR_MACH)
+        holds_cas = self.mask & (ratio.abs() < CHANGING)
+        swiftest = torch.where(self.mask, self.cas_mps, 0.0).amax(1, keepdim=True)
+        cas = _mean_where(holds_cas, self.cas_mps, swiftest)
+        held = _mean_where(holds_mach, mach, fastest)
+        # Part of a band at constant Mach number is enough to have reached it.
+        shows = ((ratio > CHANGING) & self.mask & (mach > fastest - NEAR_MACH)).any(1, keepdim=True)
+        usual = _line_through(cas[shows], held[shows], cas) if int(shows.sum()) >= FEWEST_SHOWN else fastest
+        return Schedule(torch.where(shows, held, torch.maximum(fastest, usual)), cas)
+
+    @cached_property
+    def schedule_log_rate(self) -> Tensor:
+        """Logarithm of the rate (n, K) on the schedule: without the noise of each flight's own CAS slope."""
+        return self._on_schedule(self.altitude_m)
+
+    @cached_property
+    def schedule_slope_per_m(self) -> Tensor:
+        """Mean d ln(rate)/dHp within each band (n, K) on the schedule, the step at the crossover included."""
+        edges = torch.cat([self.altitude_m - self.width_m / 2, self.altitude_m[-1:] + self.width_m / 2])
+        return self._on_schedule(edges).diff(dim=1) / self.width_m
+
+    def _on_schedule(self, altitude_m: Tensor) -> Tensor:
+        plan = self.schedule
+        cas = plan.at(altitude_m)
+        slope = torch.where(cas < plan.cas_mps, constant_mach_slope(plan.mach, altitude_m), 0.0)
+        return log_rate(replace(self, altitude_m=altitude_m, cas_mps=cas, cas_slope_per_s=slope))
+
+    def centred(self, values: Tensor) -> Tensor:
+        """Values (n, K) less each flight's mean over its observed bands."""
+        count = self.mask.sum(1, keepdim=True).clamp(min=1)
+        return values - (values * self.mask).sum(1, keepdim=True) / count
+
+    def share_between(self, low_m: Tensor, high_m: Tensor) -> Tensor:
+        """Share (K,) of each band that lies between two altitudes; differentiable in both."""
+        bottom, top = self.altitude_m - self.width_m / 2, self.altitude_m + self.width_m / 2
+        return (torch.minimum(top, high_m) - torch.maximum(bottom, low_m)).clamp(min=0.0) / self.width_m
+
+
+def _mean_where(chosen: Tensor, values: Tensor, otherwise: Tensor) -> Tensor:
+    """Mean (n, 1) over the chosen bands (n, K), or something else where there is none."""
+    count = chosen.sum(1, keepdim=True)
+    return torch.where(count > 0, torch.where(chosen, values, 0.0).sum(1, keepdim=True) / count.clamp(min=1), otherwise)
+
+
+def _line_through(x: Tensor, y: Tensor, at: Tensor) -> Tensor:
+    """The least-squares line through points (m,), at other places."""
+    centred = x - x.mean()
+    slope = (centred * y).sum() / centred.square().sum().clamp(min=1e-12)
+    return y.mean() + slope * (at - x.mean())
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Mach number and CAS held, (n, 1) each."""
+
+    mach: Tensor
+    cas_mps: Tensor
+
+    def at(self, altitude_m: Tensor, more_mach: Number = 0.0, more_mps: Number = 0.0) -> Tensor:
+        """CAS (n, K) of the schedule, moved: the slower of the two."""
+        by_mach = mach_to_cas_mps(self.mach + more_mach, altitude_m)
+        return torch.minimum(self.cas_mps + more_mps + 0 * by_mach, by_mach)
+
+
+def constant_mach_slope(mach: Tensor, altitude_m: Tensor) -> Tensor:
+    """dCAS/dHp at constant Mach number, negative."""
+    return (mach_to_cas_mps(mach, altitude_m + 50.0) - mach_to_cas_mps(mach, altitude_m - 50.0)) / 100.0
+
+
+def log_rate(
+    state: FlightState,
+    *,
+    mass: Number = 1.0,
+    thrust: Number = 1.0,
+    parasitic: Number = 1.0,
+    deviation_k: Number = 0.0,
+    wind_slope_per_s: Number = 0.0,
+    cas_mps: Tensor | None = None,
+) -> Tensor:
+    """Logarithm of the rate of descent (m/s of pressure altitude) on the polar, by the energy equation.
+
+    Args:
+        state: The flights.
+        mass: Factor of the mass.
+        thrust: Factor of idle thrust.
+        parasitic: Factor of CD0, broadcasts against (n, K).
+        deviation_k: Temperature deviation from ISA.
+        wind_slope_per_s: Growth of the tailwind with pressure altitude.
+        cas_mps: Another CAS than the flights' own, with their slope.
+
+    Returns:
+        (n, K).
+
+    Example:
+        >>> (log_rate(state, mass=0.9) - log_rate(state)).mean()  # a lighter aircraft falls faster
+        tensor(0.06, dtype=torch.float64)
+    """
+    cas = state.cas_mps if cas_mps is None else cas_mps
+    aircraft = replace(state.aircraft, cd0_cr=state.aircraft.cd0_cr * parasitic)
+    altitude, kg = state.altitude_m, state.mass_kg * mass
+    tas = mach_to_tas_mps(cas_to_mach(cas, altitude), altitude, deviation_k)
+    share = energy_share_factor_local(cas, altitude, state.cas_slope_per_s, wind_slope_per_s, deviation_k)
+    idle = thrust * descent_thrust_n(aircraft, altitude, tas, deviation_k)
+    drag = drag_n(aircraft, tas, altitude, deviation_k, kg)
+    rate = descent_rate_mps(aircraft, drag, idle, tas, share, altitude, deviation_k, kg)
+    return (-rate).clamp(min=SLOWEST_MPS).log()
+
+
+def implied_mass_kg(state: FlightState, log_rate_seen: Tensor, mask: Tensor) -> float:
+    """The mass at which the polar's rate is the seen one on average, by bisection within the type's limits.
+
+    Inferred drag holds each flight's own mass; sensitivities must be taken where the flights are, not at the reference
+    mass. Rate falls with mass as long as parasitic drag dominates, as it does in every clean descent.
+
+    Args:
+        state: The flights; its own mass is not used.
+        log_rate_seen: (n, K).
+        mask: (n, K) where it was seen.
+
+    Returns:
+        Mass in kg, at a limit of the type if the polar cannot explain the rate.
+    """
+    low, high = float(state.aircraft.mass_minimum_kg), float(state.aircraft.mass_maximum_kg)
+    weight = mask.double()
+    for _ in range(30):
+        middle = (low + high) / 2
+        excess = (log_rate(replace(state, mass_kg=middle)) - log_rate_seen) * weight
+        # Too steep on the polar: the aircraft must be heavier.
+        low, high = (middle, high) if float(torch.where(mask, excess, 0.0).sum()) > 0 else (low, middle)
+    return (low + high) / 2

@@ -1,0 +1,19 @@
+"""Another idle thrust, at every altitude by the same factor."""
+
+from torch import Tensor
+
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState, log_rate
+
+
+class IdleThrust(Effect):
+    """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed."""
+
+    name = "idle_thrust"
+    parameters = (Parameter("relative_change", -1.5, 3.0, "1", 0.1),)
+    law = "gaussian"
+    says = "the engines give more or less thrust at idle"
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Rate by the energy equation."""
+        return {"rate": log_rate(state, thrust=1 + theta[0]) - state.own_log_rate}

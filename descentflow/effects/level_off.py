@@ -1,0 +1,24 @@
+"""Level-offs, holds and step-downs: cut out of the free descent, they leave gaps in which time passes."""
+
+import torch
+from torch import Tensor
+
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState
+
+
+class LevelOff(Effect):
+    """More (or longer) level segments than the simulator's flights had, as mean time in them for each flight."""
+
+    name = "level_off"
+    parameters = (
+        Parameter("time_level_s", -120.0, 600.0, "s per flight", 10.0),
+        Parameter("gaps", -1.0, 5.0, "1", 0.1),
+    )
+    law = "gaussian"
+    says = "flights level off more often or for longer"
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Time spent in short gaps of altitude, and their number."""
+        each = torch.ones_like(state.cas_mps[:, 0])
+        return {"level": theta[0] * each, "level_gaps": theta[1] * each}

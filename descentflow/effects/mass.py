@@ -1,0 +1,19 @@
+"""Another mean mass of the fleet."""
+
+from torch import Tensor
+
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState, log_rate
+
+
+class Mass(Effect):
+    """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed."""
+
+    name = "mass"
+    parameters = (Parameter("relative_change", -0.35, 0.5, "1", 0.05),)
+    law = "gaussian"
+    says = "the aircraft are heavier or lighter"
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Rate by the energy equation."""
+        return {"rate": log_rate(state, mass=1 + theta[0]) - state.own_log_rate}

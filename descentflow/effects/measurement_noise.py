@@ -1,0 +1,32 @@
+"""Noisier or coarser reports: more variance from level to level, and nothing else."""
+
+import torch
+from torch import Tensor
+
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState
+
+CHANNELS = ("rate", "cas", "mach", "tas", "groundspeed", "altitude")
+"""Channels whose short-scale noise is measured."""
+
+
+class MeasurementNoise(Effect):
+    """Logarithm of the ratio of short-scale standard deviations, channel by channel."""
+
+    name = "measurement_noise"
+    parameters = tuple(Parameter(f"ln_ratio_{name}", -3.0, 3.0, "1", 0.1) for name in CHANNELS)
+    sensor = True
+    says = "reports are noisier or coarser"
+
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
+        """Some airspeed is noisier by a tenth; less noise throughout is a smoother flight and no instrument.
+
+        Rate and altitude alone do not make it: brakes, held rates and paths that begin and end raise theirs.
+        """
+        airspeeds = theta[1:4]
+        return float(airspeeds.max()) > 0.1 and float(theta.max()) >= -float(theta.min())
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Noise of each channel."""
+        each = torch.ones_like(state.cas_mps[:, 0])
+        return {f"noise_{name}": theta[i] * each for i, name in enumerate(CHANNELS)}

@@ -1,0 +1,132 @@
+"""Drag added within a window of altitude: speed brakes, or a restriction that makes crews use them."""
+
+import torch
+from torch import Tensor
+
+from descentflow.core.units import FL_M
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState, log_rate
+
+LENGTHS_FL = (20.0, 40.0, 70.0)
+"""Lengths of the windows from which a fit starts."""
+
+
+NARROWEST_FL = 25.0
+"""Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
+ANSWERS_FL = 0.6
+"""An aircraft takes some seconds to answer to brakes that run out or in."""
+LEAST_DRAG = 0.1
+"""Share of CD0 below which nothing is out: small drag over a wide band is something else, of no fixed altitude."""
+MOVES_FL = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+RUN_OUT_M = 90.0
+"""Height over which brakes run out and in: some 8 s of descent. Half of it at either end counts as without."""
+FROM_TOP_FL = 5.0
+"""A window that is open to the top is a matter of how descents begin."""
+FEWEST = 20
+"""Flights from which a share is learnt."""
+APART = 2.0
+"""Two groups are told apart if their means are so many spreads within them apart; else all flights are one."""
+
+
+class SpeedBrake(Effect):
+    """CD0 higher between two altitudes on a share of the flights; ``extra_cd0`` is the mean over all flights."""
+
+    name = "speed_brake"
+    inherited_from = 0.1
+    parameters = (
+        Parameter("extra_cd0", 0.0, 2.0, "1", 0.1, 0.0),
+        Parameter("low_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL),
+        Parameter("high_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL),
+        Parameter("share", 0.05, 1.0, "1", 0.1, 1.0, by_law=True),
+        Parameter("ln_ratio_noise", 0.0, 1.5, "1", 0.1),
+    )
+    law = "window mixture"
+    says = "speed brakes (or as much drag) are out within a band of altitude"
+
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
+        """Brakes are felt where they are out; their window has a height, ends below the top and is no whole descent."""
+        low, high = _range_fl(state)
+        height = float(theta[2] - theta[1])
+        felt = float(theta[0] / theta[3]) >= LEAST_DRAG and float(theta[0]) < self.parameters[0].high - 1e-6
+        return felt and NARROWEST_FL <= height <= (high - low) / 2 and float(theta[2]) < high - FROM_TOP_FL
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Rate by the energy equation within the window, on the share that flies it."""
+        within = state.share_between(theta[1] * FL_M + RUN_OUT_M / 2, theta[2] * FL_M - RUN_OUT_M / 2)
+        each = torch.ones_like(state.cas_mps[:, 0])
+        rate = theta[3] * within * (log_rate(state, parasitic=1 + theta[0] / theta[3]) - state.own_log_rate)
+        # Edges of a window are steps of the rate, which count as short-scale noise.
+        return {"rate": rate, "noise_rate": theta[4] * each}
+
+    def learn_law(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
+        """Share of the flights in the upper of two groups of mean excess within the window, less that outside."""
+        within = state.share_between(theta[1] * FL_M, theta[2] * FL_M)
+        inside, outside = excess[:, within > 0.7], excess[:, within == 0]
+        if not inside.shape[1] or not outside.shape[1]:
+            return theta
+        height = inside.nanmean(1) - outside.nanmean(1)
+        height = height[height.isfinite()]
+        if len(height) < FEWEST:
+            return theta
+        found = theta.clone()
+        found[3] = two_groups(height)
+        return found
+
+    def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
+        """Flights have them out or do not."""
+        share = theta[3]
+        full = torch.stack([theta[0] / share, theta[1], theta[2], torch.ones_like(share), theta[4] / share])
+        return float(share), full
+
+    def starts(self, state: FlightState) -> list[Tensor]:
+        """Windows of several lengths that tile the grid; none covers more than half of it (that would be a polar)."""
+        low, high = _range_fl(state)
+        found = []
+        for length in LENGTHS_FL:
+            if length > (high - low) / 2:
+                continue
+            count = max(int(2 * (high - low) / length) - 1, 1)
+            for bottom in torch.linspace(low, high - length, count).tolist():
+                found.append(torch.tensor([0.0, bottom, bottom + length, 1.0, 0.0], dtype=torch.float64))
+        return found
+
+    def neighbours(self, theta: Tensor) -> list[Tensor]:
+        """One end or both moved, with as much drag in all: within a band of altitude the next one is not felt."""
+        found, out = [], RUN_OUT_M / FL_M
+        height = float(theta[2] - theta[1]) - out
+        for low, high in ((1.0, 0.0), (0.0, 1.0), (-1.0, 1.0)):
+            for move in MOVES_FL:
+                moved = theta.clone()
+                moved[1] += low * move
+                moved[2] += high * move
+                if float(moved[2] - moved[1]) >= NARROWEST_FL:
+                    moved[0] *= max(height, 0.0) / (float(moved[2] - moved[1]) - out)
+                    found.append(moved)
+        return found
+
+
+def _range_fl(state: FlightState) -> tuple[float, float]:
+    """Lowest and highest level of the grid."""
+    half = state.width_m / 2
+    return float(state.altitude_m[0] - half) / FL_M, float(state.altitude_m[-1] + half) / FL_M
+
+
+def two_groups(values: Tensor) -> float:
+    """Share of the upper of two groups, split where the spread within them is least; one if they are not apart.
+
+    Example:
+        >>> two_groups(torch.tensor([0.0, 0.1, -0.1, 1.0, 1.1]))
+        0.4
+    """
+    ordered = values.sort().values
+    n = len(ordered)
+    count = torch.arange(1, n, dtype=ordered.dtype)
+    total, square = ordered.cumsum(0), ordered.square().cumsum(0)
+    low = square[:-1] - total[:-1] ** 2 / count
+    high = (square[-1] - square[:-1]) - (total[-1] - total[:-1]) ** 2 / (n - count)
+    # A group of a few stragglers is none.
+    usable = (count >= 0.08 * n) & (count <= 0.92 * n)
+    k = int(torch.where(usable, low + high, torch.inf).argmin())
+    apart = (total[-1] - total[k]) / (n - k - 1) - total[k] / (k + 1)
+    within = ((low + high)[k].clamp(min=0.0) / n).sqrt()
+    return float(n - k - 1) / n if float(apart) > 2 * APART * float(within) else 1.0

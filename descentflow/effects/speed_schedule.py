@@ -1,0 +1,26 @@
+"""Other speeds: the Mach number and the CAS that flights descend at."""
+
+from torch import Tensor
+
+from descentflow.core.units import KT_MPS
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState
+
+
+class SpeedSchedule(Effect):
+    """CAS shifted on the constant-CAS leg, Mach shifted on the constant-Mach leg; the rate follows the speed."""
+
+    name = "speed_schedule"
+    parameters = (Parameter("cas_kt", -60.0, 60.0, "kt", 5.0), Parameter("mach", -0.06, 0.06, "1", 0.005))
+    law = "gaussian"
+    needs = ("IAS",)
+    rate_follows_cas = True
+    says = "crews fly other speeds"
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """CAS of the schedule with the change less that without: the slower of Mach and CAS decides."""
+        plan, altitude = state.schedule, state.altitude_m
+        # Flights that have the change in them already are moved back.
+        sign = -1.0 if state.affected else 1.0
+        moved = plan.at(altitude, sign * theta[1], sign * theta[0] * KT_MPS)
+        return {"cas": sign * (moved - plan.at(altitude)) / KT_MPS}

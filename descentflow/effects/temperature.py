@@ -1,0 +1,32 @@
+"""Air warmer or colder than the standard atmosphere, by the same amount at every altitude."""
+
+import torch
+from torch import Tensor
+
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.physics.airspeed import mach_to_tas_mps
+from descentflow.physics.atmosphere import geometric_altitude_m
+
+
+class Temperature(Effect):
+    """Deviation from ISA: true airspeed at a Mach number, rate of pressure altitude, height between pressure levels."""
+
+    name = "temperature"
+    inherited_from = 2.0
+    parameters = (Parameter("deviation_k", -40.0, 40.0, "K", 5.0),)
+    law = "measured covariate"
+    splits = ("TAS", "geoaltitude")
+    says = "the air is warmer or colder than the standard atmosphere"
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Rate by the energy equation, ln TAS at the same Mach number, geometric height within the flight."""
+        deviation = theta[0]
+        mach = state.mach()
+        tas = mach_to_tas_mps(mach, state.altitude_m, deviation) / mach_to_tas_mps(mach, state.altitude_m)
+        height = geometric_altitude_m(state.altitude_m, deviation) - state.altitude_m
+        return {
+            "rate": log_rate(state, deviation_k=deviation) - state.own_log_rate,
+            "tas": tas.log(),
+            "height": state.centred(height + torch.zeros_like(state.cas_mps)),
+        }

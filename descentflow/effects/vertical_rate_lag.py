@@ -1,0 +1,70 @@
+"""Vertical rate reported late: smoothing in the transponder's sources."""
+
+import math
+
+import torch
+from torch import Tensor
+
+from descentflow.core.units import FPM_MPS
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState
+from descentflow.surveillance.cleaning.filters import Descending, SteadyDescent
+
+LEAST_LAG_S = 1.5
+LEAST_MPS = Descending().slowest_fpm * FPM_MPS
+AFTER_S = SteadyDescent().transient_s
+"""Where prepared descents begin."""
+
+
+class VerticalRateLag(Effect):
+    """The rate reported is that of some seconds ago, of a greater height.
+
+    Just below the top it is that of level flight: those levels are not compared. Smoothing, which makes it late, makes
+    it less noisy too.
+    """
+
+    name = "vertical_rate_lag"
+    inherited_from = 6.0
+    parameters = (
+        Parameter("lag_s", -10.0, 60.0, "s", 2.0),
+        Parameter("ln_ratio_noise", -3.0, 0.0, "1", 0.1, -0.01),
+    )
+    needs = ("vertical_rate",)
+    sensor = True
+    says = "vertical rates are reported late"
+
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
+        """Less than the interval between reports is none; and what makes a rate late need not damp its noise."""
+        return LEAST_LAG_S < float(theta[0]) < self.parameters[0].high
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Reported rate, also against the altitude differenced over time.
+
+        A first-order lag tau makes the report y of a rate r follow dy/dt = (r - y) / tau. Its mean over a band exceeds
+        that of r by tau times the change of y over the band, whatever r does within it.
+        """
+        rate = state.schedule_log_rate.exp()
+        if state.rate_slope_per_m is None:
+            late = _late(rate, state, float(theta[0])) - rate.log()
+        else:
+            seen = state.rate_slope_per_m.isfinite()
+            late = theta[0] * rate * torch.where(seen, state.rate_slope_per_m, state.schedule_slope_per_m)
+        return {"rate": late, "lag": late, "noise_rate": theta[1] * torch.ones_like(late[:, 0])}
+
+
+def _late(rate_mps: Tensor, state: FlightState, lag_s: float) -> Tensor:
+    """Logarithm of what is reported of rates (n, K) at ascending levels, by the first-order lag itself.
+
+    A prepared descent begins some seconds after its report has reached the least rate, and so does the lag here.
+    """
+    if lag_s <= 0:
+        return rate_mps.log()
+    begun = rate_mps - (rate_mps - LEAST_MPS).clamp(min=0.0) * math.exp(-AFTER_S / lag_s)
+    found, below_top = begun[:, -1], (state.depth_m > 0).unbind(1)
+    late = [found]
+    for level in range(rate_mps.shape[1] - 2, -1, -1):
+        rate = rate_mps[:, level]
+        keep = torch.exp(-state.width_m / rate / lag_s)
+        found = torch.where(below_top[level], keep * found + (1 - keep) * rate, begun[:, level])
+        late.append(found)
+    return torch.stack(late[::-1], 1).log()

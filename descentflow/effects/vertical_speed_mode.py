@@ -1,0 +1,39 @@
+"""Descents flown at a selected vertical rate: the rate no longer follows speed and altitude."""
+
+import torch
+from torch import Tensor
+
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState
+
+LEAST_CUT_OUT = 0.05
+"""Share of the levels that are gone where rates are held on purpose."""
+
+
+class VerticalSpeedMode(Effect):
+    """A rate is held for a while; cleaning cuts the clearest stretches out and leaves gaps, the rest stays."""
+
+    name = "vertical_speed_mode"
+    parameters = (
+        Parameter("levels_cut_out", -0.2, 1.0, "1", 0.05),
+        Parameter("slower_in_gaps", -60.0, 600.0, "s per flight", 10.0),
+        Parameter("share", 0.0, 1.0, "1", 0.1),
+        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1),
+    )
+    law = "window mixture"
+    says = "a constant vertical rate is selected instead of an idle descent"
+
+    def plausible(self, state: FlightState, theta: Tensor) -> bool:
+        """A held rate leaves gaps where cleaning finds it; without gaps it is something else."""
+        return float(theta[0]) > LEAST_CUT_OUT
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Gaps in the levels and time lost in them; where a rate is held, a shallow one in place of the idle rate."""
+        each = torch.ones_like(state.cas_mps[:, 0])
+        idle = state.schedule_log_rate
+        slowest = torch.where(state.mask, idle, torch.inf).amin(1, keepdim=True)
+        return {
+            "missing": theta[0] * each,
+            "slow": theta[1] * each,
+            "rate": theta[2] * (slowest.clamp(max=1e3) - idle - theta[3]),
+        }

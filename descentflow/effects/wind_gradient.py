@@ -1,0 +1,26 @@
+"""A tailwind that changes with altitude: its change is an acceleration that the simulator does not know."""
+
+import torch
+from torch import Tensor
+
+from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.flight_state import FlightState, log_rate
+
+
+class WindGradient(Effect):
+    """Growth of the along-track tailwind with altitude (positive: more tailwind higher up)."""
+
+    name = "wind_gradient"
+    inherited_from = 0.0005
+    parameters = (Parameter("slope_per_s", -0.01, 0.01, "m/s per m", 0.001),)
+    law = "measured covariate"
+    splits = ("groundspeed", "TAS", "track", "heading")
+    says = "the along-track wind changes with altitude"
+
+    def shift(self, state: FlightState, theta: Tensor) -> Shift:
+        """Rate by the energy equation, and the wind itself about each flight's mean."""
+        wind = theta[0] * state.altitude_m + torch.zeros_like(state.cas_mps)
+        return {
+            "rate": log_rate(state, wind_slope_per_s=theta[0]) - state.own_log_rate,
+            "wind": state.centred(wind),
+        }

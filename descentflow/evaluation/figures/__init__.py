@@ -1,0 +1,1 @@
+"""Figures of an evaluation: functions that return a matplotlib Figure and write nothing."""

@@ -1,0 +1,93 @@
+"""The functional bases of drag and CAS: mean function, components and what they explain."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from torch import Tensor
+
+from descentflow.core.units import KT_MPS
+from descentflow.reporting.figure_style import BLACK, BLUE, RED, legend_below, tidy
+from descentflow.representation.fpca.basis import FunctionalBasis
+
+MOST = 4
+"""Components drawn of each basis; the bars show all."""
+
+
+def components_figure(drag_basis: FunctionalBasis, cas_basis: FunctionalBasis, levels_fl: Tensor) -> Figure:
+    """Mean function plus and minus each component, and the shares of variance explained.
+
+    Components are drawn two standard deviations of their weight to either side. The paper's mode-by-mode basis does not
+    know these: there, the components have an arbitrary scale that keeps only their relative size.
+
+    Args:
+        drag_basis: Basis of drag.
+        cas_basis: Basis of CAS on the same levels.
+        levels_fl: (L,) ascending grid.
+
+    Returns:
+        A figure of two rows (drag, CAS): a panel for each component up to four, then the shares.
+
+    Example:
+        >>> figure = components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl)
+    """
+    levels_fl = levels_fl.detach().cpu()
+    bases = ("Drag (kN)", 1000.0, drag_basis), ("CAS (kt)", KT_MPS, cas_basis)
+    n_panels = min(MOST, max(basis.n_components for _, _, basis in bases))
+    figure = Figure(figsize=(2.6 * n_panels + 3.4, 7.0), layout="constrained")
+    axes = figure.subplots(2, n_panels + 1, squeeze=False)
+    for row, (name, scale, basis) in zip(axes, bases, strict=True):
+        tidy(row)
+        for k, ax in enumerate(row[:-1]):
+            if k < basis.n_components:
+                _draw_component(ax, basis, k, levels_fl, scale)
+                ax.set_xlabel(name)
+            else:
+                ax.set_axis_off()
+        row[0].set_ylabel("Flight level")
+        _draw_shares(row[-1], basis)
+    legend_below(figure, axes[:, :-1].flat)
+    return figure
+
+
+def weight_deviations(basis: FunctionalBasis) -> Tensor | None:
+    """Standard deviation (k,) of each weight under the basis' probabilistic PCA; None where it has none."""
+    if basis.loadings.shape[1] == 0:
+        return None
+    # The variance of phi' x dh, where x has covariance loadings loadings' + noise I and phi' phi dh = 1.
+    projected = basis.components @ basis.loadings * basis.spacing_m
+    return (projected.square().sum(1) + basis.noise_variance * basis.spacing_m).sqrt()
+
+
+def _draw_component(ax: Axes, basis: FunctionalBasis, k: int, levels_fl: Tensor, scale: float) -> None:
+    mean = basis.mean.detach().cpu() / scale
+    change, name = _change(basis, k)
+    change = change.detach().cpu() / scale
+    ax.plot(mean + change, levels_fl, color=RED, linestyle="--", linewidth=1.6, label=f"mean + {name}")
+    ax.plot(mean - change, levels_fl, color=BLUE, linestyle="-.", linewidth=1.6, label=f"mean - {name}")
+    ax.plot(mean, levels_fl, color=BLACK, linewidth=1.6, label="mean")
+    ax.set_title(f"component {k + 1} ({float(basis.explained_variance[k]):.0%})", fontsize=10)
+    ax.set_ylim(float(levels_fl[0]), float(levels_fl[-1]))
+
+
+def _change(basis: FunctionalBasis, k: int) -> tuple[Tensor, str]:
+    """What is added to and taken from the mean, and its name."""
+    deviations = weight_deviations(basis)
+    component = basis.components[k]
+    if deviations is not None:
+        return 2 * deviations[k] * component, "two s.d. of the weight"
+    shape = component / component.square().mean().sqrt()
+    relative = (basis.explained_variance[k] / basis.explained_variance[0]).sqrt()
+    return 0.1 * basis.mean.abs().mean() * relative * shape, "component (arbitrary scale)"
+
+
+def _draw_shares(ax: Axes, basis: FunctionalBasis) -> None:
+    shares = 100 * basis.explained_variance.detach().cpu().numpy()
+    positions = np.arange(1, len(shares) + 1)
+    ax.bar(positions, shares, color=BLUE, label="each")
+    ax.plot(positions, shares.cumsum(), color=RED, marker="o", label="together")
+    ax.set_ylim(0, 100)
+    ax.set_xlim(0, max(len(shares), 3) + 1)
+    ax.set_xticks(positions[:: max(len(shares) // 8, 1)])
+    ax.set_xlabel("Component")
+    ax.set_ylabel("Variance explained (%)")
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, fontsize=9)

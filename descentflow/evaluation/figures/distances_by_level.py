@@ -1,0 +1,83 @@
+"""Distances between samples and held-out flights at every level, beside what chance alone would show."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.score_table import LevelScores, ScoreTable
+from descentflow.evaluation.metrics.scores import score
+from descentflow.reporting.figure_style import BAND, BLUE, GREY, RED, legend_below, tidy
+
+_PANELS = (("cas", "ks"), ("cas", "wasserstein"), ("rocd", "ks"), ("rocd", "wasserstein"))
+_NAMES = {"cas": "CAS", "rocd": "rate", "ks": "KS", "wasserstein": "Wasserstein"}
+
+
+def distance_by_level_figure(
+    samples: DescentSet, real: DescentSet, transition_fl: float, *, seed: int = 0, n_splits: int = 20
+) -> Figure:
+    """Kolmogorov-Smirnov and Wasserstein distances of CAS and of rate against flight level.
+
+    As :func:`level_scores_figure`, from the descents themselves.
+
+    Args:
+        samples: Sampled descents.
+        real: Held-out flights on the same grid.
+        transition_fl: Transition level of the type; not drawn where the grid does not hold it.
+        seed: Of the halvings.
+        n_splits: Number of random halvings.
+
+    Returns:
+        A figure of four panels that share the flight level.
+
+    Raises:
+        DataError: If the grids differ.
+
+    Example:
+        >>> figure = distance_by_level_figure(samples, real, transition_fl=290.0)
+    """
+    return level_scores_figure(score(samples, real, transition_fl, seed=seed, n_splits=n_splits), transition_fl)
+
+
+def level_scores_figure(table: ScoreTable, transition_fl: float) -> Figure:
+    """Draw the distances by level of a table already scored.
+
+    Half of the flights against as many samples (line, mean over random halvings) and against the other half (band,
+    5th to 95th percentile, and its mean). For samples distributed like the flights, the line follows the mean of the
+    band and not zero. Levels with too few values are left open.
+
+    Args:
+        table: Scores, with those by level.
+        transition_fl: Transition level of the type; not drawn where the grid does not hold it.
+
+    Returns:
+        A figure of four panels that share the flight level.
+
+    Example:
+        >>> figure = level_scores_figure(score(samples, real, 290.0), 290.0)
+    """
+    found = {(level.quantity, level.statistic): level for level in table.levels}
+    figure = Figure(figsize=(11.0, 5.0), layout="constrained")
+    axes = figure.subplots(1, 4, sharey=True)
+    tidy(axes)
+    for ax, (quantity, statistic) in zip(axes, _PANELS, strict=True):
+        level = found[quantity, statistic]
+        _draw(ax, level, transition_fl)
+        ax.set_xlabel(f"{_NAMES[statistic]}, {_NAMES[quantity]} ({level.unit})")
+    axes[0].set_ylabel("Flight level")
+    legend_below(figure, axes)
+    return figure
+
+
+def _draw(ax: Axes, level: LevelScores, transition_fl: float) -> None:
+    levels, low, high, floor, same = (
+        np.asarray(values.detach().cpu(), dtype=float)
+        for values in (level.levels_fl, level.floor_low, level.floor_high, level.floor, level.equal_size)
+    )
+    ax.fill_betweenx(levels, low, high, color=BAND, linewidth=0, label="flights against flights, 5-95 %")
+    ax.plot(floor, levels, color=BLUE, linestyle="--", linewidth=1.4, label="its mean")
+    ax.plot(same, levels, color=RED, linewidth=1.8, label="samples against flights")
+    ax.set_xlim(left=0)
+    ax.set_ylim(levels[0], levels[-1])
+    if levels[0] < transition_fl < levels[-1]:
+        ax.axhline(transition_fl, color=GREY, linewidth=1.0, linestyle="-.", label="transition")

@@ -1,0 +1,136 @@
+"""Held-out and sampled descents side by side (paper, figures 4 to 6)."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from torch import Tensor
+
+from descentflow.core.errors import DataError
+from descentflow.core.units import KT_MPS
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.reporting.figure_style import BLACK, BLUE, GREY, RED, legend_below, tidy
+
+_QUANTITIES = ("Drag (kN)", "CAS (kt)", "Time since entry (min)")
+_MARGIN = 0.1
+"""Share of the flights' range that is shown beyond it."""
+Fields = tuple[Tensor, Tensor, Tensor]
+"""Drag (kN), CAS (kt) and time since entry (min)."""
+
+
+def profiles_figure(
+    real: DescentSet,
+    samples: Mapping[str, DescentSet],
+    nominal: DescentSet | None = None,
+    *,
+    n_lines: int = 60,
+    seed: int = 0,
+    title: str = "",
+) -> Figure:
+    """Drag, CAS and time against flight level: held-out flights, then the samples of each model.
+
+    Thin lines are single descents, broken where a level is missing. Means are taken at each level over the descents
+    observed there; of time, over the descents that span the grid, for others start their clock elsewhere. The axes
+    show the range of the flights and of the nominal descent: samples far beyond leave the panel.
+
+    Args:
+        real: Held-out flights, at least one.
+        samples: Name of each model and its samples; one column each, in this order.
+        nominal: The nominal BADA descent.
+        n_lines: Single descents drawn in a column, picked at random.
+        seed: Of the picking.
+        title: Written above all, for instance the type.
+
+    Returns:
+        A figure of three rows and a column for the flights and for each model.
+
+    Raises:
+        DataError: If there is no flight, or a set without drag.
+
+    Example:
+        >>> figure = profiles_figure(real, {"flow": samples}, nominal, title="B738")
+    """
+    if not bool(real.mask.any()):
+        raise DataError("no held-out flight to draw", expected="at least one", mend="split more flights")
+    columns = {f"held out (n = {len(real):,})": real}
+    columns |= {f"{name} (n = {len(drawn):,})": drawn for name, drawn in samples.items()}
+    figure = Figure(figsize=(2.2 + 2.7 * len(columns), 8.4), layout="constrained")
+    axes = figure.subplots(3, len(columns), sharex="row", sharey=True, squeeze=False)
+    tidy(axes.flat)
+    means = _means(real)
+    for column, (name, descents) in enumerate(columns.items()):
+        axes[0, column].set_title(name, fontsize=10)
+        own = None if column == 0 else _means(descents)
+        for ax, curves in zip(axes[:, column], _curves(descents, n_lines, seed), strict=True):
+            ax.plot(curves, np.asarray(descents.levels_fl), color=GREY, linewidth=0.6, alpha=0.45)
+        _draw_means(axes[:, column], real.levels_fl, means, nominal, own, descents.levels_fl)
+    _label(axes, real, nominal)
+    legend_below(figure, axes.flat)
+    if title:
+        figure.suptitle(title, fontsize=12, fontweight="bold")
+    return figure
+
+
+def _fields(descents: DescentSet) -> Fields:
+    """Each (n, L), NaN where not observed."""
+    if descents.drag_n is None:
+        raise DataError("descents without drag", expected="drag of every set", mend="build them with drag_n")
+    fields = descents.drag_n / 1000, descents.cas_mps / KT_MPS, since_entry_s(descents) / 60
+    drag, cas, time = (torch.where(descents.mask, values.double(), torch.nan) for values in fields)
+    return drag, cas, time
+
+
+def since_entry_s(descents: DescentSet) -> Tensor:
+    """Seconds (n, L) since each descent's highest observed level; without meaning where the mask is false."""
+    positions = torch.arange(len(descents.levels_fl), device=descents.mask.device)
+    entry = torch.where(descents.mask, positions, 0).amax(1, keepdim=True)
+    return descents.time_s - descents.time_s.gather(1, entry)
+
+
+def _curves(descents: DescentSet, n_lines: int, seed: int) -> tuple[np.ndarray, ...]:
+    """The picked descents as columns, for one call of ``plot``."""
+    picked = torch.randperm(len(descents), generator=torch.Generator().manual_seed(seed))[:n_lines]
+    return tuple(values.T.numpy() for values in _fields(descents.subset(picked)))
+
+
+def _means(descents: DescentSet) -> Fields:
+    """Each (L,), NaN where nothing is observed."""
+    drag, cas, time = _fields(descents)
+    return drag.nanmean(0), cas.nanmean(0), time[descents.spans_grid()].nanmean(0)
+
+
+def _draw_means(
+    axes: np.ndarray,
+    levels_fl: Tensor,
+    means: Fields,
+    nominal: DescentSet | None,
+    own: Fields | None,
+    own_levels_fl: Tensor,
+) -> None:
+    plain = _fields(nominal) if nominal is not None else ()
+    for row, ax in enumerate(axes):
+        if nominal is not None:
+            ax.plot(plain[row][0], nominal.levels_fl, color=BLACK, linewidth=1.6, label="nominal BADA")
+        ax.plot(means[row], levels_fl, color=BLUE, linestyle="--", linewidth=1.8, label="mean of held out")
+        if own is not None:
+            ax.plot(own[row], own_levels_fl, color=RED, linestyle=":", linewidth=2.2, label="mean of samples")
+
+
+def _label(axes: np.ndarray, real: DescentSet, nominal: DescentSet | None) -> None:
+    for row, name in enumerate(_QUANTITIES):
+        shown = [_fields(descents)[row] for descents in (real, nominal) if descents is not None]
+        _limit(axes[row, 0], torch.cat([values.flatten() for values in shown]))
+        axes[row, 0].set_ylabel("Flight level")
+        for ax in axes[row]:
+            ax.set_xlabel(name)
+    axes[0, 0].set_ylim(float(real.levels_fl[0]), float(real.levels_fl[-1]))
+
+
+def _limit(ax: Axes, values: Tensor) -> None:
+    """Fit the axis to the finite values, with a margin."""
+    values = values[values.isfinite()]
+    low, high = float(values.min()), float(values.max())
+    margin = _MARGIN * (high - low) or 1.0
+    ax.set_xlim(low - margin, high + margin)

@@ -1,0 +1,80 @@
+"""Scores of a density as a forecast of each held-out flight, given its context or not: what conditioning is worth."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import DataError
+from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.densities.density import Density
+from descentflow.evaluation.metrics.forecast_metrics import crps_each, energy_score_each
+from descentflow.generation.conditional import sample_given
+from descentflow.representation.profiles import Profiles
+
+
+@dataclass(frozen=True)
+class Blind:
+    """A density that is not told the context that others are given."""
+
+    density: Density
+
+    def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
+        """Draw (n, d) weights."""
+        return self.density.sample(n, seed)
+
+
+@torch.no_grad()
+def forecast_scores(
+    density: Density, flights: Profiles, weights: Tensor, context: Tensor | None, n_draws: int = 100, seed: int = 0
+) -> dict[str, Tensor]:
+    """Proper scores flight by flight; less is better.
+
+    The samples are plausible descents from each flight's own entry level, as a user would draw them.
+
+    Args:
+        density: With its representation.
+        flights: Held-out flights on its grid, n of them.
+        weights: (n, d) their standardised weights.
+        context: (n, c) their context, for a conditional density.
+        n_draws: Samples a flight.
+        seed: Of the samples.
+
+    Returns:
+        (n,) tensors: ``nll`` in nats, ``energy`` of the standardised weights, ``crps_cas_kt`` and ``crps_rate_fpm`` as
+        means over a flight's levels, ``crps_time_s`` of the time from its highest level to the lowest of the grid, NaN
+        where that level was not observed.
+
+    Raises:
+        DataError: If there is no flight.
+        SamplingError: If too few draws are plausible.
+
+    Example:
+        >>> forecast_scores(model, data.profiles("test"), data.weights("test"), data.contexts("test"))["nll"].mean()
+    """
+    if len(flights) == 0:
+        raise DataError("no flight to score", expected="held-out flights", mend="pass other descents")
+    parts, n = density.representation, len(flights)
+    given = weights.new_zeros(n, 1) if context is None else context
+    model = Blind(density) if context is None else density
+    samples = sample_given(
+        model, parts.decoder, parts.plausibility, given, n * n_draws, seed, entry=flights.entry_level
+    )
+
+    def by_flight(values: Tensor) -> Tensor:
+        return values.reshape(n_draws, n, *values.shape[1:]).transpose(0, 1)
+
+    flown = samples.trajectories
+    log_prob = density.log_prob(weights) if context is None else density.log_prob(weights, context)
+    mask = flights.mask
+    cas = crps_each(by_flight(flown.cas_mps), flights.cas_mps) / KT_MPS
+    rate = crps_each(by_flight(flown.rate_mps), flights.rate_mps) / FPM_MPS
+    took = flights.time_s[:, 0] - flights.time_s.gather(1, flights.entry_level[:, None])[:, 0]
+    time = crps_each(by_flight(flown.time_s[:, 0]), took)
+    return {
+        "nll": -log_prob.double(),
+        "energy": energy_score_each(by_flight(samples.weights), weights),
+        "crps_cas_kt": torch.where(mask, cas, 0.0).sum(1) / mask.sum(1),
+        "crps_rate_fpm": torch.where(mask, rate, 0.0).sum(1) / mask.sum(1),
+        "crps_time_s": torch.where(mask[:, 0], time, torch.nan),
+    }

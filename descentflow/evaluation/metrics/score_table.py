@@ -1,0 +1,136 @@
+"""The table of scores: for the eye, for a CSV file and for a logger."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from math import isnan, nan
+from pathlib import Path
+
+import polars as pl
+from torch import Tensor
+
+from descentflow.core.files import whole_file
+
+_HEADINGS = ("quantity", "statistic", "unit", "score", "equal size", "floor", "(95 %)", "nominal", "worst FL")
+
+
+@dataclass(frozen=True)
+class Score:
+    """One statistic of one quantity; NaN where ``note`` says why there is no number.
+
+    ``score``: all samples against all flights, as in the paper; ``equal_size``: as many samples as half of the
+    flights, against that half; ``floor`` and ``floor_high``: half of the flights against the other, mean and 95th
+    percentile over random halvings; ``nominal``: nominal BADA, for ``mae`` alone; ``n_samples`` and ``n_real``:
+    descents observed anywhere in the part of the grid; ``n_half``: flights in a half; ``n_levels``: levels that
+    ``score`` averages; ``worst_fl``: the level that carries the largest distance.
+
+    Only ``equal_size`` compares with ``floor``: ``score`` is of larger sets, whose distance is smaller by chance.
+    """
+
+    quantity: str
+    statistic: str
+    unit: str
+    score: float = nan
+    equal_size: float = nan
+    floor: float = nan
+    floor_high: float = nan
+    nominal: float = nan
+    n_samples: int = 0
+    n_real: int = 0
+    n_half: int = 0
+    n_levels: int = 0
+    worst_fl: float = nan
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LevelScores:
+    """One statistic of CAS or rate by level, all (L,); NaN where there are too few values.
+
+    ``floor_low`` and ``floor_high`` are the 5th and 95th percentile over the halvings.
+    """
+
+    quantity: str
+    statistic: str
+    unit: str
+    levels_fl: Tensor
+    score: Tensor
+    equal_size: Tensor
+    floor: Tensor
+    floor_low: Tensor
+    floor_high: Tensor
+
+
+@dataclass(frozen=True)
+class ScoreTable:
+    """Scores in the order of the paper's tables, and CAS and rate by level behind them."""
+
+    rows: tuple[Score, ...]
+    levels: tuple[LevelScores, ...] = ()
+
+    def __iter__(self) -> Iterator[Score]:
+        """Row by row."""
+        return iter(self.rows)
+
+    def get(self, quantity: str, statistic: str) -> Score:
+        """The row of a quantity and a statistic.
+
+        Raises:
+            KeyError: If there is none.
+        """
+        for row in self.rows:
+            if (row.quantity, row.statistic) == (quantity, statistic):
+                return row
+        raise KeyError((quantity, statistic))
+
+    def frame(self) -> pl.DataFrame:
+        """A row for each score, columns as the fields of :class:`Score`; absent numbers are null."""
+        return pl.DataFrame([asdict(row) for row in self.rows]).fill_nan(None)
+
+    def level_frame(self) -> pl.DataFrame:
+        """Long table of the scores by level, columns as the fields of :class:`LevelScores`."""
+        names = ("levels_fl", "score", "equal_size", "floor", "floor_low", "floor_high")
+        parts = [
+            pl.DataFrame({name: getattr(part, name).double().cpu().numpy() for name in names}).select(
+                *(pl.lit(getattr(part, key)).alias(key) for key in ("quantity", "statistic", "unit")), pl.all()
+            )
+            for part in self.levels
+        ]
+        return pl.concat(parts).rename({"levels_fl": "level_fl"}).fill_nan(None)
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write :meth:`frame`, whole or not at all; absent numbers are empty.
+
+        Raises:
+            DataError: If the folder does not exist.
+        """
+        with whole_file(path) as temporary:
+            self.frame().write_csv(temporary)
+
+    def scalars(self) -> dict[str, float]:
+        """Names and values for a logger: ``quantity/statistic``, with ``_equal_size`` and ``_floor`` beside it."""
+        named = {f"{r.quantity}/{r.statistic}": r.score for r in self.rows}
+        named |= {f"{r.quantity}/{r.statistic}_equal_size": r.equal_size for r in self.rows}
+        named |= {f"{r.quantity}/{r.statistic}_floor": r.floor for r in self.rows}
+        return {name: value for name, value in named.items() if not isnan(value)}
+
+    def __str__(self) -> str:
+        """The table for a terminal, with the reasons of what is absent below it."""
+        lines = [_line(_HEADINGS), "-" * len(_line(_HEADINGS))]
+        notes: dict[str, int] = {}
+        for row in self.rows:
+            numbers = (row.score, row.equal_size, row.floor, row.floor_high, row.nominal, row.worst_fl)
+            mark = f" [{notes.setdefault(row.note, len(notes) + 1)}]" if row.note else ""
+            lines.append(_line((row.quantity, row.statistic, row.unit, *map(_number, numbers))) + mark)
+        lines.append("score: all samples against all flights; equal size and floor: against half of the flights")
+        return "\n".join([*lines, *(f"[{number}] {note}" for note, number in notes.items())])
+
+
+def _line(cells: tuple[str, ...]) -> str:
+    return f"{cells[0]:<26}{cells[1]:<12}{cells[2]:<7}" + "".join(f"{cell:>11}" for cell in cells[3:])
+
+
+def _number(value: float) -> str:
+    """Three digits, never in powers of ten."""
+    if isnan(value):
+        return "-"
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}" if abs(value) >= 1e-4 else f"{value:.4f}"

@@ -1,1 +1,0 @@
-"""Functions that return a matplotlib Figure; none of them reads or writes a file."""

@@ -1,0 +1,141 @@
+"""Posterior of weights and residual components: closed form under a mixture, importance resampling under a flow."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import SamplingError
+from descentflow.densities.density import Density
+from descentflow.densities.em import Mixture, fit_mixture
+
+PROPOSAL_DRAWS, PROPOSAL_CLUSTERS, WIDER = 4000, 4, 1.3
+"""Draws to which a flow's stand-in is fitted, its clusters, and how much wider they are made: tails must be covered."""
+FEWEST_EFFECTIVE = 50
+"""Effective draws below which importance resampling is not trusted."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A mixture over the weights, and the density that it stands in for where it is not exact."""
+
+    mixture: Mixture
+    exact: Density | None
+    """None where the mixture is the density itself."""
+    context: Tensor | None = None
+    """What the exact density is given, (1, c)."""
+
+    def log_prob(self, weights: Tensor) -> Tensor:
+        """Log density (n,) of the exact density at weights (n, d)."""
+        if self.exact is None:
+            return log_density(self.mixture, weights)
+        if self.context is None:
+            return self.exact.log_prob(weights).double()
+        return self.exact.log_prob(weights, self.context).double()
+
+
+def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> Prior:
+    """Take a density apart for conditioning; a conditional one is first given its context (1, c).
+
+    A Gaussian and a mixture of Gaussians are themselves. Anything else is approximated by a mixture fitted to its
+    draws, whose clusters are widened: it only proposes, and its draws are weighted by the density.
+
+    Example:
+        >>> prior = prior_of(load_model("best.ckpt"))
+    """
+    mixture = density.mixture_given(context)
+    if mixture is not None:
+        return Prior(Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils))), None)
+    draws = density.sample(PROPOSAL_DRAWS, seed, context)
+    draws = draws[draws.isfinite().all(1)]
+    fitted, _ = fit_mixture(draws, PROPOSAL_CLUSTERS, seed=seed, n_restarts=2)
+    return Prior(Mixture(fitted.probs, fitted.locs, WIDER * fitted.scale_trils), density, context)
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Mixture of Gaussians over u = (w, r) given an observed part, weighted by a density where that is not the prior.
+
+    Shapes: ``log_probs`` (K,), ``means`` (K, D), ``precision_trils`` (K, D, D) lower Cholesky factors of precisions.
+    """
+
+    log_probs: Tensor
+    means: Tensor
+    precision_trils: Tensor
+    prior: Prior
+    n_weights: int
+
+    def draw(self, n: int, generator: torch.Generator) -> tuple[Tensor, float]:
+        """Draw (n, D), and the number of effective draws behind them.
+
+        Raises:
+            SamplingError: If a density that needs weighting leaves too few effective draws.
+        """
+        if self.prior.exact is None:
+            return self._mixture_draw(n, generator), float(n)
+        proposed = self._mixture_draw(10 * n, generator)
+        weights = proposed[:, : self.n_weights]
+        with torch.no_grad():
+            log_ratio = self.prior.log_prob(weights) - log_density(self.prior.mixture, weights)
+        ratio = torch.where(log_ratio.isfinite(), log_ratio, -torch.inf).softmax(0)
+        effective = float(1 / ratio.square().sum())
+        if effective < FEWEST_EFFECTIVE:
+            raise SamplingError(
+                f"{effective:.0f} effective of {10 * n} draws: the density thinks little of flights like this one",
+                expected=f"at least {FEWEST_EFFECTIVE}",
+                mend="draw more, or check that the flight is of the type and kind that the density was trained on",
+            )
+        chosen = torch.multinomial(ratio, n, replacement=True, generator=generator)
+        return proposed[chosen], effective
+
+    def _mixture_draw(self, n: int, generator: torch.Generator) -> Tensor:
+        cluster = torch.multinomial(self.log_probs.softmax(0), n, replacement=True, generator=generator)
+        white = torch.randn(n, self.means.shape[1], 1, dtype=torch.float64, generator=generator)
+        drawn = torch.empty(n, self.means.shape[1], dtype=torch.float64)
+        for k in cluster.unique(sorted=True).tolist():  # type: ignore[no-untyped-call]
+            here = cluster == k
+            # Precision L L': the solution of L' x = white has its inverse as covariance.
+            step = torch.linalg.solve_triangular(self.precision_trils[k].T, white[here, :, 0].T, upper=True)
+            drawn[here] = self.means[k] + step.T
+        return drawn
+
+
+def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
+    """Condition a prior on evidence.
+
+    Args:
+        prior: Over the d weights; the residual components are standard normal.
+        precision: (D, D) information of the observed levels, see :meth:`LinearCurves.evidence`.
+        shift: (D,).
+
+    Returns:
+        The posterior, each cluster in closed form: precision ``P_k + J``, mean ``(P_k + J)^-1 (P_k m_k + h)``, and
+        probability in proportion to ``p_k`` and the evidence under that cluster.
+    """
+    mixture = prior.mixture
+    n_clusters, n_weights = mixture.locs.shape
+    total = len(shift)
+    prior_precision = torch.eye(total, dtype=torch.float64).expand(n_clusters, -1, -1).clone()
+    inverse = torch.cholesky_inverse(mixture.scale_trils)
+    prior_precision[:, :n_weights, :n_weights] = inverse
+    location = torch.nn.functional.pad(mixture.locs, (0, total - n_weights))
+    pulled = (prior_precision @ location[:, :, None])[:, :, 0]
+    factor = torch.linalg.cholesky(prior_precision + precision)
+    mean = torch.cholesky_solve((pulled + shift)[:, :, None], factor)[:, :, 0]
+    # Evidence of a cluster, up to what all clusters share.
+    log_probs = (
+        mixture.probs.log()
+        - mixture.scale_trils.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+        - factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+        - 0.5 * (location * pulled).sum(-1)
+        + 0.5 * (mean * (pulled + shift)).sum(-1)
+    )
+    return Posterior(log_probs.log_softmax(0), mean, factor, prior, n_weights)
+
+
+def log_density(mixture: Mixture, weights: Tensor) -> Tensor:
+    """Log density (n,) of a mixture at weights (n, d)."""
+    clusters = torch.distributions.MultivariateNormal(mixture.locs, scale_tril=mixture.scale_trils, validate_args=False)
+    by_cluster = clusters.log_prob(weights[:, None].double())  # type: ignore[no-untyped-call]
+    joint: Tensor = by_cluster + mixture.probs.log()
+    return joint.logsumexp(1)

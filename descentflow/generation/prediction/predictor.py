@@ -1,0 +1,183 @@
+"""Predict the rest of a descent whose first part was observed."""
+
+from copy import copy
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import DataError, SamplingError
+from descentflow.core.units import FL_M
+from descentflow.densities.density import Density
+from descentflow.generation.prediction.linear_curves import LinearCurves, linear_curves
+from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
+from descentflow.representation.decoder.trajectories import Trajectories, integrate
+from descentflow.representation.profiles import Profiles
+
+MULTIPLES = (1.0, 3.0, 10.0, 30.0)
+"""Of the noise variance, among which calibration chooses."""
+LOWEST_SCORE = -20.0
+"""Log density below which one flight counts no further: a level-off to come must not decide for all."""
+FEWEST_LEVELS = 5
+"""Observed levels below which a prediction would be the prior."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Continuations of one descent, all equally probable.
+
+    ``trajectories`` start at the last observed level, at time zero. ``effective`` of the draws are independent (all of
+    them where the posterior is in closed form), and ``rejected`` did not descend all the way.
+    """
+
+    flight_id: str
+    trajectories: Trajectories
+    effective: float
+    rejected: int
+
+
+class DescentPredictor:
+    """Conditions a density on the observed part of a descent.
+
+    Drag and CAS on the observed levels are linear in the weights (paper, equation 4), so under a Gaussian or a mixture
+    the posterior is in closed form; under a flow it is importance resampling from a mixture's. Each draw is decoded as
+    a sample is, and left out if it does not descend all the way.
+
+    Example:
+        >>> predictor = DescentPredictor(load_model("best.ckpt"))
+        >>> ahead = predictor.predict(profiles.subset([0]), from_fl=300, n=500, seed=0)
+        >>> ahead.trajectories.time_s[:, 0].quantile(torch.tensor([0.05, 0.95]).double())  # s to the lowest level
+    """
+
+    def __init__(self, density: Density, seed: int = 0) -> None:
+        """Prepare what all flights share.
+
+        Args:
+            density: A density with its representation.
+            seed: Of the stand-in for a density without a closed form.
+        """
+        self.representation = density.representation
+        self.curves: LinearCurves = linear_curves(self.representation.decoder)
+        self.density, self.seed = density, seed
+        self._priors: dict[tuple[float, ...], Prior] = {}
+        if density.n_context == 0:
+            self._prior(None)
+        self.noise_multiple = 1.0
+
+    def _prior(self, context: Tensor | None) -> Prior:
+        """The density given a context (1, c), taken apart once for each: a flow's stand-in takes part of a second."""
+        key = () if context is None else tuple(context.flatten().tolist())
+        if key not in self._priors:
+            self._priors[key] = prior_of(self.density, self.seed, context)
+        return self._priors[key]
+
+    def calibrated(
+        self, flights: Profiles, n: int = 100, seed: int = 0, context: Tensor | None = None
+    ) -> "DescentPredictor":
+        """The predictor with the noise that predicts these flights best.
+
+        Flights stray from the model's components in ways that are not white, so the stated noise makes intervals too
+        narrow. Of several multiples the one is taken that gives the observed time from the middle of each descent to
+        its bottom the highest mean log density (of a normal with the prediction's mean and deviation).
+
+        Args:
+            flights: Flights that neither training nor any later judgement uses: the validation part. Those are used
+                (200 at most) whose levels below the middle are all observed.
+            n: Continuations of each.
+            seed: As in :meth:`predict`.
+            context: (flights, c) encoded context of each, for a conditional density.
+
+        Raises:
+            DataError: If fewer than ten flights can be used.
+        """
+        usable = [i for i in range(len(flights)) if _whole_below(flights, i)][:200]
+        if len(usable) < 10:
+            raise DataError(
+                f"{len(usable)} flights observed from the middle of their descent to its bottom",
+                expected="at least ten to calibrate with",
+                mend="prepare more descents, or predict without calibration",
+            )
+        candidates = [self._with_noise(multiple) for multiple in MULTIPLES]
+        own = {i: None if context is None else context[i : i + 1] for i in usable}
+        scores = [sum(one._score(flights.subset([i]), n, seed, own[i]) for i in usable) for one in candidates]
+        return candidates[max(range(len(scores)), key=scores.__getitem__)]
+
+    def _with_noise(self, multiple: float) -> "DescentPredictor":
+        changed = copy(self)
+        changed.noise_multiple = multiple
+        changed.curves = replace(self.curves, noise_variance=multiple * self.curves.noise_variance)
+        return changed
+
+    def _score(self, flight: Profiles, n: int, seed: int, context: Tensor | None) -> float:
+        middle = int(flight.entry_level[0]) // 2
+        try:
+            flown = self.predict(flight, float(flight.levels_fl[middle]), n, seed, context=context).trajectories
+        except SamplingError:
+            return LOWEST_SCORE
+        time_s = flown.time_s[:, 0]
+        actual = flight.time_s[0, 0] - flight.time_s[0, middle]
+        spread = time_s.std().clamp(min=0.1) if len(time_s) > 1 else time_s.new_tensor(0.1)
+        score = -0.5 * ((actual - time_s.mean()) / spread).square() - spread.log()
+        return max(float(score), LOWEST_SCORE)
+
+    def predict(
+        self, flight: Profiles, from_fl: float, n: int = 500, seed: int = 0, *, context: Tensor | None = None
+    ) -> Prediction:
+        """Continue one flight from a level down to the lowest of the grid.
+
+        Args:
+            flight: One flight on the decoder's grid; levels below ``from_fl`` are not looked at.
+            from_fl: The last level that counts as observed.
+            n: Most continuations; those that do not descend all the way are left out of them.
+            seed: Makes the result repeatable.
+            context: (1, c) encoded context of the flight, for a conditional density.
+
+        Raises:
+            DataError: If the flight is not one, is on another grid, or has too few levels at and above ``from_fl``.
+            SamplingError: If no continuation descends.
+        """
+        mask = self._observed(flight, from_fl)
+        precision, shift = self.curves.evidence(flight.drag_n[0], flight.cas_mps[0], mask)
+        posterior = posterior_of(self._prior(context), precision, shift)
+        generator = torch.Generator().manual_seed(seed)
+        drawn, effective = posterior.draw(n, generator)
+        flown = self._fly(drawn, int(mask.nonzero()[0]))
+        # Not the sampler's bounds: an observed flight may lie outside what training flights did, and still goes on.
+        good = ((flown.rate_mps < 0) | ~flown.mask).all(1)
+        if not bool(good.any()):
+            raise SamplingError(
+                f"none of {n} continuations of {flight.flight_ids[0]} from FL{from_fl:.0f} descends all the way",
+                expected="a flight not unlike those trained on",
+                mend="check the flight's rows, or train on flights like it",
+            )
+        return Prediction(flight.flight_ids[0], flown.subset(good), effective, int((~good).sum()))
+
+    def _observed(self, flight: Profiles, from_fl: float) -> Tensor:
+        levels = self.representation.decoder.levels_fl
+        if len(flight) != 1 or not torch.equal(flight.levels_fl, levels):
+            raise DataError(
+                f"{len(flight)} flight(s) on FL{flight.levels_fl[0]:.0f}-{flight.levels_fl[-1]:.0f}",
+                expected=f"one flight on the checkpoint's grid, FL{levels[0]:.0f}-{levels[-1]:.0f}",
+                mend="take one flight, with the levels of the checkpoint",
+            )
+        mask = flight.mask[0] & (levels >= from_fl)
+        if int(mask.sum()) < FEWEST_LEVELS:
+            raise DataError(
+                f"{flight.flight_ids[0]} has {int(mask.sum())} levels at and above FL{from_fl:.0f}",
+                expected=f"at least {FEWEST_LEVELS}",
+                mend="predict from a lower level",
+            )
+        return mask
+
+    def _fly(self, drawn: Tensor, entry: int) -> Trajectories:
+        decoder = self.representation.decoder
+        drag_n, cas_mps = self.curves.profiles(drawn)
+        start = torch.full((len(drawn),), entry)
+        return integrate(decoder.aircraft, decoder.levels_fl, decoder.levels_fl * FL_M, drag_n, cas_mps, start)
+
+
+def _whole_below(flights: Profiles, position: int) -> bool:
+    """Whether a flight has every level from the middle of its descent down, and enough above."""
+    entry = int(flights.entry_level[position])
+    mask = flights.mask[position]
+    return entry >= 2 * FEWEST_LEVELS and bool(mask[: entry // 2 + 1].all()) and int(mask.sum()) > entry // 2 + 5

@@ -1,0 +1,125 @@
+"""What controllers' tools ask of a prediction: intervals of the time to each level, and the occupancy of levels."""
+
+import polars as pl
+import torch
+from torch import Tensor
+
+from descentflow.generation.prediction.predictor import Prediction
+from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.profiles import Profiles
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+
+def time_intervals(predictions: list[Prediction]) -> pl.DataFrame:
+    """Quantiles of the seconds from the last observed level to each level below.
+
+    Returns:
+        Columns ``flight_id level_fl mean_s q05_s q25_s q50_s q75_s q95_s``, a row a flight and level, downwards.
+    """
+    parts = []
+    for one in predictions:
+        flown = one.trajectories
+        below = torch.arange(int(flown.entry[0]) - 1, -1, -1)
+        time_s = flown.time_s[:, below]
+        quantiles = time_s.quantile(torch.tensor(QUANTILES, dtype=time_s.dtype), dim=0)
+        columns = {f"q{round(100 * q):02d}_s": row.numpy() for q, row in zip(QUANTILES, quantiles, strict=True)}
+        levels = flown.levels_fl[below].to(torch.int32).numpy()
+        parts.append(
+            pl.DataFrame({"flight_id": one.flight_id, "level_fl": levels, "mean_s": time_s.mean(0).numpy(), **columns})
+        )
+    return pl.concat(parts)
+
+
+def level_occupancy(flown: Trajectories, times_s: Tensor) -> Tensor:
+    """Probability of being at each level at each time.
+
+    A descent is at a level from the time it passes it until it passes the next one below; above its entry level it
+    is never. After the lowest level it is at none, so a row sums to the probability of not having passed that yet.
+
+    Args:
+        flown: n descents, all equally probable, on L levels.
+        times_s: (T,) ascending times since the entry, not negative.
+
+    Returns:
+        (T, L) probabilities.
+
+    Example:
+        >>> level_occupancy(prediction.trajectories, torch.arange(0, 1200, 10.0)).shape
+        torch.Size([120, 221])
+    """
+    n, n_levels = flown.time_s.shape
+    # Upwards times fall; downwards they rise, which searchsorted needs. Above the entry, nothing was passed yet.
+    falling = torch.where(flown.mask, flown.time_s, -1.0).flip(1).contiguous()
+    passed = torch.searchsorted(falling, times_s.to(falling).expand(n, -1).contiguous(), right=True)
+    # As many levels as were passed, counted from the top of the grid: the last of them is where the descent is.
+    index = n_levels - passed
+    on_grid = times_s.to(falling) <= falling[:, -1:]
+    counts = torch.zeros(len(times_s), n_levels, dtype=torch.float64)
+    counts.index_put_(
+        (torch.arange(len(times_s)).expand(n, -1)[on_grid], index[on_grid]),
+        torch.ones((), dtype=torch.float64),
+        accumulate=True,
+    )
+    return counts / n
+
+
+def actual_times(predictions: list[Prediction], flights: Profiles) -> pl.DataFrame:
+    """What came after the last observed level, for flights with every level below it.
+
+    A flight with levels missing below may have been held level or at a selected rate there, which is no free descent.
+
+    Returns:
+        Columns ``flight_id level_fl actual_s``.
+    """
+    position = {name: i for i, name in enumerate(flights.flight_ids)}
+    parts = [pl.DataFrame(schema={"flight_id": pl.String, "level_fl": pl.Int32, "actual_s": pl.Float64})]
+    for one in predictions:
+        i, entry = position[one.flight_id], int(one.trajectories.entry[0])
+        if bool(flights.mask[i, :entry].all()):
+            times = flights.time_s[i, :entry] - flights.time_s[i, entry]
+            levels = flights.levels_fl[:entry].to(torch.int32).numpy()
+            parts.append(pl.DataFrame({"flight_id": one.flight_id, "level_fl": levels, "actual_s": times.numpy()}))
+    return pl.concat(parts)
+
+
+def coverage(intervals: pl.DataFrame, actual: pl.DataFrame, low: str = "q05_s", high: str = "q95_s") -> pl.DataFrame:
+    """Share of flights whose time to a level lay inside its interval, by level.
+
+    Args:
+        intervals: From :func:`time_intervals`.
+        actual: Columns ``flight_id level_fl actual_s``.
+        low: Column of the lower end.
+        high: Column of the upper end.
+
+    Returns:
+        Columns ``level_fl flights covered``.
+    """
+    both = intervals.join(actual, on=["flight_id", "level_fl"])
+    inside = pl.col("actual_s").is_between(pl.col(low), pl.col(high))
+    return both.group_by("level_fl").agg(flights=pl.len(), covered=inside.mean()).sort("level_fl")
+
+
+def occupancy_table(predictions: list[Prediction], step_s: float) -> pl.DataFrame:
+    """Occupancy of every prediction as a long table, levels that no continuation is at left out.
+
+    Returns:
+        Columns ``flight_id time_s level_fl probability``.
+    """
+    parts = []
+    for one in predictions:
+        flown = one.trajectories
+        times = torch.arange(0, float(flown.time_s[:, 0].max()) + step_s, step_s, dtype=torch.float64)
+        shares = level_occupancy(flown, times)
+        row, column = shares.nonzero(as_tuple=True)
+        parts.append(
+            pl.DataFrame(
+                {
+                    "flight_id": one.flight_id,
+                    "time_s": times[row].numpy(),
+                    "level_fl": flown.levels_fl[column].to(torch.int32).numpy(),
+                    "probability": shares[row, column].numpy(),
+                }
+            )
+        )
+    return pl.concat(parts)

@@ -1,0 +1,194 @@
+"""Channels of flights on every level of the grid, and sums over bands of levels."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+import torch
+from torch import Tensor
+
+from descentflow.core.units import FL_M, FT_M
+
+STENCIL = 5
+"""Levels on either side whose mean is held against the level between: noise is shorter, flight is longer."""
+FEWEST_STENCILS = 15
+SHORT_GAP_LEVELS = 30
+"""A level-off and the turns onto and off it take at most 3,000 ft out of a descent; a managed stretch mostly more."""
+LOST_S = 15.0
+"""Time lost in a gap from which it counts as one."""
+FEWEST_IN_BAND = 0.4
+"""Share of a band's levels that a flight must show there."""
+EDGE_LEVELS = 3
+"""Levels on either side of the edge of a band whose mean counts as the value there..."""
+FEWEST_AT_EDGE = 3
+"""...if at least so many are seen."""
+
+
+@dataclass(frozen=True)
+class LevelGrid:
+    """n flights on L ascending levels: ``values`` (n, L) by channel in field units, NaN where not seen."""
+
+    levels_fl: Tensor
+    time_s: Tensor
+    values: dict[str, Tensor]
+    cluster: Tensor
+    flight_ids: tuple[str, ...]
+
+    @property
+    def altitude_m(self) -> Tensor:
+        """(L,) pressure altitude."""
+        return self.levels_fl * FL_M
+
+    @property
+    def mask(self) -> Tensor:
+        """(n, L) levels that were seen."""
+        return self.time_s.isfinite()
+
+    @classmethod
+    def of_frame(
+        cls, frame: pl.DataFrame, low_fl: float, high_fl: float, channels: Sequence[str]
+    ) -> "LevelGrid | None":
+        """Scatter a prepared table; None if nothing of it is on the grid."""
+        placed = frame.filter(pl.col("level_fl").is_between(low_fl, high_fl)).drop_nulls(
+            ["IAS", "vertical_rate", "time_s"]
+        )
+        if placed.is_empty():
+            return None
+        names = placed["flight_id"].unique().sort()
+        row = pl.DataFrame({"flight_id": names, "_row": np.arange(len(names))})
+        placed = placed.join(row, on="flight_id")
+        levels = torch.arange(int(low_fl), int(high_fl) + 1, dtype=torch.float64)
+        where = (placed["_row"].to_numpy(), placed["level_fl"].to_numpy() - int(low_fl))
+
+        def grid(name: str) -> Tensor:
+            full = np.full((len(names), len(levels)), np.nan)
+            full[where] = placed[name].cast(pl.Float64).to_numpy()
+            return torch.from_numpy(full)
+
+        owner = placed.group_by("_row").agg(pl.col("icao24").first()).sort("_row")["icao24"].fill_null("")
+        codes = torch.from_numpy(np.unique(owner.to_numpy().astype(str), return_inverse=True)[1].astype(np.int64))
+        filled = [c for c in channels if placed[c].drop_nulls().len() > 0]
+        return cls(levels, grid("time_s"), {c: grid(c) for c in filled}, codes, tuple(names))
+
+    def bands(self, height_fl: float) -> "Bands":
+        """Bands of this height from the lowest level up; what is left at the top joins no band."""
+        low, high = float(self.levels_fl[0]), float(self.levels_fl[-1])
+        count = max(round((high - low) / height_fl), 1)
+        middle = low + height_fl * (torch.arange(count, dtype=torch.float64) + 0.5)
+        away = (self.levels_fl[:, None] - middle).abs()
+        return Bands(self, middle * FL_M, (away <= height_fl / 2).double(), (away <= height_fl).double(), height_fl)
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Sums over bands: ``inside`` (L, K) levels of each band, ``around`` (L, K) the same with half a band more."""
+
+    grid: LevelGrid
+    altitude_m: Tensor
+    inside: Tensor
+    around: Tensor
+    height_fl: float
+
+    def mean(self, values: Tensor) -> Tensor:
+        """Mean (n, K) of values (n, L) over the seen levels of each band; NaN where too few are."""
+        seen = values.isfinite().double()
+        count = seen @ self.inside
+        total = values.nan_to_num(0.0) @ self.inside
+        return torch.where(count >= FEWEST_IN_BAND * self.inside.sum(0), total / count.clamp(min=1), torch.nan)
+
+    def slope(self, values: Tensor) -> Tensor:
+        """Slope (n, K) per metre of the line through the values in and around each band; zero where unknown."""
+        seen = values.isfinite().double()
+        height = self.grid.altitude_m - self.grid.altitude_m.mean()
+        filled = values.nan_to_num(0.0)
+        n, x, v = seen @ self.around, (seen * height) @ self.around, filled @ self.around
+        xx, xv = (seen * height**2) @ self.around, (filled * height) @ self.around
+        spread = xx - x * x / n.clamp(min=1)
+        return torch.where(n >= 5, (xv - x * v / n.clamp(min=1)) / spread.clamp(min=1e-6), 0.0)
+
+    def change(self, values: Tensor) -> Tensor:
+        """Value (n, K) at the upper edge of each band less that at its lower edge; NaN where either is not seen."""
+        half = self.height_fl / 2
+        middle = self.altitude_m / FL_M
+        edges = torch.cat([middle[:1] - half, middle + half])
+        near = ((self.grid.levels_fl[:, None] - edges).abs() <= EDGE_LEVELS).double()
+        seen = values.isfinite().double() @ near
+        at_edge = values.nan_to_num(0.0) @ near / seen.clamp(min=1)
+        return torch.where(seen >= FEWEST_AT_EDGE, at_edge, torch.nan).diff(dim=1)
+
+    def rates_mps(self, fall_mps: Tensor) -> tuple[Tensor, Tensor]:
+        """Rate of descent (n, K) as reported, and from the times at levels; both as means over time.
+
+        Height over time is the mean of the rate over time whatever the rate does within a band, so the two differ by
+        what the report adds alone. Steps across gaps do not count.
+
+        Args:
+            fall_mps: (n, L) reported rate, positive in descent.
+        """
+        time_s = self.grid.time_s
+        step = time_s[:, :-1] - time_s[:, 1:]
+        reported = (fall_mps[:, :-1] + fall_mps[:, 1:]) / 2
+        seen = step.isfinite() & (step > 0) & reported.isfinite()
+        pairs = self.inside[:-1] * self.inside[1:]
+        count = seen.double() @ pairs
+        elapsed = torch.where(seen, step, 0.0) @ pairs
+        fallen = torch.where(seen, reported * step, 0.0) @ pairs
+        enough = count >= FEWEST_IN_BAND * pairs.sum(0)
+        by_report = torch.where(enough, fallen / elapsed.clamp(min=1e-3), torch.nan)
+        return by_report.clamp(min=0.5), torch.where(enough, count * FL_M / elapsed.clamp(min=1e-3), torch.nan)
+
+    def depth_m(self) -> Tensor:
+        """How far each band's middle lies below the highest level seen of each flight (n, K)."""
+        n_levels = self.grid.mask.shape[1]
+        top = n_levels - 1 - self.grid.mask.flip(1).to(torch.int8).argmax(1)
+        return (self.grid.altitude_m[top][:, None] - self.altitude_m).clamp(min=0.0)
+
+
+def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
+    """Logarithm (n,) of what is left of each channel after the mean of the levels around is taken off."""
+    named = {"rate": "vertical_rate", "cas": "IAS", "mach": "Mach", "tas": "TAS", "groundspeed": "groundspeed"}
+    series = {name: grid.values[channel] for name, channel in named.items() if channel in grid.values}
+    # The noise of an altitude is that of the time at which it is crossed, times the rate.
+    rate_mps = -grid.values["vertical_rate"].nanmedian(1, keepdim=True).values / 60.0 * FT_M
+    series["altitude"] = grid.time_s * rate_mps.clamp(min=1.0)
+    # Every level of the stencil must be there, or a level-off in a gap would pass for noise.
+    whole = grid.mask.double().unfold(1, 2 * STENCIL + 1, 1).amin(-1) > 0
+    found = {}
+    for name, values in series.items():
+        middle = values[:, STENCIL:-STENCIL]
+        left = middle - (values[:, : -2 * STENCIL] + values[:, 2 * STENCIL :]) / 2
+        seen = whole & left.isfinite()
+        count = seen.sum(1)
+        mean_square = torch.where(seen, left, 0.0).square().sum(1) / count.clamp(min=1)
+        found[f"noise_{name}"] = torch.where(
+            count >= FEWEST_STENCILS, 0.5 * mean_square.clamp(min=1e-12).log(), torch.nan
+        )
+    return found
+
+
+def gaps_of(grid: LevelGrid) -> dict[str, Tensor]:
+    """Time lost and levels missing (n,) in the gaps of each flight, short gaps of altitude apart from longer ones."""
+    mask = grid.mask
+    n, n_levels = mask.shape
+    number = torch.arange(n_levels).expand(n, -1)
+    below = torch.where(mask, number, -1).cummax(1).values
+    # For each seen level: the seen level next below, its time and its rate.
+    previous = torch.nn.functional.pad(below[:, :-1], (1, 0), value=-1)
+    jump = mask & (previous >= 0) & (number - previous > 1)
+    at = previous.clamp(min=0)
+    missing = torch.where(jump, number - previous - 1, 0).double()
+    elapsed = (grid.time_s.gather(1, at) - grid.time_s).nan_to_num(0.0)
+    fall = -grid.values["vertical_rate"] / 60.0 * FT_M
+    typical = ((fall + fall.gather(1, at)) / 2).nan_to_num(10.0).clamp(min=2.0)
+    lost = torch.where(jump, elapsed - (missing + 1) * FL_M / typical, 0.0)
+    counts = lost > LOST_S
+    short = counts & (missing <= SHORT_GAP_LEVELS)
+    longer = jump & ~short & ~((lost < LOST_S) & (missing <= 5))
+    span = mask.any(1) * (below[:, -1] - mask.to(torch.int8).argmax(1) + 1).clamp(min=1)
+    return {
+        "level": torch.where(short, lost, 0.0).sum(1).clamp(max=900.0),
+        "level_gaps": short.sum(1).double(),
+        "slow": torch.where(longer, lost.clamp(-60.0, 900.0), 0.0).sum(1),
+        "missing": torch.where(longer, missing, 0.0).sum(1) / span,
+    }

@@ -1,0 +1,269 @@
+"""From prepared descents to what is compared: quantities of each flight in bands of altitude.
+
+Simulator and flights go through the same code here, so smoothing, quantisation and gaps act on both alike.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import DataError
+from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.measurements.level_channels import LevelGrid, gaps_of, short_scale_noise
+from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
+
+VERSION = 2
+"""Of the state that checkpoints carry."""
+N_BANDS = 15
+"""About this many bands cover the grid; each is a multiple of 500 ft high."""
+FEWEST_LEVELS = 0.4
+"""Share of a band's levels that a flight must show there."""
+LARGEST = 2000
+"""Flights of a reference that a checkpoint carries at most."""
+
+BY_BAND = {
+    "rate": "ln of the rate of descent over the polar's",
+    "lag": "ln of the reported rate over the differenced altitude's",
+    "cas": "calibrated airspeed, kt",
+    "mismatch": "IAS less the CAS of the Mach number, kt",
+    "tas": "ln of TAS over that of the Mach number in standard air",
+    "wind": "along-track wind less the flight's mean, m/s",
+    "height": "geometric less pressure altitude, less the flight's mean, m",
+}
+OF_FLIGHT = {
+    "noise_rate": "ln of the short-scale noise of the vertical rate (ft/min)",
+    "noise_cas": "ln of the short-scale noise of IAS (kt)",
+    "noise_mach": "ln of the short-scale noise of Mach",
+    "noise_tas": "ln of the short-scale noise of TAS (kt)",
+    "noise_groundspeed": "ln of the short-scale noise of groundspeed (kt)",
+    "noise_altitude": "ln of the short-scale noise of the altitude (m)",
+    "level": "time lost in short gaps of altitude, s",
+    "level_gaps": "number of such gaps",
+    "slow": "time lost in longer gaps, s",
+    "missing": "share of the levels that such gaps took",
+}
+QUANTITIES = {**BY_BAND, **OF_FLIGHT}
+"""What may differ, with its meaning."""
+NEEDS = {
+    "mismatch": ("IAS", "Mach"),
+    "tas": ("TAS", "Mach"),
+    "wind": ("groundspeed", "TAS"),
+    "height": ("geoaltitude",),
+    "noise_mach": ("Mach",),
+    "noise_tas": ("TAS",),
+    "noise_groundspeed": ("groundspeed",),
+}
+"""Channels behind quantities, besides IAS and vertical rate."""
+CHANNELS = ("IAS", "Mach", "vertical_rate", "TAS", "groundspeed", "track", "heading", "geoaltitude")
+"""Channels that a diagnosis can use."""
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """n flights: ``values`` by quantity, (n, K) or (n,), NaN where not seen; what physics needs beside them.
+
+    ``log_rate`` is the logarithm of the reported rate (m/s), of which `rate` will be what the polar does not explain;
+    ``cas_mps``, ``cas_slope_per_s``, ``tailwind_mps`` (n, K); ``rate_slope_per_m`` (n, K) d ln(reported rate)/dHp
+    between the edges of a band, NaN where they are not seen; ``depth_m`` (n, K) below the flight's own highest level;
+    ``cluster`` (n,) number of the aircraft.
+    """
+
+    levels_fl: tuple[float, float]
+    """Lowest and highest level of the grid."""
+    band_fl: float
+    """Height of a band."""
+    values: dict[str, Tensor]
+    physics: dict[str, Tensor]
+    cluster: Tensor
+
+    def __len__(self) -> int:
+        """Number of flights."""
+        return len(self.cluster)
+
+    @property
+    def altitude_m(self) -> Tensor:
+        """(K,) middles of the bands."""
+        low, high = self.levels_fl
+        count = max(round((high - low) / self.band_fl), 1)
+        return (low + self.band_fl * (torch.arange(count, dtype=torch.float64) + 0.5)) * FL_M
+
+    def rows(self, index: Tensor) -> "Quantities":
+        """The flights at these positions, or where a mask is true."""
+        return replace(
+            self,
+            values={name: value[index] for name, value in self.values.items()},
+            physics={name: value[index] for name, value in self.physics.items()},
+            cluster=self.cluster[index],
+        )
+
+    def to_state(self) -> dict[str, Any]:
+        """Tensors and primitives for a checkpoint, single precision; no flight is named."""
+        return {
+            "version": VERSION,
+            "levels_fl": list(self.levels_fl),
+            "band_fl": self.band_fl,
+            "values": {name: value.float() for name, value in self.values.items()},
+            "physics": {name: value.float() for name, value in self.physics.items()},
+            "cluster": self.cluster.int(),
+        }
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> "Quantities":
+        """Rebuild from :meth:`to_state`.
+
+        Raises:
+            KeyError: If the state is of another version.
+        """
+        if state["version"] != VERSION:
+            raise KeyError(f"reference of version {state['version']}")
+        return cls(
+            (float(state["levels_fl"][0]), float(state["levels_fl"][1])),
+            float(state["band_fl"]),
+            {name: value.double() for name, value in state["values"].items()},
+            {name: value.double() for name, value in state["physics"].items()},
+            state["cluster"].long(),
+        )
+
+
+def band_height_fl(low_fl: float, high_fl: float) -> float:
+    """Height of the bands of a grid, in flight levels, a multiple of 5."""
+    return max(5.0, 5.0 * round((high_fl - low_fl) / N_BANDS / 5.0))
+
+
+def quantities_of(frame: pl.DataFrame, low_fl: float, high_fl: float, channels: Sequence[str]) -> Quantities:
+    """Measure every flight of a prepared table, see :func:`grid_of`."""
+    return checked(measured(grid_of(frame, low_fl, high_fl, channels)))
+
+
+def grid_of(frame: pl.DataFrame, low_fl: float, high_fl: float, channels: Sequence[str]) -> LevelGrid:
+    """Flights of a prepared table on the levels of a simulator.
+
+    Args:
+        frame: One row a flight and level, as ``descentflow prepare`` writes it.
+        low_fl: Lowest level of the simulator's grid.
+        high_fl: Highest level of it.
+        channels: Channels to use; those that the table lacks are left out.
+
+    Raises:
+        DataError: If no flight has a level on the grid.
+
+    Example:
+        >>> quantities_of(descents.frame, 150, 370, CHANNELS).values["tas"].shape
+        torch.Size([400, 15])
+    """
+    grid = LevelGrid.of_frame(frame, low_fl, high_fl, [c for c in channels if c in frame.columns])
+    if grid is None:
+        raise DataError(
+            f"no descent between FL{low_fl:g} and FL{high_fl:g}",
+            expected="flights with levels on the simulator's grid",
+            mend="prepare with another --bottom-fl, or use a simulator of this grid",
+        )
+    return grid
+
+
+def checked(found: Quantities) -> Quantities:
+    """The same, unless no flight is left.
+
+    Raises:
+        DataError: If none is.
+    """
+    if not len(found):
+        raise DataError(
+            f"no flight with enough levels in a band of {100 * found.band_fl:g} ft",
+            expected="flights with levels on the simulator's grid",
+            mend="prepare with another --bottom-fl, or use a simulator of this grid",
+        )
+    return found
+
+
+def measured(grid: LevelGrid) -> Quantities:
+    """Quantities of flights on levels; those without a band are left out."""
+    low_fl, high_fl = float(grid.levels_fl[0]), float(grid.levels_fl[-1])
+    band = band_height_fl(low_fl, high_fl)
+    bands = grid.bands(band)
+    cas_kt = grid.values["IAS"]
+    # The mean of the rate and not of its logarithm: noise would pull that down.
+    fall_mps = -grid.values["vertical_rate"] * FPM_MPS
+    reported, crossed = bands.rates_mps(fall_mps)
+    log_rate = reported.log()
+    cas = torch.where(log_rate.isfinite(), bands.mean(cas_kt), torch.nan)
+    physics = {
+        "log_rate": log_rate,
+        "cas_mps": cas * KT_MPS,
+        "cas_slope_per_s": bands.slope(cas_kt) * KT_MPS,
+        "rate_slope_per_m": bands.change(fall_mps) / (reported * band * FL_M),
+        "depth_m": bands.depth_m(),
+    }
+    values = {"lag": log_rate - crossed.log(), "cas": cas}
+    seen = grid.values
+    if "Mach" in seen:
+        values["mismatch"] = bands.mean(cas_kt - mach_to_cas_mps(seen["Mach"], grid.altitude_m) / KT_MPS)
+    tailwind = torch.zeros_like(cas)
+    if "TAS" in seen and "Mach" in seen:
+        standard = mach_to_tas_mps(seen["Mach"], grid.altitude_m) / KT_MPS
+        values["tas"] = bands.mean((seen["TAS"] / standard).log())
+    if "TAS" in seen and "groundspeed" in seen:
+        tailwind = bands.mean(seen["groundspeed"] - _level_part_kt(seen) * _drift_cosine(seen)) * KT_MPS
+        values["wind"] = _centred(tailwind)
+    if "geoaltitude" in seen:
+        values["height"] = _centred(bands.mean(seen["geoaltitude"] * FT_M - grid.altitude_m))
+    physics["tailwind_mps"] = tailwind.nan_to_num(0.0)
+    values |= short_scale_noise(grid) | gaps_of(grid)
+    good = log_rate.isfinite().any(1)
+    return Quantities((low_fl, high_fl), band, values, physics, grid.cluster).rows(good)
+
+
+def reference_state(
+    frame: pl.DataFrame, low_fl: float, high_fl: float, flights: Sequence[str]
+) -> dict[str, Any] | None:
+    """State of the flights that a simulator was trained on, for its checkpoint; None if they show no band.
+
+    Flights beyond :data:`LARGEST` are left out before anything is measured, by whole aircraft, by a draw that depends
+    on nothing but which aircraft there are.
+
+    Args:
+        frame: Prepared descents.
+        low_fl: Lowest level of the simulator's grid.
+        high_fl: Highest level of it.
+        flights: Those of the table that it was trained on.
+    """
+    try:
+        return quantities_of(_of_some_aircraft(frame, flights, LARGEST), low_fl, high_fl, CHANNELS).to_state()
+    except DataError:
+        return None
+
+
+def _of_some_aircraft(frame: pl.DataFrame, among: Sequence[str], most: int) -> pl.DataFrame:
+    """Flights among some, of aircraft drawn until there are so many; all of them if they are no more."""
+    flights = frame.group_by("flight_id").agg(pl.col("icao24").first().fill_null("")).sort("icao24", "flight_id")
+    flights = flights.filter(pl.col("flight_id").is_in(list(among)))
+    if len(flights) <= most:
+        return frame.filter(pl.col("flight_id").is_in(flights["flight_id"].implode()))
+    aircraft = flights["icao24"].unique().sort()
+    place = pl.Series(np.random.default_rng(0).permutation(len(aircraft)))
+    drawn = flights.join(pl.DataFrame({"icao24": aircraft, "place": place}), on="icao24").sort("place", "flight_id")
+    return frame.filter(pl.col("flight_id").is_in(drawn["flight_id"].head(most).implode()))
+
+
+def _level_part_kt(seen: dict[str, Tensor]) -> Tensor:
+    """Horizontal part of the true airspeed: a steeper descent must not pass for wind."""
+    fall_kt = seen["vertical_rate"] * FPM_MPS / KT_MPS
+    return (seen["TAS"] ** 2 - fall_kt**2).clamp(min=0.0).sqrt()
+
+
+def _drift_cosine(seen: dict[str, Tensor]) -> Tensor:
+    """Cosine of the angle between heading and track; one where they are not reported."""
+    if "track" not in seen or "heading" not in seen:
+        return torch.ones_like(seen["TAS"])
+    cosine = torch.cos(torch.deg2rad(seen["heading"] - seen["track"]))
+    return torch.where(cosine.isfinite(), cosine, 1.0)
+
+
+def _centred(values: Tensor) -> Tensor:
+    """Values (n, K) less each flight's mean over what is seen."""
+    return values - values.nanmean(1, keepdim=True)

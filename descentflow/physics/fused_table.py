@@ -1,0 +1,108 @@
+"""The clean idle descent on a fixed grid, arranged for speed: what depends on the level alone is tabulated.
+
+The equations are those of :mod:`airspeed`, :mod:`energy` and :mod:`forces`, from which the table is filled; only
+their order is new. With ``x = 1 + 0.2 (CAS/c)^2`` the impact pressure is ``r = (x^3.5 - 1) p0/p + 1``, and
+``y = r^(2/7) = 1 + 0.2 M^2`` gives Mach, and the energy share ``1 / (1 + lapse M^2 + y - y/r)``: one general power
+and two square roots a value, where the plain form takes four powers. Tests hold the two together.
+"""
+
+from dataclasses import dataclass
+from math import sqrt
+
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.constants import G0_MPS2, KAPPA, P0_PA
+from descentflow.core.tensors import Number, as_tensors
+from descentflow.physics.airspeed import CAS_SCALE_MPS
+from descentflow.physics.atmosphere import isa_fraction, pressure_pa, speed_of_sound_mps
+from descentflow.physics.energy import lapse_share
+from descentflow.physics.forces import descent_thrust_n
+from descentflow.physics.speed_schedule import holds_mach
+
+HALF = (KAPPA - 1) / 2
+INVERSE_EXPONENT = (KAPPA - 1) / KAPPA
+
+
+@dataclass(frozen=True)
+class LevelTable:
+    """Constants of each level (L,) for one aircraft, mass and temperature deviation."""
+
+    pressure_ratio: Tensor
+    """Sea-level pressure over the level's."""
+    pressure_rest: Tensor
+    """One less that."""
+    mach_scale: Tensor
+    """True airspeed of ``sqrt(y - 1)``."""
+    lapse: Tensor
+    """Weight of ``y - 1`` in the energy share: zero above the tropopause."""
+    compression: Tensor
+    """Weight of ``y - y/r``: one where CAS is held, zero where Mach is."""
+    thrust_n: Tensor
+    thrust_power_w: Tensor
+    """Part of the thrust that falls with speed (turboprops), times speed."""
+    power_scale: Tensor
+    """``(T - dT)/T / (m g0)``: rate for each watt of excess power."""
+
+
+def level_table(
+    aircraft: Aircraft, altitude_m: Tensor, mass_kg: Number | None = None, deviation_k: Number = 0.0
+) -> LevelTable:
+    """Tabulate a grid (L,) in its precision (manual 3.1, 3.2 and 3.7).
+
+    Args:
+        aircraft: Coefficients, all floats.
+        altitude_m: (L,) pressure altitude.
+        mass_kg: Mass; the reference mass if absent.
+        deviation_k: ISA temperature deviation.
+    """
+    # Filled in float64 and rounded once.
+    altitude = altitude_m.double()
+    one, deviation = torch.ones_like(altitude), as_tensors(deviation_k)[0].to(altitude)
+    ratio = P0_PA / pressure_pa(altitude)
+    slow, fast = (descent_thrust_n(aircraft, altitude, speed * one, deviation) for speed in (100.0, 200.0))
+    # Every engine's thrust is a constant plus a term in 1/V: two speeds tell both.
+    falling = (slow - fast) * 200.0
+    mass = aircraft.mass_reference_kg if mass_kg is None else mass_kg
+    columns = (
+        ratio,
+        1 - ratio,
+        speed_of_sound_mps(altitude, deviation) / sqrt(HALF),
+        lapse_share(one, altitude, deviation) / HALF,
+        (~holds_mach(aircraft, altitude)).double(),
+        2 * fast - slow,
+        falling,
+        isa_fraction(altitude, deviation) / (mass * G0_MPS2),
+    )
+    return LevelTable(*(column.to(altitude_m).expand(altitude_m.shape).contiguous() for column in columns))
+
+
+def fused_rate(table: LevelTable, drag_n: Tensor, cas_mps: Tensor, out: tuple[Tensor, ...]) -> None:
+    """Mach, true airspeed, rate and its reciprocal of profiles (n, L), in place (manual 3.1-23, 3.2-7 to 3.2-11).
+
+    Args:
+        table: Constants of the L levels.
+        drag_n: (n, L).
+        cas_mps: (n, L).
+        out: Mach, TAS, rate and slowness (s/m, negative in descent), each (n, L).
+    """
+    mach, tas, rate, scratch = out
+    torch.mul(cas_mps, cas_mps, out=rate)
+    rate.mul_(HALF / CAS_SCALE_MPS**2).add_(1.0)  # x
+    torch.sqrt(rate, out=scratch)
+    torch.mul(rate, rate, out=tas)
+    rate.mul_(tas).mul_(scratch)  # x^3.5
+    torch.addcmul(table.pressure_rest, rate, table.pressure_ratio, out=rate)  # r
+    torch.pow(rate, INVERSE_EXPONENT, out=tas)  # y
+    torch.div(tas, rate, out=rate)
+    torch.sub(tas, rate, out=rate)  # y - y/r
+    tas.sub_(1.0)  # 0.2 M^2
+    rate.mul_(table.compression).addcmul_(tas, table.lapse).add_(1.0)  # 1 / f
+    tas.sqrt_()
+    torch.mul(tas, 1 / sqrt(HALF), out=mach)
+    tas.mul_(table.mach_scale)
+    torch.sub(table.thrust_n, drag_n, out=scratch)
+    torch.addcmul(table.thrust_power_w, scratch, tas, out=scratch)  # excess power
+    torch.div(scratch.mul_(table.power_scale), rate, out=rate)
+    torch.reciprocal(rate, out=scratch)

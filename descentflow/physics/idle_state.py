@@ -1,0 +1,54 @@
+"""What BADA says of an aircraft descending at a given CAS and pressure altitude: used by inference and by decoding."""
+
+from typing import NamedTuple
+
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.tensors import Number
+from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.physics.energy import energy_share_factor, energy_share_factor_local
+from descentflow.physics.forces import descent_thrust_n
+from descentflow.physics.speed_schedule import holds_mach
+
+
+class IdleState(NamedTuple):
+    """Mach, true airspeed, idle thrust and energy share factor, each broadcast to the batch."""
+
+    mach: Tensor
+    tas_mps: Tensor
+    thrust_n: Tensor
+    energy_share: Tensor
+
+
+def idle_state(
+    aircraft: Aircraft,
+    cas_mps: Tensor,
+    altitude_m: Tensor,
+    deviation_k: Number = 0.0,
+    *,
+    wind_gradient_per_s: Number = 0.0,
+    cas_gradient_per_s: Tensor | None = None,
+) -> IdleState:
+    """State of a clean descent at idle (paper, section 2.1: BADA's formulae unchanged but for drag and CAS).
+
+    Above the type's transition altitude the energy share factor is BADA's for constant Mach, below it the one
+    for constant CAS (BADA 3 user manual, section 3.2), whatever the given CAS does between levels. With the slope of
+    the CAS given it is the exact one.
+
+    Args:
+        aircraft: Coefficients.
+        cas_mps: (..., L) calibrated airspeed.
+        altitude_m: (L,) pressure altitude.
+        deviation_k: ISA temperature deviation.
+        wind_gradient_per_s: dw/dHp of the along-track wind, positive from behind; broadcasts against the CAS.
+        cas_gradient_per_s: (..., L) dCAS/dHp for the exact energy share factor; BADA's if absent.
+    """
+    mach = cas_to_mach(cas_mps, altitude_m)
+    tas_mps = mach_to_tas_mps(mach, altitude_m, deviation_k)
+    if cas_gradient_per_s is None:
+        above = holds_mach(aircraft, altitude_m)
+        share = energy_share_factor(mach, altitude_m, above, deviation_k, wind_gradient_per_s)
+    else:
+        share = energy_share_factor_local(cas_mps, altitude_m, cas_gradient_per_s, wind_gradient_per_s, deviation_k)
+    return IdleState(mach, tas_mps, descent_thrust_n(aircraft, altitude_m, tas_mps, deviation_k), share)

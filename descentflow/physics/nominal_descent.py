@@ -1,0 +1,199 @@
+"""The nominal BADA descent: the baseline that every learned model is compared with (manual, sections 3 and 4.3)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.bada3.global_parameters import STANDARD, GlobalParameters
+from descentflow.core.constants import TROPOPAUSE_M
+from descentflow.core.errors import AircraftError
+from descentflow.core.tensors import Number, as_tensors, broadcast
+from descentflow.core.units import FL_M, FT_M
+from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.physics.configuration import descent_configuration
+from descentflow.physics.energy import descent_rate_mps, energy_share_factor
+from descentflow.physics.envelope import BUFFET_FLOOR_M, minimum_cas_mps
+from descentflow.physics.forces import descent_thrust_floor_ft, descent_thrust_n, drag_n
+from descentflow.physics.fuel import descent_fuel_flow_kg_s
+from descentflow.physics.speed_schedule import HIGH_SCHEDULE_M, ceilings_ft, descent_cas_mps, holds_mach
+from descentflow.physics.transition import transition_altitude_m
+
+_CELL_M = 1000 * FT_M
+"""Widest cell of the time quadrature: two Gauss points in 1,000 ft are good to 1e-8 of the time."""
+
+
+@dataclass(frozen=True)
+class NominalState:
+    """What the nominal model says at pressure altitudes; every field has the shape ``(..., n)``."""
+
+    cas_mps: Tensor
+    mach: Tensor
+    tas_mps: Tensor
+    esf: Tensor
+    configuration: Tensor
+    thrust_n: Tensor
+    drag_n: Tensor
+    rate_mps: Tensor
+    """dHp/dt, negative in descent."""
+    fuel_kg_s: Tensor
+
+
+@dataclass(frozen=True)
+class NominalDescent:
+    """A nominal descent on the level grid; ``level_fl`` is ``(n_levels,)`` ascending, all else ``(..., n_levels)``."""
+
+    level_fl: Tensor
+    time_s: Tensor
+    """Time since the top level: zero there, growing downwards."""
+    cas_mps: Tensor
+    mach: Tensor
+    tas_mps: Tensor
+    rate_mps: Tensor
+    """dHp/dt, negative."""
+    drag_n: Tensor
+    thrust_n: Tensor
+    esf: Tensor
+    configuration: Tensor
+    """Integer codes, see :mod:`descentflow.physics.configuration`."""
+    fuel_kg_s: Tensor
+
+
+def nominal_state(
+    aircraft: Aircraft,
+    altitude_m: Tensor,
+    mass_kg: Number | None = None,
+    deviation_k: Number = 0.0,
+    limits: GlobalParameters = STANDARD,
+    expedited: bool = False,
+) -> NominalState:
+    """Speeds, forces and rate of the nominal descent at any pressure altitudes (manual 3.2 to 3.9 and 4.3).
+
+    The schedule's steps in speed are taken at once, without the energy they set free: BADA's own tables do the same.
+
+    Args:
+        aircraft: Coefficients of the type; tensor coefficients must broadcast against ``altitude_m``.
+        altitude_m: Pressure altitude.
+        mass_kg: Mass, broadcasts; the reference mass when None.
+        deviation_k: Temperature deviation from ISA, broadcasts.
+        limits: Global parameters.
+        expedited: Descend with spoilers, the drag times C_des,exp (manual 3.7.1).
+
+    Returns:
+        The state, every field of the broadcast shape.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> bool((nominal_state(open_aircraft("A320"), torch.linspace(5e3, 1e4, 9)).rate_mps < 0).all())
+        True
+    """
+    altitude, deviation = as_tensors(altitude_m, deviation_k)
+    cas = descent_cas_mps(aircraft, altitude, mass_kg, limits)
+    mach = cas_to_mach(cas, altitude)
+    tas = mach_to_tas_mps(mach, altitude, deviation)
+    esf = energy_share_factor(mach, altitude, holds_mach(aircraft, altitude), deviation)
+    minimum = [minimum_cas_mps(aircraft, altitude, mass_kg, c, limits) for c in ("CR", "AP")]
+    configuration = descent_configuration(altitude, cas, minimum[0], minimum[1], limits)
+    thrust = descent_thrust_n(aircraft, altitude, tas, deviation, configuration, limits)
+    drag = drag_n(aircraft, tas, altitude, deviation, mass_kg, configuration)
+    if expedited:
+        drag = drag * limits.expedited_drag_factor
+    rate = descent_rate_mps(aircraft, drag, thrust, tas, esf, altitude, deviation, mass_kg)
+    fuel = descent_fuel_flow_kg_s(aircraft, altitude, tas, thrust, configuration)
+    fields = broadcast(cas, mach, tas, esf, configuration, thrust, drag, rate, fuel)
+    return NominalState(*fields)
+
+
+def nominal_descent(
+    aircraft: Aircraft,
+    levels_fl: Tensor,
+    mass_kg: Number | None = None,
+    deviation_k: Number = 0.0,
+    limits: GlobalParameters = STANDARD,
+    expedited: bool = False,
+) -> NominalDescent:
+    """Fly the nominal BADA descent from the top level of a grid to its bottom (manual 3.2-7 and 4.3).
+
+    Time is the integral of ``dHp / rate`` by two-point Gauss in cells that end at every level and at every altitude
+    where the rate jumps (transition, tropopause, H_p,des, the schedule's steps), so it does not depend on the spacing
+    of the grid.
+
+    Args:
+        aircraft: Coefficients of the type; tensor coefficients must broadcast against ``(..., n_levels)``, so give them
+            a last dimension of one.
+        levels_fl: Flight levels, ``(n_levels,)``, strictly ascending.
+        mass_kg: One mass per descent, ``(...)`` (a dimension for the levels is added); the reference mass when None.
+        deviation_k: One temperature deviation per descent, ``(...)``.
+        limits: Global parameters.
+        expedited: Descend with spoilers, see :func:`nominal_state`.
+
+    Returns:
+        The descent, fields of shape ``(..., n_levels)``.
+
+    Raises:
+        AircraftError: If the levels do not ascend, or if drag does not exceed thrust somewhere on the way.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> descent = nominal_descent(open_aircraft("A320"), torch.arange(150, 371), torch.tensor([55e3, 65e3]))
+        >>> descent.time_s.shape
+        torch.Size([2, 221])
+    """
+    levels = _checked(as_tensors(levels_fl)[0], aircraft)
+    mass = mass_kg[..., None] if isinstance(mass_kg, Tensor) else mass_kg
+    deviation = deviation_k[..., None] if isinstance(deviation_k, Tensor) else deviation_k
+
+    def state_at(altitude_m: Tensor) -> NominalState:
+        return nominal_state(aircraft, altitude_m, mass, deviation, limits, expedited)
+
+    altitude = levels * FL_M
+    state = state_at(altitude)
+    time = _time_from_top(
+        lambda altitude_m: state_at(altitude_m).rate_mps, altitude, _jumps_m(aircraft, altitude, limits), aircraft
+    )
+    time, _ = broadcast(time, state.rate_mps)
+    shared = {name: getattr(state, name) for name in NominalState.__dataclass_fields__}
+    return NominalDescent(level_fl=levels, time_s=time, **shared)
+
+
+def _checked(levels: Tensor, aircraft: Aircraft) -> Tensor:
+    if levels.dim() != 1 or not bool((levels.diff() > 0).all()):
+        raise AircraftError(
+            f"levels of shape {tuple(levels.shape)} for {aircraft.typecode}",
+            expected="one dimension of strictly ascending flight levels",
+            mend="sort the levels and drop repeats; one grid serves the whole batch",
+        )
+    return levels
+
+
+def _jumps_m(aircraft: Aircraft, altitude: Tensor, limits: GlobalParameters) -> list[Tensor]:
+    """Altitudes where the rate jumps: every threshold of the model."""
+    fixed = [TROPOPAUSE_M, HIGH_SCHEDULE_M, BUFFET_FLOOR_M]
+    fixed += [ft * FT_M for ft in (*ceilings_ft(aircraft), limits.approach_ceiling_ft, limits.landing_ceiling_ft)]
+    moving = [transition_altitude_m(aircraft), descent_thrust_floor_ft(aircraft, limits) * FT_M]
+    cells = torch.arange(altitude[0].item(), altitude[-1].item(), _CELL_M, dtype=altitude.dtype, device=altitude.device)
+    return [altitude.new_tensor(fixed), cells, *(m.to(altitude.dtype).reshape(m.shape or (1,)) for m in moving)]
+
+
+def _time_from_top(
+    rate_mps: Callable[[Tensor], Tensor], altitude: Tensor, jumps: list[Tensor], aircraft: Aircraft
+) -> Tensor:
+    """Integrate from the top level down to each level, cell by cell between levels and jumps."""
+    batch = broadcast(*(j[..., :1] for j in jumps))[0].shape[:-1]
+    parts = [altitude, *(j.clamp(altitude[0], altitude[-1]) for j in jumps)]
+    edges, order = torch.cat([p.expand(*batch, p.shape[-1]) for p in parts], dim=-1).sort(dim=-1, stable=True)
+    middle, half = (edges[..., 1:] + edges[..., :-1]) / 2, edges.diff(dim=-1) / 2
+    rates = [rate_mps(middle + sign * half / 3**0.5) for sign in (-1, 1)]
+    if not all(bool((r < 0).all()) for r in rates):
+        raise AircraftError(
+            f"{aircraft.typecode} does not descend everywhere between {altitude[0]:.0f} and {altitude[-1]:.0f} m",
+            expected="drag above idle thrust at every altitude",
+            mend="check mass, temperature deviation and coefficients",
+        )
+    duration = -half * (1 / rates[0] + 1 / rates[1])
+    fallen = duration.flip(-1).cumsum(-1).flip(-1)
+    at_edges = torch.cat([fallen, torch.zeros_like(fallen[..., :1])], dim=-1)
+    places = order.argsort(dim=-1)[..., : altitude.shape[0]]
+    return at_edges.gather(-1, places.expand(*at_edges.shape[:-1], places.shape[-1]))

@@ -1,1 +1,0 @@
-"""Given the first part of an observed descent, the distribution of the rest of it."""

@@ -1,1 +1,0 @@
-"""Drag and CAS of each flight on the flight-level grid, with the mask of what was observed."""

@@ -1,0 +1,1 @@
+"""How results are shown everywhere: one style of figures, one builder of HTML pages."""

@@ -1,0 +1,73 @@
+"""Read a checkpoint without executing code, or say clearly why it cannot be read."""
+
+import pickle
+import warnings
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import torch
+
+from descentflow.core.errors import CheckpointError
+from descentflow.representation.representation import Representation
+
+SECTION = "descentflow"
+"""Key of a checkpoint under which everything stands that Lightning does not save itself."""
+FORMAT = 2
+"""Version of that section."""
+MEND = "pass a .ckpt file that `descentflow fit` wrote, for instance runs/.../checkpoints/best.ckpt"
+
+
+def read_checkpoint(path: str | Path) -> dict[str, Any]:
+    """Read a checkpoint's content with ``weights_only=True``, which unpickles nothing but tensors and primitives.
+
+    Raises:
+        CheckpointError: If the file is missing, truncated, not a checkpoint, not ours, of another format, or
+            holds objects that would have to execute code.
+    """
+    if not Path(path).is_file():
+        raise CheckpointError(f"no file {path}", expected="a checkpoint", mend=MEND)
+    try:
+        with warnings.catch_warnings():
+            # torch wonders aloud about pickle protocols that it then refuses.
+            warnings.simplefilter("ignore", UserWarning)
+            content = torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        raise CheckpointError(
+            f"{path}: {str(error).splitlines()[0]}", expected="a checkpoint of tensors and primitives", mend=MEND
+        ) from error
+    except (RuntimeError, EOFError, BadZipFile, OSError, ValueError, KeyError) as error:
+        raise CheckpointError(
+            f"{path}: {str(error).splitlines()[0] if str(error) else type(error).__name__}",
+            expected="a whole checkpoint file (this one is truncated or something else)",
+            mend=MEND,
+        ) from error
+    if not isinstance(content, dict) or SECTION not in content:
+        raise CheckpointError(f"{path}: not a checkpoint of descentflow", expected=f"a {SECTION!r} section", mend=MEND)
+    if content[SECTION].get("format") != FORMAT:
+        raise CheckpointError(
+            f"{path}: checkpoint format {content[SECTION].get('format')!r}",
+            expected=f"format {FORMAT}",
+            mend=f"fit again, or use the descentflow version that wrote it ({content[SECTION].get('version')})",
+        )
+    return content
+
+
+def load_representation(path: str | Path) -> Representation:
+    """Load bases, scaler, bounds and split of a checkpoint without its density.
+
+    Raises:
+        CheckpointError: As :func:`read_checkpoint`.
+    """
+    content = read_checkpoint(path)
+    try:
+        return Representation.from_state(content[SECTION]["representation"])
+    except (KeyError, TypeError) as error:
+        raise incomplete(path, error) from error
+
+
+def incomplete(path: str | Path, error: Exception) -> CheckpointError:
+    """The error for a checkpoint that lacks something, or holds what cannot be."""
+    return CheckpointError(
+        f"{path}: {str(error).splitlines()[0]}", expected="all that a descentflow checkpoint holds", mend=MEND
+    )

@@ -1,0 +1,207 @@
+"""Context of a flight (temperature deviation, wind, operator, hour) as numbers that a density can be conditioned on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import isfinite, pi
+from typing import Any, Literal
+
+import polars as pl
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import ConfigError, DataError
+
+Kind = Literal["number", "category", "hour"]
+Missing = Literal["drop", "indicator"]
+OTHER = "(other)"
+"""Category of the rare and the unseen."""
+FEWEST_OF_A_CATEGORY = 10
+"""Training flights below which a category is one of the others."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """How one column becomes numbers.
+
+    A number is standardised. An hour becomes the sine and cosine of the day's angle: 23:59 is close to 00:01. A
+    category is one 0/1 number for each value but the most frequent. With ``indicator`` one more 0/1 number says that
+    the value is missing, and the others are then zero.
+    """
+
+    name: str
+    kind: Kind
+    mean: float = 0.0
+    scale: float = 1.0
+    values: tuple[str, ...] = ()
+    """Of a category, the most frequent first."""
+    indicator: bool = False
+
+    @property
+    def width(self) -> int:
+        """How many numbers it becomes."""
+        own = {"number": 1, "hour": 2, "category": len(self.values) - 1}[self.kind]
+        return own + int(self.indicator)
+
+    def usable(self, series: pl.Series) -> pl.Series:
+        """Which entries can be encoded as themselves: (n,) bool."""
+        if self.kind != "category":
+            number = series.cast(pl.Float64, strict=False)
+            return (number.is_not_null() & number.is_finite()).fill_null(False)
+        known = series.cast(pl.String).is_in(self.values).fill_null(False)
+        return known | series.is_not_null() if OTHER in self.values else known
+
+    def encode(self, series: pl.Series) -> Tensor:
+        """Numbers (n, width), float64; what cannot be used is zero, with its indicator where there is one."""
+        usable = torch.from_numpy(self.usable(series).to_numpy().copy())
+        if self.kind == "category":
+            named = series.cast(pl.String).fill_null("").to_list()
+            index = [self.values.index(v if v in self.values else OTHER) if u else 0
+                     for v, u in zip(named, usable.tolist(), strict=True)]  # fmt: skip
+            hot = torch.nn.functional.one_hot(torch.tensor(index, dtype=torch.long), len(self.values))
+            numbers = hot[:, 1:].double()
+        else:
+            value = torch.from_numpy(series.cast(pl.Float64, strict=False).fill_null(0.0).to_numpy().copy())
+            angle = 2 * pi * value / 24
+            columns = [angle.sin(), angle.cos()] if self.kind == "hour" else [(value - self.mean) / self.scale]
+            numbers = torch.stack(columns, 1)
+        numbers = torch.where(usable[:, None], numbers, 0.0)
+        return torch.cat([numbers, (~usable).double()[:, None]], 1) if self.indicator else numbers
+
+
+class ContextEncoder:
+    """Columns of a flight table as (n, width) standardised numbers, fitted on training flights alone.
+
+    Example:
+        >>> encoder = ContextEncoder.fit(train, ["deviation_k", "operator"])
+        >>> encoder.encode(flights).shape
+        torch.Size([1440, 3])
+        >>> encoder.given({"deviation_k": "10", "operator": "FST"})  # (1, 3)
+    """
+
+    def __init__(self, columns: Sequence[Column]) -> None:
+        """Hold fitted columns."""
+        self.columns = tuple(columns)
+
+    @classmethod
+    def fit(cls, train: pl.DataFrame, names: Sequence[str], missing: Missing = "drop") -> "ContextEncoder":
+        """Learn means, deviations and categories.
+
+        Args:
+            train: One row a training flight.
+            names: Columns, each number, text or boolean; one called ``hour`` counts as the hour of the day.
+            missing: ``drop`` if flights that lack a value are left out, ``indicator`` if missing is a value of its own.
+
+        Raises:
+            DataError: If a column is empty or the same for all training flights.
+        """
+        return cls([_fit_column(train[name], missing == "indicator") for name in names])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns."""
+        return tuple(column.name for column in self.columns)
+
+    @property
+    def width(self) -> int:
+        """Numbers c that stand for one flight's context."""
+        return sum(column.width for column in self.columns)
+
+    def lacking(self, frame: pl.DataFrame) -> dict[str, pl.Series]:
+        """For each column without an indicator, which flights cannot be encoded: (n,) bool."""
+        return {c.name: ~c.usable(frame[c.name]) for c in self.columns if not c.indicator}
+
+    def encode(self, frame: pl.DataFrame) -> Tensor:
+        """Numbers (n, width) of a flight table, float64.
+
+        Raises:
+            ConfigError: If a column is absent, or a value is missing that has no indicator.
+        """
+        absent = [name for name in self.names if name not in frame.columns]
+        if absent:
+            raise ConfigError(
+                f"no value for the context {', '.join(absent)}",
+                expected=self.describe(),
+                mend="give every column that the model was conditioned on",
+            )
+        bad = [(name, frame[name].filter(rows)) for name, rows in self.lacking(frame).items() if bool(rows.any())]
+        if bad:
+            raise ConfigError(
+                "; ".join(f"{name} = {values[0]!r}" for name, values in bad),
+                expected=self.describe(),
+                mend="give values that the training flights had",
+            )
+        return torch.cat([column.encode(frame[column.name]) for column in self.columns], 1)
+
+    def given(self, values: Mapping[str, Any]) -> Tensor:
+        """Numbers (1, width) of one context.
+
+        Args:
+            values: Column -> value (text is read as the column's kind); None where an indicator stands for it.
+
+        Raises:
+            ConfigError: If a name is unknown, one is left out, or a value cannot be.
+        """
+        unknown = [name for name in values if name not in self.names]
+        if unknown:
+            raise ConfigError(
+                f"context {', '.join(unknown)}", expected=self.describe(), mend="give only what the model knows"
+            )
+        return self.encode(pl.DataFrame({name: [value] for name, value in values.items()}))
+
+    def describe(self) -> str:
+        """Names and possible values, for messages."""
+        return ", ".join(_describe(column) for column in self.columns)
+
+    def to_state(self) -> list[dict[str, Any]]:
+        """Primitives from which :meth:`from_state` rebuilds it."""
+        return [{**asdict(column), "values": list(column.values)} for column in self.columns]
+
+    @classmethod
+    def from_state(cls, state: list[dict[str, Any]]) -> "ContextEncoder":
+        """Rebuild from :meth:`to_state`."""
+        return cls([Column(**{**column, "values": tuple(column["values"])}) for column in state])
+
+
+def _describe(column: Column) -> str:
+    if column.kind == "category":
+        return f"{column.name} (one of {', '.join(column.values)})"
+    return f"{column.name} (hour of the day)" if column.kind == "hour" else f"{column.name} (a number)"
+
+
+def _fit_column(series: pl.Series, indicator: bool) -> Column:
+    name = series.name
+    if series.dtype.is_numeric():
+        return _number(series, indicator)
+    if not (series.dtype == pl.String or series.dtype in (pl.Boolean, pl.Categorical, pl.Enum)):
+        raise DataError(
+            f"context {name} of type {series.dtype}",
+            expected="numbers, text or true and false",
+            mend="convert the column (a time, for instance, to an hour)",
+        )
+    counts = series.cast(pl.String).drop_nulls().value_counts().sort(["count", name], descending=[True, False])
+    often = counts.filter(pl.col("count") >= FEWEST_OF_A_CATEGORY)[name].to_list()
+    rest = [OTHER] if len(often) < len(counts) else []
+    if len(often) + len(rest) < 2 and not indicator:
+        raise _constant(name, f"the category {counts[name].to_list()}")
+    return Column(name, "category", values=(*often, *rest) or (OTHER,), indicator=indicator)
+
+
+def _number(series: pl.Series, indicator: bool) -> Column:
+    values = [float(v) for v in series.drop_nulls().to_list() if isfinite(v)]
+    if series.name == "hour":
+        if not values or min(values) < 0 or max(values) > 24:
+            raise DataError(f"context hour from {min(values, default=0):g} to {max(values, default=0):g}",
+                            expected="hours of the day, 0 to 24", mend="correct the column")  # fmt: skip
+        return Column("hour", "hour", indicator=indicator)
+    tensor = torch.tensor(values, dtype=torch.float64)
+    if len(values) < 2 or not float(tensor.std()) > 0:
+        raise _constant(series.name, "one number" if values else "none")
+    return Column(series.name, "number", float(tensor.mean()), float(tensor.std()), indicator=indicator)
+
+
+def _constant(name: str, got: str) -> DataError:
+    return DataError(
+        f"context {name}: {got} for all training flights",
+        expected="values that vary between flights",
+        mend="leave it out of data.context",
+    )

@@ -1,0 +1,137 @@
+"""Effects that a diagnosis found, applied to decoded descents: what `corrected.ckpt` adds to a simulator."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.units import FL_M, KT_MPS
+from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.representation.decoder.trajectories import Trajectories
+
+SLOPE_LEVELS = 15
+"""Levels over which the slope of a sampled CAS is taken on either side."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Effects by name with their parameters, and the mass at which their sensitivities are taken.
+
+    Drag stays as the latent model drew it; speeds, rates and times change. What only sensors add (bias and lag) changes
+    the reported speed and rate and not the time; noise has no mean and is not added. An effect that takes a share of
+    the flights takes them whole and leaves the others as they are; which ones, the last digits of their speeds say,
+    which are as good as random and the same whenever a descent is decoded.
+
+    Example:
+        >>> Correction({"temperature": [10.0]}, 57e3).apply(aircraft, flown)
+    """
+
+    effects: dict[str, list[float]]
+    mass_kg: float
+    inherited: bool = False
+    """Whether the simulator's own flights had the effects: its inferred drag then gives the right rates already."""
+
+    def apply(self, aircraft: Aircraft, flown: Trajectories) -> Trajectories:
+        """The descents as they are with the effects."""
+        altitude = (flown.levels_fl * FL_M).to(flown.cas_mps)
+        speeds = torch.where(flown.mask, flown.cas_mps, 0.0).detach().double().sum(1)
+        flies, reports = self._shifts(aircraft, altitude, flown.cas_mps, flown.mask, speeds)
+        cas = flown.cas_mps + flies["cas"] + reports["cas"]
+        mach = cas_to_mach(flown.cas_mps + flies["cas"], altitude)
+        factor = flies["rate"].exp()
+        tas = mach_to_tas_mps(mach, altitude) * flies["tas"].exp()
+        return replace(
+            flown,
+            time_s=_stretched(flown.time_s, flown.entry, 1 / factor),
+            cas_mps=cas.to(flown.cas_mps),
+            mach=mach.to(flown.mach),
+            tas_mps=tas.to(flown.tas_mps),
+            rate_mps=(flown.rate_mps * factor * reports["rate"].exp()).to(flown.rate_mps),
+        )
+
+    def reach(self, aircraft: Aircraft, levels_fl: Tensor, cas_mps: Tensor) -> tuple[Tensor, Tensor]:
+        """Change of CAS (n, L) in m/s and factor of the rate (n, L) at given speeds, of flights that effects take."""
+        altitude = levels_fl * FL_M
+        flies, reports = self._shifts(aircraft, altitude, cas_mps, torch.ones_like(cas_mps, dtype=torch.bool))
+        return flies["cas"] + reports["cas"], (flies["rate"] + reports["rate"]).exp()
+
+    def _shifts(
+        self, aircraft: Aircraft, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor, speeds: Tensor | None = None
+    ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        """Sums of shifts that are flown, and that are reported only: ``rate`` (ln), ``cas`` (m/s), ``tas`` (ln)."""
+        # Here and not above: a plain decoder must not pay for the catalogue.
+        from descentflow.effects import EFFECTS
+        from descentflow.effects.flight_state import FlightState, log_rate
+
+        cas, altitude = cas_mps.detach().double(), altitude_m.double()
+        spacing = float(altitude[1] - altitude[0])
+        top = torch.where(mask, altitude, -torch.inf).amax(1, keepdim=True)
+        depth = (top - altitude).clamp(min=0.0)
+        still = torch.zeros_like(cas)
+        slope = _slope(cas, spacing)
+        state = FlightState(aircraft, self.mass_kg, altitude, spacing, cas, slope, still, mask, depth, affected=False)
+        zero = torch.zeros_like(cas)
+        flies, reports = ({"rate": zero, "cas": zero, "tas": zero} for _ in range(2))
+        for place, (name, theta) in enumerate(self.effects.items()):
+            effect = EFFECTS[name]
+            share, whole = effect.mixture(torch.tensor(theta, dtype=torch.float64))
+            shift = dict(effect.shift(state, whole))
+            if speeds is not None and share < 1.0:
+                taken = _digits(speeds, place) < share
+                shift = {q: torch.where(taken[:, None] if v.ndim == 2 else taken, v, 0.0) for q, v in shift.items()}
+            target = reports if effect.sensor else flies
+            for quantity in target:
+                if quantity in shift:
+                    target[quantity] = target[quantity] + shift[quantity] * (KT_MPS if quantity == "cas" else 1.0)
+        if self.inherited:
+            flies["rate"], reports["rate"] = zero, zero
+        if bool((flies["cas"] != 0).any()):
+            # At another speed the aircraft falls as the polar says.
+            flies["rate"] = flies["rate"] + log_rate(state, cas_mps=cas + flies["cas"]) - log_rate(state)
+        if "airspeed_bias" in self.effects and not self.inherited:
+            # Its shift of the rate is what a wrong speed makes of the residual: the rate itself is right.
+            bias = EFFECTS["airspeed_bias"].shift(state, torch.tensor(self.effects["airspeed_bias"]).double())
+            reports["rate"] = reports["rate"] - bias["rate"]
+        return flies, reports
+
+    def to_state(self) -> dict[str, Any]:
+        """Primitives for a checkpoint."""
+        return {"effects": dict(self.effects), "mass_kg": self.mass_kg, "inherited": self.inherited}
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> "Correction":
+        """Rebuild from :meth:`to_state`.
+
+        Raises:
+            KeyError: If it names an effect that this version does not have.
+        """
+        from descentflow.effects import EFFECTS
+
+        strange = [name for name in state["effects"] if name not in EFFECTS]
+        if strange:
+            raise KeyError(f"effect {strange[0]}")
+        effects = {name: [float(v) for v in theta] for name, theta in state["effects"].items()}
+        return cls(effects, state["mass_kg"], state["inherited"])
+
+
+def _digits(speeds: Tensor, place: int) -> Tensor:
+    """Numbers (n,) in [0, 1) out of sums of speeds over hundreds of levels, others for each place."""
+    return (speeds * (97.0 + 31.0 * place)).remainder(1.0)
+
+
+def _slope(cas_mps: Tensor, spacing_m: float) -> Tensor:
+    """dCAS/dHp over some levels on either side; CAS drawn from components is smooth already."""
+    n = cas_mps.shape[1]
+    index = torch.arange(n)
+    low, high = (index - SLOPE_LEVELS).clamp(min=0), (index + SLOPE_LEVELS).clamp(max=n - 1)
+    slope: Tensor = (cas_mps[:, high] - cas_mps[:, low]) / ((high - low) * spacing_m)
+    return slope
+
+
+def _stretched(time_s: Tensor, entry: Tensor, factor: Tensor) -> Tensor:
+    """Times (n, L) whose legs are longer by the mean factor of their two ends; zero at entry."""
+    legs = time_s.diff(dim=1) * (0.5 * (factor[:, 1:] + factor[:, :-1])).to(time_s)
+    total = torch.nn.functional.pad(legs.cumsum(1), (1, 0))
+    return total - total.gather(1, entry[:, None])

@@ -1,0 +1,162 @@
+"""The decoder: latent weights to drag and CAS profiles to trajectories, with all that it needs as buffers."""
+
+from dataclasses import replace
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.tensors import Number
+from descentflow.core.units import FL_M
+from descentflow.physics.transition import transition_altitude_m
+from descentflow.representation.correction import Correction
+from descentflow.representation.decoder.trajectories import Trajectories, integrate
+from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.profiles import Profiles
+
+
+class DescentDecoder(nn.Module):
+    """Map standardised weights to descents, and descents to standardised weights.
+
+    A weight vector holds the drag scores first, then the CAS scores (paper, section 2.3), each less its mean and
+    divided by its standard deviation over the training flights.
+
+    Example:
+        >>> model = load_model("runs/a320/checkpoints/best.ckpt")
+        >>> flown = model.decoder(model.sample(100, seed=0), entry=torch.full((100,), 150))
+        >>> flown.time_s[:, 0]  # seconds from entry to the lowest level
+    """
+
+    levels_fl: Tensor
+    weight_mean: Tensor
+    weight_scale: Tensor
+    drag_basis: FunctionalBasis
+    cas_basis: FunctionalBasis
+
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        levels_fl: Tensor,
+        drag_basis: FunctionalBasis,
+        cas_basis: FunctionalBasis,
+        weight_mean: Tensor,
+        weight_scale: Tensor,
+        mass_kg: float | None = None,
+        correction: Correction | None = None,
+    ) -> None:
+        """Build from fitted parts.
+
+        Args:
+            aircraft: Coefficients of the type that flies.
+            levels_fl: (L,) ascending flight levels of the bases.
+            drag_basis: Basis of drag (N).
+            cas_basis: Basis of CAS (m/s).
+            weight_mean: (d,) mean of the training flights' weights.
+            weight_scale: (d,) their standard deviation.
+            mass_kg: Mass that inferred the drag and flies it; the reference mass if absent.
+            correction: Effects that a diagnosis found, applied to what was flown.
+        """
+        super().__init__()
+        self.correction = correction
+        self.aircraft = aircraft if mass_kg is None else replace(aircraft, mass_reference_kg=mass_kg)
+        self.drag_basis, self.cas_basis = drag_basis, cas_basis
+        self.register_buffer("levels_fl", levels_fl.to(torch.float64), persistent=False)
+        self.register_buffer("weight_mean", weight_mean.to(torch.float64), persistent=False)
+        self.register_buffer("weight_scale", weight_scale.to(torch.float64), persistent=False)
+
+    @property
+    def dimension(self) -> int:
+        """Number of weights d."""
+        return self.drag_basis.n_components + self.cas_basis.n_components
+
+    @property
+    def transition_fl(self) -> float:
+        """Flight level where nominal BADA hands over from Mach to CAS; infinite where the type has no Mach leg."""
+        return float(transition_altitude_m(self.aircraft)) / FL_M
+
+    def encode(self, profiles: Profiles) -> Tensor:
+        """Standardised weights (n, d) of observed profiles on this decoder's grid, gaps allowed."""
+        drag = self.drag_basis.encode(profiles.drag_n, profiles.mask)
+        cas = self.cas_basis.encode(profiles.cas_mps, profiles.mask)
+        standardised: Tensor = (torch.cat([drag, cas], 1) - self.weight_mean) / self.weight_scale
+        return standardised
+
+    def curves(self, weights: Tensor) -> tuple[Tensor, Tensor]:
+        """Drag (n, L) in N and CAS (n, L) in m/s of standardised weights (n, d) (paper, equation 4)."""
+        raw = weights * self.weight_scale.to(weights) + self.weight_mean.to(weights)
+        n_drag = self.drag_basis.n_components
+        return self.drag_basis.decode(raw[:, :n_drag]), self.cas_basis.decode(raw[:, n_drag:])
+
+    def forward(
+        self,
+        weights: Tensor,
+        entry: Tensor | None = None,
+        mass_kg: Number | None = None,
+        deviation_k: Number = 0.0,
+        aircraft: Aircraft | None = None,
+        *,
+        wind_mps: Tensor | None = None,
+        exact_energy_share: bool = False,
+        out: Trajectories | None = None,
+        compiled: bool = False,
+    ) -> Trajectories:
+        """Fly weights (n, d) from their entry levels, in the weights' precision.
+
+        Args:
+            weights: (n, d) standardised weights.
+            entry: (n,) index of the entry level; the top of the grid if absent.
+            mass_kg: Mass, () or (n, 1); the reference mass if absent.
+            deviation_k: ISA temperature deviation.
+            aircraft: Other coefficients, for instance tensors to differentiate by.
+            wind_mps: (L,) or (n, L) along-track wind on the grid, positive from behind.
+            exact_energy_share: Not BADA's energy share factor but that of the CAS itself; see
+                :func:`descentflow.representation.decoder.trajectories.integrate`.
+            out: Descents of the same shape whose arrays may take the result.
+            compiled: Fuse the arithmetic by ``torch.compile``: pays from millions of descents on.
+        """
+        drag_n, cas_mps = self.curves(weights)
+        if entry is None:
+            entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
+        altitude_m = (self.levels_fl * FL_M).to(weights)
+        flown = aircraft if aircraft is not None else self.aircraft
+        found = integrate(
+            flown,
+            self.levels_fl,
+            altitude_m,
+            drag_n,
+            cas_mps,
+            entry,
+            mass_kg,
+            deviation_k,
+            wind_mps=wind_mps,
+            exact_energy_share=exact_energy_share,
+            out=out,
+            compiled=compiled,
+        )
+        return found if self.correction is None else self.correction.apply(self.aircraft, found)
+
+    def to_state(self) -> dict[str, Any]:
+        """Tensors and primitives from which :meth:`from_state` rebuilds the decoder."""
+        state = {
+            "aircraft": self.aircraft.to_state(),
+            "levels_fl": self.levels_fl.cpu(),
+            "drag_basis": self.drag_basis.to_state(),
+            "cas_basis": self.cas_basis.to_state(),
+            "weight_mean": self.weight_mean.cpu(),
+            "weight_scale": self.weight_scale.cpu(),
+        }
+        return state if self.correction is None else {**state, "correction": self.correction.to_state()}
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> "DescentDecoder":
+        """Rebuild from :meth:`to_state`."""
+        return cls(
+            Aircraft.from_state(state["aircraft"]),
+            state["levels_fl"],
+            FunctionalBasis.from_state(state["drag_basis"]),
+            FunctionalBasis.from_state(state["cas_basis"]),
+            state["weight_mean"],
+            state["weight_scale"],
+            correction=Correction.from_state(state["correction"]) if "correction" in state else None,
+        )

@@ -1,0 +1,93 @@
+"""The decoder without gradients: fused arithmetic in chunks that the processor's caches hold."""
+
+from collections.abc import Callable
+from functools import cache
+
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.tensors import Number
+from descentflow.physics.fused_table import LevelTable, fused_rate, level_table
+from descentflow.representation.decoder.rate_jumps import Breaks, rate_breaks
+
+CHUNK_VALUES = 1 << 17
+"""Values of a quantity in one chunk for each thread of the CPU: the handful of arrays in use stay in the caches."""
+GPU_CHUNK_VALUES = 1 << 26
+"""The same for a GPU: enough to fill it, while the arrays between the steps stay below 2 GiB."""
+
+Kernel = Callable[[LevelTable, Tensor, Tensor, tuple[Tensor, ...]], None]
+
+
+def is_plain(*values: object) -> bool:
+    """Whether no value asks for a gradient, and no coefficient varies by flight (profiles (n, L) may)."""
+    return not any(isinstance(value, Tensor) and value.requires_grad for value in values) and not any(
+        isinstance(value, Tensor) and value.numel() > 1 for value in values[2:]
+    )
+
+
+@cache
+def _compiled_kernel() -> Kernel:
+    """The arithmetic alone: a compiled cumulative sum is slower than torch's own."""
+    kernel: Kernel = torch.compile(fused_rate, dynamic=True)
+    return kernel
+
+
+def integrate_fast(
+    aircraft: Aircraft,
+    altitude_m: Tensor,
+    drag_n: Tensor,
+    cas_mps: Tensor,
+    entry: Tensor,
+    mass_kg: Number | None,
+    deviation_k: Number,
+    *,
+    out: tuple[Tensor, ...] | None = None,
+    compiled: bool = False,
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Time, Mach, TAS and rate, each (n, L): the numbers of the plain path to rounding.
+
+    Args:
+        aircraft: Coefficients, all floats.
+        altitude_m: (L,) in the profiles' precision.
+        drag_n: (n, L).
+        cas_mps: (n, L).
+        entry: (n,) index of the entry level.
+        mass_kg: Mass; the reference mass if absent.
+        deviation_k: ISA temperature deviation.
+        out: Arrays for the result, in its order; new ones if absent. On the CPU the system may take longer to hand
+            out new memory than the descents take to compute.
+        compiled: Fuse the arithmetic by ``torch.compile``.
+    """
+    breaks = rate_breaks(aircraft, altitude_m)
+    tables = tuple(level_table(aircraft, h, mass_kg, deviation_k) for h in (altitude_m, breaks.altitude_m))
+    half_step_m = (altitude_m.double().diff() / 2).to(altitude_m)
+    time_s, mach, tas_mps, rate_mps = out or (torch.empty_like(drag_n) for _ in range(4))
+    values = GPU_CHUNK_VALUES if drag_n.is_cuda else CHUNK_VALUES * torch.get_num_threads()
+    kernel = _compiled_kernel() if compiled else fused_rate
+    size = max(values // drag_n.shape[1], 1)
+    with torch.no_grad():
+        extra = _extra_slowness(tables[1], breaks, drag_n, cas_mps)
+        for start in range(0, len(drag_n), size):
+            part = slice(start, start + size)
+            here = (mach[part], tas_mps[part], rate_mps[part], time_s[part])
+            kernel(tables[0], drag_n[part], cas_mps[part], here)
+            # Seconds gained on the way up are negative here: the rate is.
+            legs = breaks.leg_times(here[3], extra[part], half_step_m)
+            _time_from_entry(legs, entry[part], here[3])
+    return time_s, mach, tas_mps, rate_mps
+
+
+def _extra_slowness(table: LevelTable, breaks: Breaks, drag_n: Tensor, cas_mps: Tensor) -> Tensor:
+    """Slowness (n, b) at both sides of the jumps."""
+    out = tuple(drag_n.new_empty(len(drag_n), len(breaks.base)) for _ in range(4))
+    if len(breaks.base):
+        fused_rate(table, breaks.continued(drag_n), breaks.continued(cas_mps), out)
+    return out[3]
+
+
+def _time_from_entry(leg_s: Tensor, entry: Tensor, time_s: Tensor) -> None:
+    """Add up legs (n, L - 1) from the bottom to times (n, L) that are zero at the entry."""
+    time_s[:, 0] = 0
+    torch.cumsum(leg_s, 1, out=time_s[:, 1:])
+    time_s -= time_s.gather(1, entry[:, None])

@@ -1,0 +1,112 @@
+"""Where the rate of a descent jumps between two levels, so that the time quadrature can stop on either side."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.constants import TROPOPAUSE_M
+from descentflow.core.tensors import Number
+from descentflow.core.units import FT_M
+from descentflow.physics.forces import descent_thrust_floor_ft
+from descentflow.physics.transition import transition_altitude_m
+
+SIDE_M = 0.01
+"""How far from a jump its two sides are evaluated: beyond the slack of the thresholds themselves."""
+
+
+class Breaks(NamedTuple):
+    """Extra altitudes (b,) on both sides of each jump inside the grid, and how they enter the time of their cells.
+
+    ``base`` and ``share`` (b) continue a profile to each extra by a line through the two levels ``base`` and
+    ``base + 1`` of its own side. ``cells`` (c) are the cells that hold extras, with the weights in metres of the
+    slowness at the level below, at the level above and, in ``inner`` (b, c), at the extras: together the trapezoid rule
+    from level to extra, between extras, and on to the next level. All carry gradients where the coefficients that
+    place a jump do: time changes as the jump moves.
+    """
+
+    altitude_m: Tensor
+    base: tuple[int, ...]
+    share: tuple[Number, ...]
+    cells: tuple[tuple[int, Number, Number], ...]
+    inner: Tensor
+
+    def continued(self, values: Tensor) -> Tensor:
+        """Values (..., L) of the levels continued to the extras: (..., b).
+
+        From its own side, because either the drag or the rate jumps: inferred drag jumps so that the observed
+        rate does not, and a smooth drag makes the rate jump.
+        """
+        if not self.base:
+            return values[..., :0]
+        # Column by column: indexing by a tensor takes longer than all the arithmetic.
+        columns = zip(self.base, self.share, strict=True)
+        return torch.stack([_between(values[..., k], values[..., k + 1], share) for k, share in columns], -1)
+
+    def leg_times(self, slowness: Tensor, extra: Tensor, half_step_m: Tensor) -> Tensor:
+        """Time between neighbouring levels (n, L - 1) from slowness on the levels (n, L) and at the extras (n, b).
+
+        Args:
+            slowness: (n, L) seconds a metre on the levels.
+            extra: (n, b) the same at the extras.
+            half_step_m: (L - 1,) half the distance of neighbouring levels.
+        """
+        legs = (slowness[:, 1:] + slowness[:, :-1]).mul_(half_step_m.to(slowness))
+        between = (extra @ self.inner.to(slowness)).unbind(1) if self.cells else ()
+        for (cell, lower, upper), inner in zip(self.cells, between, strict=True):
+            legs[:, cell] = slowness[:, cell] * lower + slowness[:, cell + 1] * upper + inner
+        return legs
+
+
+def rate_breaks(aircraft: Aircraft, altitude_m: Tensor) -> Breaks:
+    """Find the jumps of idle thrust and energy share factor inside a grid.
+
+    They are BADA's own: transition altitude, tropopause and H_p,des. A trapezoid across the transition, where the
+    rate changes by a third, would miss up to half a second of a ten-minute descent.
+
+    Args:
+        aircraft: Coefficients; of tensor coefficients the first entry places the jumps, and gets their gradient.
+        altitude_m: (L,) ascending altitudes.
+    """
+    places = (transition_altitude_m(aircraft), TROPOPAUSE_M, descent_thrust_floor_ft(aircraft) * FT_M)
+    # Placed in float64: in float32 the two sides of a jump at 10 km would be one number.
+    jumps = [torch.as_tensor(place).reshape(-1)[0].to("cpu", torch.float64) for place in places]
+    levels = altitude_m.detach().to("cpu", torch.float64).contiguous()
+    lowest, highest = float(levels[0]) + SIDE_M, float(levels[-1]) - SIDE_M
+    inside = [jump for jump in sorted(jumps, key=_value) if lowest < _value(jump) < highest]
+    sides = [side for jump in inside for side in (jump - SIDE_M, jump + SIDE_M)]
+    extras = torch.stack(sides) if sides else levels[:0]
+    last = len(levels) - 2
+    holds = (torch.searchsorted(levels, extras.detach(), right=True) - 1).clamp(0, last)
+    below = torch.arange(len(extras)) % 2 == 0
+    base = torch.where(below, holds - 1, holds + 1).clamp(0, last)
+    share = (extras - levels[base]) / (levels[base + 1] - levels[base])
+    cells, columns = [], []
+    for cell in sorted(set(holds.tolist())):
+        here = holds == cell
+        # Half of the step on either side of each point, levels first and last.
+        half = torch.cat([levels[cell : cell + 1], extras[here], levels[cell + 1 : cell + 2]]).diff() / 2
+        columns.append(torch.zeros_like(extras).masked_scatter(here, half[1:] + half[:-1]))
+        cells.append((cell, *_plain(half[[0, -1]])))
+    return Breaks(
+        extras.to(altitude_m),
+        tuple(base.tolist()),
+        tuple(_plain(share)),
+        tuple(cells),
+        (torch.stack(columns, 1) if columns else extras[:, None][:, :0]).to(altitude_m),
+    )
+
+
+def _value(number: Tensor) -> float:
+    return float(number.detach())
+
+
+def _plain(values: Tensor) -> list[Number]:
+    """Floats, which are faster to calculate with, unless a gradient is wanted."""
+    found: list[Number] = list(values.unbind()) if values.requires_grad else values.tolist()
+    return found
+
+
+def _between(lower: Tensor, upper: Tensor, share: Number) -> Tensor:
+    return torch.lerp(lower, upper, share.to(lower) if isinstance(share, Tensor) else share)

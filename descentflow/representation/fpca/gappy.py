@@ -1,0 +1,197 @@
+"""Gappy functional PCA with the interface of scikit-learn: fit, transform, inverse_transform."""
+
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.representation.fpca import ppca
+from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.fpca.hidden import hide, noise_length
+from descentflow.representation.fpca.iterative import iterate
+
+Method = Literal["ppca", "iterative"]
+TUNING_FLIGHTS = 1000
+"""Flights on which the length of the noise is chosen: more would take time and change little."""
+
+
+class GappyFPCA:
+    """Functional PCA of profiles that do not span the whole grid (paper, section 2.2 and appendix A).
+
+    ``ppca`` (default) fits probabilistic PCA by EM to the observed levels; ``iterative`` is the paper's algorithm.
+    The number of components is the smallest that explains the wanted share of variance; the latent dimension of
+    the probabilistic PCA, which completes the gaps, is larger and grows until it can tell.
+
+    Attributes after ``fit``: ``basis_`` (:class:`FunctionalBasis`), ``explained_variance_ratio_`` (k,),
+    ``n_components_``, ``n_iterations_``, ``converged_``.
+
+    Example:
+        >>> fpca = GappyFPCA(explained_variance=0.8).fit(values, mask, spacing_m=30.48)
+        >>> weights = fpca.transform(values, mask)
+        >>> curves = fpca.inverse_transform(weights)
+    """
+
+    def __init__(
+        self,
+        explained_variance: float = 0.8,
+        method: Method = "ppca",
+        *,
+        max_iterations: int = 100,
+        tolerance: float = 1e-5,
+        latent_dimension: int = 16,
+    ) -> None:
+        """Set the options.
+
+        Args:
+            explained_variance: Share of the variance that the kept components explain, above 0 and below 1.
+            method: ``ppca`` or ``iterative``.
+            max_iterations: Bound on the iterations of either algorithm.
+            tolerance: EM stops when the mean log-likelihood per observed value gains less (nats).
+            latent_dimension: First latent dimension tried; doubled until the wanted share is explained.
+        """
+        if not 0 < explained_variance < 1:
+            raise ConfigError(
+                f"explained_variance {explained_variance}", expected="a share between 0 and 1", mend="try 0.8"
+            )
+        if method not in ("ppca", "iterative"):
+            raise ConfigError(f"fPCA method {method!r}", expected="'ppca' or 'iterative'", mend="choose one of them")
+        self.explained_variance = explained_variance
+        self.method = method
+        self.max_iterations = max_iterations
+        self.tolerance = tolerance
+        self.latent_dimension = latent_dimension
+
+    def fit(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
+        """Fit to profiles.
+
+        Args:
+            values: (n, L) profiles; what stands at missing levels is not read.
+            mask: (n, L) bool, observed.
+            spacing_m: Altitude between two levels.
+
+        Raises:
+            DataError: If there are fewer than two flights, a level that fewer than two flights observe, a value
+                that is not finite, or no variance at all.
+        """
+        values = torch.where(mask, values, 0.0).to(torch.float64)
+        _check(values, mask)
+        if self.method == "iterative":
+            return self._fit_iterative(values, mask, spacing_m)
+        return self._fit_ppca(values, mask, spacing_m)
+
+    def transform(self, values: Tensor, mask: Tensor) -> Tensor:
+        """Weights (n, k) of profiles (n, L)."""
+        return self.basis_.encode(values, mask)
+
+    def inverse_transform(self, weights: Tensor) -> Tensor:
+        """Profiles (n, L) of weights (n, k)."""
+        return self.basis_.decode(weights)
+
+    def _fit_ppca(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
+        n, n_levels = values.shape
+        mean = ppca.observed_mean(values, mask)
+        scale = torch.where(mask, values - mean, 0.0).square().sum().div(mask.sum()).sqrt()
+        centred = torch.where(mask, (values - mean) / scale, 0.0)
+        largest = min(n - 1, n_levels)
+        q = min(self.latent_dimension, largest)
+        while True:
+            fitted = self._model(centred, mask, q)
+            eigenvalues, eigenvectors = _spectrum(fitted)
+            share = eigenvalues.cumsum(0) / eigenvalues.sum()
+            k = int((share < self.explained_variance - 1e-12).sum()) + 1
+            if k < q or q == largest:
+                break
+            # All q latent directions would be kept: give the model room to see how the spectrum goes on.
+            q = min(2 * q, largest)
+        k = min(k, q)
+        self.n_iterations_, self.converged_ = len(fitted.log_likelihood), fitted.converged
+        self._keep(
+            mean, eigenvectors[:, :k], share.diff(prepend=share.new_zeros(1))[:k], spacing_m,
+            loadings=fitted.loadings * scale, noise=fitted.noise_variance * scale**2,
+            noise_length=self._noise_length(centred, mask, q),
+        )  # fmt: skip
+        return self
+
+    def _noise_length(self, centred: Tensor, mask: Tensor, q: int) -> Tensor:
+        """Chosen on the tops of some flights, hidden from a fit of its own."""
+        centred, mask = centred[:TUNING_FLIGHTS], mask[:TUNING_FLIGHTS]
+        hidden = hide(mask, "top", 0.3, torch.Generator().manual_seed(0))
+        seen = mask & ~hidden
+        if not bool(hidden.any()) or not bool((seen.sum(0) >= 2).all()):
+            # Too few flights to hide anything from: one level is one observation, as the model has it.
+            return centred.new_ones(())
+        fitted = self._model(torch.where(seen, centred, 0.0), seen, min(q, len(centred) - 1))
+        return noise_length(centred, seen, hidden, fitted.loadings, fitted.noise_variance)
+
+    def _model(self, centred: Tensor, mask: Tensor, q: int) -> ppca.PPCA:
+        if bool(mask.all()):
+            loadings, noise = ppca.closed_form(ppca.pairwise_covariance(centred, mask), q)
+            return ppca.PPCA(loadings, noise, [], converged=True)
+        return ppca.em(centred, mask, q, max_iterations=self.max_iterations, tolerance=self.tolerance)
+
+    def _fit_iterative(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
+        fitted = iterate(values, mask, self.explained_variance, max_iterations=self.max_iterations)
+        share = fitted.eigenvalues.clamp(min=0).cumsum(0) / fitted.eigenvalues.clamp(min=0).sum()
+        k = int((share < self.explained_variance - 1e-12).sum()) + 1
+        self.n_iterations_, self.converged_ = fitted.n_iterations, fitted.converged
+        self._keep(
+            fitted.mean, fitted.eigenvectors[:, :k], share.diff(prepend=share.new_zeros(1))[:k], spacing_m,
+            loadings=values.new_zeros(values.shape[1], 0), noise=values.new_zeros(()), noise_length=values.new_ones(()),
+        )  # fmt: skip
+        return self
+
+    def _keep(
+        self,
+        mean: Tensor,
+        modes: Tensor,
+        ratio: Tensor,
+        spacing_m: float,
+        *,
+        loadings: Tensor,
+        noise: Tensor,
+        noise_length: Tensor,
+    ) -> None:
+        # The sign of an eigenvector is arbitrary; the largest entry positive makes fits comparable.
+        largest = modes.abs().argmax(0)
+        sign = modes.gather(0, largest[None]).sign()[0]
+        components = (modes * sign).T / spacing_m**0.5
+        self.basis_ = FunctionalBasis(mean, components, loadings, noise, noise_length, ratio, spacing_m)
+        self.explained_variance_ratio_ = ratio
+        self.n_components_ = modes.shape[1]
+
+
+def _spectrum(fitted: ppca.PPCA) -> tuple[Tensor, Tensor]:
+    """Eigenvalues (L,) and leading eigenvectors (L, q) of ``loadings loadings' + noise I``."""
+    left, singular, _ = torch.linalg.svd(fitted.loadings, full_matrices=False)
+    eigenvalues = fitted.noise_variance.expand(fitted.loadings.shape[0]).clone()
+    eigenvalues[: len(singular)] += singular.square()
+    return eigenvalues, left
+
+
+def _check(values: Tensor, mask: Tensor) -> None:
+    """Refuse profiles from which no covariance can be estimated."""
+    if values.shape[0] < 2:
+        raise DataError(
+            f"{values.shape[0]} training flight(s)",
+            expected="at least two flights",
+            mend="prepare more descents",
+        )
+    if not bool(torch.isfinite(values).all()):
+        raise DataError(
+            "profiles with values that are not finite", expected="finite observed values",
+            mend="prepare the rows again: cleaning drops such rows",
+        )  # fmt: skip
+    thin = (mask.sum(0) < 2).nonzero()
+    if len(thin):
+        raise DataError(
+            f"{len(thin)} level(s) observed by fewer than two training flights, the first at index {int(thin[0])}",
+            expected="at least two flights on every level of the grid",
+            mend="prepare more descents, or choose a grid (bottom, top) that they cover",
+        )
+    centred = torch.where(mask, values - ppca.observed_mean(values, mask), 0.0)
+    if float(centred.abs().max()) <= 1e-9 * float(values.abs().max()):
+        raise DataError(
+            "training flights that are all identical", expected="profiles that vary between flights",
+            mend="check that the rows come from different flights and are not copies",
+        )  # fmt: skip

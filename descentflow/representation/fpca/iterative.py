@@ -1,0 +1,81 @@
+"""The paper's own algorithm for gappy functional PCA (appendix A), its inner optimisation in closed form.
+
+The paper finds the weights of a flight mode by mode with sequential quadratic programming; each of those
+problems is a least-squares problem in one unknown, whose minimum is ``(phi . M y) / (phi . M phi)`` with M the
+flight's mask and y what earlier modes left over.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.representation.fpca.ppca import observed_mean, pairwise_covariance
+
+QUIET_CHANGE = 0.01
+QUIET_ITERATIONS = 10
+"""The paper stops after 10 iterations in which the mean reconstruction changes by less than 1 %."""
+
+
+@dataclass(frozen=True)
+class IterativeFit:
+    """Eigenvectors (L, L) as columns and eigenvalues (L,), largest first, of the completed data; its mean (L,)."""
+
+    mean: Tensor
+    eigenvalues: Tensor
+    eigenvectors: Tensor
+    n_iterations: int
+    converged: bool
+
+
+def modewise_weights(centred: Tensor, mask: Tensor, modes: Tensor) -> Tensor:
+    """Weights (n, k) of unit-norm modes (L, k), one mode after the other on the observed levels (appendix A, 3).
+
+    Args:
+        centred: (n, L) values less the mean; what stands at missing levels is not read.
+        mask: (n, L) observed.
+        modes: (L, k) eigenvectors.
+    """
+    seen = mask.to(centred.dtype)
+    rest = torch.where(mask, centred, 0.0)
+    weights = []
+    for mode in modes.T:
+        length = (seen @ mode.square()).clamp(min=1e-12)
+        weight = (rest @ mode) / length
+        rest = rest - weight[:, None] * mode * seen
+        weights.append(weight)
+    return torch.stack(weights, 1)
+
+
+def iterate(values: Tensor, mask: Tensor, explained_variance: float, *, max_iterations: int) -> IterativeFit:
+    """Fill the gaps by reconstruction until the mean reconstruction settles (appendix A, steps 1-5).
+
+    Args:
+        values: (n, L) float64.
+        mask: (n, L) observed.
+        explained_variance: Share of variance whose modes rebuild the missing levels.
+        max_iterations: The paper's bound is 50.
+    """
+    mean = observed_mean(values, mask)
+    centred = torch.where(mask, values - mean, 0.0)
+    covariance = pairwise_covariance(centred, mask)
+    previous, quiet, n_iterations = mean, 0, 0
+    while n_iterations < max_iterations and quiet < QUIET_ITERATIONS:
+        n_iterations += 1
+        eigenvalues, eigenvectors = _eigen(covariance)
+        share = eigenvalues.clamp(min=0).cumsum(0) / eigenvalues.clamp(min=0).sum()
+        k = int((share < explained_variance).sum()) + 1
+        rebuilt = mean + modewise_weights(values - mean, mask, eigenvectors[:, :k]) @ eigenvectors[:, :k].T
+        filled = torch.where(mask, values, rebuilt)
+        mean = filled.mean(0)
+        covariance = torch.cov(filled.T)
+        average = rebuilt.mean(0)
+        change = (average - previous).norm() / average.norm().clamp(min=1e-300)
+        previous, quiet = average, quiet + 1 if change < QUIET_CHANGE else 0
+    eigenvalues, eigenvectors = _eigen(covariance)
+    return IterativeFit(mean, eigenvalues, eigenvectors, n_iterations, quiet == QUIET_ITERATIONS)
+
+
+def _eigen(covariance: Tensor) -> tuple[Tensor, Tensor]:
+    eigenvalues, eigenvectors = torch.linalg.eigh(covariance)
+    return eigenvalues.flip(0), eigenvectors.flip(1)

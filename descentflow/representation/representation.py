@@ -1,0 +1,133 @@
+"""What is fitted before any density: bases, scaler, bounds and the split, from the training flights alone."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import nn
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.errors import DataError
+from descentflow.core.units import FL_M
+from descentflow.representation.context import ContextEncoder
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.fpca.gappy import GappyFPCA, Method
+from descentflow.representation.plausibility import Plausibility
+from descentflow.representation.profiles import Profiles
+
+
+@dataclass(frozen=True)
+class Split:
+    """Flight identifiers of the three parts; no flight is in two of them."""
+
+    train: tuple[str, ...]
+    validation: tuple[str, ...]
+    test: tuple[str, ...]
+
+    def to_state(self) -> dict[str, list[str]]:
+        """Lists of identifiers, for a checkpoint."""
+        return {"train": list(self.train), "validation": list(self.validation), "test": list(self.test)}
+
+    @classmethod
+    def from_state(cls, state: dict[str, list[str]]) -> "Split":
+        """Rebuild from :meth:`to_state`."""
+        return cls(*(tuple(state[name]) for name in ("train", "validation", "test")))
+
+
+class Representation(nn.Module):
+    """Decoder, plausibility bounds and split: all that a latent model needs besides its own density."""
+
+    def __init__(
+        self,
+        decoder: DescentDecoder,
+        plausibility: Plausibility,
+        split: Split,
+        provenance: dict[str, Any],
+        reference: dict[str, Any] | None = None,
+        context: ContextEncoder | None = None,
+    ) -> None:
+        """Hold the parts.
+
+        Args:
+            decoder: Weights to descents.
+            plausibility: Bounds and entry levels of the training flights.
+            split: Which flights are in which part.
+            provenance: Primitives that say where the descents came from.
+            reference: What the training flights measured, in bands of altitude, by which a diagnosis holds other
+                flights against them with the same instrument (:mod:`descentflow.measurements.quantities`); may be
+                absent.
+            context: What the density is conditioned on; None for nothing.
+        """
+        super().__init__()
+        self.decoder, self.plausibility = decoder, plausibility
+        self.split, self.provenance = split, provenance
+        self.reference, self.context = reference, context
+
+    @property
+    def n_context(self) -> int:
+        """Numbers that stand for one flight's context; zero without one."""
+        return 0 if self.context is None else self.context.width
+
+    def to_state(self) -> dict[str, Any]:
+        """Tensors and primitives from which :meth:`from_state` rebuilds the whole."""
+        state: dict[str, Any] = {
+            "decoder": self.decoder.to_state(),
+            "plausibility": self.plausibility.to_state(),
+            "split": self.split.to_state(),
+            "provenance": self.provenance,
+        }
+        if self.reference is not None:
+            state["reference"] = self.reference
+        if self.context is not None:
+            state["context"] = self.context.to_state()
+        return state
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> "Representation":
+        """Rebuild from :meth:`to_state`."""
+        return cls(
+            DescentDecoder.from_state(state["decoder"]),
+            Plausibility.from_state(state["plausibility"]),
+            Split.from_state(state["split"]),
+            state["provenance"],
+            state.get("reference"),
+            ContextEncoder.from_state(state["context"]) if "context" in state else None,
+        )
+
+
+def fit_representation(
+    train: Profiles,
+    aircraft: Aircraft,
+    split: Split,
+    *,
+    explained_variance: float = 0.8,
+    method: Method = "ppca",
+    mass_kg: float | None = None,
+    provenance: dict[str, Any] | None = None,
+) -> Representation:
+    """Fit bases, scaler and bounds to training flights (paper, sections 2.2 to 2.4).
+
+    Args:
+        train: Training flights on their grid.
+        aircraft: Coefficients that inferred their drag.
+        split: The split that ``train`` comes from, to be recorded.
+        explained_variance: Share of variance that the components of drag, and of CAS, explain.
+        method: Gappy fPCA algorithm.
+        mass_kg: Mass that inferred the drag, if not the reference mass.
+        provenance: Recorded in the checkpoint.
+
+    Raises:
+        DataError: If the flights do not vary or a level is observed by fewer than two of them.
+    """
+    drag = GappyFPCA(explained_variance, method).fit(train.drag_n, train.mask, FL_M).basis_
+    cas = GappyFPCA(explained_variance, method).fit(train.cas_mps, train.mask, FL_M).basis_
+    raw = torch.cat([drag.encode(train.drag_n, train.mask), cas.encode(train.cas_mps, train.mask)], 1)
+    scale = raw.std(0)
+    if not bool((scale > 0).all()):
+        raise DataError(
+            "a component whose weight is the same for every training flight",
+            expected="weights that vary between flights",
+            mend="prepare more descents, or lower data.explained_variance",
+        )
+    decoder = DescentDecoder(aircraft, train.levels_fl, drag, cas, raw.mean(0), scale, mass_kg)
+    return Representation(decoder, Plausibility.from_profiles(train), split, provenance or {})

@@ -1,1 +1,0 @@
-"""Plausibility bounds and rejection sampling, with an account of every draw."""

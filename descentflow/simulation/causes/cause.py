@@ -1,0 +1,124 @@
+"""What a cause is, how its size is drawn, and how one or several are planted in the flights of a world."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.errors import ConfigError
+from descentflow.simulation.injected import Planted, neutral
+from descentflow.simulation.parameters import FlightParameters
+
+_STREAM = 4
+"""Of a flight's random numbers; the world's own are 0 to 3."""
+_DRAWS = 6
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Flights that a cause is planted in."""
+
+    aircraft: Aircraft
+    parameters: FlightParameters
+    uniform: Tensor
+    """Random numbers of each flight for this cause, (n, 6) in [0, 1)."""
+
+    @property
+    def normal(self) -> Tensor:
+        """The same numbers as standard normal ones."""
+        normal: Tensor = torch.special.ndtri(self.uniform.clamp(1e-9, 1 - 1e-9))
+        return normal
+
+    def chosen(self, share: float) -> Tensor:
+        """Which flights the cause takes, (n,); the last random number decides."""
+        return self.uniform[:, -1] < share
+
+    def with_parameters(self, **changes: Tensor) -> FlightParameters:
+        """The flights with some parameters changed."""
+        tensors: dict[str, Any] = dict(changes)
+        return replace(self.parameters, **tensors)
+
+    def with_planted(self, **changes: Tensor | float) -> FlightParameters:
+        """The flights with some of :class:`~descentflow.simulation.injected.Planted` changed."""
+        before = self.parameters.planted or neutral(len(self.parameters))
+        like = before.noise_factor
+        tensors: dict[str, Any] = {name: like * 0 + value for name, value in changes.items()}
+        planted: Planted = replace(before, **tensors)
+        return replace(self.parameters, planted=planted)
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Something that makes real flights differ from a simulator's.
+
+    Example:
+        >>> CAUSES["mass"].values(np.random.default_rng(0), size=1.0)
+        {'factor': 1.1}
+    """
+
+    name: str
+    units: Mapping[str, str]
+    """Unit of every value."""
+    values: Callable[[np.random.Generator, float], dict[str, float]]
+    """Draws the values for a size; 1 is the full size, 0.5 the half size."""
+    plant: Callable[[Fleet, Mapping[str, float]], FlightParameters]
+    """Changes flights."""
+    channels: tuple[str, ...] = ()
+    """Reported fields without which this cause cannot be told from others."""
+
+
+def sign(generator: np.random.Generator) -> float:
+    """Plus or minus one."""
+    return float(generator.choice([-1.0, 1.0]))
+
+
+@dataclass(frozen=True)
+class Planting:
+    """Plants causes in the flights of a world: the ``plant`` of :func:`descentflow.simulation.world.simulate`.
+
+    A flight depends on the seed, its own number and the cause alone. Causes act in the order of the registry, so that
+    a held path is planned for the drag and the air that the flight really meets.
+
+    Example:
+        >>> plant = Planting(open_aircraft("A320"), {"mass": {"factor": 0.9}}, seed=3)
+        >>> simulate(open_aircraft("A320"), 100, seed=3, plant=plant)
+    """
+
+    aircraft: Aircraft
+    causes: Mapping[str, Mapping[str, float]]
+    """Values of each cause by its name."""
+    seed: int
+
+    def __post_init__(self) -> None:
+        """Refuse causes and values that do not exist."""
+        for name, values in self.causes.items():
+            known = _registry()
+            if name not in known or set(values) != set(known[name].units):
+                raise ConfigError(
+                    f"to plant {name} with {', '.join(values) or 'nothing'}",
+                    expected="; ".join(f"{cause.name} with {', '.join(cause.units)}" for cause in known.values()),
+                    mend="name a cause and all of its values",
+                )
+
+    def __call__(self, parameters: FlightParameters) -> FlightParameters:
+        """Plant every cause."""
+        for index, (name, cause) in enumerate(_registry().items()):
+            if name in self.causes:
+                uniform = _uniform(self.seed, parameters.number.tolist(), index)
+                parameters = cause.plant(Fleet(self.aircraft, parameters, uniform), self.causes[name])
+        return parameters
+
+
+def _registry() -> dict[str, Cause]:
+    from descentflow.simulation.causes import CAUSES
+
+    return CAUSES
+
+
+def _uniform(seed: int, numbers: Sequence[int], index: int) -> Tensor:
+    rows = [np.random.default_rng((seed, number, _STREAM, index)).random(_DRAWS) for number in numbers]
+    return torch.from_numpy(np.stack(rows))

@@ -1,0 +1,125 @@
+"""Fly a batch of flights from cruise to the bottom of descent and keep what they did."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.errors import ConfigError
+from descentflow.core.units import FL_M
+from descentflow.physics.airspeed import tas_to_cas_mps, tas_to_mach
+from descentflow.physics.atmosphere import isa_fraction
+from descentflow.simulation.autopilot import DONE, decide, labels, start
+from descentflow.simulation.motion import Motion, Plant
+from descentflow.simulation.parameters import WIDTH, FlightParameters
+from descentflow.simulation.world_config import WorldConfig
+
+LONGEST_S = 7200.0
+"""A flight that has not come down by then never will."""
+
+
+@dataclass(frozen=True)
+class Flown:
+    """Records at a fixed interval, each of shape (records, n); rows after a flight's end are not ``flying``."""
+
+    time_s: Tensor
+    """(records,)"""
+    altitude_m: Tensor
+    """Pressure altitude."""
+    height_m: Tensor
+    """Geometric altitude."""
+    cas_mps: Tensor
+    mach: Tensor
+    tas_mps: Tensor
+    groundspeed_mps: Tensor
+    rate_mps: Tensor
+    """Of pressure altitude."""
+    gamma: Tensor
+    """Path angle through the air, radians."""
+    drag_n: Tensor
+    thrust_n: Tensor
+    label: Tensor
+    """Codes of :data:`descentflow.simulation.autopilot.LABELS`."""
+    flying: Tensor
+
+
+@torch.no_grad()
+def fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig | None = None) -> Flown:
+    """Fly every flight by the equation of motion.
+
+    Args:
+        aircraft: Coefficients of the type.
+        parameters: The flights, shape (n,).
+        config: Steps and interval of records.
+
+    Returns:
+        Records of shape (records, n), float64.
+
+    Raises:
+        ConfigError: If a flight does not come down within two hours: idle thrust that exceeds drag.
+
+    Example:
+        >>> flown = fly(aircraft, draw_parameters(aircraft, range(10), seed=0))
+    """
+    with one_thread():
+        return _fly(aircraft, parameters, config or WorldConfig())
+
+
+def _fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig) -> Flown:
+    n = len(parameters)
+    full = torch.arange(-(-n // WIDTH) * WIDTH).clamp(max=n - 1)
+    plant = Plant(aircraft, parameters.rows(full))
+    state, pilot = start(plant)
+    times: list[float] = []
+    records: list[list[Tensor]] = []
+    tick = 0
+    while True:
+        time_s = tick * config.step_s
+        gamma, extra = pilot.gamma, pilot.extra_n
+        pilot, controls, drag = decide(plant, state, pilot, time_s, config.step_s)
+        flying = pilot.mode != DONE
+        if not bool(flying.any()):
+            break
+        if tick % config.interval_s == 0:
+            values = [*_measured(plant, state, gamma), gamma, drag, plant.idle_n(state) + extra]
+            values += [labels(pilot, drag, plant.parameters.planted).to(torch.int8), flying]
+            times.append(time_s)
+            records.append([v[:n] for v in values])
+        if time_s > LONGEST_S:
+            _complain(aircraft, state.altitude_m[flying])
+        state = plant.step(state, controls, config.step_s, config.substeps)
+        tick += 1
+    stacked = [torch.stack(column) for column in zip(*records, strict=True)]
+    return Flown(torch.tensor(times, dtype=torch.float64), *stacked)
+
+
+def _measured(plant: Plant, state: Motion, gamma: Tensor) -> list[Tensor]:
+    """Altitudes, speeds and rate, in the order of :class:`Flown`."""
+    tas, altitude, deviation = state.tas_mps, state.altitude_m, plant.parameters.deviation_k
+    cas, mach = tas_to_cas_mps(tas, altitude, deviation), tas_to_mach(tas, altitude, deviation)
+    over_ground = tas * torch.cos(gamma) + plant.wind_mps(state)
+    rate = tas * torch.sin(gamma) * isa_fraction(altitude, deviation)
+    return [altitude, state.height_m, cas, mach, tas, over_ground, rate]
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep torch to one thread: on a few thousand numbers a second one costs ten times what it saves."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _complain(aircraft: Aircraft, altitude_m: Tensor) -> None:
+    raise ConfigError(
+        f"{len(altitude_m)} flights of {aircraft.typecode} still at up to FL{float(altitude_m.max()) / FL_M:.0f} after "
+        f"{LONGEST_S / 60:.0f} minutes",
+        expected="idle thrust well below drag",
+        mend="check the aircraft's descent thrust coefficients and the thrust factors of the flights",
+    )

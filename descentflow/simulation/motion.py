@@ -1,0 +1,126 @@
+"""The full equation of motion of a point mass in time: nothing here knows of an energy share factor.
+
+``m dV/dt = Thr - D - m g sin(gamma) - m dw/dt cos(gamma)``, ``dh/dt = V sin(gamma)`` in geometric altitude, and
+``dHp/dt = dh/dt T_isa / T`` because pressure falls with the air's own density. Lift equals weight in the drag, as in
+BADA, and the mass is constant: an idle descent burns 0.3 % of it.
+"""
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.constants import G0_MPS2
+from descentflow.physics.airspeed import tas_to_mach
+from descentflow.physics.atmosphere import isa_fraction
+from descentflow.physics.forces import descent_thrust_n, drag_n
+from descentflow.simulation.parameters import FlightParameters
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Where the flights are: true airspeed, pressure altitude, geometric altitude, each of shape (n,)."""
+
+    tas_mps: Tensor
+    altitude_m: Tensor
+    height_m: Tensor
+
+    def moved(self, rate: "Motion", time_s: float) -> "Motion":
+        """Return the state after a time at a constant rate of change."""
+        return Motion(
+            self.tas_mps + time_s * rate.tas_mps,
+            self.altitude_m + time_s * rate.altitude_m,
+            self.height_m + time_s * rate.height_m,
+        )
+
+
+@dataclass(frozen=True)
+class Controls:
+    """What the autopilot sets for one period: path angle and thrust above idle now, and their rates."""
+
+    gamma: Tensor
+    gamma_rate: Tensor
+    extra_n: Tensor
+    extra_rate: Tensor
+
+
+class Plant:
+    """The aircraft of a batch of flights, with their own drag, thrust, mass, air and wind.
+
+    Args:
+        aircraft: Coefficients of the type.
+        parameters: The flights.
+
+    Example:
+        >>> plant = Plant(aircraft, parameters)
+        >>> state = plant.step(state, controls, 1.0)
+    """
+
+    def __init__(self, aircraft: Aircraft, parameters: FlightParameters) -> None:
+        self.aircraft = replace(aircraft, cd0_cr=aircraft.cd0_cr * parameters.cd0_factor)
+        self.parameters = parameters
+
+    def drag_n(self, state: Motion) -> Tensor:
+        """Drag in clean configuration, and what planted brakes, compressibility and banks add."""
+        p = self.parameters
+        where = state.tas_mps, state.altitude_m, p.deviation_k
+        if p.planted is None:
+            return drag_n(self.aircraft, *where, p.mass_kg)
+        gain = p.planted.drag_gain(state.altitude_m, tas_to_mach(*where))
+        load_factor = 1 / torch.cos(p.planted.bank(state.altitude_m))
+        braked = replace(self.aircraft, cd0_cr=self.aircraft.cd0_cr * gain)
+        return drag_n(braked, *where, p.mass_kg, load_factor=load_factor)
+
+    def idle_n(self, state: Motion) -> Tensor:
+        """Idle thrust."""
+        p = self.parameters
+        return p.thrust_factor * descent_thrust_n(self.aircraft, state.altitude_m, state.tas_mps, p.deviation_k)
+
+    def wind_mps(self, state: Motion) -> Tensor:
+        """Tailwind."""
+        return self.parameters.wind_mps + self.parameters.wind_slope_per_s * state.height_m
+
+    def rates(self, state: Motion, gamma: Tensor, extra_n: Tensor) -> Motion:
+        """Time derivative of the state.
+
+        Args:
+            state: Where the flights are.
+            gamma: Flight path angle through the air, radians.
+            extra_n: Thrust above idle.
+
+        Returns:
+            Acceleration, rate of pressure altitude and of geometric altitude.
+        """
+        p = self.parameters
+        sine = torch.sin(gamma)
+        height_rate = state.tas_mps * sine
+        thrust = self.idle_n(state) + extra_n
+        wind_rate = p.wind_slope_per_s * height_rate * torch.cos(gamma)
+        acceleration = (thrust - self.drag_n(state)) / p.mass_kg - G0_MPS2 * sine - wind_rate
+        return Motion(acceleration, height_rate * isa_fraction(state.altitude_m, p.deviation_k), height_rate)
+
+    def step(self, state: Motion, controls: Controls, time_s: float, substeps: int = 1) -> Motion:
+        """Fly one autopilot period by the classical fourth-order Runge-Kutta method.
+
+        Args:
+            state: Where the flights are.
+            controls: Set by the autopilot; path angle and extra thrust change linearly within the period.
+            time_s: Length of the period.
+            substeps: Steps within it.
+
+        Returns:
+            The state at its end.
+        """
+        h = time_s / substeps
+        for k in range(substeps):
+            start, middle, end = k * h, (k + 0.5) * h, (k + 1) * h
+            k1 = self._rates_at(state, controls, start)
+            k2 = self._rates_at(state.moved(k1, h / 2), controls, middle)
+            k3 = self._rates_at(state.moved(k2, h / 2), controls, middle)
+            k4 = self._rates_at(state.moved(k3, h), controls, end)
+            state = state.moved(k1, h / 6).moved(k2, h / 3).moved(k3, h / 3).moved(k4, h / 6)
+        return state
+
+    def _rates_at(self, state: Motion, c: Controls, time_s: float) -> Motion:
+        return self.rates(state, c.gamma + time_s * c.gamma_rate, c.extra_n + time_s * c.extra_rate)

@@ -1,0 +1,172 @@
+"""What a world is made of: its operators and the spreads from which every flight is drawn."""
+
+import math
+from dataclasses import dataclass, fields
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.errors import ConfigError
+
+FASTEST_CAS = 310 / 280
+"""Speed of the fastest operator in standard descent speeds: 310 kt where the type's own is 280 kt."""
+CAS_STEPS = (270 / 310, 290 / 310, 1.0)
+"""Operators' speeds in units of the fastest."""
+VMO_SHARE = 0.96
+"""No operator plans faster than this share of V_MO and M_MO."""
+MACH_STEPS = (-0.01, 0.0, 0.01)
+SHARES = (0.4, 0.35, 0.25)
+
+
+@dataclass(frozen=True)
+class Operator:
+    """One operator's descent schedule and its share of the aircraft."""
+
+    name: str
+    """Three letters, the prefix of its callsigns."""
+    share: float
+    """Relative frequency; the shares of a world need not add up to one."""
+    cas_kt: float
+    mach: float
+    """``inf`` for a descent at constant CAS from the top."""
+
+
+@dataclass(frozen=True)
+class WorldConfig:
+    """Everything that a world may vary; a spread is a standard deviation, a range is uniform.
+
+    Example:
+        >>> WorldConfig(deviation_mean_k=10.0).level_off_share
+        0.15
+    """
+
+    operators: tuple[Operator, ...] | None = None
+    """None for :func:`default_operators` of the type."""
+    cas_spread_kt: float = 3.0
+    """Of flights about their operator's CAS."""
+    mach_spread: float = 0.004
+    wander_kt: float = 1.0
+    """Slow deviation of the speed held from the speed planned (root mean square over a long descent)."""
+    mass_range: tuple[float, float] = (0.75, 1.0)
+    """In units of the largest landing mass, see :func:`largest_landing_mass_kg`; never below the minimum mass."""
+    thrust_spread: float = 0.12
+    """Of the idle thrust factor about 1."""
+    cd0_spread: float = 0.025
+    """Of the parasitic drag factor about 1."""
+    deviation_mean_k: float = 0.0
+    deviation_spread_k: float = 0.0
+    wind_mean_mps: float = 0.0
+    """Tailwind at sea level; its spread is that of the slope times 5 km."""
+    wind_slope_mean_per_s: float = 0.0
+    """Growth of the tailwind with geometric altitude, m/s per m (0.002 is 20 m/s more at 10 km)."""
+    wind_slope_spread_per_s: float = 0.0
+    top_range: tuple[float, float] = (0.732, 0.952)
+    """Tops in units of the type's ceiling (FL300 to FL390 for 41,000 ft), on whole thousands of feet."""
+    low_top_share: float = 0.15
+    """Flights that start lower, down to ``low_top`` of the ceiling."""
+    low_top: float = 0.5
+    bottom_fl: float = 90.0
+    level_off_share: float = 0.15
+    level_off_s: tuple[float, float] = (30.0, 120.0)
+    managed_share: float = 0.15
+    """Flights with a stretch of constant vertical rate."""
+    managed_s: tuple[float, float] = (60.0, 180.0)
+    managed_rate: tuple[float, float] = (0.55, 0.9)
+    """Rate held, in units of the rate flown when it is selected; rounded to 100 ft/min."""
+    slow_start_share: float = 0.0
+    """Flights that hold a slow rate from the top before they descend at idle."""
+    slow_start_fpm: tuple[float, float] = (600.0, 1200.0)
+    slow_start_fl: tuple[float, float] = (20.0, 80.0)
+    """Height of that stretch, flight levels."""
+    two_rates_share: float = 0.0
+    """Flights that hold one rate from the top and another to the bottom, as turboprops do."""
+    first_rate_fpm: tuple[float, float] = (700.0, 1100.0)
+    second_rate_fpm: tuple[float, float] = (1200.0, 1500.0)
+    switch_fl: tuple[float, float] = (160.0, 220.0)
+    """Flight level where the second rate takes over; from the top on for flights that start below it."""
+    cruise_s: tuple[float, float] = (20.0, 60.0)
+    """Level flight before the descent."""
+    flights_per_aircraft: int = 5
+    step_s: float = 1.0
+    """Period of the autopilot, and longest step of the integration."""
+    substeps: int = 1
+    """Runge-Kutta steps in one autopilot period."""
+    interval_s: int = 4
+    """Autopilot periods between two truth rows, and mean interval of surveillance reports (in periods)."""
+    jitter_s: float = 0.8
+    """Reports come this much before or after their due time, uniformly."""
+    dropout_share: float = 0.03
+    """Reports lost one by one."""
+    gap_share: float = 0.1
+    """Flights that lose all reports for a while."""
+    gap_s: tuple[float, float] = (20.0, 60.0)
+    rate_noise_fpm: float = 40.0
+    rate_smoothing_s: float = 3.0
+    """Time constant of the transponder's smoothing of vertical rate."""
+    cas_noise_kt: float = 0.4
+    mach_noise: float = 0.0008
+    tas_noise_kt: float = 0.6
+    altitude_noise_ft: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Refuse values that make no world."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            numbers = value if isinstance(value, tuple) and field.name != "operators" else (value,)
+            bad = any(isinstance(v, float | int) and not math.isfinite(v) for v in numbers)
+            signed = field.name.endswith(("mean_k", "mean_mps", "mean_per_s"))
+            negative = not signed and any(isinstance(v, float | int) and v < 0 for v in numbers)
+            backwards = isinstance(value, tuple) and field.name != "operators" and value[0] > value[1]
+            share = field.name.endswith("_share") and not 0 <= value <= 1
+            if bad or negative or backwards or share:
+                raise ConfigError(
+                    f"world setting {field.name} = {value!r}",
+                    expected="finite numbers, no negative spread, shares at most 1, ranges from low to high",
+                    mend="correct the setting",
+                )
+        if self.step_s <= 0 or min(self.substeps, self.interval_s, self.flights_per_aircraft) < 1:
+            raise ConfigError(
+                f"steps of {self.step_s} s with {self.substeps} substeps, a report every {self.interval_s} steps, "
+                f"{self.flights_per_aircraft} flights per aircraft",
+                expected="a positive step and counts of at least 1",
+                mend="correct the setting",
+            )
+        if self.operators is not None and (not self.operators or sum(o.share for o in self.operators) <= 0):
+            raise ConfigError("no operator with a share", expected="at least one", mend="add an operator")
+
+
+def default_operators(aircraft: Aircraft) -> tuple[Operator, ...]:
+    """Three operators whose descent speeds are those of a jet at 270, 290 and 310 kt, scaled to the type.
+
+    Args:
+        aircraft: Coefficients of the type; its standard descent speeds and limits are used.
+
+    Returns:
+        Operators in order of speed, all below V_MO and M_MO.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> [round(o.cas_kt) for o in default_operators(open_aircraft("A320"))]
+        [270, 290, 310]
+    """
+    fastest = min(FASTEST_CAS * float(aircraft.des_cas_high_kt), VMO_SHARE * float(aircraft.vmo_kt))
+    planned, limit = float(aircraft.des_mach), float(aircraft.mmo)
+    machs = [min(planned + step, VMO_SHARE * limit) if planned > 0 else math.inf for step in MACH_STEPS]
+    names = ("SLO", "MID", "FST")
+    return tuple(
+        Operator(name, share, step * fastest, mach)
+        for name, share, step, mach in zip(names, SHARES, CAS_STEPS, machs, strict=True)
+    )
+
+
+def largest_landing_mass_kg(aircraft: Aircraft) -> float:
+    """Mass like a maximum landing mass: 1.07 times the minimum mass with full payload, at most the maximum mass.
+
+    BADA gives no landing mass; for the A320, B777-200 and A380 this comes within 2 % of the printed ones. Nine tenths
+    of the maximum mass where the payload is not given.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> 60e3 < largest_landing_mass_kg(open_aircraft("A320")) < 68e3
+        True
+    """
+    payload, heaviest = float(aircraft.mass_payload_kg), float(aircraft.mass_maximum_kg)
+    return min(heaviest, 1.07 * (float(aircraft.mass_minimum_kg) + payload)) if payload > 0 else 0.9 * heaviest

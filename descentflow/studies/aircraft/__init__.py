@@ -1,0 +1,1 @@
+"""Figures about aircraft types and the energy equation, for the documentation."""

@@ -1,0 +1,76 @@
+"""Flights of a study and the simulators that they are held against, flown, trained and kept in its folder."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import polars as pl
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.registry import aircraft as find_aircraft
+from descentflow.core.files import whole_file
+from descentflow.simulation.causes import Planting
+from descentflow.simulation.world import simulate
+from descentflow.studies.blind_diagnosis.blind_plan import REFERENCE_FLIGHTS, SetPlan, SimulatorPlan
+from descentflow.surveillance.descents.prepared_descents import write_descents
+from descentflow.surveillance.prepare import prepare
+from descentflow.training.datamodule import DescentDataModule
+
+TYPECODE = "A320"
+NEVER = ("latitude", "longitude")
+"""Columns that no set has: the diagnosis does not look at places."""
+BASIC = (*NEVER, "TAS", "groundspeed", "track", "heading", "geoaltitude")
+"""Columns that a set with the basic channels lacks."""
+
+
+def write_set(one: SetPlan, path: Path, typecode: str = TYPECODE) -> None:
+    """Fly the flights of a set and write their rows.
+
+    Args:
+        one: What to plant.
+        path: Parquet file of rows.
+        typecode: Type flown.
+
+    Example:
+        >>> write_set(plan.sets[0], Path("rows.parquet"))
+    """
+    aircraft = find_aircraft(typecode)
+    rows = _rows(aircraft, one.flights, one.seed, one.causes)
+    with whole_file(path) as temporary:
+        rows.drop(BASIC if one.channels == "basic" else NEVER).write_parquet(temporary)
+
+
+def write_simulator(one: SimulatorPlan, path: Path, typecode: str = TYPECODE, flights: int = REFERENCE_FLIGHTS) -> None:
+    """Fly a simulator's flights, train it on them and write its checkpoint.
+
+    Args:
+        one: Seed, polar and causes of its flights.
+        path: Checkpoint; the prepared descents stand beside it.
+        typecode: Type flown.
+        flights: Flights flown; 72 % of them train.
+
+    Example:
+        >>> write_simulator(plan.simulators[0], Path("simulator.ckpt"))
+    """
+    from descentflow.training.fit import fit
+    from descentflow.training.models.gaussian_model import Gaussian
+
+    descents = path.with_suffix(".parquet")
+    if not descents.is_file():
+        _write_descents(one, descents, typecode, flights)
+    fit(Gaussian(), DescentDataModule(descents, aircraft=typecode), path, max_epochs=1)
+
+
+def _write_descents(one: SimulatorPlan, path: Path, typecode: str, flights: int) -> None:
+    """Fly a simulator's flights and prepare them; they stay beside its checkpoint, so that it can be trained again."""
+    causes = dict(one.causes)
+    if one.cd0_factor != 1.0:
+        causes["drag_polar"] = {"factor": one.cd0_factor * causes.get("drag_polar", {}).get("factor", 1.0)}
+    with TemporaryDirectory() as folder:
+        rows = Path(folder) / "rows.parquet"
+        _rows(find_aircraft(typecode), flights, one.seed, causes).drop(NEVER).write_parquet(rows)
+        write_descents(prepare([rows])[0], path)
+
+
+def _rows(aircraft: Aircraft, n: int, seed: int, causes: dict[str, dict[str, float]]) -> pl.DataFrame:
+    plant = Planting(aircraft, causes, seed) if causes else None
+    return simulate(aircraft, n, seed, plant=plant).rows

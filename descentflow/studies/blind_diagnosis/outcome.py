@@ -1,0 +1,147 @@
+"""One diagnosis held against what was planted."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Any
+
+from descentflow.studies.blind_diagnosis.blind_plan import SCALE_GROUP, WRONG_POLAR, Plan, SetPlan
+from descentflow.studies.blind_diagnosis.true_sizes import reported
+
+UNKNOWN, NONE, REFUSED = "unknown", "none", "refused"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was planted, what was found, and whether that is right.
+
+    Attributes:
+        job: Name of the diagnosis.
+        one: The set.
+        wrong_polar: Whether its simulator had the wrong polar.
+        without: Effect left out of the catalogue, if any.
+        verdict: ``none``, ``effect``, ``unknown``, or ``refused`` where the diagnosis raised a clear error.
+        p_value: As reported.
+        named: Effects named, in order, without those that only say that the polar is wrong where it is.
+        groups: Of each, itself and what the diagnosis could not tell it from.
+        right_first: The planted cause is named first (any of mass, idle thrust and drag stands for each of them where
+            it says so: nothing that is observed tells them apart).
+        in_group: The planted cause is in the group of the first.
+        exact: Neither more nor fewer than the planted causes are named.
+        report: The whole report.
+        seconds: Processor time.
+    """
+
+    job: str
+    one: SetPlan
+    wrong_polar: bool
+    without: str | None
+    verdict: str
+    p_value: float | None
+    named: tuple[str, ...]
+    groups: tuple[frozenset[str], ...]
+    right_first: bool
+    in_group: bool
+    exact: bool
+    report: Mapping[str, Any]
+    seconds: float
+
+    @property
+    def first(self) -> str:
+        """Column of the confusion matrix."""
+        if self.verdict in (NONE, REFUSED):
+            return self.verdict
+        return self.named[0] if self.named and self.verdict != UNKNOWN else UNKNOWN
+
+
+def outcomes(plan: Plan, manifest: Mapping[str, Any], diagnoses: Mapping[str, Any]) -> list[Outcome]:
+    """Every diagnosis beside its key."""
+    sets = {one.name: one for one in plan.sets}
+    wrong = {s.name for s in plan.simulators if s.cd0_factor == WRONG_POLAR}
+    jobs = {job["name"]: job for job in manifest["jobs"]}
+    return [_outcome(jobs[name], sets[jobs[name]["set"]], found, wrong) for name, found in sorted(diagnoses.items())]
+
+
+def _outcome(job: Mapping[str, Any], one: SetPlan, found: Mapping[str, Any], wrong: set[str]) -> Outcome:
+    report = found["report"] or {}
+    wrong_polar = one.simulator in wrong
+    causes = report.get("causes", [])
+    if wrong_polar and not SCALE_GROUP & set(one.causes):
+        # The polar is wrong too, and saying so is right.
+        causes = [cause for cause in causes if cause["effect"] not in SCALE_GROUP]
+    named = tuple(cause["effect"] for cause in causes)
+    groups = tuple(frozenset({cause["effect"], *cause["group"]}) for cause in causes)
+    planted = list(one.causes)
+    first_group = groups[0] if groups else frozenset()
+    single = planted[0] if len(planted) == 1 else None
+    return Outcome(
+        job=job["name"],
+        one=one,
+        wrong_polar=wrong_polar,
+        without=job["without"],
+        verdict=report.get("verdict", REFUSED),
+        p_value=report.get("p_value"),
+        named=named,
+        groups=groups,
+        right_first=bool(named) and single is not None and stands_for(named[0], first_group, single),
+        in_group=single in first_group,
+        exact=matched(named, groups, planted),
+        report=report,
+        seconds=float(found["cpu_s"]),
+    )
+
+
+def stands_for(effect: str, group: frozenset[str], planted: str) -> bool:
+    """Whether an effect named with its group is the planted one, up to what cannot be observed at all."""
+    return effect == planted or ({effect, planted} <= SCALE_GROUP and planted in group)
+
+
+def matched(named: Sequence[str], groups: Sequence[frozenset[str]], planted: Sequence[str]) -> bool:
+    """Whether the named effects are the planted ones, in any order."""
+    if len(named) != len(planted):
+        return False
+    return any(
+        all(stands_for(effect, group, cause) for effect, group, cause in zip(named, groups, order, strict=True))
+        for order in permutations(planted)
+    )
+
+
+def sizes(outcome: Outcome) -> list[dict[str, Any]]:
+    """Estimates beside the truth, for every parameter of every cause that was named by its own name."""
+    found = []
+    for cause in outcome.report.get("causes", []):
+        truth = (
+            reported(cause["effect"], outcome.one.causes.get(cause["effect"], {}))
+            if (cause["effect"] in outcome.one.causes)
+            else {}
+        )
+        for name, true in truth.items():
+            estimate = cause["parameters"].get(name)
+            if estimate is None or estimate["low"] is None or estimate["low"] == estimate["high"]:
+                # It claims no interval.
+                continue
+            found.append(
+                {
+                    "job": outcome.job,
+                    "cause": cause["effect"],
+                    "parameter": name,
+                    "unit": estimate["unit"],
+                    "true": true,
+                    "estimate": estimate["estimate"],
+                    "low": estimate["low"],
+                    "high": estimate["high"],
+                    "covered": estimate["low"] <= true <= estimate["high"],
+                }
+            )
+    return found
+
+
+def overlap(low: float, high: float, other_low: float, other_high: float) -> float:
+    """Intersection over union of two windows.
+
+    Example:
+        >>> overlap(200, 240, 210, 250)
+        0.6
+    """
+    shared = max(0.0, min(high, other_high) - max(low, other_low))
+    return shared / (max(high, other_high) - min(low, other_low))

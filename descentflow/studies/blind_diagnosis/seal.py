@@ -1,0 +1,90 @@
+"""Sealing: what was written before is proved by its hash, published before anyone could have known the answer."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from descentflow.core.errors import DataError
+from descentflow.core.files import whole_file
+from descentflow.studies.blind_diagnosis.blind_plan import Plan
+
+KEY, MANIFEST, DIAGNOSES = "sealed_key.json", "manifest.json", "diagnoses.json"
+"""Files of a study: the key, what is public before diagnosis, and the hashes of the diagnoses."""
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON, whole or not at all."""
+    with whole_file(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=1, sort_keys=True, allow_nan=False), encoding="utf-8")
+
+
+def read_json(path: Path) -> Any:
+    """Read JSON.
+
+    Raises:
+        DataError: If the file is missing or damaged.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DataError(
+            f"{path}: {error}", expected="a file of this study", mend="run the study's earlier steps first"
+        ) from error
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def seal_key(folder: Path, plan: Plan) -> str:
+    """Write the key and return its hash, which the manifest publishes."""
+    write_json(folder / KEY, plan.as_dict())
+    return digest(folder / KEY)
+
+
+def seal_diagnoses(folder: Path, names: list[str]) -> int:
+    """Record the hash of every diagnosis that is there; what is recorded once is not recorded again.
+
+    Raises:
+        DataError: If a diagnosis was changed since it was recorded.
+    """
+    path = folder / DIAGNOSES
+    known: dict[str, str] = read_json(path) if path.is_file() else {}
+    for name in names:
+        file = folder / "diagnoses" / f"{name}.json"
+        if not file.is_file():
+            continue
+        found = digest(file)
+        if known.setdefault(name, found) != found:
+            raise DataError(
+                f"{file} is not the diagnosis that was sealed", expected=known[name], mend="run the study afresh"
+            )
+    write_json(path, known)
+    return len(known)
+
+
+def open_key(folder: Path) -> tuple[Plan, dict[str, Any], dict[str, Any]]:
+    """Open the key after everything that was sealed proves unchanged.
+
+    Returns:
+        The key, the manifest, and the sealed diagnoses by the name of their job.
+
+    Raises:
+        DataError: If the key, a set of flights or a diagnosis is not what was sealed, or no diagnosis was sealed.
+    """
+    manifest = read_json(folder / MANIFEST)
+    if digest(folder / KEY) != manifest["key_sha256"]:
+        raise DataError(
+            f"{folder / KEY} is not the key that was sealed", expected=manifest["key_sha256"], mend="run a new study"
+        )
+    sealed = read_json(folder / DIAGNOSES)
+    found: dict[str, Any] = {}
+    for name, expected in sealed.items():
+        file = folder / "diagnoses" / f"{name}.json"
+        if not file.is_file() or digest(file) != expected:
+            raise DataError(f"{file} is not the diagnosis that was sealed", expected=expected, mend="run a new study")
+        found[name] = read_json(file)
+    return Plan.from_dict(read_json(folder / KEY)), manifest, found

@@ -1,0 +1,118 @@
+"""Gappy functional PCA judged on levels that were hidden from it: mean fill, the paper's iteration, ridge, PPCA."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import DataError
+from descentflow.core.units import FL_M
+from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.fpca.gappy import GappyFPCA
+from descentflow.representation.fpca.hidden import Pattern, hide
+from descentflow.representation.fpca.ppca import observed_mean
+
+METHODS = ("mean fill", "iteration (paper)", "ridge", "probabilistic PCA")
+"""In the order of figures."""
+RIDGES = tuple(10.0**power for power in range(-6, 1))
+"""Penalties tried, in units of the components' own precision; the best on the training flights is taken."""
+
+
+@dataclass(frozen=True)
+class HiddenError:
+    """Root mean square error on hidden levels, in the profile's unit, of one method and pattern of gaps."""
+
+    method: str
+    pattern: str
+    rmse: float
+    n_flights: int
+    n_levels: int
+
+
+def hidden_errors(
+    values: Tensor,
+    mask: Tensor,
+    pattern: Pattern,
+    *,
+    share: float = 0.3,
+    explained_variance: float = 0.95,
+    seed: int = 0,
+) -> list[HiddenError]:
+    """Hide levels, fit every method to what is left of all flights, and compare with what was hidden.
+
+    Args:
+        values: (n, L) profiles.
+        mask: (n, L) observed.
+        pattern: Which levels are hidden.
+        share: How many, see :func:`hide`.
+        explained_variance: Of the components that the iteration and ridge use; PPCA completes with its own latent
+            dimension.
+        seed: Of the hiding.
+
+    Raises:
+        DataError: If there are too few flights to hide any level.
+    """
+    hidden = hide(mask, pattern, share, torch.Generator().manual_seed(seed))
+    if not bool(hidden.any()):
+        raise DataError(
+            f"{len(values)} flights of which no level can be hidden",
+            expected="more than a tenth of them at some levels",
+            mend="give more flights, or hide a larger share",
+        )
+    seen = mask & ~hidden
+    found = []
+    for method in METHODS:
+        error = torch.where(hidden, _COMPLETE[method](values, seen, explained_variance) - values, 0.0)
+        rmse = float((error.square().sum() / hidden.sum()).sqrt())
+        found.append(HiddenError(method, pattern, rmse, len(values), int(hidden.sum())))
+    return found
+
+
+def _mean_fill(values: Tensor, seen: Tensor, explained_variance: float) -> Tensor:
+    return observed_mean(torch.where(seen, values, 0.0), seen).expand_as(values)
+
+
+def _iteration(values: Tensor, seen: Tensor, explained_variance: float) -> Tensor:
+    basis = GappyFPCA(explained_variance, "iterative").fit(values, seen, FL_M).basis_
+    return basis.decode(basis.encode(values, seen))
+
+
+def _ppca(values: Tensor, seen: Tensor, explained_variance: float) -> Tensor:
+    return GappyFPCA(explained_variance).fit(values, seen, FL_M).basis_.complete(values, seen)
+
+
+def _ridge(values: Tensor, seen: Tensor, explained_variance: float) -> Tensor:
+    """Penalised least squares on the components of the iteration, the penalty chosen on levels hidden once more."""
+    basis = GappyFPCA(explained_variance, "iterative").fit(values, seen, FL_M).basis_
+    inner = hide(seen, "top", 0.2, torch.Generator().manual_seed(1))
+
+    def loss(ridge: float) -> float:
+        error = torch.where(inner, _penalised(basis, values, seen & ~inner, ridge) - values, 0.0)
+        return float(error.square().sum())
+
+    return _penalised(basis, values, seen, min(RIDGES, key=loss))
+
+
+def _penalised(basis: FunctionalBasis, values: Tensor, seen: Tensor, ridge: float) -> Tensor:
+    modes = basis.components * FL_M**0.5
+    spread = basis.explained_variance / basis.explained_variance.max()
+    weighted = seen.to(values.dtype)
+    gram = torch.einsum("nl,kl,jl->nkj", weighted, modes, modes) + torch.diag(ridge / spread)
+    target = torch.where(seen, values - basis.mean, 0.0) @ modes.T
+    weights: Tensor = torch.linalg.solve(gram, target)
+    filled: Tensor = basis.mean + weights @ modes
+    return filled
+
+
+def complete(method: str, values: Tensor, mask: Tensor, explained_variance: float = 0.95) -> Tensor:
+    """Whole profiles (n, L) that one of :data:`METHODS` makes of gappy ones."""
+    return _COMPLETE[method](values, mask, explained_variance)
+
+
+_COMPLETE: dict[str, Callable[[Tensor, Tensor, float], Tensor]] = {
+    "mean fill": _mean_fill,
+    "iteration (paper)": _iteration,
+    "ridge": _ridge,
+    "probabilistic PCA": _ppca,
+}

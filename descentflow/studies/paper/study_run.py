@@ -1,0 +1,122 @@
+"""A whole study on any engine: descents of each type, then fits and scores of each model, then the figures."""
+
+import json
+import resource
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+from descentflow.core.files import whole_file
+from descentflow.core.workers import Engine
+from descentflow.simulation.flight import one_thread
+from descentflow.studies.paper.steps import LAST, draw_type, fit_and_score, make_descents
+from descentflow.studies.paper.study_plan import StudyPlan
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One thing to be done for a type; with a model, its fit and scores."""
+
+    typecode: str
+    model: str | None = None
+
+    def __str__(self) -> str:
+        """For progress."""
+        return self.typecode if self.model is None else f"{self.typecode} {self.model}"
+
+
+@dataclass(frozen=True)
+class Place:
+    """What all jobs share: the plan, and the study's folder, which all workers see under one name."""
+
+    plan: StudyPlan
+    folder: Path
+
+    def of(self, job: Job) -> Path:
+        """Folder of the job's type."""
+        return self.folder / job.typecode
+
+
+def run_study(plan: StudyPlan, folder: Path, engine: Engine, say: Say) -> None:
+    """Do what is missing of a study, in stages of jobs that do not need each other.
+
+    Results do not depend on the engine (every job keeps to one thread: a sum's last bits depend on their number), and a
+    rerun after a break goes on with the files that are missing.
+
+    Args:
+        plan: The study, already begun in the folder.
+        folder: The study's folder.
+        engine: Who does the jobs.
+        say: Called with what has been done.
+
+    Raises:
+        DescentflowError: If a command fails; the message names its log.
+
+    Example:
+        >>> run_study(plan, folder, ProcessEngine(2), print)
+    """
+    place = Place(plan, folder.resolve())
+    # The largest first: a worker that ends with it would keep the others waiting.
+    types = sorted(plan.flights, key=lambda name: -plan.flights[name])
+    every_type = [Job(name) for name in types]
+    first = [Job(name, plan.models[0]) for name in types]
+    others = [Job(name, model) for model in reversed(plan.models[1:]) for name in types]
+    stages: Sequence[tuple[str, Callable[[Job, Place], None], list[Job], Callable[[Job], Path]]] = (
+        ("descents", _descents, every_type, lambda job: place.of(job) / "descents.parquet"),
+        ("first model", _model, first, lambda job: place.of(job) / str(job.model) / "done"),
+        ("other models", _model, others, lambda job: place.of(job) / str(job.model) / "done"),
+        ("figures", _figures, every_type, lambda job: place.of(job) / LAST),
+    )
+    for name, work, jobs, product in stages:
+        missing = [job for job in jobs if not product(job).exists()]
+        if not missing:
+            continue
+        for done, _ in enumerate(engine.run(work, missing, place), 1):
+            finished = [job for job in missing if product(job).exists()]
+            say(f"{name}: {done} of {len(missing)} done ({len(jobs) - len(missing)} were there); last {finished[-1]}")
+
+
+def costs(folder: Path) -> pl.DataFrame:
+    """What the jobs of a study cost: columns ``stage typecode model cpu_s wall_s peak_mb``, from `cost_*.json`.
+
+    ``peak_mb`` is the largest memory that the job's process ever had, so that of the jobs before it as well.
+    """
+    found = [json.loads(path.read_text()) for path in sorted(folder.glob("*/cost_*.json"))]
+    return pl.DataFrame(found, schema={"stage": pl.String, "typecode": pl.String, "model": pl.String, **_NUMBERS})
+
+
+_NUMBERS = dict.fromkeys(("cpu_s", "wall_s", "peak_mb"), pl.Float64)
+
+
+def _descents(job: Job, place: Place) -> None:
+    with _accounted("descents", job, place):
+        make_descents(place.plan, job.typecode, place.of(job))
+
+
+def _model(job: Job, place: Place) -> None:
+    with _accounted("models", job, place):
+        fit_and_score(place.plan, str(job.model), place.of(job))
+
+
+def _figures(job: Job, place: Place) -> None:
+    with _accounted("figures", job, place):
+        draw_type(place.plan, job.typecode, place.of(job))
+
+
+@contextmanager
+def _accounted(stage: str, job: Job, place: Place) -> Iterator[None]:
+    """Work with one thread, and leave what it cost beside the job's files."""
+    cpu, wall = time.process_time(), time.monotonic()
+    with one_thread():
+        yield
+    spent = {"cpu_s": time.process_time() - cpu, "wall_s": time.monotonic() - wall}
+    spent["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    about = {"stage": stage, "typecode": job.typecode, "model": job.model}
+    with whole_file(place.of(job) / f"cost_{stage}{'' if job.model is None else f'_{job.model}'}.json") as temporary:
+        temporary.write_text(json.dumps({**about, **spent}))

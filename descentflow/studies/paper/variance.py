@@ -1,0 +1,133 @@
+"""Sweep of the variance that the components explain (paper, appendix B): mixtures judged on held-out folds."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import polars as pl
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.errors import DescentflowError
+from descentflow.core.units import FL_M
+from descentflow.densities.em import select_mixture
+from descentflow.densities.mixture import GaussianMixtureDensity
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.scores import score
+from descentflow.generation.rejection import sample_descents
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.fpca.gappy import GappyFPCA
+from descentflow.representation.plausibility import Plausibility
+from descentflow.representation.profiles import Profiles
+from descentflow.representation.representation import Representation, Split
+
+SAMPLES = 1_000
+RESTARTS = 2
+"""k-means++ starts of each mixture: 65 mixtures a share stand beside each other, and none is kept."""
+QUANTITIES = ("rocd_above_transition", "rocd_below_transition")
+
+
+@dataclass(frozen=True)
+class FoldScore:
+    """Scores of one fold at one share; NaN where no sample was plausible or a quantity has no level."""
+
+    share: float
+    fold: int
+    components: int
+    clusters: int
+    quantity: str
+    statistic: str
+    unit: str
+    score: float
+
+
+def fold_scores(
+    profiles: Profiles, aircraft: Aircraft, transition_fl: float, fold: int, folds: int, shares: tuple[float, ...]
+) -> pl.DataFrame:
+    """Fit a mixture to all folds but one at every share of variance, and score its samples against that one.
+
+    Args:
+        profiles: Flights of a training part.
+        aircraft: Their coefficients.
+        transition_fl: Transition level of the type.
+        fold: Which fold is held out, from 0.
+        folds: How many there are.
+        shares: Shares of variance to be explained.
+
+    Returns:
+        A row a share, quantity and statistic, with the columns of :class:`FoldScore`.
+
+    Example:
+        >>> fold_scores(data.profiles("train"), aircraft, 315.0, 0, 5, (0.8,)).columns[:4]
+        ['share', 'fold', 'components', 'clusters']
+    """
+    order = torch.randperm(len(profiles), generator=torch.Generator().manual_seed(0))
+    held_out = order[fold::folds]
+    rest = order[~torch.isin(order, held_out)]
+    train, test = profiles.subset(rest.sort().values), profiles.subset(held_out.sort().values)
+    bases = [_bases(values, train.mask, shares) for values in (train.drag_n, train.cas_mps)]
+    rows: list[FoldScore] = []
+    for share in shares:
+        representation = _representation(train, aircraft, bases[0][share], bases[1][share])
+        rows += _one_share(representation, train, test, transition_fl, share, fold)
+    return pl.DataFrame([asdict(row) for row in rows])
+
+
+def truncated(basis: FunctionalBasis, share: float) -> FunctionalBasis:
+    """The leading components of a basis that explain a smaller share."""
+    cumulative = basis.explained_variance.cumsum(0)
+    k = min(int((cumulative < share - 1e-12).sum()) + 1, basis.n_components)
+    return FunctionalBasis(
+        basis.mean,
+        basis.components[:k],
+        basis.loadings,
+        basis.noise_variance,
+        basis.noise_length,
+        basis.explained_variance[:k],
+        basis.spacing_m,
+    )
+
+
+def _bases(values: Tensor, mask: Tensor, shares: tuple[float, ...]) -> dict[float, FunctionalBasis]:
+    """A basis for each share; one fit serves all shares that its latent dimension serves anyway."""
+    found: dict[float, FunctionalBasis] = {}
+    fitted: FunctionalBasis | None = None
+    smallest = GappyFPCA().latent_dimension
+    for share in sorted(shares, reverse=True):
+        if fitted is None or fitted.loadings.shape[1] > smallest:
+            fitted = GappyFPCA(share).fit(values, mask, FL_M).basis_
+        found[share] = truncated(fitted, share)
+    return found
+
+
+def _representation(train: Profiles, aircraft: Aircraft, drag: FunctionalBasis, cas: FunctionalBasis) -> Representation:
+    raw = torch.cat([drag.encode(train.drag_n, train.mask), cas.encode(train.cas_mps, train.mask)], 1)
+    decoder = DescentDecoder(aircraft, train.levels_fl, drag, cas, raw.mean(0), raw.std(0))
+    return Representation(decoder, Plausibility.from_profiles(train), Split((), (), ()), {})
+
+
+def _one_share(
+    parts: Representation, train: Profiles, test: Profiles, transition_fl: float, share: float, fold: int
+) -> list[FoldScore]:
+    mixture = select_mixture(parts.decoder.encode(train), seed=fold, n_restarts=RESTARTS).mixture
+    density = GaussianMixtureDensity(mixture.locs.shape[1], len(mixture.probs))
+    density.mixture = mixture
+    about: dict[str, Any] = {
+        "share": share,
+        "fold": fold,
+        "components": mixture.locs.shape[1],
+        "clusters": len(mixture.probs),
+    }
+    try:
+        drawn = sample_descents(density, parts.decoder, parts.plausibility, SAMPLES, fold, entry=test.entry_level)
+    except DescentflowError:
+        # Too many components for the flights: hardly a draw is plausible, which is a result.
+        return [FoldScore(**about, quantity=q, statistic="ks", unit="1", score=float("nan")) for q in QUANTITIES]
+    sampled, real = DescentSet.of_trajectories(drawn.trajectories), DescentSet.of_profiles(test)
+    found = score(sampled, real, transition_fl, n_splits=1)
+    return [
+        FoldScore(**about, quantity=s.quantity, statistic=s.statistic, unit=s.unit, score=s.score)
+        for s in found
+        if s.quantity in QUANTITIES
+    ]

@@ -1,0 +1,199 @@
+"""Rows of whole aircraft to levels of free descents: the cleaning of any part of the data, whoever runs it."""
+
+import itertools
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+import polars as pl
+
+from descentflow.surveillance.cleaning import filters
+from descentflow.surveillance.cleaning.clearances import ClearedLevel, ClearedSpeed, LargestBank
+from descentflow.surveillance.cleaning.constant_rate import FreeRate
+from descentflow.surveillance.cleaning.drop_reasons import ROW, TracedReport, some_flights
+from descentflow.surveillance.cleaning.flights import in_order, name_flights, of_types, with_types
+from descentflow.surveillance.cleaning.level_grid import to_levels
+from descentflow.surveillance.cleaning.rates import with_rate
+from descentflow.surveillance.cleaning.stale import Stale
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import COLUMNS
+
+BATCH_ROWS = 250_000
+"""Rows that are cleaned at a time: their arrays stay in the processor's cache."""
+LOOKED_AT = ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
+"""Columns that filters look at..."""
+TURNS, CLEARED = ("roll", "track", "groundspeed"), ("cleared_speed_kt", "cleared_mach")
+CLEARED_LEVEL = ("cleared_flight_level",)
+"""...and those that optional filters look at."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is to be done with the rows of any aircraft; known when all rows have been read.
+
+    Attributes:
+        rules: Thresholds.
+        columns: Of all rows, in order; rows of some aircraft may lack some.
+        shared: Flight names that several aircraft share.
+        typecodes: Types to keep; all if None.
+        types: Table `icao24,typecode` for rows that do not name their type.
+        shown: Flights taken at random whose rows are wanted with their fates; none if 0.
+    """
+
+    rules: Cleaning
+    columns: tuple[str, ...]
+    shared: tuple[str, ...] = ()
+    typecodes: tuple[str, ...] | None = None
+    types: pl.DataFrame | None = None
+    shown: int = 0
+
+
+@dataclass
+class Outcome:
+    """Levels of the descents of some aircraft, sorted by flight and falling level, and the account of the rest."""
+
+    levels: pl.DataFrame
+    report: DropReport
+    present: dict[str, int] = field(default_factory=dict)
+    """Rows of each type, where only some were wanted."""
+    fates: pl.DataFrame | None = None
+    """Rows of some flights and why they were dropped
+    (:func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`)."""
+
+
+def clean(rows: pl.DataFrame, work: Work, *, threads: int = 1, say: Callable[[str], None] | None = None) -> Outcome:
+    """Clean all rows of some aircraft (paper, section 3).
+
+    Args:
+        rows: Usable rows (:func:`~descentflow.surveillance.cleaning.flights.usable`) in any order.
+        work: What to do.
+        threads: Batches of flights worked on at once (Polars and NumPy let others run while they compute).
+        say: Told of every batch.
+
+    Example:
+        >>> clean(rows, Work(Cleaning(), tuple(rows.columns))).levels
+    """
+    report = DropReport()
+    rows = rows.select(
+        pl.col(name) if name in rows.columns else pl.lit(None, COLUMNS[name]).alias(name) for name in work.columns
+    )
+    shared = pl.Series(work.shared, dtype=pl.String)
+    rows = name_flights(in_order(rows, report), work.rules.flight_gap_s, shared=shared)
+    report.by_flight = True
+    report.count("flights_told_apart", rows, rows)
+    typed = with_types(rows, work.types)
+    rows = of_types(typed, work.typecodes, report)
+    present = dict(typed["typecode"].drop_nulls().value_counts().iter_rows()) if work.typecodes is not None else {}
+    del typed
+    batches = _batches(rows)
+    del rows
+    levels, fates, parts = [], [], []
+    with ThreadPoolExecutor(max_workers=threads) as pool:
+        for done in pool.map(lambda batch: _cleaned(batch, work), batches):
+            levels.append(done.levels)
+            parts.append(done.report)
+            fates += [done.fates] if done.fates is not None else []
+            if say:
+                say(f"cleaning rows, part {len(levels)} of {len(batches)}")
+    report.extend(parts)
+    shown = some_flights(pl.concat(fates), work.shown) if fates else None
+    return Outcome(pl.concat(levels), report, present, shown)
+
+
+def before_rates(rules: Cleaning) -> filters.Chain:
+    """Filters of altitude, IAS, Mach and reported rate, before rates are derived where none is reported."""
+    stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
+    return (
+        filters.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps)
+        | filters.Despike(
+            "IAS", rules.spike_ias_kt, fastest=rules.fastest_ias_ktps, agreeing_kt=rules.spike_agreeing_kt
+        )
+        | filters.Despike("Mach", rules.spike_mach, fastest=rules.fastest_mach_ps, agreeing_kt=rules.spike_agreeing_kt)
+        | Stale("altitude", rules.stale_altitude_ft, **stale)
+        | Stale("IAS", rules.stale_ias_kt, **stale)
+        | Stale("Mach", rules.stale_mach, **stale)
+        | Stale("vertical_rate", rules.stale_altitude_ft, **stale)
+        | filters.AirspeedsAgree(rules.airspeeds_differ_kt)
+    )
+
+
+def after_rates(rules: Cleaning) -> filters.Chain:
+    """Filters that keep free descent, in order."""
+    descent = (
+        filters.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps)
+        | filters.Descending(rules.slowest_fpm)
+        | filters.SteadyDescent(rules.transient_s)
+    )
+    if rules.largest_bank_deg is not None:
+        descent |= LargestBank(rules.largest_bank_deg)
+    if rules.cleared_speed_after_s is not None:
+        descent |= ClearedSpeed(rules.cleared_speed_after_s, rules.cleared_speed_within_kt)
+    if rules.cleared_level_within_ft is not None:
+        descent |= ClearedLevel(rules.cleared_level_within_ft)
+    return (
+        descent
+        | FreeRate(
+            seconds=rules.constant_rate_s,
+            seconds_alone=rules.constant_rate_alone_s,
+            jump_fpm=rules.constant_rate_jump_fpm,
+            drift_fpm=rules.constant_rate_drift_fpm,
+            scatter_fpm=rules.constant_rate_scatter_fpm,
+            offset_fpm=rules.constant_rate_offset_fpm,
+            longest_gap_s=rules.longest_gap_s,
+        )
+        | filters.LargestDescent(rules.climb_back_ft)
+        | filters.Falling()
+    )
+
+
+def _batches(rows: pl.DataFrame) -> list[pl.DataFrame]:
+    """Rows in batches of whole flights, at least one: flights know nothing of one another."""
+    if rows.is_empty():
+        return [rows]
+    name = rows["flight_id"]
+    begins = np.append((name != name.shift()).fill_null(True).arg_true().to_numpy(), len(rows))
+    # The first flight that begins at or after every multiple of the size.
+    bounds = np.unique(
+        begins[np.searchsorted(begins, np.arange(0, len(rows) + BATCH_ROWS, BATCH_ROWS).clip(0, len(rows)))]
+    )
+    return [rows.slice(start, stop - start) for start, stop in itertools.pairwise(bounds.tolist())]
+
+
+def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
+    """Levels of the descents of some flights."""
+    rules = work.rules
+    traced = TracedReport(by_flight=True, rows=len(rows)) if work.shown else None
+    report = traced or DropReport(by_flight=True)
+    kept = _free(rows, rules, report)
+    levels = to_levels(
+        kept,
+        rules.bottom_fl,
+        longest_gap_s=rules.longest_gap_s,
+        highest_gap_ft=rules.highest_gap_ft,
+        slowest_fpm=rules.slowest_fpm,
+        hidden_s=rules.hidden_gap_s,
+        report=report,
+    )
+    long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
+    left = kept.filter(pl.col("flight_id").is_in(long["flight_id"].unique().implode()))
+    report.count("too_few_levels", kept, left)
+    report.note("levels of the kept descents", len(long))
+    report.note("levels of descents too short to keep", len(levels) - len(long))
+    return Outcome(long, report, fates=traced.fates(rows, work.shown) if traced else None)
+
+
+def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
+    """Rows of free descent; only the columns that filters look at go through them, the others follow at the end."""
+    looked_at: tuple[str, ...] = LOOKED_AT
+    looked_at += TURNS if rules.largest_bank_deg is not None else ()
+    looked_at += CLEARED if rules.cleared_speed_after_s is not None else ()
+    looked_at += CLEARED_LEVEL if rules.cleared_level_within_ft is not None else ()
+    needed = [name for name in looked_at if name in rows.columns]
+    # Numbers are compared faster than names.
+    narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW)
+    narrow = before_rates(rules)(narrow, report)
+    narrow = after_rates(rules)(with_rate(narrow), report)
+    others = rows.drop(set(needed) - {"flight_id"})[narrow[ROW]]
+    return pl.concat([narrow.drop("flight_id"), others], how="horizontal")

@@ -1,0 +1,184 @@
+"""Rows in order, without duplicates or impossible values, each with the flight it belongs to."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.cleaning.windows import Index
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED
+
+FLIGHT_GAP_S = 900.0
+"""Silence after which the same address is taken to be another flight (15 min, as OpenSky's and traffic's users do)."""
+MADE_NAME = r"^([0-9a-f]{6})_\d{8}T\d{6}$"
+""":func:`name_flights` makes such names of addresses."""
+
+
+def usable(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Drop rows that miss a required value or hold an impossible one; each row is judged by itself.
+
+    An impossible value of a channel that is not required is set to missing instead, and noted.
+    """
+    report.count("read", rows, rows)
+    complete = report.count("missing_value", rows, rows.drop_nulls(list(REQUIRED)))
+    for name in REQUIRED:
+        if name in POSSIBLE:
+            possible = complete[name].is_between(*POSSIBLE[name])
+            left = complete if possible.all() else complete.filter(possible)
+            complete = report.count(f"impossible_{name}", complete, left)
+    for name in sorted(set(POSSIBLE) & set(complete.columns) - set(REQUIRED)):
+        inside = pl.col(name).is_between(*POSSIBLE[name])
+        wrong = complete.select((~inside).sum()).item()
+        report.note(f"impossible values of {name} set to missing", wrong)
+        if wrong:
+            complete = complete.with_columns(pl.when(inside).then(pl.col(name)).alias(name))
+    return complete
+
+
+def in_order(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Rows by address and time, the first of each time."""
+    names = rows["icao24"].unique().sort()
+    address = rows["icao24"].cast(pl.Enum(names)).to_physical().cast(pl.Int64).to_numpy()
+    time = rows["timestamp"].dt.epoch("us").to_numpy()
+    order = _order(address, time - time.min(initial=2**62))
+    same = np.diff(address[order], prepend=-1) == 0
+    report.note("rows put into time order", int((same & (np.diff(order, prepend=-1) < 0)).sum()))
+    repeated = same & (np.diff(time[order], prepend=0) == 0)
+    chosen = order[~repeated]
+    ordered = rows if np.array_equal(chosen, np.arange(len(rows))) else rows[chosen]
+    return report.count("duplicate", rows, ordered)
+
+
+def _order(address: Index, time: Index) -> Index:
+    """Places of the rows by address, time and place: by one key where both fit in it, several times faster."""
+    span = int(time.max(initial=0)) + 1
+    if (int(address.max(initial=0)) + 1) * span >= 2**63:
+        return np.lexsort((time, address))
+    keys = pl.DataFrame({"key": address * span + time}).with_row_index("row")
+    return keys.sort("key", maintain_order=True)["row"].cast(pl.Int64).to_numpy()
+
+
+def names_given(rows: pl.DataFrame) -> pl.DataFrame:
+    """Pairs `flight_id icao24` that a source gives, each once."""
+    if "flight_id" not in rows.columns:
+        return pl.DataFrame(schema={"flight_id": pl.String, "icao24": pl.String})
+    return rows.select("flight_id", "icao24").unique().drop_nulls()
+
+
+def names_shared(pairs: pl.DataFrame) -> pl.Series:
+    """Flight names that would braid the rows of two aircraft together (a flight number flown every day, say).
+
+    A name that looks like one that :func:`name_flights` makes for another aircraft counts too.
+
+    Args:
+        pairs: As :func:`names_given`, of all rows that there are.
+    """
+    made = pl.col("flight_id").str.extract(MADE_NAME)
+    foreign = (made != pl.col("icao24")).fill_null(False)
+    return pairs.unique().filter(pl.col("flight_id").is_duplicated() | foreign)["flight_id"].unique().sort()
+
+
+def name_flights(rows: pl.DataFrame, gap_s: float = FLIGHT_GAP_S, *, shared: pl.Series | None = None) -> pl.DataFrame:
+    """Fill `flight_id` where it is absent: the address and the time of the flight's first row.
+
+    Args:
+        rows: Sorted by aircraft and time; so they are by time within a flight in what is returned, by flight.
+        gap_s: Silence that separates two flights of one address.
+        shared: Given names to which the address is added; by default those that :func:`names_shared` finds in `rows`.
+    """
+    shared = names_shared(names_given(rows)) if shared is None else shared
+    named = rows
+    if len(shared):
+        own = pl.col("flight_id") + "_" + pl.col("icao24")
+        named = named.with_columns(
+            pl.when(pl.col("flight_id").is_in(shared.implode())).then(own).otherwise("flight_id").alias("flight_id")
+        )
+    if "flight_id" not in named.columns or named["flight_id"].null_count():
+        silent = pl.col("timestamp").diff().dt.total_microseconds() / 1e6 > gap_s
+        begins = ((pl.col("icao24") != pl.col("icao24").shift()) | silent).fill_null(True)
+        name = pl.col("icao24") + "_" + pl.col("timestamp").dt.strftime("%Y%m%dT%H%M%S")
+        made = named.filter(begins).select(name).to_series().gather(named.select(begins.cum_sum() - 1).to_series())
+        given = [pl.col("flight_id")] if "flight_id" in named.columns else []
+        named = named.with_columns(pl.coalesce(*given, made).alias("flight_id"))
+    return by_flight(named)
+
+
+def by_flight(rows: pl.DataFrame) -> pl.DataFrame:
+    """Rows sorted by flight, otherwise in the order that they have; much faster than a sort where flights are whole."""
+    runs = rows.select(pl.col("flight_id").rle()).unnest("flight_id")
+    if runs["value"].is_sorted():
+        return rows
+    ends = runs["len"].cast(pl.Int64).cum_sum()
+    blocks = runs.select("value", pl.col("len").cast(pl.Int64), (ends - pl.col("len")).alias("first"))
+    blocks = blocks.sort("value", maintain_order=True)
+    sizes, first = blocks["len"].to_numpy(), blocks["first"].to_numpy()
+    starts = np.cumsum(sizes) - sizes
+    return rows[np.repeat(first - starts, sizes) + np.arange(len(rows))]
+
+
+def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
+    """Join a types table (`icao24,typecode`); a type in the rows themselves goes first.
+
+    Raises:
+        DataError: If the table lacks a column.
+    """
+    if "typecode" not in rows.columns:
+        rows = rows.with_columns(pl.lit(None, pl.String).alias("typecode"))
+    if types is not None:
+        absent = [name for name in ("icao24", "typecode") if name not in types.columns]
+        if absent:
+            raise DataError(
+                f"a types table without {', '.join(absent)} (it has {', '.join(types.columns)})",
+                expected="columns icao24,typecode",
+                mend="rename its columns",
+            )
+        table = types.select(
+            pl.col("icao24").cast(pl.String).str.strip_chars().str.to_lowercase(),
+            pl.col("typecode").cast(pl.String).str.strip_chars().alias("_type"),
+        ).unique("icao24", keep="first", maintain_order=True)
+        rows = rows.join(table, on="icao24", how="left", maintain_order="left")
+        rows = rows.with_columns(pl.coalesce("typecode", "_type").alias("typecode")).drop("_type")
+    return rows.with_columns(pl.col("typecode").str.to_uppercase())
+
+
+def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropReport) -> pl.DataFrame:
+    """Keep rows of known type, and of the wanted types if any are named."""
+    named = rows["typecode"].is_not_null()
+    known = report.count("unknown_type", rows, rows if named.all() else rows.filter(named))
+    if wanted is None:
+        return known
+    return report.count("other_type", known, known.filter(pl.col("typecode").is_in([t.upper() for t in wanted])))
+
+
+def check_left(report: DropReport, wanted: Sequence[str] | None, present: Mapping[str, int]) -> None:
+    """Refuse rows of which nothing was left before cleaning, and say why.
+
+    Args:
+        report: Of all rows.
+        wanted: Types asked for.
+        present: Rows of each known type.
+
+    Raises:
+        DataError: If no row was usable, or of known type, or of a wanted type.
+    """
+    if not report.left("duplicate"):
+        raise DataError(
+            f"no row with a time, an address and possible altitude, IAS and Mach\n{report}",
+            expected=", ".join(
+                f"{name} in {low:g}..{high:g}" for name, (low, high) in POSSIBLE.items() if name in REQUIRED
+            ),
+            mend="see which step dropped the rows, and check that column's unit",
+        )
+    if not report.left("unknown_type"):
+        raise DataError(
+            "rows without any typecode",
+            expected="a column typecode, or a types table",
+            mend="pass --types TABLE.csv with columns icao24,typecode",
+        )
+    if wanted is not None and not report.left("other_type"):
+        often = sorted(present, key=lambda name: (-present[name], name))[:12]
+        raise DataError(
+            f"no row of type {', '.join(wanted)}", expected=f"one of {', '.join(often)}", mend="change --typecode"
+        )

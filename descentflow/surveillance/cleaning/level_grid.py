@@ -1,0 +1,100 @@
+"""Free descents on flight levels: interpolation between rows, and gaps left open."""
+
+import numpy as np
+import polars as pl
+
+from descentflow.surveillance.cleaning.filters import STRETCH, flights_of
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import CHANNELS
+
+CIRCULAR = ("track", "heading", "wind_direction")
+"""Angles, interpolated the short way round."""
+QUANTUM_FT = 25.0
+"""Step of reported altitude."""
+
+
+def to_levels(
+    rows: pl.DataFrame,
+    bottom_fl: int,
+    *,
+    longest_gap_s: float,
+    highest_gap_ft: float,
+    slowest_fpm: float = 0.0,
+    hidden_s: float = 10.0,
+    report: DropReport | None = None,
+) -> pl.DataFrame:
+    """Interpolate every descent linearly in altitude to whole flight levels (paper, section 2.2).
+
+    Two neighbouring rows bridge the levels between them unless they are further apart than `longest_gap_s` or
+    `highest_gap_ft`, or a level-off or managed stretch stood between them, or one may have hidden there: over a gap of
+    more than `hidden_s` less than `slowest_fpm` was made on average. Then these levels have no row.
+
+    Args:
+        rows: Sorted by flight and time, altitude falling strictly within a flight.
+        bottom_fl: Lowest level.
+        longest_gap_s: Longest gap that is bridged.
+        highest_gap_ft: Highest gap that is bridged.
+        slowest_fpm: Slowest mean rate that is bridged over more than `hidden_s`.
+        hidden_s: Longest gap in which no level-off can hide.
+        report: Takes the number of gaps left open.
+
+    Returns:
+        One row a flight and level, sorted by flight and falling level: `flight_id icao24 typecode callsign level_fl
+        timestamp time_s` and the channels that the rows have.
+    """
+    flight = flights_of(rows)
+    altitude_fl = rows["altitude"].to_numpy() / 100.0
+    micros = rows["timestamp"].dt.epoch("us").to_numpy()
+    gap_s, gap_fl = np.diff(micros) / 1e6, -np.diff(altitude_fl)
+    same = flight[1:] == flight[:-1]
+    bridged = same & (gap_s <= longest_gap_s) & (gap_fl * 100 <= highest_gap_ft)
+    # Half a step of quantisation at either end may be missing from the height.
+    bridged &= (gap_s <= hidden_s) | (60 * (gap_fl * 100 + QUANTUM_FT) >= slowest_fpm * gap_s)
+    stretch = np.diff(rows[STRETCH].to_numpy()) if STRETCH in rows.columns else np.zeros(len(same), dtype=np.int64)
+    if report:
+        report.note("gaps of reception left open", int((same & (stretch == 0) & ~bridged).sum()))
+        report.note("level or held stretches left open", int((same & (stretch != 0)).sum()))
+    bridged &= stretch == 0
+    # The interval from a row down to the next: levels above or at the next row and strictly below this one, so that a
+    # level on which a row stands is counted once; the first row of a stretch adds its own level.
+    top, low = np.ceil(altitude_fl[:-1]) - 1, np.ceil(altitude_fl[1:])
+    starts = np.concatenate([[True], ~bridged]) if len(flight) else np.zeros(0, dtype=bool)
+    own = starts[:-1] & (altitude_fl[:-1] == np.floor(altitude_fl[:-1]))
+    top = np.where(own, altitude_fl[:-1], top)
+    count = np.where(bridged, np.maximum(top - np.maximum(low, bottom_fl) + 1, 0), 0).astype(np.int64)
+    upper = np.repeat(np.arange(len(count)), count)
+    order = np.arange(len(upper)) - np.repeat(np.cumsum(count) - count, count)
+    level = np.repeat(top, count) - order
+    share = (altitude_fl[upper] - level) / (altitude_fl[upper] - altitude_fl[upper + 1])
+    crossing = micros[upper] + share * (micros[upper + 1] - micros[upper])
+    columns: dict[str, object] = {
+        name: rows[name].gather(upper)
+        for name in ("flight_id", "icao24", "typecode", "callsign")
+        if name in rows.columns
+    }
+    columns |= {"level_fl": level.astype(np.int32), "timestamp": pl.Series(crossing.round().astype(np.int64))}
+    for name in CHANNELS:
+        if name in rows.columns:
+            columns[name] = _interpolated(rows[name].to_numpy(), upper, share, circular=name in CIRCULAR)
+    return _timed(pl.DataFrame(columns))
+
+
+def _interpolated(values: np.ndarray, upper: np.ndarray, share: np.ndarray, *, circular: bool) -> pl.Series:
+    above, below = values[upper], values[upper + 1]
+    step = below - above
+    if circular:
+        step = (step + 180.0) % 360.0 - 180.0
+    # A level on which a row stands has that row's value, whatever its neighbour misses.
+    found = above + share * step
+    if np.isnan(found).any():
+        found = np.where(share == 0.0, above, np.where(share == 1.0, below, found))
+    return pl.Series(found % 360.0 if circular else found).fill_nan(None)
+
+
+def _timed(levels: pl.DataFrame) -> pl.DataFrame:
+    seconds = (pl.col("timestamp") - pl.col("timestamp").min().over("flight_id")) / 1e6
+    position = levels.columns.index("timestamp") + 1
+    timed = levels.with_columns(seconds.alias("time_s"), pl.from_epoch("timestamp", time_unit="us"))
+    timed = timed.with_columns(pl.col("timestamp").dt.replace_time_zone("UTC"))
+    names = [n for n in timed.columns if n != "time_s"]
+    return timed.select(*names[:position], "time_s", *names[position:])

@@ -1,0 +1,148 @@
+"""Prepared descents from parts, each sorted by flight: written as one file or as a store by type, and read back.
+
+A store is a folder: ``typecode=A320/part-00000.parquet`` and so on, as Hive, Spark, DuckDB, Polars and Arrow read it,
+and ``_descentflow.json``, which describes it (schema version, inputs with hashes, settings, report) and lists
+its files.
+"""
+
+import itertools
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import polars as pl
+from polars.io.plugins import register_io_source
+
+from descentflow.core.errors import DataError
+from descentflow.core.files import whole_file
+from descentflow.surveillance.descents.prepared_descents import KEY, MEND, described
+
+MANIFEST = "_descentflow.json"
+"""Hive and Spark pass over names that begin so."""
+CHUNK_ROWS = 250_000
+"""Levels that are merged at a time, some 45 MB."""
+FILE_ROWS = 2_000_000
+"""Levels in a file of a store, to the next flight."""
+ROW_GROUP = 32_768
+"""Rows of a Parquet row group in parts, so that a range of flights is read without reading the whole part."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Levels of descents in files, or in one frame, with the flights that they hold.
+
+    Attributes:
+        sources: Lazy frames, each sorted by flight and falling level, no flight in two.
+        flights: Columns `flight_id typecode level_fl rows`: highest level and number of levels; sorted by flight.
+    """
+
+    sources: Sequence[pl.LazyFrame]
+    flights: pl.DataFrame
+
+    @classmethod
+    def of(cls, sources: Sequence[pl.LazyFrame]) -> "Parts":
+        """Look up the flights of sources."""
+        tables = [
+            source.group_by("flight_id", "typecode").agg(pl.col("level_fl").max(), pl.len().alias("rows"))
+            for source in sources
+        ]
+        return cls(sources, pl.concat(pl.collect_all(tables)).sort("flight_id"))
+
+    def chunks(self, typecode: str | None = None) -> Iterator[pl.DataFrame]:
+        """Levels of all descents, or of one type's, by flight, some at a time."""
+        flights = self.flights if typecode is None else self.flights.filter(typecode=typecode)
+        number = flights["rows"].cum_sum() // CHUNK_ROWS
+        for some in flights.with_columns(number.alias("_chunk")).partition_by("_chunk", maintain_order=True):
+            wanted = pl.col("flight_id").is_between(pl.lit(some["flight_id"][0]), pl.lit(some["flight_id"][-1]))
+            if typecode is not None:
+                wanted &= pl.col("typecode") == typecode
+            found = pl.concat(pl.collect_all([source.filter(wanted) for source in self.sources]))
+            yield found.sort("flight_id", maintain_order=True)
+
+    @property
+    def schema(self) -> pl.Schema:
+        """Columns of all sources."""
+        return self.sources[0].collect_schema()
+
+
+def write_file(parts: Parts, metadata: dict[str, Any], path: Path) -> None:
+    """Write one Parquet file with its description, chunk by chunk, whole or not at all."""
+    with whole_file(path) as temporary:
+        _write(parts.chunks(), parts.schema, temporary, {KEY: json.dumps(metadata)})
+
+
+def write_store(parts: Parts, metadata: dict[str, Any], folder: Path) -> None:
+    """Write a store into a folder that does not exist yet; it is whole once its manifest is there."""
+    files = []
+    for (typecode,), flights in parts.flights.group_by("typecode", maintain_order=True):
+        name = folder / f"typecode={quote(str(typecode), safe='')}"
+        name.mkdir(parents=True)
+        chunks = (chunk.drop("typecode") for chunk in parts.chunks(str(typecode)))
+        schema = pl.Schema({key: kind for key, kind in parts.schema.items() if key != "typecode"})
+        for number in itertools.count():
+            first = next(chunks, None)
+            if first is None:
+                break
+            path = name / f"part-{number:05d}.parquet"
+            several = itertools.chain([first], itertools.islice(chunks, FILE_ROWS // CHUNK_ROWS - 1))
+            _write(several, schema, path, {})
+            rows = pl.scan_parquet(path, hive_partitioning=False).select(pl.len()).collect().item()
+            files.append({"path": path.relative_to(folder).as_posix(), "typecode": typecode, "rows": rows})
+        files[-1]["flights_of_type"] = len(flights)
+    with whole_file(folder / MANIFEST) as temporary:
+        temporary.write_text(json.dumps({**metadata, "columns": parts.schema.names(), "files": files}, indent=1))
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Description of a store.
+
+    Raises:
+        DataError: If the folder is none, or its manifest is damaged.
+    """
+    path = folder / MANIFEST
+    try:
+        return described(path.read_text(encoding="utf-8"), path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{folder} without a readable {MANIFEST}", expected="a prepared store", mend=MEND) from error
+
+
+def read_store(folder: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
+    """All levels of a store, by flight, and its description.
+
+    Raises:
+        DataError: If a file of the manifest is missing, damaged, or has other rows than were written.
+    """
+    metadata = read_manifest(folder)
+    frames = []
+    try:
+        for file in metadata["files"]:
+            path = folder / file["path"]
+            frame = pl.read_parquet(path, hive_partitioning=False)
+            if len(frame) != file["rows"]:
+                raise DataError(f"{path}: {len(frame)} rows", expected=f"{file['rows']} rows", mend=MEND)
+            frames.append(frame.with_columns(pl.lit(file["typecode"]).alias("typecode")).select(metadata["columns"]))
+        whole = pl.concat(frames)
+    except (pl.exceptions.PolarsError, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise DataError(f"{folder}: {reason}", expected="a store as it was written", mend=MEND) from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{folder / MANIFEST}: damaged ({error!r})", expected="its list of files", mend=MEND) from error
+    described_only = {key: value for key, value in metadata.items() if key not in ("files", "columns")}
+    return whole.sort("flight_id", maintain_order=True), described_only
+
+
+def _write(chunks: Iterator[pl.DataFrame], schema: pl.Schema, path: Path, metadata: dict[str, str]) -> None:
+    """Write chunks to one file: at once if there are few, else one after the other."""
+    few = list(itertools.islice(chunks, 2))
+    if len(few) < 2:
+        pl.concat([schema.to_frame(), *few]).write_parquet(path, metadata=metadata)
+        return
+
+    def batches(columns: list[str] | None, *_: object) -> Iterator[pl.DataFrame]:
+        for chunk in itertools.chain(few, chunks):
+            yield chunk if columns is None else chunk.select(columns)
+
+    register_io_source(batches, schema=schema).sink_parquet(path, metadata=metadata, row_group_size=CHUNK_ROWS)

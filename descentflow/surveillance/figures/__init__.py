@@ -1,0 +1,1 @@
+"""What each cleaning rule kept and dropped of some flights, as figures and a page."""

@@ -1,0 +1,93 @@
+"""The `aircraft.json` snapshots that dump1090-fa, readsb and tar1090 serve, and answers of version 2 of the open APIs.
+
+The APIs (adsb.lol, airplanes.live, adsbexchange) name the list `ac` and give `now` in milliseconds.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.formats.streams import Input
+from descentflow.surveillance.formats.values import Kinds, is_number, table
+from descentflow.surveillance.rows.drop_report import DropReport
+
+FIELDS = {
+    "altitude": "alt_baro",
+    "vertical_rate": "baro_rate",
+    "geometric_rate": "geom_rate",
+    "IAS": "ias",
+    "Mach": "mach",
+    "TAS": "tas",
+    "groundspeed": "gs",
+    "track": "track",
+    "heading": "mag_heading",
+    "roll": "roll",
+    "geoaltitude": "alt_geom",
+    "latitude": "lat",
+    "longitude": "lon",
+    "temperature": "oat",
+    "wind_direction": "wd",
+    "wind_speed": "ws",
+    "selected_altitude": "nav_altitude_mcp",
+}
+"""Row column -> field of an aircraft in a snapshot; `heading` is magnetic, `oat` in degrees Celsius."""
+TEXT = {"icao24": "hex", "callsign": "flight", "typecode": "t"}
+MILLISECONDS = 1e11
+"""Numbers above cannot be seconds since 1970 before the year 5138."""
+MOST = 50_000
+"""Aircraft that are held as JSON at a time."""
+
+
+def rows(found: Iterable[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+    """One row for each aircraft of each snapshot, timed at its last message (`now` less `seen`).
+
+    Aircraft on the ground have the word "ground" for an altitude; it becomes missing and the row is dropped and
+    counted later, as are aircraft that report no airspeed.
+
+    Raises:
+        DataError: If the JSON holds no list of aircraft.
+    """
+    times: list[float] = []
+    waiting: list[dict[str, Any]] = []
+    any_snapshot = False
+    for snapshot in found:
+        aircraft = snapshot.get("aircraft", snapshot.get("ac")) if isinstance(snapshot, dict) else None
+        if not isinstance(snapshot, dict) or not isinstance(aircraft, list) or not is_number(snapshot.get("now")):
+            report.note("JSON documents that are no snapshot with aircraft and time", 1)
+            continue
+        any_snapshot = True
+        objects = [thing for thing in aircraft if type(thing) is dict]
+        report.note("aircraft in snapshots that are no object", len(aircraft) - len(objects))
+        waiting += objects
+        now = float(snapshot["now"])
+        times += [now / 1000 if now > MILLISECONDS else now] * len(objects)
+        if len(waiting) >= min(block, MOST):
+            yield _frame(times, waiting)
+            times, waiting = [], []
+    if not any_snapshot:
+        raise DataError(
+            f"{source.label}: JSON without aircraft and time",
+            expected="snapshots with `now` and a list `aircraft`, as dump1090-fa and readsb serve them",
+            mend="pass such a file",
+        )
+    yield _frame(times, waiting)
+
+
+def _frame(times: list[float], aircraft: list[dict[str, Any]]) -> pl.DataFrame:
+    # The word is known, and would slow down the reading of all that have a number there.
+    airborne = [thing if thing.get("alt_baro") != "ground" else {**thing, "alt_baro": None} for thing in aircraft]
+    return table(airborne, KINDS).select(
+        (pl.Series(times, dtype=pl.Float64) - pl.col("seen").fill_null(0.0)).alias("timestamp"),
+        *(pl.col(field).str.strip_chars().replace("", None).alias(name) for name, field in TEXT.items()),
+        *(pl.col(field).alias(name) for name, field in FIELDS.items() if field != "oat"),
+        (pl.col("oat") + 273.15).alias("temperature"),
+    )
+
+
+KINDS: Kinds = {
+    "seen": pl.Float64(),
+    **dict.fromkeys(TEXT.values(), pl.String()),
+    **dict.fromkeys(FIELDS.values(), pl.Float64()),
+}

@@ -1,0 +1,155 @@
+"""Members of tar archives, read one after the other where they lie: nothing is written to disk."""
+
+import re
+import tarfile
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from pathlib import Path, PurePosixPath
+from typing import IO
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.formats.streams import HEAD, Chain, Input
+from descentflow.surveillance.rows.drop_report import DropReport
+
+LARGEST_HEADER = 1 << 20
+"""Bytes that the description of a member may ask for at once; a long name has a few hundred."""
+COMPANION = re.compile(
+    r"(^|/)(heatmap|acas)/"
+    r"|(^|/)(readme|license|copying|notice|trace_recent_)[^/]*$"
+    r"|(^|/)(receiver|stats|airspace|grib_meteo)\.json$",
+    re.IGNORECASE,
+)
+"""What lies beside rows in published archives and folders, by name; `trace_recent` repeats the end of `trace_full`."""
+PART = re.compile(r"(?P<whole>.+\.(?:tar|tgz|tar\.gz))\.(?!gz$|xz$|lz$|zst$|lzo$)(?P<number>[a-z]{2,3}|\d{2,3})$")
+
+
+def is_tar(head: bytes) -> bool:
+    """Whether a file that begins so is a tar archive (POSIX or GNU)."""
+    return len(head) <= HEAD and head[257:262] == b"ustar"
+
+
+def members(source: Input, report: DropReport) -> Iterator[Input]:
+    """Files of an archive; each must be read before the next is asked for.
+
+    Links, devices, sparse files and names that lead out of the archive are left out and counted.
+
+    Raises:
+        DataError: If the archive is damaged or ends before its end.
+    """
+    stream = _Forward(source.stream, source.label)
+    try:
+        archive = tarfile.open(fileobj=stream, mode="r:")  # type: ignore[call-overload]  # noqa: SIM115
+        stream.at_header = True
+        while (member := archive.next()) is not None:
+            stream.at_header = False
+            archive.members.clear()  # else it would remember all of them
+            reason = _left_out(member)
+            if reason:
+                report.note(f"members of archives left out: {reason}", 1)
+            elif not member.isdir():
+                content = archive.extractfile(member)
+                assert content is not None
+                # It says that it can seek, but must not go back.
+                yield Input(Chain([content]).buffered(), f"{source.label}: {member.name}", one_of_many=True)
+            stream.at_header = True
+    except (tarfile.TarError, ValueError, OverflowError, EOFError) as error:
+        raise _damaged(source.label, str(error)) from error
+    if stream.last.strip(b"\0"):
+        # tarfile takes a damaged or missing header for the end.
+        raise _damaged(source.label, "no end of archive")
+
+
+def _damaged(label: str, reason: str) -> DataError:
+    return DataError(
+        f"{label}: damaged or cut archive ({reason})",
+        expected="a whole tar archive",
+        mend="copy it again; pass all parts (.tar.aa, .tar.ab, ...) if it is split",
+    )
+
+
+def _left_out(member: tarfile.TarInfo) -> str | None:
+    """Why a member is not read."""
+    if member.isdir():
+        return None
+    if not member.isreg() or member.issparse():
+        return "link, device or sparse file"
+    name = PurePosixPath(member.name)
+    if name.is_absolute() or ".." in name.parts:
+        return "name that leads out of the archive"
+    if name.name.startswith("."):
+        return "hidden file"
+    return "no rows by its name" if COMPANION.search(member.name) else None
+
+
+class _Forward:
+    """A stream that `tarfile` can skip ahead in, but not go back."""
+
+    def __init__(self, stream: IO[bytes], label: str) -> None:
+        self._stream, self._label = stream, label
+        self._place = 0
+        self.at_header = True
+        self.last = b""
+        """What was read last while at a header."""
+
+    def read(self, size: int = -1) -> bytes:
+        if self.at_header and not 0 <= size <= LARGEST_HEADER:
+            raise _damaged(self._label, f"a header of {size:,} bytes")
+        content = self._stream.read(size)
+        self._place += len(content)
+        if self.at_header:
+            self.last = content or b"nothing"
+        return content
+
+    def tell(self) -> int:
+        return self._place
+
+    def seek(self, place: int, whence: int = 0) -> int:
+        if whence or place < self._place:
+            raise _damaged(self._label, "it leads backwards")
+        while self._place < place:
+            skipped = len(self._stream.read(min(place - self._place, 1 << 20)))
+            if not skipped:
+                break
+            self._place += skipped
+        return self._place
+
+    def seekable(self) -> bool:
+        return True
+
+
+def with_parts(files: Sequence[Path]) -> list[tuple[str, list[Path]]]:
+    """Files, with the parts of each split archive together (`split` names them .aa .ab ..., others .001 .002 ...).
+
+    Raises:
+        DataError: If a part is missing before or between others.
+    """
+    groups: dict[str, list[Path]] = {}
+    for file in files:
+        part = PART.match(str(file))
+        groups.setdefault(part["whole"] if part else str(file), []).append(file)
+    found: list[tuple[str, list[Path]]] = []
+    for name, together in groups.items():
+        if not PART.match(str(together[0])):
+            found += [(name, [file]) for file in together]
+            continue
+        parts = [file for file, _ in groupby(sorted(together))]
+        numbers = [_number(str(file)) for file in parts]
+        first = 1 if str(parts[0])[-1].isdigit() else 0
+        if numbers[0] > first or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
+            raise DataError(
+                f"parts {', '.join(file.name for file in parts)} of a split archive, but not those between or before",
+                expected="all parts from the first",
+                mend="pass the folder that holds them all",
+            )
+        found.append((name, parts))
+    return found
+
+
+def _number(part: str) -> int:
+    suffix = part.rpartition(".")[2]
+    if suffix.isdigit():
+        return int(suffix)
+    number = 0
+    for letter in suffix:
+        number = 26 * number + ord(letter) - ord("a")
+    return number

@@ -1,0 +1,238 @@
+"""ASTERIX categories 062 (tracks of a tracker) and 048 (plots of one radar), as data blocks one after the other.
+
+The bytes are taken apart by pyasteryx, after EUROCONTROL's specifications. IAS and Mach come in I062/380, or in
+register 6,0 of I048/250. A message has a time of day and no date: that is taken from the file's name, as in
+`2024-03-01_radar.ast`.
+"""
+
+import cmath
+import re
+from collections.abc import Callable, Iterator
+from datetime import UTC, date, datetime, time
+from typing import Any
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.core.units import KT_MPS
+from descentflow.surveillance.formats.registers import values_of
+from descentflow.surveillance.formats.streams import Input
+from descentflow.surveillance.formats.values import numbers, texts
+from descentflow.surveillance.rows.drop_report import DropReport
+
+HEADER = 3
+"""Bytes of a block's category and length."""
+KNOWN = frozenset({1, 2, 4, 8, 10, 11, 19, 20, 21, 23, 34, 48, 62, 63, 65, 240, 247})
+"""Categories that recordings of radars and trackers hold."""
+LARGEST_BLOCK = 0x1FFF
+"""Longer blocks do not fit into the packets that they are sent in; text read as a block would be longer."""
+DAY = re.compile(r"(?<!\d)(19|20)(\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])(?!\d)")
+NO_DAY = date(1970, 1, 1)
+HALF_DAY_S = 43_200.0
+COLUMNS = {
+    "callsign": str,
+    "icao24": str,
+    "altitude": float,
+    "vertical_rate": float,
+    "IAS": float,
+    "Mach": float,
+    "TAS": float,
+    "groundspeed": float,
+    "track": float,
+    "heading": float,
+    "roll": float,
+    "latitude": float,
+    "longitude": float,
+    "selected_altitude": float,
+    "geometric_rate": float,
+    "wind_direction": float,
+    "wind_speed": float,
+    "temperature": float,
+}
+WEATHER = {"wind_direction": "WD", "wind_speed": "WS", "temperature": "TMP"}
+"""Row column -> its name in I062/380/MET, the temperature in degrees Celsius."""
+
+Row = dict[str, Any]
+
+
+def rows(source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+    """Rows of the messages of both categories that name an aircraft; others are counted.
+
+    Raises:
+        DataError: If the parser is not installed, or what is between blocks has no length.
+    """
+    decode = _decoder()
+    clock = _Clock(_day(source.label))
+    waiting: list[Row] = []
+    seconds: list[float | None] = []
+    for content in _blocks(source, report):
+        for row, of_day in _rows_of_block(content, decode, report):
+            waiting.append(row)
+            seconds.append(clock.seconds(of_day))
+        if len(waiting) >= block:
+            yield _frame(waiting, seconds)
+            waiting, seconds = [], []
+    yield _frame(waiting, seconds)
+    if clock.day == NO_DAY:
+        report.note("files of ASTERIX without a day in their name, put on 1970-01-01", 1)
+
+
+def _decoder() -> Callable[[bytes], list[Any]]:
+    try:
+        from pyasteryx import Decoder
+    except ImportError as error:
+        raise DataError(
+            "an ASTERIX file without a parser for it",
+            expected="the package pyasteryx",
+            mend="install it with: pip install 'descentflow[asterix]'",
+        ) from error
+    decode: Callable[[bytes], list[Any]] = Decoder().decode
+    return decode
+
+
+def _blocks(source: Input, report: DropReport) -> Iterator[bytes]:
+    place = 0
+    while header := source.stream.read(HEADER):
+        length = int.from_bytes(header[1:], "big")
+        if len(header) == HEADER and length < HEADER:
+            raise DataError(
+                f"{source.label}: an ASTERIX block of length {length} at byte {place}",
+                expected="blocks of category, length and records, one after the other",
+                mend="take the blocks out of the recording's own frames, or copy the file again",
+            )
+        body = source.stream.read(max(length - HEADER, 0))
+        if len(header) + len(body) < length or len(header) < HEADER:
+            report.note("ASTERIX blocks cut at the end of a file", 1)
+            return
+        place += length
+        if header[0] in (48, 62):
+            yield header + body
+        else:
+            report.note("ASTERIX blocks of other categories", 1)
+
+
+def _rows_of_block(
+    content: bytes, decode: Callable[[bytes], list[Any]], report: DropReport
+) -> Iterator[tuple[Row, float]]:
+    from pyasteryx import AsteryxError
+
+    try:
+        messages = decode(content)
+    except (AsteryxError, ValueError, IndexError, KeyError):
+        report.note("ASTERIX blocks that could not be decoded", 1)
+        return
+    for message in messages:
+        items = message.items if isinstance(message.items, dict) else dict(message)
+        row, of_day = _of_track(items) if message.category == 62 else _of_plot(items)
+        if row.get("icao24") and of_day is not None:
+            yield row, float(of_day)
+        else:
+            report.note("ASTERIX messages without an aircraft's address or a time", 1)
+
+
+def _of_track(items: Row) -> tuple[Row, float | None]:
+    """A row of category 062."""
+    aircraft = items.get("I062/380", {})
+    velocity, position = items.get("I062/185", {}), items.get("I062/105", {})
+    speed, track = _polar(velocity.get("Vx"), velocity.get("Vy"))
+    rate = _of(aircraft, "BVR", "BVR")
+    row = {
+        "icao24": _of(aircraft, "ADR", "ADR"),
+        "callsign": _of(aircraft, "ID", "ACID"),
+        "altitude": _of(items, "I062/136", "MFL"),
+        "vertical_rate": _of(items, "I062/220", "RoC") if rate is None else rate,
+        "IAS": _of(aircraft, "IAR", "IAS"),
+        "Mach": _of(aircraft, "MAC", "MNO"),
+        "TAS": _of(aircraft, "TAS", "TAS"),
+        "groundspeed": speed,
+        "track": track,
+        "heading": _of(aircraft, "MHG", "MAH"),
+        "roll": _of(aircraft, "RAN", "RAN"),
+        "latitude": position.get("Lat"),
+        "longitude": position.get("Lon"),
+        "selected_altitude": _of(aircraft, "SAL", "Alt"),
+        "geometric_rate": _of(aircraft, "GVR", "GVR"),
+    }
+    # Wind and temperature have a bit each that says whether they are there.
+    weather = aircraft.get("MET", {})
+    row |= {name: weather.get(f"{field}_D") for name, field in WEATHER.items() if weather.get(field)}
+    return row, _of(items, "I062/070", "ToT")
+
+
+def _of_plot(items: Row) -> tuple[Row, float | None]:
+    """A row of category 048; a plot is placed by range and azimuth from a radar whose place it does not name."""
+    level = items.get("I048/090", {})
+    usable = level.get("FL") if not level.get("V") and not level.get("G") else None
+    row: Row = {
+        "icao24": _of(items, "I048/220", "ACAddr"),
+        "callsign": _of(items, "I048/240", "TId"),
+        "altitude": None if usable is None else 100 * usable,
+        "groundspeed": _of(items, "I048/200", "CGS"),
+        "track": _of(items, "I048/200", "CHdg"),
+    }
+    for register in items.get("I048/250", []):
+        row |= values_of((register["BDS1"], register["BDS2"]), int(register["MB"], 16))
+    return row, _of(items, "I048/140", "ToD")
+
+
+def _of(items: Row, item: str, name: str) -> Any:
+    return items.get(item, {}).get(name)
+
+
+def _polar(east_mps: float | None, north_mps: float | None) -> tuple[float | None, float | None]:
+    """Speed in kt and direction in degrees."""
+    if east_mps is None or north_mps is None:
+        return None, None
+    velocity = complex(north_mps, east_mps)
+    return abs(velocity) / KT_MPS, cmath.phase(velocity) * 180 / cmath.pi % 360
+
+
+class _Clock:
+    """Seconds since 1970 of times of day that pass midnight."""
+
+    def __init__(self, day: date) -> None:
+        self.day = day
+        self._midnight = datetime.combine(day, time(), UTC).timestamp()
+        self._last: float | None = None
+
+    def seconds(self, of_day: float) -> float:
+        if self._last is not None and of_day < self._last - HALF_DAY_S:
+            self._midnight += 2 * HALF_DAY_S
+        late = self._last is not None and of_day > self._last + HALF_DAY_S and self._midnight > 0
+        if late:  # a message from before midnight that came after it
+            return self._midnight - 2 * HALF_DAY_S + of_day
+        self._last = of_day
+        return self._midnight + of_day
+
+
+def _day(label: str) -> date:
+    found = DAY.search(label.rpartition("/")[2])
+    if not found:
+        return NO_DAY
+    century, year, month, day = found.groups()
+    try:
+        return date(int(century + year), int(month), int(day))
+    except ValueError:
+        return NO_DAY
+
+
+def _frame(waiting: list[Row], seconds: list[float | None]) -> pl.DataFrame:
+    columns = {
+        name: (texts if kind is str else numbers)([row.get(name) for row in waiting]) for name, kind in COLUMNS.items()
+    }
+    return pl.DataFrame({"timestamp": numbers(seconds), **columns}).with_columns(pl.col("temperature") + 273.15)
+
+
+def looks_so(head: bytes) -> bool:
+    """Whether a file begins with whole blocks of known categories, 048 or 062 among them.
+
+    After three good ones it is taken for ASTERIX whatever follows, so that damage is told as such.
+    """
+    place, seen = 0, list[int]()
+    while place + HEADER <= len(head):
+        category, length = head[place], int.from_bytes(head[place + 1 : place + HEADER], "big")
+        if category not in KNOWN or not HEADER < length <= LARGEST_BLOCK:
+            return len(seen) > 2 and bool({48, 62} & set(seen))
+        seen.append(category)
+        place += length
+    return bool({48, 62} & set(seen))

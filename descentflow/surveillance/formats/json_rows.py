@@ -1,0 +1,64 @@
+"""Rows as JSON: a list of objects, one object a line, or an object of columns, as `traffic` and pandas write them."""
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.formats.streams import Input
+from descentflow.surveillance.formats.values import mixed
+from descentflow.surveillance.rows.drop_report import DropReport
+
+TIME = frozenset({"timestamp", "time"})
+ADDRESS = frozenset({"icao24", "hex"})
+MOST = 50_000
+"""Rows that are held as JSON at a time."""
+NAMES_LOOKED_AT = 1000
+"""Rows whose keys name the columns; later rows have no others."""
+
+
+def rows(found: Iterator[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+    """Rows as they are, numbers as floats and the rest as text.
+
+    Raises:
+        DataError: If the JSON holds no rows.
+    """
+    first = next(found, None)
+    documents = itertools.chain([first], found)
+    if isinstance(first, dict) and _of_columns(first):
+        for document in documents:
+            yield _table_of_columns(document if isinstance(document, dict) else {}, source.label)
+        return
+    each = (document if isinstance(document, list) else [document] for document in documents)
+    stream = itertools.chain.from_iterable(each)
+    names: list[str] | None = None
+    while batch := list(itertools.islice(stream, min(block, MOST))):
+        objects = [row for row in batch if type(row) is dict]
+        report.note("JSON values that are no row", len(batch) - len(objects))
+        if names is None:
+            names = list(dict.fromkeys(name for row in objects[:NAMES_LOOKED_AT] for name in row))
+        yield pl.DataFrame({name: mixed([row.get(name) for row in objects]) for name in names})
+
+
+def _table_of_columns(columns: dict[str, Any], label: str) -> pl.DataFrame:
+    values = {name: list(column.values()) for name, column in columns.items() if type(column) is dict}
+    if len({len(column) for column in values.values()}) > 1:
+        raise DataError(
+            f"{label}: columns of different lengths",
+            expected="as many values in each",
+            mend="write the table again, for instance as Parquet",
+        )
+    return pl.DataFrame({name: mixed(column) for name, column in values.items()})
+
+
+def _of_columns(document: dict[str, Any]) -> bool:
+    return all(type(document.get(name)) is dict for name in TIME & document.keys())
+
+
+def looks_so(document: object) -> bool:
+    """Whether a JSON document has rows: by the names of time and address."""
+    if isinstance(document, list):
+        document = next((row for row in document if isinstance(row, dict)), None)
+    return isinstance(document, dict) and bool(TIME & document.keys()) and bool(ADDRESS & document.keys())

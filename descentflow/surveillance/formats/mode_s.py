@@ -1,0 +1,183 @@
+"""Mode S messages of many aircraft, brought together: a row for each second with a heading and speed report (BDS 6,0).
+
+Such a report holds IAS and Mach of one moment. What other messages say (altitude, BDS 4,0 and 5,0, ADS-B position and
+velocity) is taken from around that moment, the altitude by interpolation. Sources: ICAO Doc 9871 (registers) and
+the field names of jet1090, which the messages have.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import polars as pl
+
+from descentflow.surveillance.formats.values import Kinds, table
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.normalise import in_seconds
+from descentflow.surveillance.rows.schema import POSSIBLE
+
+CLOCK_S = 1.0
+"""One row at most in so long: several radars ask, but within a second nothing changes that matters to a descent."""
+ALTITUDE_WITHIN_S = 5.0
+"""An altitude is interpolated between two not further away than this: 25 ft steps at most hide as much."""
+WITHIN_S = {"turn": 5.0, "velocity": 5.0, "position": 5.0, "selected": 30.0, "callsign": 600.0}
+"""How far from a row in time other reports are taken from; radars ask for registers every 4 to 12 s."""
+CONTEXT_S = 30.0
+"""What is kept of one batch of messages for the next."""
+HOLD_S = 10.0
+"""Rows within this time of a batch's end wait for the next batch."""
+AGREES = 0.03
+"""Relative difference of IAS and the CAS of Mach up to which bits that may be BDS 5,0 or 6,0 are taken for 6,0.
+
+Replies that can only be 6,0 agree within 0.013 (4,688 seconds of an A319 over France)."""
+FEWEST_REPLIES = 5
+"""Replies from which an address counts that never squittered: bit errors make up addresses, but rarely one twice."""
+
+Message = dict[str, Any]
+
+
+def columns_of(messages: list[Message]) -> pl.DataFrame:
+    """Messages as columns; names of fields are those of jet1090 and rs1090."""
+    register = pl.col("bds")
+    position = (register == "05") & (pl.col("source") == "barometric")
+    velocity = register == "09"
+    sixty, fifty = (pl.col(name).struct.field for name in ("bds60", "bds50"))
+    return table(messages, KINDS).select(
+        in_seconds(pl.col("timestamp")).alias("time"),
+        pl.col("icao24").str.strip_chars().replace("", None),
+        pl.col("df").is_in(PROTECTED).fill_null(False).alias("protected"),
+        pl.when(position | pl.col("df").is_in(ALTITUDE_REPLIES)).then("altitude").alias("altitude"),
+        *(sixty(name) for name in ("IAS", "Mach", "heading")),
+        sixty("vrate_barometric").alias("rate"),
+        *(fifty(name) for name in ("TAS", "roll")),
+        *(fifty(name).alias(f"{name}50") for name in ("groundspeed", "track")),
+        pl.col("bds40").struct.field("selected_mcp").alias("selected_altitude"),
+        *(pl.when(velocity).then(name).alias(name) for name in ("groundspeed", "track")),
+        pl.when(velocity).then("vertical_rate").alias("squittered_rate"),
+        pl.when(velocity & (pl.col("frame").str.len_chars() == 28)).then(OF_PRESSURE).alias("barometric"),
+        *(pl.when(position).then(name).alias(name) for name in ("latitude", "longitude")),
+        pl.coalesce("callsign", pl.col("bds20").struct.field("callsign")).str.strip_chars().alias("callsign"),
+    )
+
+
+PROTECTED = ("17", "18")
+"""Downlink formats whose parity protects the address; in others it is mixed with an address or interrogator."""
+ALTITUDE_REPLIES = ("0", "4", "16", "20")
+"""Downlink formats with a pressure altitude."""
+NUMBER, TEXT = pl.Float64(), pl.String()
+KINDS: Kinds = {
+    **dict.fromkeys(
+        ("timestamp", "altitude", "groundspeed", "track", "vertical_rate", "latitude", "longitude"), NUMBER
+    ),
+    **dict.fromkeys(("icao24", "df", "bds", "source", "frame", "callsign"), TEXT),
+    "bds60": pl.Struct(dict.fromkeys(("IAS", "Mach", "heading", "vrate_barometric"), NUMBER)),
+    "bds50": pl.Struct(dict.fromkeys(("TAS", "roll", "groundspeed", "track"), NUMBER)),
+    "bds40": pl.Struct({"selected_mcp": NUMBER}),
+    "bds20": pl.Struct({"callsign": TEXT}),
+}
+OF_PRESSURE = pl.col("frame").str.slice(16, 1).str.to_lowercase().is_in(list("13579bdf"))
+"""Whether a squittered rate is barometric: bit 36 of the message, as dump1090 reads it.
+
+The decoder's own word for it (`vrate_src`, rs1090 0.7.0) has the two the wrong way round.
+"""
+
+
+def rows(batches: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.DataFrame]:
+    """Rows of batches of messages in order of time, about; each batch leaves some context for the next."""
+    kept: pl.DataFrame | None = None
+    known: set[str] = set()
+    for batch in batches:
+        fresh = batch.drop_nulls(["time", "icao24"]).with_columns(age=pl.lit(0))
+        report.note("Mode S messages without a time or address", len(batch) - len(fresh))
+        messages = fresh if kept is None else pl.concat([kept, fresh])
+        # A single clock error must not say how far the batch reaches.
+        reach = messages["time"].tail(1000).median()
+        until = float(reach) - HOLD_S if isinstance(reach, float) else 0.0
+        known |= set(messages.filter("protected")["icao24"])
+        due = (pl.col("age") == 1) | ((pl.col("age") == 0) & (pl.col("time") <= until))
+        yield _rows_of(messages, due, known, report)
+        kept = messages.with_columns(age=pl.when(due).then(2).otherwise(pl.col("age") + 1)).filter(
+            (pl.col("age") == 1) | pl.col("time").is_between(until - CONTEXT_S, until)
+        )
+    if kept is not None:
+        yield _rows_of(kept, pl.col("age") == 1, known, report)
+
+
+def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: DropReport) -> pl.DataFrame:
+    """Rows at those reports of BDS 6,0 that are due, with what stands around them."""
+    counts = messages["icao24"].value_counts().filter(pl.col("count") >= FEWEST_REPLIES)
+    trusted = pl.col("icao24").is_in([*known, *counts["icao24"]])
+    report.note(
+        "Mode S messages of addresses that hardly appear (bit errors)", messages.select((~trusted & due).sum()).item()
+    )
+    ordered = messages.with_columns(due=due).filter(trusted).sort("time", maintain_order=True)
+    reports = ordered.filter(pl.col("IAS").is_not_null() & pl.col("due"))
+    possible = _with_altitude(reports, ordered)
+    sure = possible.filter(pl.col("TAS").is_null() | _agrees(possible))
+    report.note("Mode S replies that may be BDS 5,0 or 6,0 and fit neither", len(possible) - len(sure))
+    found = sure.filter(pl.struct("icao24", (pl.col("time") / CLOCK_S).floor()).is_first_distinct())
+    report.note("BDS 6,0 reports within the same second as another", len(sure) - len(found))
+    found = found.select("time", "icao24", "altitude", "IAS", "Mach", "heading", "rate")
+    certain = pl.col("IAS").is_null()
+    turn = ordered.filter(pl.col("TAS").is_not_null() & certain)
+    found = _near(found, turn.select("time", "icao24", "TAS", "roll", "groundspeed50", "track50"), "turn")
+    velocity = ordered.filter(pl.col("groundspeed").is_not_null() | pl.col("squittered_rate").is_not_null())
+    found = _near(
+        found, velocity.select("time", "icao24", "groundspeed", "track", "squittered_rate", "barometric"), "velocity"
+    )
+    for kind, names in OTHERS.items():
+        found = _near(found, ordered.select("time", "icao24", *names).drop_nulls(), kind)
+    return found.select(
+        pl.col("time").alias("timestamp"),
+        "icao24",
+        "callsign",
+        "altitude",
+        pl.coalesce("rate", pl.when("barometric").then("squittered_rate")).alias("vertical_rate"),
+        pl.when(~pl.col("barometric")).then("squittered_rate").alias("geometric_rate"),
+        "IAS",
+        "Mach",
+        "TAS",
+        pl.coalesce("groundspeed", "groundspeed50").alias("groundspeed"),
+        pl.coalesce("track", "track50").alias("track"),
+        "heading",
+        "roll",
+        "latitude",
+        "longitude",
+        "selected_altitude",
+    )
+
+
+OTHERS = {"position": ("latitude", "longitude"), "selected": ("selected_altitude",), "callsign": ("callsign",)}
+
+
+def _with_altitude(found: pl.DataFrame, ordered: pl.DataFrame) -> pl.DataFrame:
+    """Fill in altitudes between the one before and the one after."""
+    heights = ordered.select("icao24", "time", "altitude").drop_nulls("altitude")
+    sides = found
+    sided: tuple[tuple[str, Any], ...] = (("before", "backward"), ("after", "forward"))
+    for side, strategy in sided:
+        named = heights.select("icao24", "time", pl.col("time").alias(f"t_{side}"), pl.col("altitude").alias(side))
+        sides = sides.join_asof(
+            named, on="time", by="icao24", strategy=strategy, tolerance=ALTITUDE_WITHIN_S, check_sortedness=False
+        )
+    span = pl.col("t_after") - pl.col("t_before")
+    share = pl.when(span > 0).then((pl.col("time") - pl.col("t_before")) / span).otherwise(0.0)
+    between = pl.col("before") + share * (pl.col("after") - pl.col("before"))
+    return sides.with_columns(altitude=pl.coalesce("altitude", between)).drop("before", "after", "t_before", "t_after")
+
+
+def _agrees(found: pl.DataFrame) -> pl.Series:
+    """Whether IAS and Mach say the same at the altitude; not, where it is missing or either is impossible."""
+    possible = [pl.col(name).is_between(*POSSIBLE[name]).fill_null(False) for name in ("altitude", "IAS", "Mach")]
+    usable = found.select(pl.when(pl.all_horizontal(possible)).then(pl.col("altitude", "IAS", "Mach")).fill_null(0.0))
+    altitude, ias, mach = (usable[name].to_numpy() for name in ("altitude", "IAS", "Mach"))
+    cas = cas_of_mach_kt(mach, altitude)
+    return pl.Series((abs(ias - cas) <= AGREES * cas) & (mach > 0), dtype=pl.Boolean)
+
+
+def _near(found: pl.DataFrame, others: pl.DataFrame, kind: str) -> pl.DataFrame:
+    """Add the nearest report of another kind; a callsign or selection holds until the next."""
+    strategy: Any = "backward" if kind in ("selected", "callsign") else "nearest"
+    return found.join_asof(
+        others, on="time", by="icao24", strategy=strategy, tolerance=WITHIN_S[kind], check_sortedness=False
+    )

@@ -1,0 +1,137 @@
+"""Raw Mode S: JSON lines of jet1090, and lines or tables of times and frames in hexadecimal digits."""
+
+import itertools
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.formats import mode_s
+from descentflow.surveillance.formats.streams import Input
+from descentflow.surveillance.formats.values import is_number
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.normalise import in_seconds, timestamps
+
+BATCH = 100_000
+"""Messages that are brought together at a time."""
+FRAME = r"^[0-9a-fA-F]{14}(?:[0-9a-fA-F]{14})?$"
+WHOLE = re.compile(FRAME)
+LINE = re.compile(rb"^\s*\"?(\d+(?:\.\d*)?)\"?[\s,;]+\"?\*?((?:[0-9a-fA-F]{14}){1,2});?\"?\s*$")
+"""A time in seconds since 1970 and a frame, with blanks, a comma or a semicolon between them; a `*` and `;` around the
+frame are AVR's."""
+MADE_BY = "lines `seconds frame` or `seconds,frame`, seconds since 1970 and frames of 14 or 28 hexadecimal digits"
+
+
+def jet1090(found: Iterator[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+    """Rows of jet1090's lines: as decoded by the receiver, or decoded here where a line has only time and frame."""
+
+    def batches() -> Iterator[pl.DataFrame]:
+        while documents := list(itertools.islice(found, BATCH)):
+            messages = [m for m in documents if isinstance(m, dict) and is_number(m.get("timestamp"))]
+            report.note("lines that are no message with a time", len(documents) - len(messages))
+            done = [m for m in messages if "df" in m]
+            if len(done) < len(messages):
+                rest = [m for m in messages if "df" not in m]
+                raw = [m for m in rest if isinstance(m.get("frame"), str) and WHOLE.fullmatch(m["frame"])]
+                report.note("lines without fields or a frame of 14 or 28 hexadecimal digits", len(rest) - len(raw))
+                done += decoded([m["frame"] for m in raw], [float(m["timestamp"]) for m in raw], report)
+            yield mode_s.columns_of(done)
+
+    yield from mode_s.rows(batches(), report)
+
+
+def lines(source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+    """Rows of lines of time and frame.
+
+    Raises:
+        DataError: If most of the first lines are something else.
+    """
+
+    def batches() -> Iterator[pl.DataFrame]:
+        read = (line for _, line in source.lines())
+        first = True
+        while batch := list(itertools.islice(read, BATCH)):
+            parts = [match.groups() for line in batch if (match := LINE.match(line))]
+            if first and len(parts) < len(batch) / 2:
+                raise DataError(
+                    f"{source.label}: {len(batch) - len(parts)} of the first {len(batch)} lines are no time and frame",
+                    expected=MADE_BY,
+                    mend="write such lines, for instance with jet1090, readsb or dump1090 and a clock",
+                )
+            header = first and not LINE.match(batch[0])  # names of columns
+            first = False
+            report.note("lines that are no time and frame", len(batch) - len(parts) - header)
+            frames = [frame.decode() for _, frame in parts]
+            yield mode_s.columns_of(decoded(frames, [float(time) for time, _ in parts], report))
+
+    yield from mode_s.rows(batches(), report)
+
+
+def is_table(table: pl.DataFrame) -> bool:
+    """Whether a table holds times and frames that are not decoded, as OpenSky's replies and traffic's raw data do."""
+    decoded_already = {name.lower() for name in table.columns} >= {"ias", "mach"}
+    return not decoded_already and bool(_column(table, TIMES)) and bool(_column(table, FRAMES))
+
+
+def of_tables(tables: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.DataFrame]:
+    """Rows of tables of times and frames."""
+
+    def batches() -> Iterator[pl.DataFrame]:
+        for table in tables:
+            time = timestamps(table[_column(table, TIMES)]).dt.epoch("us").cast(pl.Float64) / 1e6
+            both = pl.DataFrame({"time": time, "frame": table[_column(table, FRAMES)].cast(pl.String)})
+            usable = both.filter(pl.col("frame").str.contains(FRAME) & pl.col("time").is_not_null())
+            report.note("rows without a time and a Mode S frame", len(both) - len(usable))
+            for part in usable.iter_slices(BATCH):
+                yield mode_s.columns_of(decoded(part["frame"].to_list(), part["time"].to_list(), report))
+
+    yield from mode_s.rows(batches(), report)
+
+
+TIMES = ("mintime", "timestamp", "time")
+FRAMES = ("rawmsg", "frame")
+"""Names of the columns in OpenSky's tables, and in traffic's."""
+
+
+def _column(table: pl.DataFrame, names: tuple[str, ...]) -> str:
+    return next((name for name in names if name in table.columns), "")
+
+
+def decoded(frames: list[str], times: list[float], report: DropReport) -> list[dict[str, Any]]:
+    """Messages of frames whose parity is right.
+
+    Raises:
+        DataError: If the decoder is not installed.
+    """
+    try:
+        from rs1090 import decode
+    except ImportError as error:
+        raise DataError(
+            "raw Mode S frames without a decoder",
+            expected="the package rs1090",
+            mend="install it with: pip install 'descentflow[modes]'",
+        ) from error
+    if not frames:
+        return []
+    # The decoder pairs positions by time in seconds, and would not survive other digits than those looked at.
+    seconds = pl.DataFrame({"time": times}).select(in_seconds(pl.col("time"))).to_series().to_list()
+    messages: list[Any] = decode(frames, seconds)
+    report.note("Mode S frames that could not be decoded (parity or format)", len(frames) - len(messages))
+    return messages
+
+
+def looks_raw(head: bytes) -> bool:
+    """Whether text begins with lines of time and frame, under a line of names or not."""
+    first = [line for line in head.splitlines()[:4] if line.strip()]
+    return any(LINE.match(line) for line in first[:2])
+
+
+def looks_untimed(head: bytes) -> bool:
+    """Whether text begins with AVR's frames, alone or with the ticks of a receiver's counter before each."""
+    first = next((line.strip() for line in head.splitlines() if line.strip()), b"")
+    return bool(UNTIMED.match(first))
+
+
+UNTIMED = re.compile(rb"^(?:[*:]|@[0-9a-fA-F]{12})?(?:[0-9a-fA-F]{14}){1,2};?$")

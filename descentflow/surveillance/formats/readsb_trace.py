@@ -1,0 +1,186 @@
+"""The traces that readsb and tar1090 write and adsb.lol publishes: one aircraft and day in a `trace_full_*.json`.
+
+A point is a list: seconds after `timestamp`, latitude, longitude, altitude or "ground", groundspeed, track, flags,
+vertical rate, details or null, and since 2022 kind of source, geometric altitude, geometric rate, IAS, roll.
+Details are fields of aircraft.json, with every fourth point or so. Source: README-json.md of wiedehopf/readsb.
+"""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.formats.streams import Input
+from descentflow.surveillance.formats.values import Kinds, is_number, numbers, table, texts
+from descentflow.surveillance.rows.air_data import mach_of_cas
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import POSSIBLE
+
+STALE, NEW_LEG, GEOMETRIC_RATE, GEOMETRIC_ALTITUDE = 1, 2, 4, 8
+"""Bits of a point's flags."""
+POINT = 14
+"""Values of a point."""
+DETAILS = {
+    "vertical_rate": "baro_rate",
+    "geometric_rate": "geom_rate",
+    "IAS": "ias",
+    "Mach": "mach",
+    "TAS": "tas",
+    "heading": "mag_heading",
+    "roll": "roll",
+    "geoaltitude": "alt_geom",
+    "temperature": "oat",
+    "wind_direction": "wd",
+    "wind_speed": "ws",
+    "selected_altitude": "nav_altitude_mcp",
+}
+"""Row column -> field of a point's details."""
+KINDS: Kinds = {"flight": pl.String(), **dict.fromkeys(DETAILS.values(), pl.Float64())}
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One trace as read, to be put together with others: columns of many points cost less than of a few."""
+
+    icao24: object
+    typecode: object
+    begin: float
+    points: list[list[Any]]
+
+    def __len__(self) -> int:
+        """Number of points."""
+        return len(self.points)
+
+
+def rows(found: Iterator[object], source: Input, report: DropReport, block: int) -> Iterator[Trace]:
+    """Traces for :func:`finished`.
+
+    Raises:
+        DataError: If a document lacks the address, the time or the list of points.
+    """
+    for document in found:
+        trace = document.get("trace") if isinstance(document, dict) else None
+        if not isinstance(document, dict) or not isinstance(trace, list) or not is_number(document.get("timestamp")):
+            raise DataError(
+                f"{source.label}: JSON without a trace and its time",
+                expected="`icao`, `timestamp` and a list `trace`, as readsb and adsb.lol write them",
+                mend="pass such a file",
+            )
+        points = [point for point in trace if type(point) is list and len(point) >= SHORTEST]
+        report.note("trace points that are no list of 9 values or more", len(trace) - len(points))
+        yield Trace(document.get("icao"), document.get("t"), float(document["timestamp"]), points)
+
+
+def finished(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
+    """Rows of whole traces: none with a stale position, and a flight of its own for each leg."""
+    frame = _columns(traces)
+    barometric = pl.when(~_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))
+    geometric = pl.when(_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))
+    rate = pl.when(~_has(GEOMETRIC_RATE)).then(pl.col("_rate"))
+    geometric_rate = pl.when(_has(GEOMETRIC_RATE)).then(pl.col("_rate"))
+    frame = frame.with_columns(
+        altitude=barometric,
+        geoaltitude=pl.coalesce("geoaltitude", "_geoaltitude", geometric),
+        vertical_rate=pl.coalesce(rate, "vertical_rate"),
+        geometric_rate=pl.coalesce("geometric_rate", "_geometric_rate", geometric_rate),
+        IAS=pl.coalesce("IAS", "_IAS"),
+        roll=pl.coalesce("roll", "_roll"),
+        temperature=pl.col("temperature") + 273.15,
+        track=pl.when(pl.col("_altitude").is_not_null()).then(pl.col("track")),  # on the ground it is a heading
+    )
+    fresh = _by_leg(frame).filter(~_has(STALE))
+    report.note("trace points with a stale position, left out", len(frame) - len(fresh))
+    beside = [name for name in fresh.columns if name.startswith("_")]
+    return _with_mach(fresh, report).drop("begins", "flags", "leg", *beside)
+
+
+def _columns(traces: Sequence[Trace]) -> pl.DataFrame:
+    """Values of the points as they are, those of details beside them."""
+    points = list(itertools.chain.from_iterable(trace.points for trace in traces))
+    columns: list[Any] = [*itertools.islice(itertools.zip_longest(*points), POINT)]
+    columns += [[None] * len(points)] * (POINT - len(columns))
+    columns[ALTITUDE] = [None if value == "ground" else value for value in columns[ALTITUDE]]
+    lengths = np.array([len(trace) for trace in traces], dtype=np.int64)
+    whole = pl.DataFrame(
+        {
+            "icao24": texts([trace.icao24 for trace in traces]),
+            "typecode": texts([trace.typecode for trace in traces]),
+            "begin": numbers([trace.begin for trace in traces]),
+        }
+    )[np.repeat(np.arange(len(traces)), lengths)]
+    begins = np.zeros(len(points), dtype=bool)
+    begins[(np.cumsum(lengths) - lengths)[lengths > 0]] = True
+    details = [(place, value) for place, value in enumerate(columns[DETAIL]) if type(value) is dict]
+    detailed = table([value for _, value in details], KINDS).select(
+        pl.Series([place for place, _ in details], dtype=pl.UInt32).alias("place"),
+        pl.col("flight").str.strip_chars().replace("", None).alias("callsign"),
+        *(pl.col(field).alias(name) for name, field in DETAILS.items()),
+    )
+    flags = numbers(columns[FLAGS])
+    own = pl.DataFrame({name: numbers(columns[place]) for name, place in PLACES.items()})
+    return (
+        pl.concat([whole, own], how="horizontal")
+        .with_columns(
+            timestamp=pl.col("begin") + numbers(columns[0]),
+            begins=pl.Series(begins),
+            flags=pl.when(flags.is_between(0, 255)).then(flags).fill_null(0).cast(pl.Int64),
+        )
+        .with_row_index("place")
+        .join(detailed, on="place", how="left", maintain_order="left")
+        .drop("place", "begin")
+    )
+
+
+ALTITUDE, FLAGS, DETAIL = 3, 6, 8
+SHORTEST = 9
+PLACES = {
+    "latitude": 1,
+    "longitude": 2,
+    "_altitude": ALTITUDE,
+    "groundspeed": 4,
+    "track": 5,
+    "_rate": 7,
+    "_geoaltitude": 10,
+    "_geometric_rate": 11,
+    "_IAS": 12,
+    "_roll": 13,
+}
+"""Where the numbers of a point stand; those with a line before the name are combined with others."""
+
+
+def _has(bit: int) -> pl.Expr:
+    return (pl.col("flags") & bit) != 0
+
+
+def _by_leg(frame: pl.DataFrame) -> pl.DataFrame:
+    """Name each leg by address and time of its first point; a callsign holds until the next one of its leg."""
+    legs = frame.with_columns(leg=(pl.col("begins") | _has(NEW_LEG)).cast(pl.Int64).cum_sum())
+    begin = pl.col("timestamp").first()
+    first = pl.from_epoch(pl.when(begin.is_between(0, 1e10)).then(begin).cast(pl.Int64)).dt.strftime("%Y%m%dT%H%M%S")
+    return legs.with_columns(
+        flight_id=(pl.col("icao24") + "_" + first).over("leg"),
+        callsign=pl.col("callsign").forward_fill().over("leg"),
+    )
+
+
+def _with_mach(frame: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Fill in Mach where a point has IAS and pressure altitude, of which it is a function, but no details.
+
+    Only in legs whose details report Mach: there the aircraft is known to answer with both.
+    """
+    reported = pl.col("Mach").is_not_null().any().over("leg")
+    possible = [pl.col(name).is_between(*POSSIBLE[name]) for name in ("IAS", "altitude")]
+    fillable = frame.select(
+        (reported & pl.col("Mach").is_null() & pl.all_horizontal(possible)).fill_null(False)
+    ).to_series()
+    count = int(fillable.sum())
+    if not count:
+        return frame
+    report.note("trace points whose Mach was computed from IAS and altitude", count)
+    chosen = frame.filter(fillable)
+    mach = mach_of_cas(chosen["IAS"].to_numpy(), chosen["altitude"].to_numpy())
+    return frame.with_columns(frame["Mach"].scatter(np.flatnonzero(fillable.to_numpy()), mach))

@@ -1,0 +1,195 @@
+"""Bytes of files and of split archives, unpacked as they are read and never to disk."""
+
+import gzip
+import io
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO
+
+from descentflow.core.errors import DataError
+
+HEAD = 4096
+"""Bytes by which a kind of file is known."""
+LARGEST_RATIO = 250
+"""Bytes out for a byte in above which gzip is a bomb: surveillance text packs to a tenth, repeated lines to a fiftieth;
+deflate reaches 1,032 on one byte repeated."""
+RATIO_FROM = 16 << 20
+"""Bytes out below which the ratio is not looked at: so much fits in memory whatever it is."""
+LARGEST_LINE = 64 << 20
+"""Bytes of one line; a snapshot of every aircraft of the world has about 10 MB."""
+LARGEST_DOCUMENT = 128 << 20
+"""Bytes of what has to be read as a whole: a JSON document that is not one a line, a table inside of an archive."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """One file or member of an archive, as readers get it.
+
+    Attributes:
+        stream: Its bytes, without the gzip around them.
+        label: Its name in messages.
+        path: The file, where it is one on disk that can be read at any place.
+        one_of_many: Whether it is a member of an archive or a trace in a tree of them: then a damaged one is counted,
+            because taking it away is more than can be asked.
+    """
+
+    stream: IO[bytes]
+    label: str
+    path: Path | None = None
+    one_of_many: bool = False
+
+    def head(self) -> tuple[bytes, "Input"]:
+        """The first bytes, and the input with them in place again."""
+        head = self.stream.read(HEAD)
+        if self.stream.seekable():
+            self.stream.seek(-len(head), io.SEEK_CUR)
+            return head, self
+        return head, replace(self, stream=Chain([io.BytesIO(head), self.stream]).buffered())
+
+    def whole(self) -> bytes:
+        """All bytes, if they are not too many to be held.
+
+        Raises:
+            DataError: If they are.
+        """
+        content = self.stream.read(LARGEST_DOCUMENT + 1)
+        if len(content) > LARGEST_DOCUMENT:
+            raise DataError(
+                f"{self.label}: more than {LARGEST_DOCUMENT >> 20} MiB that have to be read as a whole",
+                expected="a smaller document, or one document a line",
+                mend="split the file, or unpack the archive that it is in",
+            )
+        return content
+
+    def lines(self) -> Iterator[tuple[int, bytes]]:
+        """Lines that are not blank, with their numbers.
+
+        Raises:
+            DataError: If a line is too long to be held.
+        """
+        number = 0
+        while line := self.stream.readline(LARGEST_LINE + 1):
+            number += 1
+            if len(line) > LARGEST_LINE:
+                raise DataError(
+                    f"{self.label}, line {number}: longer than {LARGEST_LINE >> 20} MiB",
+                    expected="one row or JSON document a line",
+                    mend="check how the file was written",
+                )
+            if line.strip():
+                yield number, line
+
+
+class Chain(io.RawIOBase):
+    """Streams one after the other, read forwards; told and skipped to places ahead, as `tarfile` asks."""
+
+    def __init__(self, streams: Sequence[IO[bytes]]) -> None:
+        self._streams = list(streams)
+        self._place = 0
+
+    def readable(self) -> bool:
+        """Yes."""
+        return True
+
+    def readinto(self, buffer: object) -> int:
+        """Fill a buffer from the first stream that has bytes left."""
+        view = memoryview(buffer)  # type: ignore[arg-type]
+        while self._streams:
+            content = self._streams[0].read(len(view))
+            if content:
+                view[: len(content)] = content
+                self._place += len(content)
+                return len(content)
+            self._streams.pop(0)
+        return 0
+
+    def buffered(self) -> io.BufferedReader:
+        """With a buffer, for small reads."""
+        return io.BufferedReader(self, 1 << 18)
+
+
+class Gunzip(io.RawIOBase):
+    """Unpacked bytes of a gzip stream, as long as they are in proportion to the packed ones."""
+
+    def __init__(self, packed: IO[bytes], label: str) -> None:
+        self._packed = _Counted(packed)
+        self._unpacked = gzip.GzipFile(fileobj=self._packed)  # type: ignore[call-overload]
+        self._label = label
+        self._out = 0
+
+    def readable(self) -> bool:
+        """Yes."""
+        return True
+
+    def readinto(self, buffer: object) -> int:
+        """Unpack into a buffer.
+
+        Raises:
+            DataError: If the stream is damaged, or unpacks to more than :data:`LARGEST_RATIO` times its size.
+        """
+        view = memoryview(buffer)  # type: ignore[arg-type]
+        try:
+            content: bytes = self._unpacked.read(len(view))
+        except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+            raise DataError(
+                f"{self._label}: damaged gzip ({error})", expected="a whole file", mend="copy it again"
+            ) from error
+        view[: len(content)] = content
+        self._out += len(content)
+        if self._out > RATIO_FROM and self._out > LARGEST_RATIO * self._packed.count:
+            raise DataError(
+                f"{self._label}: gzip that unpacks to more than {LARGEST_RATIO} times its size",
+                expected="surveillance data, which packs to a tenth or so",
+                mend="check where the file comes from; unpack it first if it is to be trusted",
+            )
+        return len(content)
+
+
+class _Counted:
+    """A stream that knows how many bytes were read from it."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+        self.count = 0
+
+    def read(self, size: int = -1) -> bytes:
+        content = self._stream.read(size)
+        self.count += len(content)
+        return content
+
+
+@contextmanager
+def opened(paths: Sequence[Path], label: str) -> Iterator[Input]:
+    """Open a file, or the parts of a split one; closed when the block ends.
+
+    Raises:
+        DataError: If it cannot be opened.
+    """
+    with ExitStack() as files:
+        try:
+            streams = [files.enter_context(path.open("rb")) for path in paths]
+        except OSError as error:
+            raise DataError(f"{label}: {error}", expected="a readable file", mend="check its permissions") from error
+        if len(streams) == 1:
+            yield Input(streams[0], label, paths[0])
+        else:
+            yield Input(Chain(streams).buffered(), label)
+
+
+def unpacked(packed: Input) -> Input:
+    """Take the gzip away, if there is any.
+
+    Raises:
+        DataError: If there is another one inside.
+    """
+    head, packed = packed.head()
+    if not head.startswith(b"\x1f\x8b"):
+        return packed
+    stream = io.BufferedReader(Gunzip(packed.stream, packed.label), 1 << 18)
+    head, plain = replace(packed, stream=stream, path=None).head()
+    if head.startswith(b"\x1f\x8b"):
+        raise DataError(f"{packed.label}: gzip inside gzip", expected="one layer", mend="unpack the outer one")
+    return plain

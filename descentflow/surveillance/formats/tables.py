@@ -1,0 +1,121 @@
+"""Tables: Parquet, Feather and CSV, as the `traffic` library, OpenSky and pandas write them."""
+
+import io
+from collections.abc import Iterator
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.formats.streams import LARGEST_LINE, Input
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.normalise import check_types, wanted
+
+CSV_BYTES = 32 << 20
+"""Text that is read at a time."""
+
+
+def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
+    """Rows of a Parquet file, a slice at a time; inside gzip or an archive it is held whole."""
+    yield from _slices(pl.scan_parquet(source.path or io.BytesIO(source.whole())), rows, source.label)
+
+
+def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
+    """Rows of an Arrow IPC file (Feather version 2)."""
+    yield from _slices(pl.scan_ipc(source.path or io.BytesIO(source.whole())), rows, source.label)
+
+
+def _slices(table: pl.LazyFrame, rows: int, label: str) -> Iterator[pl.DataFrame]:
+    total = table.select(pl.len()).collect().item()
+    schema = table.collect_schema()
+    names = wanted(schema.names())
+    # Before anything is read: a list that is long and always the same takes no place in a file.
+    check_types({name: schema[name] for name in names}, label)
+    table = table.select(names)
+    for start in range(0, max(total, 1), rows):
+        yield table.slice(start, rows).collect()
+
+
+def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
+    """Rows of a CSV file, everything as text: a word in a column of numbers is then counted and not a crash.
+
+    Raises:
+        DataError: If a line has more fields than the first has names.
+    """
+    header = _checked(source.stream.readline(LARGEST_LINE), source.label, 0).removeprefix(BYTE_ORDER_MARK)
+    if b"," not in header:
+        raise DataError(
+            f"{source.label}: a first line without commas",
+            expected="column names with commas between them",
+            mend="convert the table to CSV with commas, or to Parquet",
+        )
+    header = header.rstrip(b"\r\n") + b"\n"
+    names = wanted(_parsed(header, None, source.label).columns)
+    place, empty = len(header), True
+    for chunk in _chunks(source):
+        yield _parsed(header + _checked(chunk, source.label, place), names, source.label)
+        place += len(chunk)
+        empty = False
+    if empty:
+        yield _parsed(header, names, source.label)
+
+
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+def _parsed(text: bytes, names: list[str] | None, label: str) -> pl.DataFrame:
+    try:
+        return pl.read_csv(text, infer_schema=False, columns=names)
+    except pl.exceptions.ComputeError as error:
+        raise DataError(
+            f"{label}: {str(error).splitlines()[0]}",
+            expected="lines with no more fields than the first names",
+            mend="remove or quote the damaged line",
+        ) from error
+
+
+def _chunks(source: Input) -> Iterator[bytes]:
+    """Bytes up to an end of a line that is not inside quotes."""
+    rest = b""
+    while read := source.stream.read(CSV_BYTES):
+        rest += read
+        end = len(rest) if len(read) < CSV_BYTES else _end_of_rows(rest)
+        if end:
+            yield rest[:end]
+            rest = rest[end:]
+        elif len(rest) > CSV_BYTES + LARGEST_LINE:
+            raise DataError(
+                f"{source.label}: a row longer than {LARGEST_LINE >> 20} MiB",
+                expected="a row a line",
+                mend="look for a quote that is not closed",
+            )
+    if rest:
+        yield rest
+
+
+def _end_of_rows(text: bytes) -> int:
+    """Place after the last end of a line before which all quotes are closed; 0 if there is none."""
+    end = text.rfind(b"\n") + 1
+    open_quote = text.count(b'"', 0, end) % 2
+    while end and open_quote:
+        # No row ends behind the last quote. Only what lies between is counted again: the text is passed once.
+        before = text.rfind(b"\n", 0, text.rfind(b'"', 0, end)) + 1
+        open_quote ^= text.count(b'"', before, end) % 2
+        end = before
+    return end
+
+
+def _checked(content: bytes, label: str, place: int) -> bytes:
+    """The same bytes, if they are UTF-8.
+
+    Raises:
+        DataError: If they are not, with the place.
+    """
+    try:
+        content.decode()
+    except UnicodeDecodeError as error:
+        raise DataError(
+            f"{label}: not UTF-8 at byte {place + error.start}",
+            expected="a table, JSON or text in UTF-8",
+            mend="save text files as UTF-8",
+        ) from error
+    return content

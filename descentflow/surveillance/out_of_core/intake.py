@@ -1,0 +1,177 @@
+"""The first pass: read rows block by block, drop what no descent can use, and put the rest where aircraft are found."""
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.cleaning.flights import names_given, usable
+from descentflow.surveillance.formats.archives import with_parts
+from descentflow.surveillance.formats.readers import row_blocks
+from descentflow.surveillance.out_of_core.spill import Bucket, Memory, Spill
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import COLUMNS, REQUIRED
+
+Item = TypeVar("Item")
+
+GROUP_BYTES = 256_000_000
+"""Size of the files that are read as one group: what a worker reads at a time, and what a rerun reads again."""
+
+
+@dataclass
+class Intake:
+    """Rows of some files.
+
+    Attributes:
+        columns: Of all rows, in the order in which they came up.
+        report: Of reading and of unusable rows.
+        names: Flight names that the source gives (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
+        held: The rows, if they were few.
+        buckets: The rows on disk, if they were many.
+    """
+
+    columns: tuple[str, ...]
+    report: DropReport
+    names: pl.DataFrame
+    held: list[pl.DataFrame]
+    buckets: list[Bucket] | None
+
+
+@dataclass(frozen=True)
+class Group:
+    """Files that are read together into a folder of buckets."""
+
+    files: tuple[Path, ...]
+    format: str | None
+    folder: Path
+    memory: Memory
+    alone: bool = True
+    """Whether there is no other group: then a group without a row is an error."""
+
+
+def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
+    """Neighbouring files in groups of about a size; parts of a split archive stay together.
+
+    A small file is not left alone: among others a damaged one is counted, alone it is an error.
+    """
+    groups: list[list[Path]] = [[]]
+    total = 0
+    for _, parts in with_parts(files):
+        size = sum(path.stat().st_size for path in parts)
+        if groups[-1] and total + size > GROUP_BYTES:
+            groups.append([])
+            total = 0
+        groups[-1] += parts
+        total += size
+    together: list[list[Path]] = []
+    for group in groups:
+        if together and len(group) == 1 and group[0].stat().st_size < GROUP_BYTES // 2:
+            together[-1] += group
+        else:
+            together.append(group)
+    return [tuple(group) for group in together]
+
+
+def take_in(
+    files: Sequence[Path], format: str | None, spill: Spill, block_rows: int = 500_000, alone: bool = True
+) -> Intake:
+    """Read files into a spill.
+
+    Args:
+        files: What to read.
+        format: Name of what they are; found from their content if None.
+        spill: Takes the rows.
+        block_rows: Rows that are read at a time.
+        alone: Whether there are no other files, so that files without a row are an error.
+
+    Raises:
+        DataError: As :func:`~descentflow.surveillance.formats.readers.row_blocks`.
+    """
+    read = DropReport()
+    columns: dict[str, None] = {}
+    names: list[pl.DataFrame] = []
+    parts: list[DropReport] = []
+    for block in _ahead(_blocks(files, read, format, block_rows, alone)):
+        columns |= dict.fromkeys(block.columns)
+        parts.append(DropReport())
+        good = usable(block, parts[-1])
+        names.append(names_given(good))
+        if len(names) > 16:
+            names = [pl.concat(names).unique()]
+        spill.add(good)
+    spill.finish()
+    read.extend(parts)
+    buckets = spill.buckets if spill.spilled else None
+    return Intake(tuple(columns), read, pl.concat(names).unique(), spill.held, buckets)
+
+
+def read_group(group: Group, always: bool) -> Intake | None:
+    """Read a group of files into its folder, which appears whole or not at all; nothing if it is there already.
+
+    Args:
+        group: Files and folder.
+        always: Make the folder even of rows that fit in memory.
+
+    Returns:
+        The rows, if they fit and no folder was made of them.
+    """
+    if group.folder.exists():
+        return None
+    group.folder.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(dir=group.folder.parent, prefix=f".{group.folder.name}-"))
+    try:
+        spill = Spill(temporary, group.memory.rows_bytes, always=always)
+        intake = take_in(group.files, group.format, spill, group.memory.block_rows, group.alone)
+        if intake.buckets is None:
+            return intake
+        intake.names.write_parquet(temporary / "names.parquet")
+        description = {
+            "columns": intake.columns,
+            "report": intake.report.as_dict(),
+            "buckets": [
+                {"files": [path.name for path in b.files], "rows": b.rows, "bytes": b.bytes} for b in intake.buckets
+            ],
+        }
+        (temporary / "group.json").write_text(json.dumps(description))
+        if not group.folder.exists():  # another worker may have been as fast
+            temporary.rename(group.folder)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return None
+
+
+def read_again(folder: Path) -> Intake:
+    """What :func:`read_group` left in a folder."""
+    found = json.loads((folder / "group.json").read_text())
+    buckets = [Bucket([folder / name for name in b["files"]], b["rows"], b["bytes"]) for b in found["buckets"]]
+    names = pl.read_parquet(folder / "names.parquet")
+    return Intake(tuple(found["columns"]), DropReport.from_dict(found["report"]), names, [], buckets)
+
+
+def _blocks(
+    files: Sequence[Path], report: DropReport, format: str | None, block_rows: int, alone: bool
+) -> Iterator[pl.DataFrame]:
+    """Blocks of rows; of a group that holds none, but is one of several, an empty one."""
+    try:
+        yield from row_blocks(files, report, format=format, block_rows=block_rows)
+    except DataError as error:
+        if alone or not error.got.startswith("no row in "):
+            raise
+        report.note("groups of files without a row", 1)
+        yield pl.DataFrame(schema={name: COLUMNS[name] for name in REQUIRED})
+
+
+def _ahead(items: Iterator[Item]) -> Iterator[Item]:
+    """The same items, the next made while one is worked on."""
+    with ThreadPoolExecutor(max_workers=1) as pool:
+        following = pool.submit(next, items, None)
+        while (item := following.result()) is not None:
+            following = pool.submit(next, items, None)
+            yield item

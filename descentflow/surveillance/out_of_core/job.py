@@ -1,0 +1,94 @@
+"""The folder beside an output in which an unfinished `prepare` keeps what is done, so that a rerun goes on from it."""
+
+import fcntl
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from descentflow.core.errors import ConfigError, DescentflowError
+from descentflow.core.files import whole_file
+
+DESCRIPTION, LOCK, ROWS, PARTS = "job.json", "lock", "rows", "parts"
+
+
+def fingerprint(facts: dict[str, Any]) -> str:
+    """Hash of inputs and settings: two runs of the same fingerprint make the same descents.
+
+    Example:
+        >>> fingerprint({"bottom_fl": 150})[:8]
+        'f6e2a5a9'
+    """
+    return hashlib.sha256(json.dumps(facts, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def work_folder(out: Path) -> Path:
+    """Where the unfinished work for an output lies."""
+    return out.with_name(f"{out.name}.work")
+
+
+@contextmanager
+def job_folder(out: Path, facts: dict[str, Any]) -> Iterator[Path]:
+    """A folder of work for an output, made or found again; removed when the work ends well or in a clear error.
+
+    A killed run leaves the folder with the parts that are whole; so does any other failure once there are some.
+
+    Args:
+        out: The output; the folder's name is this and ``.work``.
+        facts: Inputs and settings.
+
+    Raises:
+        ConfigError: If another run is at work on the same output, or left parts made of other inputs or settings.
+    """
+    folder = work_folder(out)
+    folder.mkdir(exist_ok=True)
+    with (folder / LOCK).open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ConfigError(
+                f"another run is at work on {out}",
+                expected="one at a time",
+                mend="wait for it, or choose another --out",
+            ) from error
+        _claim(folder, facts, out)
+        try:
+            yield folder
+        except DescentflowError:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        except BaseException:
+            if not _has_parts(folder):
+                shutil.rmtree(folder, ignore_errors=True)
+            raise
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _claim(folder: Path, facts: dict[str, Any], out: Path) -> None:
+    """Describe the work, or find it described the same."""
+    description, mark = folder / DESCRIPTION, fingerprint(facts)
+    try:
+        left = json.loads(description.read_text())["fingerprint"] if description.is_file() else None
+    except (ValueError, KeyError, TypeError, OSError):
+        left = "unreadable"
+    if left == mark:
+        return
+    if _has_parts(folder):
+        raise ConfigError(
+            f"an unfinished run in {folder} was made of other inputs or settings",
+            expected=f"those of {description}, with which it goes on",
+            mend=f"name the same, or delete {folder}, or choose another --out than {out}",
+        )
+    for path in folder.iterdir():
+        if path.is_dir():
+            shutil.rmtree(path)
+    with whole_file(description) as temporary:
+        temporary.write_text(json.dumps({"fingerprint": mark, **facts}, indent=1, default=str))
+
+
+def _has_parts(folder: Path) -> bool:
+    """Whether anything in the folder is whole that a rerun could use."""
+    return any(not path.name.startswith(".") for name in (ROWS, PARTS) for path in (folder / name).glob("*"))

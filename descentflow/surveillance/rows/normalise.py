@@ -1,0 +1,209 @@
+"""Bring a table of any known source to the schema: names, types and units."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, REQUIRED, TIMESTAMP
+
+STATE_VECTOR = "baroaltitude"
+"""Column that only OpenSky's state vectors have; they are in SI units."""
+LONGEST_TEXT = 500
+"""Bytes of the longest text that says anything; a small file can repeat one of megabytes in every row, which nothing
+copies as long as it is not worked on."""
+READABLE = {
+    pl.Float64: "numbers",
+    pl.Datetime: "dates with time, or seconds since 1970",
+    pl.String: f"texts of at most {LONGEST_TEXT} bytes",
+}
+STALE_S = 10.0
+"""Age of the last message from which a state vector is left out: OpenSky repeats the last one for minutes."""
+
+DATE_FORMATS = (
+    "%+",
+    "%Y-%m-%d %H:%M:%S%.f%:z",
+    "%Y-%m-%d %H:%M:%S%.f%#z",
+    "%Y-%m-%dT%H:%M:%S%.f",
+    "%Y-%m-%d %H:%M:%S%.f",
+)
+"""Written dates: RFC 3339, `traffic`'s CSV, and the same without a zone (taken as UTC)."""
+
+
+def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
+    """Rename, convert and cast a table's columns.
+
+    Args:
+        table: Columns as the source names them.
+        path: Named in errors.
+        report: Takes the number of values that were no numbers or dates.
+
+    Raises:
+        DataError: If a required column is missing, is given twice, or holds hardly anything that can be read.
+    """
+    table = _from_state_vectors(table, report) if STATE_VECTOR in table.columns else table
+    table = _renamed(table, path, report)
+    missing = [name for name in REQUIRED if name not in table.columns]
+    if missing:
+        raise DataError(
+            f"{path} has no column {', '.join(missing)} (it has {', '.join(table.columns[:12])})",
+            expected=f"columns {', '.join(REQUIRED)}, named as the traffic library names them",
+            mend="rename columns; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B alone",
+        )
+    columns = []
+    for name, kind in COLUMNS.items():
+        if name not in table.columns:
+            continue
+        column = _cast(table[name], kind, path)
+        lost = column.null_count() - table[name].null_count()
+        if lost:
+            report.note(f"values of {name} that could not be read", lost)
+        if name in REQUIRED and len(column) and lost > len(column) / 2:
+            raise DataError(
+                f"{path}: {lost} of {len(column)} values of {name} cannot be read (the first: "
+                f"{repr(table[name].filter(column.is_null() & table[name].is_not_null())[0])[:80]})",
+                expected=READABLE[type(kind)],
+                mend=f"convert the column {name}",
+            )
+        columns.append(column.alias(name))
+    frame = pl.DataFrame(columns)
+    # A missing number may be written as NaN or infinity.
+    numbers = [n for n in frame.columns if frame[n].dtype == pl.Float64]
+    frame = frame.with_columns(pl.when(pl.col(n).is_finite()).then(pl.col(n)) for n in numbers)
+    return frame.with_columns(pl.col("icao24").str.strip_chars(" ~").str.to_lowercase())
+
+
+def _renamed(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
+    renames: dict[str, str] = {}
+    for name in table.columns:
+        target = ALIASES.get(name, ALIASES.get(name.lower(), name))
+        if target == name:
+            continue
+        if target in table.columns:
+            report.note(f"values of column {name} not used beside {target}", table[name].count())
+        else:
+            if target in renames.values():
+                raise DataError(
+                    f"{path}: two columns for {target}", expected="one", mend=f"drop all but one: {table.columns}"
+                )
+            renames[name] = target
+    return table.rename(renames)
+
+
+def _from_state_vectors(table: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """OpenSky state vectors: metres, metres a second, and `heading` for what is a track."""
+    numbers = {"baroaltitude", "geoaltitude", "velocity", "vertrate", "lastcontact"} & set(table.columns)
+    table = table.with_columns(pl.col(name).cast(pl.Float64, strict=False) for name in numbers)
+    converted = {new: pl.col(old) / size for new, (old, size) in SI.items() if old in table.columns}
+    track = {"heading": "track"} if "heading" in table.columns and "track" not in table.columns else {}
+    if all(name in table.columns and not table[name].dtype.is_temporal() for name in ("time", "lastcontact")):
+        age = pl.col("time").cast(pl.Float64, strict=False) - pl.col("lastcontact")
+        fresh = table.filter((age <= STALE_S).fill_null(True))
+        report.note("state vectors without a message for 10 s, left out", len(table) - len(fresh))
+        table = fresh
+    used = {old for old, _ in SI.values()} - set(converted)
+    return table.with_columns(**converted).drop(used, strict=False).rename(track)
+
+
+SI = {
+    "altitude": ("baroaltitude", FT_M),
+    "geoaltitude": ("geoaltitude", FT_M),
+    "groundspeed": ("velocity", KT_MPS),
+    "vertical_rate": ("vertrate", FPM_MPS),
+}
+"""Row column -> column of a state vector, and the size of the row's unit in its."""
+
+
+def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
+    check_types({column.name: column.dtype}, path, "numbers" if kind == pl.Float64 else "dates with time, or text")
+    if column.dtype in (pl.Categorical, pl.Enum):
+        column = _where(column, column.cat.len_bytes() <= LONGEST_TEXT).cast(pl.String)
+    if column.dtype == pl.String:
+        column = _where(column, column.str.len_bytes() <= LONGEST_TEXT)
+    if kind == TIMESTAMP:
+        return timestamps(column)
+    if kind == pl.String:
+        return column.cast(pl.String).str.strip_chars().replace("", None)
+    if column.dtype == pl.String:
+        column = column.str.strip_chars().replace("", None)
+    return column.cast(pl.Float64, strict=False)
+
+
+def check_types(
+    types: Mapping[str, pl.DataType], path: Path | str, expected: str = "numbers, dates with time, or text"
+) -> None:
+    """Refuse columns that can hold no value of a row.
+
+    Raises:
+        DataError: If there is one.
+    """
+    for name, kind in types.items():
+        if kind.is_nested() or kind in (pl.Binary, pl.Object, pl.Date, pl.Time, pl.Duration):
+            raise DataError(
+                f"{path}: column {name} of type {kind}", expected=expected, mend=f"convert the column {name}"
+            )
+
+
+def _where(column: pl.Series, fits: pl.Series) -> pl.Series:
+    return column if fits.all() else pl.select(pl.when(fits).then(column).alias(column.name)).to_series()
+
+
+def timestamps(column: pl.Series) -> pl.Series:
+    """Datetimes in UTC of datetimes, written dates, or seconds (also milliseconds) since 1970."""
+    if isinstance(column.dtype, pl.Datetime):
+        zoned = column if column.dtype.time_zone else column.dt.replace_time_zone("UTC")
+        return zoned.dt.convert_time_zone("UTC").cast(TIMESTAMP)
+    if column.dtype != pl.String:
+        return _from_epoch(column.cast(pl.Float64, strict=False))
+    column = column.str.strip_chars()
+    seconds = column.cast(pl.Float64, strict=False)
+    if seconds.null_count() < len(column):
+        return _from_epoch(seconds)
+    found = pl.repeat(None, len(column), dtype=TIMESTAMP, eager=True)
+    for form in DATE_FORMATS:
+        # Reading a date costs more than anything else: only what the forms before did not fit is read again.
+        left = (found.is_null() & column.is_not_null()).arg_true()
+        if left.is_empty():
+            break
+        found = _parsed(column, form) if len(left) == len(column) else found.scatter(left, _parsed(column[left], form))
+    return found
+
+
+def _parsed(column: pl.Series, form: str) -> pl.Series:
+    zoned = "z" in form or form == "%+"
+    parsed = column.str.to_datetime(form, time_unit="us", strict=False)
+    return (parsed.dt.convert_time_zone("UTC") if zoned else parsed.dt.replace_time_zone("UTC")).cast(TIMESTAMP)
+
+
+def wanted(names: Sequence[str]) -> list[str]:
+    """Columns of a table that may say something; all of them if a required one is missing, so that they can be told.
+
+    Example:
+        >>> wanted(["timestamp", "icao24", "altitude", "ias", "mach", "squawk"])
+        ['timestamp', 'icao24', 'altitude', 'ias', 'mach']
+    """
+    targets = {name: ALIASES.get(name, ALIASES.get(name.lower(), name)) for name in names}
+    vectors = {*(old for old, _ in SI.values()), "heading", "lastcontact"} if STATE_VECTOR in names else set()
+    useful = [name for name in names if targets[name] in COLUMNS or name in vectors]
+    given = {targets[name] for name in useful} | ({"altitude"} if vectors else set())
+    return useful if given >= set(REQUIRED) else list(names)
+
+
+def in_seconds(s: pl.Expr) -> pl.Expr:
+    """Seconds; of milli-, micro- or nanoseconds where the number could only be that (up to the year 5138)."""
+    return pl.when(s > 1e17).then(s / 1e9).when(s > 1e14).then(s / 1e6).when(s > 1e11).then(s / 1e3).otherwise(s)
+
+
+def _from_epoch(seconds: pl.Series) -> pl.Series:
+    read = in_seconds(pl.col("s"))
+    valid = pl.when(read.is_finite() & read.is_between(0, 1e10)).then(read)
+    micro = (valid * 1e6).round().cast(pl.Int64)
+    return (
+        seconds.alias("s")
+        .to_frame()
+        .select(pl.from_epoch(micro, time_unit="us").dt.replace_time_zone("UTC"))
+        .to_series()
+    )

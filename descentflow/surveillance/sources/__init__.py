@@ -1,1 +1,0 @@
-"""One small module for each kind of file that rows come in."""

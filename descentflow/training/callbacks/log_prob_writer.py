@@ -1,0 +1,36 @@
+"""Write the log density of each flight that `descentflow predict` went through."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import torch
+from lightning.pytorch import LightningModule, Trainer
+from lightning.pytorch.callbacks import BasePredictionWriter
+from lightning.pytorch.utilities import rank_zero_info
+
+from descentflow.core.files import whole_file
+
+
+class WriteLogProb(BasePredictionWriter):
+    """``log_prob.csv`` in the run's folder: flight and log density (nats), the least usual flight first."""
+
+    def __init__(self) -> None:
+        super().__init__(write_interval="epoch")
+
+    def write_on_epoch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        predictions: Sequence[Any],
+        batch_indices: Sequence[Any],
+    ) -> None:
+        """Join the batches, name the flights and write the table."""
+        flights = trainer.datamodule.profiles("test").flight_ids  # type: ignore[attr-defined]
+        log_prob = torch.cat(list(predictions)).double().cpu().numpy()
+        path = Path(trainer.log_dir or trainer.default_root_dir) / "log_prob.csv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as temporary:
+            pl.DataFrame({"flight_id": flights, "log_prob": log_prob}).sort("log_prob").write_csv(temporary)
+        rank_zero_info(f"wrote {path}")

@@ -1,0 +1,81 @@
+"""Rejection sampling and scores while a model trains, and in full when it is tested."""
+
+from pathlib import Path
+
+from jsonargparse.typing import NonNegativeInt, PositiveInt
+from lightning.pytorch import Callback, LightningModule, Trainer
+from lightning.pytorch.loggers import TensorBoardLogger
+from lightning.pytorch.utilities import rank_zero_info, rank_zero_warn
+
+from descentflow.core.errors import SamplingError
+from descentflow.evaluation.evaluate import Evaluation, evaluate
+from descentflow.training.models.latent_model import LatentModel
+
+
+class ScoreCallback(Callback):
+    """Sample, score and draw: every k epochs of `fit` on validation flights, and in `test` on test flights.
+
+    Logged to TensorBoard: acceptance, rejections by rule, every score with its floor, and the figures. `test` also
+    writes `scores.csv`, `rejections.json` and the figures into the run's folder.
+    """
+
+    def __init__(
+        self,
+        every_n_epochs: NonNegativeInt = 0,
+        n_samples: PositiveInt = 2000,
+        n_test_samples: PositiveInt = 10_000,
+        seed: int = 0,
+    ) -> None:
+        """Set how often and how much.
+
+        Args:
+            every_n_epochs: Score after every k-th epoch of `fit`; 0 scores after the last one only.
+            n_samples: Samples in `fit`.
+            n_test_samples: Samples in `test` (the paper's 10,000).
+            seed: Of the sampling.
+        """
+        self.every_n_epochs, self.n_samples, self.n_test_samples = every_n_epochs, n_samples, n_test_samples
+        self.seed = seed
+
+    def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Score against the validation flights, in the epochs that are due."""
+        if trainer.state.fn != "fit" or trainer.sanity_checking or not self._due(trainer):
+            return
+        try:
+            found = self._evaluate(trainer, pl_module, "validation", self.n_samples, n_splits=5)
+        except SamplingError as error:
+            # An untrained density may propose nothing plausible; the fit goes on.
+            rank_zero_warn(f"epoch {trainer.current_epoch}: not scored, {error}")
+            return
+        self._log(trainer, found, "val")
+
+    def on_test_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Score against the test flights, write the files and print the table."""
+        found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, n_splits=20)
+        self._log(trainer, found, "test")
+        folder = Path(trainer.log_dir or trainer.default_root_dir)
+        found.write(folder)
+        rank_zero_info(f"{found.rejections}\n{found.scores}\nwrote {folder / 'scores.csv'} and figures")
+
+    def _due(self, trainer: Trainer) -> bool:
+        epoch = trainer.current_epoch + 1
+        last = epoch == trainer.max_epochs or trainer.should_stop
+        return last or (self.every_n_epochs > 0 and epoch % self.every_n_epochs == 0)
+
+    def _evaluate(self, trainer: Trainer, module: LightningModule, part: str, n: int, *, n_splits: int) -> Evaluation:
+        assert isinstance(module, LatentModel)
+        real = trainer.datamodule.profiles(part)  # type: ignore[attr-defined]
+        context = trainer.datamodule.contexts(part)  # type: ignore[attr-defined]
+        name, parts = type(module).__name__, module.representation
+        return evaluate(module, parts, real, context=context, n=n, seed=self.seed, name=name, n_splits=n_splits)
+
+    def _log(self, trainer: Trainer, found: Evaluation, stage: str) -> None:
+        values = {f"{stage}/score/{name}": value for name, value in found.scores.scalars().items()}
+        values[f"{stage}/acceptance"] = found.rejections.acceptance
+        drawn = max(found.rejections.drawn, 1)
+        values |= {f"{stage}/rejected/{rule}": count / drawn for rule, count in found.rejections.broken.items()}
+        for logger in trainer.loggers:
+            logger.log_metrics(values, step=trainer.global_step)
+            if isinstance(logger, TensorBoardLogger):
+                for name, figure in found.figures().items():
+                    logger.experiment.add_figure(f"{stage}/{name}", figure, trainer.global_step)

@@ -1,0 +1,89 @@
+"""Where the context of each flight comes from: a table by flight_id, the prepared descents, or derived from them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import polars as pl
+
+from descentflow.core.errors import ConfigError, DataError
+
+DERIVED = {
+    "entry_fl": "highest flight level of the descent",
+    "hour": "hour of the day (UTC) at that level",
+    "operator": "first three letters of the callsign",
+}
+"""Names that need no column of their own."""
+
+
+def read_context_table(path: Path | None) -> pl.DataFrame | None:
+    """Read a table of context with one row a flight, CSV or Parquet.
+
+    Raises:
+        DataError: If it cannot be read, has no `flight_id`, or has a flight twice.
+    """
+    if path is None:
+        return None
+    try:
+        table = pl.read_csv(path) if Path(path).suffix == ".csv" else pl.read_parquet(path)
+    except (pl.exceptions.PolarsError, OSError) as error:
+        raise DataError(
+            f"{path}: {str(error).splitlines()[0]}", expected="a CSV or Parquet table", mend="pass another table"
+        ) from error
+    if "flight_id" not in table.columns:
+        raise DataError(
+            f"{path}: no column flight_id", expected="flight_id and columns of context", mend="add flight_id"
+        )
+    if table["flight_id"].n_unique() < len(table):
+        twice = table["flight_id"].filter(table["flight_id"].is_duplicated())[0]
+        raise DataError(f"{path}: flight {twice} twice", expected="one row a flight", mend="keep one row of each")
+    return table
+
+
+def flight_context(descents: pl.DataFrame, names: Sequence[str], table: pl.DataFrame | None = None) -> pl.DataFrame:
+    """One row a flight: `flight_id` and the named columns, null where nothing is known.
+
+    A name is looked for in the table, then among the columns of the descents (their value at the flight's highest
+    level), then among those of :data:`DERIVED`.
+
+    Args:
+        descents: Prepared descents, a row a flight and level.
+        names: Columns of context.
+        table: One row a flight.
+
+    Raises:
+        ConfigError: If a name is nowhere to be found.
+
+    Example:
+        >>> flight_context(read_descents("a320.parquet").frame, ["operator", "hour"]).columns
+        ['flight_id', 'operator', 'hour']
+    """
+    top = descents.sort("flight_id", "level_fl", descending=[False, True]).unique("flight_id", keep="first")
+    known = set() if table is None else set(table.columns)
+    elsewhere = [name for name in names if name not in known]
+    unknown = [n for n in elsewhere if n not in top.columns and (n not in DERIVED or not _derivable(n, top))]
+    if unknown or len(set(names)) < len(names):
+        raise ConfigError(
+            f"context {', '.join(unknown or names)}",
+            expected=f"different columns among {', '.join(sorted({*known, *top.columns, *DERIVED} - {'flight_id'}))}",
+            mend="change data.context, or pass data.context_table with flight_id and the column",
+        )
+    found = top.select("flight_id", *[_expression(n, top) for n in elsewhere]).sort("flight_id")
+    if table is not None:
+        joined = [name for name in names if name in known]
+        found = found.join(table.select("flight_id", *joined), on="flight_id", how="left", maintain_order="left")
+    return found.select("flight_id", *names)
+
+
+def _derivable(name: str, top: pl.DataFrame) -> bool:
+    return name != "operator" or "callsign" in top.columns
+
+
+def _expression(name: str, top: pl.DataFrame) -> pl.Expr:
+    if name in top.columns:
+        return pl.col(name)
+    if name == "entry_fl":
+        return pl.col("level_fl").cast(pl.Float64).alias(name)
+    if name == "hour":
+        return (pl.col("timestamp").dt.hour() + pl.col("timestamp").dt.minute() / 60).cast(pl.Float64).alias(name)
+    letters = pl.col("callsign").str.strip_chars().str.extract(r"^([A-Z]{3})[0-9]")
+    return letters.alias(name)

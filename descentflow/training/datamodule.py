@@ -1,0 +1,270 @@
+"""The one DataModule: splits by flight, fits the representation on the train part, serves standardised weights."""
+
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+from jsonargparse.typing import OpenUnitInterval, PositiveFloat, PositiveInt
+from lightning.pytorch import LightningDataModule
+from lightning.pytorch.utilities import rank_zero_info
+from torch import Tensor
+from torch.utils.data import DataLoader, TensorDataset
+from tqdm import tqdm
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.registry import aircraft as find_aircraft
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.measurements.quantities import reference_state
+from descentflow.representation.checkpoint import load_representation
+from descentflow.representation.context import ContextEncoder, Missing
+from descentflow.representation.fpca.gappy import Method
+from descentflow.representation.profiles import Profiles, profiles_from_frame
+from descentflow.representation.representation import Representation, Split, fit_representation
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+from descentflow.training.context_columns import flight_context, read_context_table
+from descentflow.training.flight_contexts import contexts_of, with_context, without_missing
+from descentflow.training.parts import Part, parts_of, rest_is_test, top_level, with_levels
+from descentflow.training.splitting import SplitBy, split_flights
+
+
+class DescentDataModule(LightningDataModule):
+    """Prepared descents as standardised weights, split by flight before anything is fitted.
+
+    ``setup`` reads the descents, infers their drag, splits them, fits bases, scaler and bounds on the train part
+    alone and encodes every part. With ``checkpoint`` nothing is fitted: the checkpoint's representation encodes
+    the descents, its train and validation flights keep their part, and every other flight is a test flight.
+
+    Example:
+        >>> data = DescentDataModule("a320.parquet", aircraft="A320")
+        >>> data.setup()
+        >>> data.weights("train").shape
+        torch.Size([1440, 12])
+    """
+
+    def __init__(
+        self,
+        descents: Path,
+        aircraft: str | None = None,
+        bada_dir: Path | None = None,
+        typecodes: list[str] | None = None,
+        bottom_fl: int | None = None,
+        mass_kg: PositiveFloat | None = None,
+        test_fraction: OpenUnitInterval = 0.2,
+        validation_fraction: OpenUnitInterval = 0.1,
+        split_by: SplitBy = "flight",
+        seed: int = 0,
+        explained_variance: OpenUnitInterval = 0.8,
+        fpca: Method = "ppca",
+        batch_size: PositiveInt = 512,
+        checkpoint: Path | None = None,
+        context: list[str] | None = None,
+        context_table: Path | None = None,
+        missing_context: Missing = "drop",
+        fewest_batches: PositiveInt = 1,
+    ) -> None:
+        """Set the options; nothing is read before ``setup``.
+
+        Args:
+            descents: Parquet that ``descentflow prepare`` wrote.
+            aircraft: Type whose coefficients infer and fly the drag; the descents' own type if they have only one.
+            bada_dir: Folder of BADA 3 OPF and APF files; the embedded open aircraft if absent.
+            typecodes: Keep these types of the descents; all if absent.
+            bottom_fl: Lowest level of the grid; the one that the descents were prepared with if absent.
+            mass_kg: Mass that infers and flies the drag; the type's reference mass if absent.
+            test_fraction: Share of the flights held out for test.
+            validation_fraction: Share of the other flights held out for validation.
+            split_by: What the split never tears apart: a flight, or an aircraft with all its flights.
+            seed: Of the split.
+            explained_variance: Share of variance that the components of drag, and of CAS, explain.
+            fpca: Gappy fPCA algorithm: ``ppca`` or the paper's ``iterative``.
+            batch_size: Flights in a training batch.
+            checkpoint: Encode with this checkpoint's representation instead of fitting one.
+            context: Columns on which the density is conditioned, see
+                :func:`~descentflow.training.context_columns.flight_context`; those of the checkpoint where one is
+                given.
+            context_table: CSV or Parquet with `flight_id` and columns of context.
+            missing_context: What becomes of flights that lack a value: ``drop`` or ``indicator``.
+            fewest_batches: Batches that an epoch has at least; with few flights they are smaller than ``batch_size``.
+        """
+        super().__init__()
+        self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
+        self.bottom_fl, self.mass_kg = bottom_fl, mass_kg
+        self.test_fraction, self.validation_fraction = test_fraction, validation_fraction
+        self.split_by, self.seed = split_by, seed
+        self.explained_variance, self.fpca = explained_variance, fpca
+        self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
+        self.context, self.context_table, self.missing_context = context, context_table, missing_context
+        self._representation: Representation | None = None
+
+    def setup(self, stage: str | None = None) -> None:
+        """Read, split, fit and encode, once (Lightning calls this with a stage).
+
+        Raises:
+            DataError: If the descents cannot be read or are too few.
+            ConfigError: If they hold several types and no aircraft is named.
+        """
+        if self._representation is not None:
+            return
+        with tqdm(total=4, desc="reading descents", unit="stage", leave=False, delay=2) as bar:
+
+            def begin(name: str) -> None:
+                bar.update()
+                bar.set_description(name, refresh=False)
+
+            source = read_descents(self.descents)
+            frame = self._chosen(source)
+            begin("inferring drag")
+            if self.checkpoint is not None:
+                representation = load_representation(self.checkpoint)
+                table = self._context(frame, representation.context)
+                profiles = self._on_grid(frame, representation)
+                split = rest_is_test(profiles.flight_ids, representation.split)
+            else:
+                table = self._context(frame, None)
+                frame = without_missing(frame, table, self.missing_context)
+                profiles, split = self._fresh(frame, source)
+                begin("fitting components")
+                representation = self._fit(profiles, split, source)
+                levels, seen = profiles.levels_fl, [*split.train, *split.validation]
+                representation.reference = reference_state(frame, float(levels[0]), float(levels[-1]), seen)
+                representation.context = self._encoder(table, split)
+            # A gigabyte for forty thousand flights, which what follows has no use for.
+            del frame, source
+            begin("encoding flights")
+            profiles = with_context(profiles, table, representation.context)
+            self._profiles = parts_of(profiles, split)
+            self._weights = {part: representation.decoder.encode(self._profiles[part]) for part in self._profiles}
+            self._contexts = {
+                part: contexts_of(self._profiles[part].flight_ids, table, representation.context)
+                for part in self._profiles
+            }
+        self._representation = representation
+        rank_zero_info(self._summary())
+
+    @property
+    def representation(self) -> Representation:
+        """What was fitted on the train part."""
+        if self._representation is None:
+            raise ConfigError("a DataModule before setup", expected="setup() first", mend="call data.setup()")
+        return self._representation
+
+    def profiles(self, part: Part) -> Profiles:
+        """Profiles of a part, on the grid."""
+        self.representation  # noqa: B018 - raises before setup
+        return self._profiles[part]
+
+    def weights(self, part: Part) -> Tensor:
+        """Standardised weights (n, d) of a part, float64."""
+        self.representation  # noqa: B018 - raises before setup
+        return self._weights[part]
+
+    def contexts(self, part: Part) -> Tensor | None:
+        """Encoded context (n, c) of a part, float64; None where the density is not conditioned on any."""
+        self.representation  # noqa: B018 - raises before setup
+        return self._contexts[part]
+
+    def train_dataloader(self) -> DataLoader[Any]:
+        """Training weights, shuffled by Lightning's seed."""
+        return self._loader("train", shuffle=True)
+
+    def val_dataloader(self) -> DataLoader[Any]:
+        """Validation weights."""
+        return self._loader("validation")
+
+    def test_dataloader(self) -> DataLoader[Any]:
+        """Test weights."""
+        return self._loader("test")
+
+    def predict_dataloader(self) -> DataLoader[Any]:
+        """Test weights, for their log density flight by flight."""
+        return self._loader("test")
+
+    def _loader(self, part: Part, *, shuffle: bool = False) -> DataLoader[Any]:
+        # The weights are in memory and a batch is one slice: worker processes would only cost.
+        tensors = [tensor for tensor in (self.weights(part), self.contexts(part)) if tensor is not None]
+        most = -(-len(tensors[0]) // self.fewest_batches) if shuffle else self.batch_size
+        return DataLoader(TensorDataset(*tensors), batch_size=min(self.batch_size, most), shuffle=shuffle)
+
+    def _chosen(self, source: Descents) -> pl.DataFrame:
+        if self.typecodes is None:
+            return source.frame
+        frame = source.frame.filter(pl.col("typecode").is_in(self.typecodes))
+        if frame.is_empty():
+            raise DataError(
+                f"no descent of {', '.join(self.typecodes)} in {self.descents}",
+                expected=f"some of {', '.join(sorted(source.frame['typecode'].unique()))}",
+                mend="change data.typecodes",
+            )
+        return frame
+
+    def _context(self, frame: pl.DataFrame, encoder: ContextEncoder | None) -> pl.DataFrame | None:
+        """Context of every flight, raw: the columns of the config, or those that a checkpoint's encoder knows."""
+        names = list(encoder.names) if encoder is not None else self.context if self.checkpoint is None else None
+        if not names:
+            if self.context_table is not None:
+                raise ConfigError(
+                    f"a table of context, {self.context_table}, for a density without context",
+                    expected="columns of it in data.context, or a checkpoint that was fitted with some",
+                    mend="name the columns, or leave the table away",
+                )
+            return None
+        return flight_context(frame, names, read_context_table(self.context_table))
+
+    def _encoder(self, table: pl.DataFrame | None, split: Split) -> ContextEncoder | None:
+        if table is None:
+            return None
+        train = table.filter(pl.col("flight_id").is_in(list(split.train)))
+        return ContextEncoder.fit(train, table.columns[1:], self.missing_context)
+
+    def _aircraft(self, frame: pl.DataFrame) -> Aircraft:
+        if self.aircraft is not None:
+            return find_aircraft(self.aircraft, self.bada_dir)
+        types = sorted(frame["typecode"].unique())
+        if len(types) != 1:
+            raise ConfigError(
+                f"descents of {len(types)} types ({', '.join(types[:8])})",
+                expected="one type, or the aircraft whose coefficients stand for all of them",
+                mend="set data.aircraft (pooling) or data.typecodes (choosing)",
+            )
+        return find_aircraft(types[0], self.bada_dir)
+
+    def _fresh(self, frame: pl.DataFrame, source: Descents) -> tuple[Profiles, Split]:
+        """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
+        bottom = self.bottom_fl if self.bottom_fl is not None else source.bottom_fl
+        profiles = profiles_from_frame(frame, self._aircraft(frame), bottom, mass_kg=self.mass_kg)
+        owner = dict(frame.select("flight_id", "icao24").unique("flight_id").iter_rows())
+        groups = profiles.flight_ids if self.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
+        split = split_flights(
+            profiles.flight_ids,
+            groups,
+            test_fraction=self.test_fraction,
+            validation_fraction=self.validation_fraction,
+            seed=self.seed,
+        )
+        top = top_level(parts_of(profiles, split)["train"])
+        return with_levels(profiles.up_to(top)), split
+
+    def _fit(self, profiles: Profiles, split: Split, source: Descents) -> Representation:
+        return fit_representation(
+            parts_of(profiles, split)["train"],
+            self._aircraft(self._chosen(source)),
+            split,
+            explained_variance=self.explained_variance,
+            method=self.fpca,
+            mass_kg=self.mass_kg,
+            provenance={"descents": Path(self.descents).name, "typecodes": sorted(source.frame["typecode"].unique())},
+        )
+
+    def _on_grid(self, frame: pl.DataFrame, representation: Representation) -> Profiles:
+        decoder = representation.decoder
+        bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
+        return with_levels(profiles_from_frame(frame, decoder.aircraft, bottom, top))
+
+    def _summary(self) -> str:
+        decoder = self.representation.decoder
+        counts = ", ".join(f"{len(self._profiles[part])} {part}" for part in ("train", "validation", "test"))
+        return (
+            f"flights: {counts}; grid FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}; components: "
+            f"{decoder.drag_basis.n_components} of drag, {decoder.cas_basis.n_components} of CAS"
+            + ("" if self.representation.context is None else f"; given {self.representation.context.describe()}")
+        )

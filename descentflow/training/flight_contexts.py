@@ -1,0 +1,52 @@
+"""Flights and the context that a density is given of each: encoded in their order, or left out and counted."""
+
+import polars as pl
+import torch
+from lightning.pytorch.utilities import rank_zero_info
+from torch import Tensor
+
+from descentflow.core.errors import DataError
+from descentflow.representation.context import ContextEncoder, Missing
+from descentflow.representation.profiles import Profiles
+
+
+def contexts_of(
+    flight_ids: tuple[str, ...], table: pl.DataFrame | None, encoder: ContextEncoder | None
+) -> Tensor | None:
+    """Encoded context (n, c) of flights in their order; None without an encoder."""
+    if encoder is None or table is None:
+        return None
+    order = pl.DataFrame({"flight_id": list(flight_ids)}, schema={"flight_id": pl.String})
+    return encoder.encode(order.join(table, on="flight_id", how="left", maintain_order="left"))
+
+
+def with_context(profiles: Profiles, table: pl.DataFrame | None, encoder: ContextEncoder | None) -> Profiles:
+    """Without the flights whose context cannot be encoded; says how many those were, by column."""
+    if encoder is None or table is None:
+        return profiles
+    order = pl.DataFrame({"flight_id": list(profiles.flight_ids)})
+    lacking = encoder.lacking(order.join(table, on="flight_id", how="left", maintain_order="left"))
+    whole = torch.ones(len(profiles), dtype=torch.bool)
+    for name, rows in lacking.items():
+        if bool(rows.any()):
+            rank_zero_info(f"left out {int(rows.sum())} flight(s) whose {name} is missing or was never trained on")
+        whole &= ~torch.from_numpy(rows.to_numpy().copy())
+    return profiles.subset(torch.nonzero(whole)[:, 0])
+
+
+def without_missing(frame: pl.DataFrame, table: pl.DataFrame | None, missing: Missing) -> pl.DataFrame:
+    """The descents of flights whose context is whole, before the split; says how many there were of the others."""
+    if table is None or missing == "indicator":
+        return frame
+    whole = table.drop_nulls()
+    whole = whole.filter([pl.col(n).is_finite() for n, t in whole.schema.items() if t.is_float()] or True)
+    lacking = len(table) - len(whole)
+    if lacking == len(table):
+        raise DataError(
+            f"none of {lacking} flights has a value for all of {', '.join(table.columns[1:])}",
+            expected="a context for the flights of data.descents",
+            mend="check the flight_id of data.context_table, or set data.missing_context: indicator",
+        )
+    if lacking:
+        rank_zero_info(f"left out {lacking} of {len(table)} flight(s) that lack a value of their context")
+    return frame.filter(pl.col("flight_id").is_in(whole["flight_id"].to_list()))

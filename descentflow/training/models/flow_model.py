@@ -1,0 +1,174 @@
+"""Training of the flows by maximum likelihood (paper, section 2.3 and appendix C)."""
+
+from abc import ABC
+from typing import Any, TypeVar
+
+import torch
+from jsonargparse.typing import NonNegativeFloat, PositiveFloat, PositiveInt
+from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
+from torch import Tensor
+
+from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
+from descentflow.densities.regressions import regression
+from descentflow.training.models.latent_model import LatentModel
+from descentflow.training.models.optimizers import adam_with_cosine
+
+F = TypeVar("F", bound=FlowDensity)
+
+
+class _Flow(LatentModel[F], ABC):
+    """What training of every flow shares.
+
+    A whitened flow is its Gaussian in the first epoch, which trains nothing, so that the best epoch may be that one.
+    ``val/bound`` is what the best epoch is chosen by: the NLL of the validation flights plus ``caution`` standard
+    errors of its difference from the Gaussian's. With few flights a gain must be larger to be believed.
+    """
+
+    learning_rate: float
+    weight_decay: float
+    shrinkage: float
+    caution: float
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._restored = False
+        self._by_flight: list[Tensor] = []
+        self._best: tuple[float, dict[str, Tensor]] | None = None
+
+    def training_step(self, batch: tuple[Tensor, ...], batch_index: int) -> Tensor:
+        """Negative log-likelihood of a batch."""
+        loss = self.nll(batch)
+        self.log("train/nll", loss, on_epoch=True, on_step=False, batch_size=len(batch[0]))
+        return loss
+
+    def validation_step(self, batch: tuple[Tensor, ...], batch_index: int) -> None:
+        """As every model, and keep each flight's gain over the Gaussian."""
+        log_prob = self.log_prob(*batch)
+        self.log("val/nll", -log_prob.mean(), prog_bar=True, on_epoch=True, batch_size=len(log_prob))
+        base = self.density.base_log_prob(*batch) if self.density.whitened else torch.zeros_like(log_prob)
+        self._by_flight.append(torch.stack([log_prob.double(), base.double()]))
+
+    def on_validation_epoch_end(self) -> None:
+        """Log what the best epoch is chosen by, and keep the parameters of the best so far."""
+        log_prob, base = torch.cat(self._by_flight, 1)
+        self._by_flight = []
+        error = (log_prob - base).std() / len(base) ** 0.5 if self.density.whitened and len(base) > 1 else 0.0
+        bound = -log_prob.mean() + self.caution * error
+        self.log("val/bound", bound, batch_size=len(base))
+        if self.trainer.state.fn == "fit" and (self._best is None or float(bound) < self._best[0]):
+            self._best = float(bound), {k: v.detach().clone() for k, v in self.density.state_dict().items()}
+
+    def on_train_end(self) -> None:
+        """Go back to the best epoch; `last.ckpt` has been written before and goes on from the last one."""
+        if self._best is not None:
+            self.density.load_state_dict(self._best[1])
+
+    def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
+        """AdamW with a cosine that ends with the last epoch; before it, the Gaussian of the training flights."""
+        if self.density.whitened and not self._restored:
+            data = self.trainer.datamodule  # type: ignore[attr-defined]
+            weights = data.weights("train").to(self.device, torch.float64)
+            context = data.contexts("train").to(weights) if self.density.n_context else weights[:, :0]
+            self.density.whiten(*regression(weights, context, torch.ones_like(weights[:, 0])))
+        decay = self.weight_decay
+        if self.shrinkage > 0:
+            decay += self.shrinkage / len(self.trainer.datamodule.weights("train"))  # type: ignore[attr-defined]
+        return adam_with_cosine(self, self.learning_rate, decay, still_first=self.density.whitened)
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """As every model, and keep the Gaussian of the checkpoint."""
+        super().on_load_checkpoint(checkpoint)
+        self._restored = True
+
+
+class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
+    """Trains masked affine flows; see :class:`MaskedAffineFlowDensity`.
+
+    Example:
+        >>> Trainer(max_epochs=200).fit(MaskedAffineFlow(n_flows=5), datamodule=data)
+    """
+
+    def __init__(
+        self,
+        n_flows: PositiveInt = 5,
+        hidden_per_weight: PositiveInt = 2,
+        learning_rate: PositiveFloat = 3e-3,
+        weight_decay: NonNegativeFloat = 1e-5,
+        shrinkage: NonNegativeFloat = 300.0,
+        whitened: bool = True,
+        linear: bool = True,
+        caution: NonNegativeFloat = 1.0,
+    ) -> None:
+        """Set the hyperparameters.
+
+        Args:
+            n_flows: Number of masked affine flows.
+            hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights.
+            learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs``.
+            weight_decay: Of AdamW.
+            shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a
+                whitened flow is pulled towards its Gaussian.
+            whitened: Start from the Gaussian of the training flights.
+            linear: LU-decomposed maps between the flows.
+            caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
+        """
+        super().__init__()
+        self.save_hyperparameters()
+        self.n_flows, self.hidden_per_weight = int(n_flows), int(hidden_per_weight)
+        self.whitened, self.linear = whitened, linear
+        # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
+        self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
+        self.shrinkage, self.caution = float(shrinkage), float(caution)
+
+    def make(self, dimension: int, n_context: int = 0) -> MaskedAffineFlowDensity:
+        """Flows that start at the identity or its neighbourhood."""
+        return MaskedAffineFlowDensity(
+            dimension,
+            self.n_flows,
+            self.hidden_per_weight,
+            n_context,
+            whitened=self.whitened,
+            linear=self.linear,
+        )
+
+
+class SplineFlow(_Flow[SplineFlowDensity]):
+    """Trains autoregressive rational-quadratic splines; see :class:`SplineFlowDensity`.
+
+    Example:
+        >>> Trainer(max_epochs=150).fit(SplineFlow(n_flows=3), datamodule=data)
+    """
+
+    def __init__(
+        self,
+        n_flows: PositiveInt = 3,
+        hidden: PositiveInt = 32,
+        n_bins: PositiveInt = 8,
+        learning_rate: PositiveFloat = 3e-3,
+        weight_decay: NonNegativeFloat = 1e-5,
+        shrinkage: NonNegativeFloat = 600.0,
+        whitened: bool = True,
+        caution: NonNegativeFloat = 1.0,
+    ) -> None:
+        """Set the hyperparameters.
+
+        Args:
+            n_flows: Number of spline flows.
+            hidden: Units behind each flow's knots.
+            n_bins: Pieces of each spline.
+            learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs``.
+            weight_decay: Of AdamW.
+            shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a
+                whitened flow is pulled towards its Gaussian.
+            whitened: Start from the Gaussian of the training flights.
+            caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
+        """
+        super().__init__()
+        self.save_hyperparameters()
+        self.n_flows, self.hidden, self.n_bins = int(n_flows), int(hidden), int(n_bins)
+        self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
+        self.whitened, self.shrinkage, self.caution = whitened, float(shrinkage), float(caution)
+
+    def make(self, dimension: int, n_context: int = 0) -> SplineFlowDensity:
+        """Flows that start at the identity."""
+        return SplineFlowDensity(dimension, self.n_flows, self.hidden, self.n_bins, n_context, whitened=self.whitened)

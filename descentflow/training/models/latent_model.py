@@ -1,0 +1,120 @@
+"""The base of every model: what training, validation and checkpoints of a latent density have in common."""
+
+from abc import ABC, abstractmethod
+from typing import Any, Generic, TypeVar
+
+from lightning.pytorch import LightningModule
+from torch import Tensor
+
+from descentflow.core.errors import CheckpointError, ConfigError
+from descentflow.densities.checkpoint import density_of, section_of
+from descentflow.densities.density import Density
+from descentflow.representation.checkpoint import SECTION
+from descentflow.representation.representation import Representation
+
+D = TypeVar("D", bound=Density)
+
+
+class LatentModel(LightningModule, ABC, Generic[D]):
+    """Trains one kind of :class:`descentflow.densities.Density` (paper, section 2.3).
+
+    A subclass says how the density is made for d weights (:meth:`make`) and how one training step improves it.
+    Everything else, the representation in the checkpoint included, stands here.
+
+    Example:
+        >>> Trainer(max_epochs=1).fit(Gaussian(), datamodule=data)
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Start without a density: it is made once the number of weights is known.
+
+        Args:
+            **kwargs: Hyperparameters of a subclass; Lightning finds them through this signature.
+        """
+        super().__init__()
+        self._density: D | None = None
+
+    @abstractmethod
+    def make(self, dimension: int, n_context: int = 0) -> D:
+        """The density for ``dimension`` weights given ``n_context`` numbers of context, before training."""
+
+    @property
+    def density(self) -> D:
+        """What is trained.
+
+        Raises:
+            ConfigError: Before the model has seen a DataModule or a checkpoint.
+        """
+        if self._density is None:
+            raise ConfigError(
+                "a latent model without a density",
+                expected="a model that was fitted or loaded from a checkpoint",
+                mend="fit it, or load what it wrote with descentflow.densities.checkpoint.load_model",
+            )
+        return self._density
+
+    @property
+    def representation(self) -> Representation:
+        """Bases, scaler, bounds and split."""
+        return self.density.representation
+
+    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        """Log density (n,) of standardised weights (n, d), in nats, given context (n, c) if it takes one."""
+        return self.density.log_prob(weights) if context is None else self.density.log_prob(weights, context)
+
+    def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
+        """Draw (n, d) standardised weights, the same for the same seed."""
+        return self.density.sample(n, seed, context)
+
+    def attach(self, representation: Representation) -> None:
+        """Take the representation, and make the density for its number of weights if there is none yet."""
+        if self._density is None:
+            self._density = self.make(representation.decoder.dimension, representation.n_context).to(self.device)
+        self._density.attach(representation)
+
+    def setup(self, stage: str) -> None:
+        """Take the representation of the DataModule (Lightning calls this)."""
+        if self._density is None:
+            self.attach(self.trainer.datamodule.representation)  # type: ignore[attr-defined]
+
+    def nll(self, batch: tuple[Tensor, ...]) -> Tensor:
+        """Mean negative log-likelihood of a batch of standardised weights (and context), in nats a flight."""
+        return -self.log_prob(*batch).mean()
+
+    def validation_step(self, batch: tuple[Tensor, ...], batch_index: int) -> None:
+        """Log the NLL of flights that no parameter was fitted to."""
+        self.log("val/nll", self.nll(batch), prog_bar=True, on_epoch=True, batch_size=len(batch[0]))
+
+    def test_step(self, batch: tuple[Tensor, ...], batch_index: int) -> None:
+        """Log the NLL of the test flights."""
+        self.log("test/nll", self.nll(batch), on_epoch=True, batch_size=len(batch[0]))
+
+    def predict_step(self, batch: tuple[Tensor, ...], batch_index: int) -> Tensor:
+        """Log density of each flight: the smaller, the less usual its descent."""
+        return self.log_prob(*batch)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Add what sampling needs besides the parameters, and leave nothing that is not a tensor or a primitive."""
+        # The command line's PositiveInt and the like are classes of their own, which weights_only refuses.
+        if "hyper_parameters" in checkpoint:
+            checkpoint["hyper_parameters"] = {k: _primitive(v) for k, v in checkpoint["hyper_parameters"].items()}
+        checkpoint[SECTION] = section_of(self.density)
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Restore the density's shape and representation; refuse a checkpoint of other flights when a fit resumes."""
+        saved: D = density_of(checkpoint[SECTION])  # type: ignore[assignment]
+        if self._density is not None and self.representation.split != saved.representation.split:
+            raise CheckpointError(
+                "a checkpoint that was trained on other flights than those of data.descents",
+                expected="the same prepared descents, filters and seed as in the run that is resumed",
+                mend="use that run's own config.yaml and data, or start a new fit",
+            )
+        self._density = saved.to(self.device)
+
+
+def _primitive(value: Any) -> Any:
+    """The built-in number behind a restricted one."""
+    for kind in (bool, int, float, str):
+        if isinstance(value, kind):
+            return kind(value)
+    return value

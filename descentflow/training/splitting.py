@@ -1,0 +1,52 @@
+"""Split descents by flight or by aircraft, before anything is fitted."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from descentflow.core.errors import DataError
+from descentflow.representation.representation import Split
+
+SplitBy = Literal["flight", "aircraft"]
+
+
+def split_flights(
+    flight_ids: Sequence[str],
+    groups: Sequence[str],
+    *,
+    test_fraction: float,
+    validation_fraction: float,
+    seed: int,
+) -> Split:
+    """Give whole groups of flights to train, validation and test (paper, section 3: 80:20 before the fPCA).
+
+    Args:
+        flight_ids: One identifier a flight.
+        groups: What must not be torn apart, one for each flight: the flight itself, or its aircraft.
+        test_fraction: Share of the groups for test.
+        validation_fraction: Share of the remaining groups for validation.
+        seed: The same identifiers, in any order, and the same seed give the same split.
+
+    Raises:
+        DataError: If a part would be empty, or training would have fewer than two flights.
+
+    Example:
+        >>> split_flights(ids, ids, test_fraction=0.2, validation_fraction=0.1, seed=0).test
+    """
+    names = sorted(set(groups))
+    order = np.random.default_rng(seed).permutation(len(names))
+    n_test = max(round(test_fraction * len(names)), 1)
+    n_validation = max(round(validation_fraction * (len(names) - n_test)), 1)
+    part_of = {names[i]: 0 if k < n_test else 1 if k < n_test + n_validation else 2 for k, i in enumerate(order)}
+    parts: tuple[list[str], list[str], list[str]] = ([], [], [])
+    for flight, group in zip(flight_ids, groups, strict=True):
+        parts[part_of[group]].append(flight)
+    test, validation, train = (tuple(sorted(part)) for part in parts)
+    if len(train) < 2 or not validation or not test:
+        raise DataError(
+            f"{len(flight_ids)} flight(s) in {len(names)} group(s), too few to split",
+            expected="at least two flights to train on and one each to validate and to test",
+            mend="prepare more descents (a useful generator needs hundreds)",
+        )
+    return Split(train, validation, test)

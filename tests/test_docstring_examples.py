@@ -1,0 +1,44 @@
+"""Every example of a docstring is run, in a folder that holds the files which examples speak of."""
+
+import doctest
+import importlib
+import pkgutil
+from pathlib import Path
+
+import pytest
+import torch
+
+import descentflow
+from descentflow.cli import main
+
+NOT_YET = set(Path(__file__).with_name("examples_not_yet.txt").read_text().split())
+"""Modules whose examples do not run yet; what stands here is to be mended, nothing is to be added."""
+
+
+def module_names() -> list[str]:
+    return sorted(found.name for found in pkgutil.walk_packages(descentflow.__path__, "descentflow."))
+
+
+@pytest.fixture(scope="session")
+def example_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """``rows.parquet``, ``descents.parquet`` and ``best.ckpt``: 120 A320 of the simulated world and a Gaussian."""
+    folder = tmp_path_factory.mktemp("examples")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert main(["simulate", "--typecode", "A320", "--flights", "120", "--out", "rows.parquet"]) == 0
+        assert main(["prepare", "rows.parquet", "--out", "descents.parquet"]) == 0
+        fit = ["fit", "--model", "Gaussian", "--data.descents", "descents.parquet", "--trainer.max_epochs", "1"]
+        assert main([*fit, "--trainer.logger", "false"]) == 0
+    (checkpoint,) = folder.rglob("best.ckpt")
+    checkpoint.rename(folder / "best.ckpt")
+    return folder
+
+
+@pytest.mark.parametrize("name", [name for name in module_names() if name not in NOT_YET])
+def test_examples_give_what_they_say(name: str, example_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(example_folder)
+    module = importlib.import_module(name)
+    flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+    torch.manual_seed(0)
+    result = doctest.testmod(module, extraglobs={"torch": torch, "Path": Path}, optionflags=flags)
+    assert result.failed == 0

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from descentflow import densities
-from descentflow.core.errors import CheckpointError
+from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.version import __version__
 from descentflow.densities import MODULES
 from descentflow.densities.density import Density
@@ -28,9 +28,9 @@ def load_model(path: str | Path) -> Density:
         CheckpointError: If the file cannot be used; the message says why.
 
     Example:
-        >>> model = load_model("runs/quickstart/checkpoints/best.ckpt")
-        >>> model.sample(10, seed=0).shape
-        torch.Size([10, 12])
+        >>> model = load_model("best.ckpt")
+        >>> len(model.sample(10, seed=0))
+        10
     """
     content = read_checkpoint(path)
     try:
@@ -42,6 +42,38 @@ def load_model(path: str | Path) -> Density:
     except (KeyError, TypeError, RuntimeError) as error:
         raise incomplete(path, error) from error
     return density.eval()
+
+
+def as_density(model: object) -> Density:
+    """The density that a caller means by a path, a density, or a fitted model of :mod:`descentflow.training.models`.
+
+    Args:
+        model: Path of a checkpoint; a density; or anything with a public attribute ``density`` that is one.
+
+    Returns:
+        The density with its representation: loaded from the path in evaluation mode on the CPU, or the very object
+        that was passed, as it is.
+
+    Raises:
+        CheckpointError: If the path is no checkpoint that can be used.
+        ConfigError: If the model has not been fitted, or is none of these.
+
+    Example:
+        >>> density = as_density("best.ckpt")
+        >>> as_density(density) is density
+        True
+    """
+    if isinstance(model, str | Path):
+        return load_model(model)
+    density = model if isinstance(model, Density) else getattr(model, "density", None)
+    if not isinstance(density, Density):
+        raise ConfigError(
+            f"a model of type {type(model).__name__}",
+            expected="the path of a checkpoint, a Density, or a fitted model such as descentflow.training.fit returns",
+            mend="pass one of these",
+        )
+    density.representation  # noqa: B018 - raises where there is none
+    return density
 
 
 def section_of(density: Density) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from descentflow.densities import (
     MaskedAffineFlowDensity,
     SplineFlowDensity,
 )
-from descentflow.densities.checkpoint import content_of, load_model
+from descentflow.densities.checkpoint import as_density, content_of, load_model
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.checkpoint import load_representation, read_checkpoint
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
@@ -189,3 +189,24 @@ def test_a_density_in_memory_becomes_a_checkpoint(tmp_path: Path) -> None:
     model, _ = saved("mixture", tmp_path)
     torch.save(content_of(model.density), tmp_path / "copy.ckpt")
     assert torch.equal(load_model(tmp_path / "copy.ckpt").sample(5, seed=1), model.sample(5, seed=1))
+
+
+def test_a_path_a_density_and_a_fitted_model_are_the_same_density(tmp_path: Path) -> None:
+    model, path = saved("gaussian", tmp_path)
+    assert as_density(model) is model.density
+    assert as_density(model.density) is model.density
+    for place in (path, str(path)):
+        assert torch.equal(as_density(place).sample(5, seed=1), model.sample(5, seed=1))
+
+
+@pytest.mark.parametrize("model", [None, 3, [], Gaussian, torch.nn.Linear(2, 2)])
+def test_what_holds_no_density_says_what_would(model: object) -> None:
+    with pytest.raises(ConfigError, match="checkpoint, a Density, or a fitted model"):
+        as_density(model)
+
+
+def test_an_unfitted_model_or_density_is_no_model_to_use() -> None:
+    with pytest.raises(ConfigError, match="without a density"):
+        as_density(Gaussian())
+    with pytest.raises(ConfigError, match="without a representation"):
+        as_density(GaussianDensity(3))

@@ -32,3 +32,7 @@ class DrawNumbers(NamedTuple):
         bits.advance(self.first // BLOCK)
         skipped = self.first % BLOCK
         return torch.from_numpy(np.random.Generator(bits).random(skipped + count)[skipped:].copy())
+
+
+FIRST_DRAWS = DrawNumbers()
+"""The first draws of seed zero: where nobody says which draws a batch holds."""

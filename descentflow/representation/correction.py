@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.representation.decoder.trajectories import Trajectories
@@ -21,11 +22,17 @@ class Correction:
 
     Drag stays as the latent model drew it; speeds, rates and times change. What only sensors add (bias and lag) changes
     the reported speed and rate and not the time; noise has no mean and is not added. An effect that takes a share of
-    the flights takes them whole and leaves the others as they are; which ones, the last digits of their speeds say,
-    which are as good as random and the same whenever a descent is decoded.
+    the flights takes them whole and leaves the others as they are; which ones is drawn by seed and number of the draw,
+    so that they are the same in either precision, in any batch and on any device.
 
     Example:
-        >>> Correction({"temperature": [10.0]}, 57e3).apply(aircraft, flown)
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> decoder = model.representation.decoder
+        >>> flown = decoder(model.sample(5, seed=0))
+        >>> warmer = Correction({"temperature": [10.0]}, 57e3).apply(decoder.aircraft, flown)
+        >>> bool((warmer.tas_mps > flown.tas_mps)[flown.mask].all())  # at the same Mach number
+        True
     """
 
     effects: dict[str, list[float]]
@@ -33,11 +40,16 @@ class Correction:
     inherited: bool = False
     """Whether the simulator's own flights had the effects: its inferred drag then gives the right rates already."""
 
-    def apply(self, aircraft: Aircraft, flown: Trajectories) -> Trajectories:
-        """The descents as they are with the effects."""
+    def apply(self, aircraft: Aircraft, flown: Trajectories, draws: DrawNumbers = FIRST_DRAWS) -> Trajectories:
+        """The descents as they are with the effects.
+
+        Args:
+            aircraft: Coefficients of the type that flies.
+            flown: n descents.
+            draws: Seed and numbers of these draws, by which an effect takes its share of the flights.
+        """
         altitude = (flown.levels_fl * FL_M).to(flown.cas_mps)
-        speeds = torch.where(flown.mask, flown.cas_mps, 0.0).detach().double().sum(1)
-        flies, reports = self._shifts(aircraft, altitude, flown.cas_mps, flown.mask, speeds)
+        flies, reports = self._shifts(aircraft, altitude, flown.cas_mps, flown.mask, draws)
         cas = flown.cas_mps + flies["cas"] + reports["cas"]
         mach = cas_to_mach(flown.cas_mps + flies["cas"], altitude)
         factor = flies["rate"].exp()
@@ -58,7 +70,7 @@ class Correction:
         return flies["cas"] + reports["cas"], (flies["rate"] + reports["rate"]).exp()
 
     def _shifts(
-        self, aircraft: Aircraft, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor, speeds: Tensor | None = None
+        self, aircraft: Aircraft, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor, draws: DrawNumbers | None = None
     ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
         """Sums of shifts that are flown, and that are reported only: ``rate`` (ln), ``cas`` (m/s), ``tas`` (ln)."""
         # Here and not above: a plain decoder must not pay for the catalogue.
@@ -78,8 +90,8 @@ class Correction:
             effect = EFFECTS[name]
             share, whole = effect.mixture(torch.tensor(theta, dtype=torch.float64))
             shift = dict(effect.shift(state, whole))
-            if speeds is not None and share < 1.0:
-                taken = _digits(speeds, place) < share
+            if draws is not None and share < 1.0:
+                taken = (draws.uniform(len(cas), stream=place) < share).to(cas.device)
                 shift = {q: torch.where(taken[:, None] if v.ndim == 2 else taken, v, 0.0) for q, v in shift.items()}
             target = reports if effect.sensor else flies
             for quantity in target:
@@ -114,11 +126,6 @@ class Correction:
             raise KeyError(f"effect {strange[0]}")
         effects = {name: [float(v) for v in theta] for name, theta in state["effects"].items()}
         return cls(effects, state["mass_kg"], state["inherited"])
-
-
-def _digits(speeds: Tensor, place: int) -> Tensor:
-    """Numbers (n,) in [0, 1) out of sums of speeds over hundreds of levels, others for each place."""
-    return (speeds * (97.0 + 31.0 * place)).remainder(1.0)
 
 
 def _slope(cas_mps: Tensor, spacing_m: float) -> Tensor:

@@ -10,6 +10,7 @@ from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
 from descentflow.representation.context import ContextEncoder
+from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
 from descentflow.representation.plausibility import Plausibility
@@ -85,8 +86,9 @@ class Representation(nn.Module):
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Representation":
         """Rebuild from :meth:`to_state`."""
+        told = state["decoder"].get("correction")
         return cls(
-            DescentDecoder.from_state(state["decoder"]),
+            DescentDecoder.from_state(state["decoder"], None if told is None else Correction.from_state(told)),
             Plausibility.from_state(state["plausibility"]),
             Split.from_state(state["split"]),
             state["provenance"],

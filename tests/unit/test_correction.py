@@ -1,17 +1,22 @@
 """What corrected simulators fly: effects that take a share of the flights, and reports that lag."""
 
 import math
+from dataclasses import fields
 
 import gap_toys
 import pytest
 import torch
+import toys
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.counter_random import DrawNumbers
+from descentflow.core.errors import CheckpointError
 from descentflow.core.units import FL_M
 from descentflow.effects import EFFECTS
 from descentflow.effects.vertical_rate_lag import _late
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.representation.correction import Correction
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
 
 N = 4000
@@ -55,6 +60,64 @@ def test_two_effects_take_flights_independently(flown: Trajectories) -> None:
     first = (of_low.rate_mps / flown.rate_mps - 1).abs().amax(1) > 0.01
     second = (of_path.apply(open_aircraft("A320"), flown).rate_mps / flown.rate_mps - 1).abs().amax(1) > 0.01
     assert float((first & second).float().mean()) == pytest.approx(0.25, abs=4 * math.sqrt(0.1875 / N))
+
+
+PARTIAL = Correction({"speed_brake": [0.3, 200.0, 250.0, 0.6, 0.0]}, 57e3)
+
+
+def taken(flown: Trajectories, draws: DrawNumbers) -> torch.Tensor:
+    """Which flights the partial effect takes (n,)."""
+    after = PARTIAL.apply(open_aircraft("A320"), flown, draws)
+    return (after.rate_mps / flown.rate_mps - 1).abs().amax(1) > 0.01
+
+
+def in_precision(flown: Trajectories, precision: torch.dtype) -> Trajectories:
+    values = {f.name: getattr(flown, f.name) for f in fields(flown)}
+    return Trajectories(**{k: v.to(precision) if v.is_floating_point() else v for k, v in values.items()})
+
+
+def test_the_same_flights_are_taken_in_single_and_double_precision(flown: Trajectories) -> None:
+    single, double = (in_precision(flown, kind) for kind in (torch.float32, torch.float64))
+    draws = DrawNumbers(seed=7, first=123)
+    groups = taken(single, draws)
+    assert 0 < int(groups.sum()) < N
+    assert torch.equal(groups, taken(double, draws))
+
+
+@pytest.mark.parametrize("size", [1, 7, 1000, N])
+def test_the_same_flights_are_taken_in_batches_of_any_size(flown: Trajectories, size: int) -> None:
+    some = flown.subset(torch.arange(0, N, 16)) if size < 10 else flown
+    whole = taken(some, DrawNumbers(seed=7))
+    parts = [
+        taken(some.subset(torch.arange(first, min(first + size, len(some)))), DrawNumbers(7, first))
+        for first in range(0, len(some), size)
+    ]
+    assert torch.equal(torch.cat(parts), whole)
+
+
+def test_another_seed_takes_other_flights(flown: Trajectories) -> None:
+    first, second = taken(flown, DrawNumbers(seed=1)), taken(flown, DrawNumbers(seed=2))
+    # Of independent draws, 0.36 are taken in both.
+    assert float((first & second).float().mean()) == pytest.approx(0.36, abs=4 * math.sqrt(0.36 * 0.64 / N))
+
+
+def test_the_decoder_hands_the_numbers_of_its_draws_to_the_correction() -> None:
+    plain = toys.representation(60).decoder
+    state = {**plain.to_state(), "correction": PARTIAL.to_state()}
+    corrected = DescentDecoder.from_state(state, Correction.from_state(state["correction"]))
+    weights = 0.2 * torch.randn(40, plain.dimension, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    before = plain(weights)
+    for draws in (DrawNumbers(), DrawNumbers(5, 12)):
+        slower = (corrected(weights, draws=draws).rate_mps / before.rate_mps - 1).abs().amax(1) > 0.01
+        assert torch.equal(slower, draws.uniform(40, stream=0) < 0.6)
+
+
+def test_a_decoder_is_not_rebuilt_without_its_correction() -> None:
+    plain = toys.representation(60).decoder.to_state()
+    with pytest.raises(CheckpointError, match="without its correction"):
+        DescentDecoder.from_state({**plain, "correction": PARTIAL.to_state()})
+    with pytest.raises(CheckpointError, match="that the state lacks"):
+        DescentDecoder.from_state(plain, PARTIAL)
 
 
 def test_a_late_rate_follows_the_closed_form_of_a_first_order_lag() -> None:

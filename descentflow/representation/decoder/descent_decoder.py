@@ -1,19 +1,30 @@
 """The decoder: latent weights to drag and CAS profiles to trajectories, with all that it needs as buffers."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import torch
 from torch import Tensor, nn
 
 from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
+from descentflow.core.errors import CheckpointError
 from descentflow.core.tensors import Number
 from descentflow.core.units import FL_M
 from descentflow.physics.transition import transition_altitude_m
-from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.profiles import Profiles
+
+
+class FlownCorrection(Protocol):
+    """What changes descents after they were flown, for instance by effects that a diagnosis found."""
+
+    def apply(self, aircraft: Aircraft, flown: Trajectories, draws: DrawNumbers) -> Trajectories:
+        """The descents as they are with the correction; ``draws`` numbers them, for what takes some flights only."""
+
+    def to_state(self) -> dict[str, Any]:
+        """Primitives for a checkpoint."""
 
 
 class DescentDecoder(nn.Module):
@@ -43,7 +54,7 @@ class DescentDecoder(nn.Module):
         weight_mean: Tensor,
         weight_scale: Tensor,
         mass_kg: float | None = None,
-        correction: Correction | None = None,
+        correction: FlownCorrection | None = None,
     ) -> None:
         """Build from fitted parts.
 
@@ -55,7 +66,7 @@ class DescentDecoder(nn.Module):
             weight_mean: (d,) mean of the training flights' weights.
             weight_scale: (d,) their standard deviation.
             mass_kg: Mass that inferred the drag and flies it; the reference mass if absent.
-            correction: Effects that a diagnosis found, applied to what was flown.
+            correction: Applied to what was flown, for instance effects that a diagnosis found.
         """
         super().__init__()
         self.correction = correction
@@ -100,6 +111,7 @@ class DescentDecoder(nn.Module):
         exact_energy_share: bool = False,
         out: Trajectories | None = None,
         compiled: bool = False,
+        draws: DrawNumbers = FIRST_DRAWS,
     ) -> Trajectories:
         """Fly weights (n, d) from their entry levels, in the weights' precision.
 
@@ -114,6 +126,7 @@ class DescentDecoder(nn.Module):
                 :func:`descentflow.representation.decoder.trajectories.integrate`.
             out: Descents of the same shape whose arrays may take the result.
             compiled: Fuse the arithmetic by ``torch.compile``: pays from millions of descents on.
+            draws: Seed and numbers of these draws: by them a correction takes its share of the flights.
         """
         drag_n, cas_mps = self.curves(weights)
         if entry is None:
@@ -134,7 +147,7 @@ class DescentDecoder(nn.Module):
             out=out,
             compiled=compiled,
         )
-        return found if self.correction is None else self.correction.apply(self.aircraft, found)
+        return found if self.correction is None else self.correction.apply(self.aircraft, found, draws)
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the decoder."""
@@ -149,8 +162,22 @@ class DescentDecoder(nn.Module):
         return state if self.correction is None else {**state, "correction": self.correction.to_state()}
 
     @classmethod
-    def from_state(cls, state: dict[str, Any]) -> "DescentDecoder":
-        """Rebuild from :meth:`to_state`."""
+    def from_state(cls, state: dict[str, Any], correction: FlownCorrection | None = None) -> "DescentDecoder":
+        """Rebuild from :meth:`to_state`.
+
+        Args:
+            state: As :meth:`to_state` gave it.
+            correction: What the state's ``correction`` describes, rebuilt by whoever knows its kind.
+
+        Raises:
+            CheckpointError: If the state has a correction and none is handed over, or the other way about.
+        """
+        if (correction is None) is ("correction" in state):
+            raise CheckpointError(
+                "a decoder without its correction" if correction is None else "a correction that the state lacks",
+                expected="the correction that the state describes, and no other",
+                mend="rebuild it by descentflow.representation.representation.Representation.from_state",
+            )
         return cls(
             Aircraft.from_state(state["aircraft"]),
             state["levels_fl"],
@@ -158,5 +185,5 @@ class DescentDecoder(nn.Module):
             FunctionalBasis.from_state(state["cas_basis"]),
             state["weight_mean"],
             state["weight_scale"],
-            correction=Correction.from_state(state["correction"]) if "correction" in state else None,
+            correction=correction,
         )

@@ -25,7 +25,7 @@ LAST = "flights.json"
 """What :func:`~descentflow.studies.paper.pictures.type_pictures` writes last: where it is, the pictures are done."""
 CSV_LOGGER = ("--trainer.logger", "lightning.pytorch.loggers.CSVLogger", "--trainer.logger.init_args.save_dir")
 """In place of TensorBoard, for which every fit draws figures that nobody would look at; the folder follows."""
-CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "model"
+CONFIGS = Path(__file__).resolve().parents[3] / "configs" / "model"
 
 
 def make_descents(plan: StudyPlan, typecode: str, folder: Path) -> None:

@@ -36,7 +36,6 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.core.errors import ConfigError
     from descentflow.core.files import check_output
     from descentflow.densities.checkpoint import load_model
-    from descentflow.generation.conditional import sample_given
     from descentflow.generation.rejection import sample_descents
     from descentflow.generation.sample_tables import write_samples
 
@@ -46,30 +45,20 @@ def run(args: argparse.Namespace) -> None:
     model = load_model(args.checkpoint)
     parts = model.representation
     contexts = given.given_frame(args, parts)
+    encoded = None if contexts is None or parts.context is None else parts.context.encode(contexts)
     with tqdm(total=args.number, desc="descents", delay=2) as bar:
-        if contexts is None or parts.context is None:
-            samples = sample_descents(
-                model,
-                parts.decoder,
-                parts.plausibility,
-                args.number,
-                args.seed,
-                draw_budget=args.draw_budget,
-                compiled=args.compile,
-                progress=lambda n: bar.update(n) and None,
-            )
-        else:
-            samples = sample_given(
-                model,
-                parts.decoder,
-                parts.plausibility,
-                parts.context.encode(contexts),
-                args.number,
-                args.seed,
-                entry=given.entry_of(contexts, parts),
-                draw_budget=args.draw_budget,
-                progress=lambda n: bar.update(n) and None,
-            )
+        samples = sample_descents(
+            model,
+            parts.decoder,
+            parts.plausibility,
+            args.number,
+            args.seed,
+            context=encoded,
+            entry=None if contexts is None else given.entry_of(contexts, parts),
+            draw_budget=args.draw_budget,
+            compiled=args.compile,
+            progress=lambda n: bar.update(n) and None,
+        )
     write_samples(samples.trajectories, args.out, contexts)
     print(samples.report)
     print(f"wrote {args.out}")

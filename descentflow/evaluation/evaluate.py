@@ -20,8 +20,8 @@ from descentflow.evaluation.metrics.bootstrap import score_intervals
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.scores import score
-from descentflow.generation.conditional import ConditionalSampler, sample_given
-from descentflow.generation.rejection import RejectionReport, sample_descents
+from descentflow.generation.rejection import ConditionalSampler, sample_descents
+from descentflow.generation.samples import RejectionReport
 from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation
@@ -115,11 +115,16 @@ def evaluate(
             mend="pass other prepared descents",
         )
     decoder = representation.decoder
-    parts = (decoder, representation.plausibility)
-    if context is None:
-        samples = sample_descents(model, *parts, n, seed, entry=real.entry_level, progress=progress)
-    else:
-        samples = sample_given(model, *parts, context, n, seed, entry=real.entry_level, progress=progress)
+    samples = sample_descents(
+        model,
+        decoder,
+        representation.plausibility,
+        n,
+        seed,
+        context=context,
+        entry=real.entry_level,
+        progress=progress,
+    )
     generated, observed = DescentSet.of_trajectories(samples.trajectories), DescentSet.of_profiles(real)
     nominal = DescentSet.of_nominal(nominal_descent(decoder.aircraft, decoder.levels_fl.cpu()))
     scores = score(generated, observed, decoder.transition_fl, nominal, seed, n_splits, progress=score_progress)

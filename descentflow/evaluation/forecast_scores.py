@@ -9,13 +9,13 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.densities.density import Density
 from descentflow.evaluation.metrics.forecast_metrics import crps_each, energy_score_each
-from descentflow.generation.conditional import sample_given
+from descentflow.generation.rejection import sample_descents
 from descentflow.representation.profiles import Profiles
 
 
 @dataclass(frozen=True)
-class Blind:
-    """A density that is not told the context that others are given."""
+class WithoutContext:
+    """A density that ignores the context of the flights that it is asked for."""
 
     density: Density
 
@@ -55,10 +55,10 @@ def forecast_scores(
     if len(flights) == 0:
         raise DataError("no flight to score", expected="held-out flights", mend="pass other descents")
     parts, n = density.representation, len(flights)
-    given = weights.new_zeros(n, 1) if context is None else context
-    model = Blind(density) if context is None else density
-    samples = sample_given(
-        model, parts.decoder, parts.plausibility, given, n * n_draws, seed, entry=flights.entry_level
+    own = weights.new_zeros(n, 1) if context is None else context
+    model = WithoutContext(density) if context is None else density
+    samples = sample_descents(
+        model, parts.decoder, parts.plausibility, n * n_draws, seed, context=own, entry=flights.entry_level
     )
 
     def by_flight(values: Tensor) -> Tensor:

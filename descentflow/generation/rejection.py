@@ -1,13 +1,15 @@
-"""Rejection sampling of plausible descents, bounded by a draw budget and accounting for every draw."""
+"""Rejection sampling of plausible descents, with or without a context, within a draw budget."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from math import ceil
+from typing import ClassVar, Protocol
 
 import torch
 from torch import Tensor
 
 from descentflow.core.errors import SamplingError
+from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.plausibility import RULES, Plausibility
@@ -23,116 +25,149 @@ class Sampler(Protocol):
         """Draw (n, d) weights."""
 
 
-@dataclass(frozen=True)
-class RejectionReport:
-    """What became of every draw.
+class ConditionalSampler(Protocol):
+    """Whatever draws standardised weights repeatably, for the contexts that it is given."""
 
-    A draw that breaks several rules counts under each of them, so ``broken`` may sum to more than ``rejected``.
-    ``surplus`` draws were plausible but beyond the number asked for.
-    """
-
-    drawn: int
-    accepted: int
-    rejected: int
-    surplus: int
-    broken: dict[str, int]
-
-    @property
-    def acceptance(self) -> float:
-        """Share of draws that were plausible."""
-        return (self.accepted + self.surplus) / self.drawn if self.drawn else float("nan")
-
-    def as_dict(self) -> dict[str, Any]:
-        """Primitives for a JSON report."""
-        return {**self.__dict__, "acceptance": self.acceptance}
-
-    def __str__(self) -> str:
-        """One line for a terminal."""
-        reasons = ", ".join(f"{rule} {count}" for rule, count in self.broken.items() if count) or "none"
-        return f"{self.accepted} samples from {self.drawn} draws ({self.acceptance:.1%} plausible; broken: {reasons})"
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Accepted descents: weights (n, d), trajectories, and the account of all draws."""
-
-    weights: Tensor
-    trajectories: Trajectories
-    report: RejectionReport
+    def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
+        """Draw (n, d) weights, row i for row i of context (n, c)."""
 
 
 @torch.no_grad()
 def sample_descents(
-    model: Sampler,
+    model: Sampler | ConditionalSampler,
     decoder: DescentDecoder,
     plausibility: Plausibility,
     n: int,
     seed: int,
     *,
+    context: Tensor | None = None,
     entry: Tensor | None = None,
     draw_budget: int | None = None,
     compiled: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Samples:
-    """Draw, decode and keep plausible descents until there are ``n``.
+    """Draw, decode and keep plausible descents until there are ``n`` (paper, section 2.4).
+
+    With m contexts, sample i has context i modulo m: a rejected draw is drawn again with the same context, so that
+    contexts whose draws are rejected more often are as frequent among the samples as the others.
 
     Args:
-        model: Latent model.
+        model: Density of the standardised weights.
         decoder: Its decoder.
         plausibility: Bounds and entry levels.
         n: Number of descents wanted.
         seed: Makes the whole result repeatable on one machine.
-        entry: (m,) entry-level indices to draw from with replacement, for instance those of the test flights
-            (paper, section 4.2); the training flights' entries if absent.
+        context: (m, c) encoded contexts, for a conditional density.
+        entry: (m,) indices of entry levels. With contexts, one for each of them; without, the levels to draw from
+            with replacement, for instance those of the test flights (paper, section 4.2). If absent, they are drawn
+            as the training flights entered.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
         compiled: Decode by compiled arithmetic, see :func:`descentflow.representation.decoder.trajectories.integrate`.
-        progress: Called with the number of descents newly accepted.
+        progress: Progress callback: called with the number of descents newly accepted.
 
     Raises:
         SamplingError: If the budget is spent first; the message names the rules that rejected most.
+        ConfigError: If the density does not take such a context.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> parts = model.representation
+        >>> samples = sample_descents(model, parts.decoder, parts.plausibility, n=100, seed=0)
+        >>> samples.report.accepted, samples.weights.shape[0]
+        (100, 100)
     """
     budget = max(100 * n, 10_000) if draw_budget is None else draw_budget
     generator = torch.Generator().manual_seed(seed)
-    kept_weights, kept, n_kept, drawn = [], [], 0, 0
+    draws = _Interchangeable(entry) if context is None else _OfContexts(context, entry)
+    pending, drawn, plausible = torch.arange(n), 0, 0
     broken = torch.zeros(len(RULES), dtype=torch.long)
-    rejected = 0
+    weights, kept, owners = [], [], []
     flown: Trajectories | None = None
-    while n_kept < n and drawn < budget:
-        size = min(_next_batch(n - n_kept, drawn, n_kept), budget - drawn)
-        weights = model.sample(size, int(torch.randint(2**31, (), generator=generator)))
+    while len(pending) and drawn < budget:
+        wanted = draws.wanted(pending, drawn, plausible)[: budget - drawn]
+        size = len(wanted)
+        tries = draws.weights(model, wanted, int(torch.randint(2**31, (), generator=generator)))
+        entries = draws.entries(plausibility, wanted, generator).to(tries.device)
         # What was kept of the last batch was copied, so a batch of the same size may take its arrays.
         reused = flown if flown is not None and len(flown) == size else None
-        begins = _draw_entry(plausibility, entry, size, generator).to(weights.device)
-        flown = decoder(weights, begins, out=reused, compiled=compiled)
+        flown = decoder(tries, entries, out=reused, compiled=compiled)
         rules = plausibility.broken_rules(flown)
-        good = ~rules.any(1)
-        drawn += size
-        broken += rules.sum(0).cpu()
-        rejected += size - int(good.sum())
-        kept_weights.append(weights[good])
-        kept.append(flown.subset(good))
+        good = torch.nonzero(~rules.any(1).cpu())[:, 0]
+        drawn, plausible, broken = drawn + size, plausible + len(good), broken + rules.sum(0).cpu()
+        accepted, filled = draws.match(good, wanted, pending)
+        weights.append(tries[accepted])
+        kept.append(flown.subset(accepted))
+        owners.append(filled)
+        pending = pending[~torch.isin(pending, filled)]
         if progress is not None:
-            progress(min(int(good.sum()), n - n_kept))
-        n_kept += int(good.sum())
+            progress(len(accepted))
+    n_kept = n - len(pending)
     counts = dict(zip(RULES, broken.tolist(), strict=True))
-    report = RejectionReport(drawn, min(n_kept, n), rejected, max(n_kept - n, 0), counts)
-    if n_kept < n:
-        raise SamplingError(
-            f"only {report}",
-            expected=f"{n} plausible descents within {budget} draws",
-            mend="train on more flights or with fewer components, or raise the draw budget",
-        )
-    first = slice(0, n)
-    return Samples(torch.cat(kept_weights)[first], concatenate(kept).subset(torch.arange(n)), report)
+    report = RejectionReport(drawn, n_kept, drawn - plausible, plausible - n_kept, counts)
+    if len(pending):
+        raise SamplingError(f"only {report}", expected=f"{n} plausible descents within {budget} draws", mend=draws.mend)
+    order = torch.cat(owners).argsort()
+    return Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report)
 
 
-def _draw_entry(plausibility: Plausibility, entry: Tensor | None, n: int, generator: torch.Generator) -> Tensor:
-    if entry is None:
-        return plausibility.draw_entry(n, generator)
-    return entry[torch.randint(len(entry), (n,), generator=generator)]
+@dataclass(frozen=True)
+class _Interchangeable:
+    """Without a context any plausible draw may be the next sample."""
+
+    entry: Tensor | None
+    mend: ClassVar[str] = "train on more flights or with fewer components, or raise the draw budget"
+
+    def wanted(self, pending: Tensor, drawn: int, plausible: int) -> Tensor:
+        """The next batch: as many as should yield what is missing at the acceptance so far, and a little more."""
+        acceptance = (plausible + 1) / (drawn + 1) if drawn else 0.9
+        return torch.arange(min(int(len(pending) / acceptance * 1.05) + 16, BATCH))
+
+    def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
+        """The weights of a batch."""
+        return model.sample(len(wanted), seed)
+
+    def entries(self, plausibility: Plausibility, wanted: Tensor, generator: torch.Generator) -> Tensor:
+        """Indices of the levels where the descents of a batch start."""
+        if self.entry is None:
+            return plausibility.draw_entry(len(wanted), generator)
+        return self.entry[torch.randint(len(self.entry), (len(wanted),), generator=generator)]
+
+    def match(self, good: Tensor, wanted: Tensor, pending: Tensor) -> tuple[Tensor, Tensor]:
+        """Positions of the plausible draws that are kept, and the samples that they become: in order."""
+        kept = good[: len(pending)]
+        return kept, pending[: len(kept)]
 
 
-def _next_batch(missing: int, drawn: int, kept: int) -> int:
-    """Draws that should yield the missing descents at the acceptance seen so far, and a little more."""
-    acceptance = (kept + 1) / (drawn + 1) if drawn else 0.9
-    return min(int(missing / acceptance * 1.05) + 16, BATCH)
+@dataclass(frozen=True)
+class _OfContexts:
+    """With contexts a draw is for one sample, whose context it has."""
+
+    context: Tensor
+    entry: Tensor | None
+    mend: ClassVar[str] = "give a context like those of the training flights, or raise the draw budget"
+
+    def wanted(self, pending: Tensor, drawn: int, plausible: int) -> Tensor:
+        """Which sample each draw of the next batch is for: every pending one, repeatedly if few draws are plausible."""
+        first = pending[:BATCH]
+        times = min(ceil((drawn + 1) / (plausible + 1)), BATCH // len(first))
+        return first.repeat(max(times, 1))
+
+    def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
+        """The weights of a batch, each for its sample's context."""
+        return model.sample(len(wanted), seed, self.context[wanted % len(self.context)])  # type: ignore[call-arg]
+
+    def entries(self, plausibility: Plausibility, wanted: Tensor, generator: torch.Generator) -> Tensor:
+        """Indices of the levels where the descents of a batch start."""
+        if self.entry is None:
+            return plausibility.draw_entry(len(wanted), generator)
+        return self.entry[wanted % len(self.context)]
+
+    def match(self, good: Tensor, wanted: Tensor, pending: Tensor) -> tuple[Tensor, Tensor]:
+        """Positions of the plausible draws that are kept, and the samples that they become: the first of each."""
+        samples = wanted[good]
+        order = samples.argsort(stable=True)
+        new = torch.ones(len(samples), dtype=torch.bool)
+        new[1:] = samples[order][1:] != samples[order][:-1]
+        kept = good[order[new]]
+        return kept, wanted[kept]

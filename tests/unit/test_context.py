@@ -22,8 +22,8 @@ from descentflow.densities.regressions import (
     maximisation,
     n_parameters,
 )
-from descentflow.generation.conditional import sample_given
 from descentflow.generation.prediction.posterior import log_density, posterior_of, prior_of
+from descentflow.generation.rejection import sample_descents
 from descentflow.representation.context import OTHER, ContextEncoder
 from descentflow.training.context_columns import flight_context, read_context_table
 from descentflow.training.datamodule import DescentDataModule
@@ -304,12 +304,14 @@ def test_misused_contexts_say_so() -> None:
         plain.sample(3, 0, normal(3, C))
 
 
-def test_sample_given_keeps_each_sample_with_its_context() -> None:
+def test_sampling_keeps_each_sample_with_its_context() -> None:
     model = trained("gaussian")
     parts = model.representation
     rows = torch.tensor([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]], dtype=torch.float64)
     entry = torch.tensor([100, 120, 140])
-    made = [sample_given(model, parts.decoder, parts.plausibility, rows, 7, 3, entry=entry) for _ in range(2)]
+    made = [
+        sample_descents(model, parts.decoder, parts.plausibility, 7, 3, context=rows, entry=entry) for _ in range(2)
+    ]
     assert torch.equal(made[0].weights, made[1].weights)
     assert made[0].report.accepted == 7
     entered = made[0].trajectories.mask.sum(1) - 1

@@ -20,7 +20,7 @@ from descentflow.evaluation.figures.level_cuts import bandwidth, cuts_figure, de
 from descentflow.evaluation.figures.profile_bands import profiles_figure, since_entry_s
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
-from descentflow.generation.rejection import RejectionReport
+from descentflow.generation.samples import RejectionReport
 from descentflow.physics.nominal_descent import nominal_descent
 
 

@@ -3,7 +3,7 @@
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from descentflow.generation.rejection import RejectionReport
+from descentflow.generation.samples import RejectionReport
 from descentflow.reporting.figure_style import BLUE, RED, tidy
 
 _SURPLUS = "#9ecae1"

@@ -27,7 +27,7 @@ def flights(folder: Path, n: int, seed: int, plant: Plant | None = None, config:
     world = simulate(open_aircraft("A320"), n, seed, config, plant=plant)
     rows, path = folder / f"rows{seed}.parquet", folder / f"descents{seed}.parquet"
     world.rows.write_parquet(rows)
-    write_descents(prepare([rows])[0], path)
+    write_descents(prepare(rows), path)
     return path
 
 

@@ -87,32 +87,42 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.core.files import whole_file
     from descentflow.surveillance.formats.embedded import embedded_rows, embedded_types
     from descentflow.surveillance.formats.readers import read_table
-    from descentflow.surveillance.prepare import Request, prepare_to
+    from descentflow.surveillance.prepare import prepare
 
     _check(args)
     paths = [*args.rows, *([embedded_rows()] if args.embedded else [])]
     types = read_table(args.types) if args.types else embedded_types() if args.embedded else None
-    wanted = [name.strip() for name in args.typecode.split(",")] if args.typecode else None
-    request = Request(paths, types, wanted, _cleaning(args), args.format, SHOWN_AT_RANDOM if args.figures else 0)
+    was_there = args.out.is_dir() and any(args.out.iterdir())
     with tqdm(desc="prepare", delay=2, leave=False, bar_format="{desc} [{elapsed}]") as bar:
 
         def show(stage: str) -> None:
             bar.set_description_str(f"prepare: {stage}", refresh=False)
             bar.update()
 
-        prepared = prepare_to(args.out, request, memory_bytes=args.memory, engine=_engine(args), progress=show)
+        descents = prepare(
+            paths,
+            typecode=args.typecode,
+            types=types,
+            cleaning=_cleaning(args),
+            out=args.out,
+            format=args.format,
+            memory_bytes=args.memory,
+            engine=_engine(args),
+            shown=SHOWN_AT_RANDOM if args.figures else 0,
+            progress=show,
+        )
     if args.report:
         with whole_file(args.report) as temporary:
-            temporary.write_text(json.dumps(prepared.metadata, indent=1))
-    if args.figures and prepared.fates is not None:
+            temporary.write_text(json.dumps(descents.metadata, indent=1))
+    if args.figures and descents.dropped_rows is not None:
         from descentflow.surveillance.figures.cleaning_page import write_page
 
-        number = write_page(args.figures, prepared.fates, prepared.report)
+        number = write_page(args.figures, descents.dropped_rows, descents.report)
         print(f"wrote {args.figures / 'index.html'}: {number} flights")
-    print(prepared.report)
-    for typecode, top in prepared.metadata["top_fl"].items():
-        print(f"{typecode}: {prepared.flights[typecode]:,} descents, a quarter of them from FL{top} or above")
-    print(f"wrote {args.out}" if prepared.written else f"{args.out} was there already, made of the same")
+    print(descents.report)
+    for typecode, top in descents.metadata["top_fl"].items():
+        print(f"{typecode}: {descents.flights[typecode]:,} descents, a quarter of them from FL{top} or above")
+    print(f"{args.out} was there already, made of the same" if was_there else f"wrote {args.out}")
 
 
 def _check(args: argparse.Namespace) -> None:

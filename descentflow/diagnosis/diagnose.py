@@ -18,7 +18,8 @@ from descentflow.effects import EFFECTS, Effect
 from descentflow.measurements.quantities import CHANNELS
 from descentflow.representation.checkpoint import read_checkpoint
 from descentflow.representation.representation import Representation
-from descentflow.surveillance.descents.prepared_descents import KEY, REQUIRED, Descents, read_descents
+from descentflow.surveillance.descents.description import KEY
+from descentflow.surveillance.descents.prepared_descents import REQUIRED, Descents, read_descents
 from descentflow.surveillance.prepare import prepare
 
 
@@ -152,7 +153,7 @@ def _descents(
         return descents.frame, _dropped(descents)
     if not path.exists():
         raise DataError(f"no file {path}", expected="rows or prepared descents", mend="check the path")
-    descents, _ = prepare([path], cleaning=simulator.cleaning(), progress=say)
+    descents = prepare([path], cleaning=simulator.cleaning(), progress=say)
     return descents.frame, _dropped(descents)
 
 

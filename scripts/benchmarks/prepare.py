@@ -104,7 +104,7 @@ def _peers(world: pl.DataFrame, folder: Path) -> None:
     from descentflow.surveillance.prepare import prepare as in_memory
 
     wall, cpu = time.perf_counter(), time.process_time()
-    ours = in_memory([path])[0].frame
+    ours = in_memory(path).frame
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     print(f"{PEER_ROWS:,} rows, once more in this process: {PEER_ROWS / wall:,.0f} rows/s, {cpu:.1f} CPU s")
     try:

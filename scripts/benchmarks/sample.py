@@ -54,7 +54,7 @@ def _densities() -> tuple[list[Density], Tensor]:
     with tempfile.TemporaryDirectory(prefix="descentflow-benchmark-") as folder:
         rows = Path(folder) / "rows.parquet"
         simulate(a320, FLIGHTS, 0).rows.write_parquet(rows)
-        frame = prepare([rows])[0].frame
+        frame = prepare(rows).frame
     every = profiles_from_frame(frame, a320, 150)
     train = every.up_to(int(every.levels_fl[every.entry_level].quantile(0.75)))
     train = train.subset(torch.nonzero(train.mask.sum(1) >= 2)[:, 0])

@@ -19,13 +19,14 @@ def test_descents_do_not_depend_on_batches(
     spiked = pl.when(pl.int_range(pl.len()) % 97 == 50).then(pl.col("altitude") + 4000).otherwise("altitude")
     rows = rows.with_columns(altitude=spiked).filter((pl.col("icao24") != "4ca003") | (pl.col("altitude") > 31_000))
     path = written(rows, tmp_path / "rows.parquet")
-    whole, account = prepare([path])
+    whole = prepare([path])
+    account = whole.report
     assert any(step.flights_dropped for step in account.steps)
     monkeypatch.setattr(module, "BATCH_ROWS", rows_at_a_time)
     said: list[str] = []
-    parts, account_of_parts = prepare([path], progress=said.append)
+    parts = prepare([path], progress=said.append)
     assert parts.frame.equals(whole.frame)
-    assert account_of_parts.as_dict() == account.as_dict()
+    assert parts.report.as_dict() == account.as_dict()
     flights = next(step.flights_left for step in account.steps if step.step == "unknown_type")
     batches = sum(", part" in words for words in said)
     assert batches == flights if rows_at_a_time == 1 else 1 < batches <= 1 + len(rows) // rows_at_a_time

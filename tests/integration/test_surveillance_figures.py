@@ -12,7 +12,7 @@ from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError
 from descentflow.core.workers import LocalEngine
 from descentflow.surveillance.cleaning.drop_reasons import SHOWN, some_flights
-from descentflow.surveillance.prepare import Request, prepare_to
+from descentflow.surveillance.prepare import prepare
 
 
 @pytest.fixture(scope="module")
@@ -25,24 +25,26 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(rows, tmp_path_factory.mktemp("rows") / "rows.parquet")
 
 
-def test_fates_account_for_every_row_and_do_not_depend_on_partitions(path: Path, tmp_path: Path) -> None:
-    whole = prepare_to(tmp_path / "a.parquet", Request([path], shown=100))
-    assert whole.fates is not None
-    assert whole.fates.columns == [*SHOWN, "reason"]
-    counts = dict(whole.fates["reason"].value_counts().iter_rows())
+def test_dropped_rows_account_for_every_row_and_do_not_depend_on_partitions(path: Path, tmp_path: Path) -> None:
+    whole = prepare([path], shown=100, out=tmp_path / "a.parquet")
+    assert whole.dropped_rows is not None
+    assert whole.dropped_rows.columns == [*SHOWN, "reason"]
+    counts = dict(whole.dropped_rows["reason"].value_counts().iter_rows())
     after = whole.report.steps[[step.step for step in whole.report.steps].index("flights_told_apart") :]
     assert {step.step: step.rows_dropped for step in after if step.rows_dropped} == {
         k: v for k, v in counts.items() if k
     }
     assert counts[None] == after[-1].rows_left
     few = [
-        prepare_to(tmp_path / f"{memory}.parquet", Request([path], shown=2), memory_bytes=memory, engine=LocalEngine(2))
+        prepare([path], shown=2, out=tmp_path / f"{memory}.parquet", memory_bytes=memory, engine=LocalEngine(2))
         for memory in (10**9, 500_000)
     ]
-    frames = [prepared.fates.sort("flight_id", "timestamp") for prepared in few if prepared.fates is not None]
+    frames = [
+        prepared.dropped_rows.sort("flight_id", "timestamp") for prepared in few if prepared.dropped_rows is not None
+    ]
     assert_frame_equal(*frames)
-    assert_frame_equal(frames[0], some_flights(whole.fates, 2).sort("flight_id", "timestamp"))
-    assert frames[0]["flight_id"].n_unique() < whole.fates["flight_id"].n_unique()
+    assert_frame_equal(frames[0], some_flights(whole.dropped_rows, 2).sort("flight_id", "timestamp"))
+    assert frames[0]["flight_id"].n_unique() < whole.dropped_rows["flight_id"].n_unique()
 
 
 def test_a_page_is_written_whole_and_names_every_rule(path: Path, tmp_path: Path) -> None:
@@ -61,4 +63,4 @@ def test_a_page_is_written_whole_and_names_every_rule(path: Path, tmp_path: Path
     # The store is finished: there is nothing left to be shown.
     assert main(words) == 2
     with pytest.raises(ConfigError, match="shown while they are cleaned"):
-        prepare_to(tmp_path / "s", Request([path], shown=1))
+        prepare([path], shown=1, out=tmp_path / "s")

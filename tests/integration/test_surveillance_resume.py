@@ -17,9 +17,9 @@ from surveillance_toys import fleet, written
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.workers import DaskEngine, LocalEngine
 from descentflow.surveillance.descents.prepared_descents import read_descents
-from descentflow.surveillance.out_of_core import batches as engines
 from descentflow.surveillance.out_of_core import intake
-from descentflow.surveillance.prepare import Cleaning, Request, prepare, prepare_to
+from descentflow.surveillance.out_of_core import partitions as engines
+from descentflow.surveillance.prepare import Cleaning, prepare
 
 MEMORY = 800_000
 """So little that the fleet makes some twenty partitions."""
@@ -27,17 +27,16 @@ SLOW_RUN = """
 import sys, time
 from pathlib import Path
 from descentflow.core.workers import LocalEngine
-from descentflow.surveillance.out_of_core import batches as engine
+from descentflow.surveillance.out_of_core import partitions as engine
 from descentflow.surveillance import prepare
 clean = engine.clean
 engine.clean = lambda *args: (time.sleep(0.15), clean(*args))[1]
-prepare.prepare_to(Path(sys.argv[2]), prepare.Request([Path(sys.argv[1])]), memory_bytes={memory},
-                   engine=LocalEngine(1))
+prepare.prepare([Path(sys.argv[1])], out=Path(sys.argv[2]), memory_bytes={memory}, engine=LocalEngine(1))
 """
 
 SLOW_WORKER = """
 import time
-from descentflow.surveillance.out_of_core import batches as engine
+from descentflow.surveillance.out_of_core import partitions as engine
 engine.clean = lambda *args, clean=engine.clean: (time.sleep(0.15), clean(*args))[1]
 """
 
@@ -76,7 +75,7 @@ def test_a_killed_run_leaves_its_parts_and_the_rerun_goes_on(out: str, rows: Pat
     assert len(done) < planned
 
     with pytest.raises(ConfigError, match="other inputs or settings"):
-        prepare_to(target, Request([rows], cleaning=Cleaning(bottom_fl=100)))
+        prepare([rows], cleaning=Cleaning(bottom_fl=100), out=target)
     said: list[str] = []
     cleaned: list[Path] = []
 
@@ -85,15 +84,15 @@ def test_a_killed_run_leaves_its_parts_and_the_rerun_goes_on(out: str, rows: Pat
             cleaned.extend(task.target for task in tasks if isinstance(task, engines.Partition))
             return super().run(function, tasks, common)
 
-    prepare_to(target, Request([rows]), engine=Watched(2), progress=said.append)
+    prepare([rows], out=target, engine=Watched(2), progress=said.append)
     assert f"going on after {len(done)} of {planned} parts" in said
     assert len(cleaned) == planned - len(done)
     assert not set(cleaned) & set(done)
     assert [path.name for path in tmp_path.iterdir()] == [out]
-    whole, report = prepare([rows])
+    whole = prepare([rows])
     found = read_descents(target)
     assert_frame_equal(found.frame, whole.frame, check_exact=True)
-    assert found.metadata["report"] == report.as_dict()
+    assert found.metadata["report"] == whole.report.as_dict()
 
 
 def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,11 +113,11 @@ def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, mo
 
     monkeypatch.setattr(intake, "take_in", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        prepare_to(tmp_path / "s", Request([folder]), memory_bytes=MEMORY)
+        prepare([folder], out=tmp_path / "s", memory_bytes=MEMORY)
     read.append("interrupted")
-    prepare_to(tmp_path / "s", Request([folder]), memory_bytes=MEMORY)
+    prepare([folder], out=tmp_path / "s", memory_bytes=MEMORY)
     assert read == ["0.parquet", "1.parquet", "interrupted", "2.parquet", "3.parquet", "4.parquet"]
-    assert_frame_equal(read_descents(tmp_path / "s").frame, prepare([rows])[0].frame, check_exact=True)
+    assert_frame_equal(read_descents(tmp_path / "s").frame, prepare([rows]).frame, check_exact=True)
 
 
 def test_groups_keep_parts_together_and_small_files_in_company(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,23 +137,23 @@ def test_a_group_without_a_row_is_counted_unless_all_are_so(
 ) -> None:
     monkeypatch.setattr(intake, "GROUP_BYTES", 1)
     empty = written(pl.read_parquet(rows).clear(), tmp_path / "empty.parquet")
-    prepared = prepare_to(tmp_path / "d.parquet", Request([empty, rows]))
+    prepared = prepare([empty, rows], out=tmp_path / "d.parquet")
     assert prepared.report.notes["groups of files without a row"] == 1
-    assert_frame_equal(read_descents(tmp_path / "d.parquet").frame, prepare([rows])[0].frame, check_exact=True)
+    assert_frame_equal(read_descents(tmp_path / "d.parquet").frame, prepare([rows]).frame, check_exact=True)
     again = written(pl.read_parquet(rows).clear(), tmp_path / "again.parquet")
     with pytest.raises(DataError, match="no row"):
-        prepare_to(tmp_path / "n.parquet", Request([empty, again]))
+        prepare([empty, again], out=tmp_path / "n.parquet")
     with pytest.raises(DataError, match="no row in"):
-        prepare_to(tmp_path / "n.parquet", Request([empty]))
+        prepare([empty], out=tmp_path / "n.parquet")
 
 
 def test_two_runs_at_once_on_one_output_are_refused(rows: Path, tmp_path: Path) -> None:
     def again(words: str) -> None:
         if words.startswith("cleaning"):
-            prepare_to(tmp_path / "d.parquet", Request([rows]), memory_bytes=MEMORY)
+            prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY)
 
     with pytest.raises(ConfigError, match="another run is at work"):
-        prepare_to(tmp_path / "d.parquet", Request([rows]), memory_bytes=MEMORY, progress=again)
+        prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, progress=again)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -166,14 +165,14 @@ def test_a_failing_partition_is_an_error_and_no_output(
 
     monkeypatch.setattr(engines, "clean", broken)
     with pytest.raises(DataError, match="No space left"):
-        prepare_to(tmp_path / "s", Request([rows]), memory_bytes=MEMORY)
+        prepare([rows], out=tmp_path / "s", memory_bytes=MEMORY)
     assert not (tmp_path / "s").exists()
 
 
 @pytest.mark.filterwarnings("ignore")
 def test_dask_workers_give_the_same_even_when_one_is_killed(rows: Path, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
-    whole, report = prepare([rows])
+    whole = prepare([rows])
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, memory_limit=0, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
@@ -191,12 +190,12 @@ def test_dask_workers_give_the_same_even_when_one_is_killed(rows: Path, tmp_path
         killer = threading.Thread(target=kill)
         killer.start()
         engine = DaskEngine(scheduler=cluster.scheduler_address)
-        prepared = prepare_to(tmp_path / "s", Request([rows]), memory_bytes=MEMORY, engine=engine)
+        prepared = prepare([rows], out=tmp_path / "s", memory_bytes=MEMORY, engine=engine)
         killer.join()
     assert 3 <= killed[0] < 12
     found = read_descents(tmp_path / "s")
     assert_frame_equal(found.frame, whole.frame, check_exact=True)
-    assert prepared.report.as_dict() == report.as_dict()
+    assert prepared.report.as_dict() == whole.report.as_dict()
     assert [path.name for path in tmp_path.iterdir()] == ["s"]
 
 
@@ -205,7 +204,7 @@ def test_without_dask_or_a_scheduler_the_error_says_what_to_do(
 ) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ConfigError, match=r"pip install 'descentflow\[dask\]'"):
-        prepare_to(tmp_path / "d.parquet", Request([rows]), memory_bytes=MEMORY, engine=DaskEngine(2))
+        prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, engine=DaskEngine(2))
 
 
 @pytest.mark.slow
@@ -214,4 +213,4 @@ def test_the_command_starts_workers_of_its_own(rows: Path, tmp_path: Path) -> No
     pytest.importorskip("distributed", reason="the extra `dask` is not installed")
     words = ["prepare", str(rows), "--out", str(tmp_path / "d.parquet"), "--engine", "dask", "--workers", "2"]
     subprocess.run([sys.executable, "-m", "descentflow.cli.entry", *words], check=True)
-    assert_frame_equal(read_descents(tmp_path / "d.parquet").frame, prepare([rows])[0].frame, check_exact=True)
+    assert_frame_equal(read_descents(tmp_path / "d.parquet").frame, prepare([rows]).frame, check_exact=True)

@@ -14,7 +14,7 @@ from descentflow.core.workers import LocalEngine
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.surveillance.out_of_core import intake, spill
-from descentflow.surveillance.prepare import Cleaning, Request, prepare, prepare_to
+from descentflow.surveillance.prepare import Cleaning, prepare
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +39,9 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def whole(inputs: list[Path]) -> Descents:
-    descents, report = prepare(inputs, cleaning=Cleaning(bottom_fl=100))
+    descents = prepare(inputs, cleaning=Cleaning(bottom_fl=100))
     assert descents.frame["flight_id"].n_unique() > 8
-    assert all(step.flights_left is None or step.flights_left for step in report.steps)
+    assert all(step.flights_left is None or step.flights_left for step in descents.report.steps)
     return descents
 
 
@@ -68,10 +68,14 @@ def test_descents_do_not_depend_on_memory_or_form(
     monkeypatch.setattr(intake, "GROUP_BYTES", 1)
     monkeypatch.setattr(store, "CHUNK_ROWS", 300)
     monkeypatch.setattr(store, "FILE_ROWS", 600)
-    request = Request(inputs, cleaning=Cleaning(bottom_fl=100))
     said: list[str] = []
-    prepared = prepare_to(
-        tmp_path / out, request, memory_bytes=memory, engine=LocalEngine(workers), progress=said.append
+    prepared = prepare(
+        inputs,
+        cleaning=Cleaning(bottom_fl=100),
+        out=tmp_path / out,
+        memory_bytes=memory,
+        engine=LocalEngine(workers),
+        progress=said.append,
     )
     partitions = [int(words.split()[-1]) for words in said if words.startswith("cleaning rows")]
     assert max(partitions) == 1 if number == 1 else max(partitions) >= number
@@ -87,7 +91,7 @@ def test_a_store_is_partitioned_by_type_and_says_how_it_was_made(
     inputs: list[Path], whole: Descents, tmp_path: Path
 ) -> None:
     rules = Cleaning(bottom_fl=100)
-    prepare_to(tmp_path / "s", Request(inputs, cleaning=rules))
+    prepare(inputs, cleaning=rules, out=tmp_path / "s")
     hive = pl.scan_parquet(tmp_path / "s" / "**" / "*.parquet", hive_partitioning=True).collect()
     assert_frame_equal(hive.select(whole.frame.columns).sort("flight_id", maintain_order=True), whole.frame)
     assert {p.name for p in (tmp_path / "s").iterdir()} == {"typecode=A320", "typecode=B738", "_descentflow.json"}
@@ -104,46 +108,47 @@ def test_types_of_any_name_stay_inside_the_store(tmp_path: Path) -> None:
         fleet(4).filter(icao24=f"4ca{n:03d}").with_columns(typecode=pl.lit(name)) for n, name in enumerate(names)
     )
     path = written(rows, tmp_path / "rows.parquet")
-    prepare_to(tmp_path / "s", Request([path]))
+    prepare([path], out=tmp_path / "s")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["rows.parquet", "s"]
     found = read_descents(tmp_path / "s").frame
-    assert_frame_equal(found, prepare([path])[0].frame)
+    assert_frame_equal(found, prepare([path]).frame)
     assert set(found["typecode"]) == {name.upper() for name in names}
 
 
 def test_a_finished_store_is_left_alone_and_another_refused(inputs: list[Path], tmp_path: Path) -> None:
     out = tmp_path / "s"
-    first = prepare_to(out, Request(inputs))
+    first = prepare(inputs, out=out)
     times = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
-    again = prepare_to(out, Request(inputs))
+    again = prepare(inputs, out=out)
     assert again.flights == first.flights
     assert again.report.as_dict() == first.report.as_dict()
     assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == times
     with pytest.raises(ConfigError, match="other inputs or settings"):
-        prepare_to(out, Request(inputs, cleaning=Cleaning(bottom_fl=100)))
+        prepare(inputs, cleaning=Cleaning(bottom_fl=100), out=out)
     with pytest.raises(ConfigError, match="other inputs or settings"):
-        prepare_to(out, Request(inputs[:1]))
+        prepare(inputs[:1], out=out)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("x")
     with pytest.raises(ConfigError, match="no prepared store"):
-        prepare_to(tmp_path / "mine", Request(inputs))
+        prepare(inputs, out=tmp_path / "mine")
 
 
 @pytest.mark.parametrize("out", ["s", "d.parquet"])
 def test_an_output_among_the_inputs_is_none_of_them(out: str, inputs: list[Path], tmp_path: Path) -> None:
     for path in inputs:
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    first = prepare_to(tmp_path / out, Request([tmp_path]))
+    first = prepare([tmp_path], out=tmp_path / out)
     (tmp_path / f"{out}.work").mkdir()
     (tmp_path / f"{out}.work" / "left.arrow").write_bytes(b"a killed run left this")
-    again = prepare_to(tmp_path / out, Request([tmp_path]))
+    said: list[str] = []
+    again = prepare([tmp_path], out=tmp_path / out, progress=said.append)
     assert again.metadata["inputs"] == first.metadata["inputs"]
-    assert again.written == (out == "d.parquet")
+    assert ("found finished" not in said) == (out == "d.parquet")
 
 
 def test_damaged_stores_are_refused(inputs: list[Path], tmp_path: Path) -> None:
     out = tmp_path / "s"
-    prepare_to(out, Request(inputs))
+    prepare(inputs, out=out)
     manifest = out / "_descentflow.json"
     good = manifest.read_text()
     for bad, words in (
@@ -165,7 +170,7 @@ def test_damaged_stores_are_refused(inputs: list[Path], tmp_path: Path) -> None:
 def test_an_aircraft_that_does_not_fit_is_named(tmp_path: Path) -> None:
     path = written(fleet(2).with_columns(icao24=pl.lit("4ca009")), tmp_path / "rows.parquet")
     with pytest.raises(DataError, match=r"aircraft 4ca009 has .* rows .* raise --memory"):
-        prepare_to(tmp_path / "d.parquet", Request([path]), memory_bytes=50_000)
+        prepare([path], out=tmp_path / "d.parquet", memory_bytes=50_000)
     assert [p.name for p in tmp_path.iterdir()] == ["rows.parquet"]
 
 

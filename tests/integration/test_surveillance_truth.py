@@ -68,7 +68,7 @@ def test_level_offs_and_held_rates_go_and_idle_descent_stays(rate: str, world: t
 
 
 def test_levels_lie_where_the_aircraft_was(world: tuple[Path, pl.DataFrame]) -> None:
-    descents = prepare([world[0]], cleaning=Cleaning(bottom_fl=100))[0].frame
+    descents = prepare([world[0]], cleaning=Cleaning(bottom_fl=100)).frame
     errors = pl.concat(
         _errors(levels, world[1].filter(flight_id=levels["flight_id"][0]))
         for levels in descents.partition_by("flight_id")

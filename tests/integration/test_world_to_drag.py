@@ -21,7 +21,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     world = simulate(aircraft, 60, seed=5, config=config)
     path = tmp_path_factory.mktemp("world") / "rows.parquet"
     world.rows.write_parquet(path)
-    descents, _ = prepare([path])
+    descents = prepare(path)
     profiles = profiles_from_frame(descents.frame, aircraft, 150)
     speed = cas_to_tas_mps(profiles.cas_mps, profiles.altitude_m)
     inferred = profiles.drag_n - descent_thrust_n(aircraft, profiles.altitude_m, speed)

@@ -11,7 +11,7 @@ from surveillance_toys import fleet
 
 from descentflow.core.workers import LocalEngine
 from descentflow.surveillance.descents.prepared_descents import read_descents
-from descentflow.surveillance.prepare import Request, prepare, prepare_to
+from descentflow.surveillance.prepare import prepare
 
 FLEET = fleet(12, every_s=10.0)
 
@@ -39,9 +39,8 @@ def test_partitions_make_the_descents_of_the_whole(
         (folder / "rows").mkdir()
         for number, part in enumerate(rows.iter_slices(len(rows) // files + 1)):
             part.write_parquet(folder / "rows" / f"{number}.parquet")
-        whole, report = prepare([folder / "rows"])
-        request = Request([folder / "rows"])
-        prepared = prepare_to(folder / "store", request, memory_bytes=memory, engine=LocalEngine(workers))
+        whole = prepare([folder / "rows"])
+        prepared = prepare([folder / "rows"], out=folder / "store", memory_bytes=memory, engine=LocalEngine(workers))
         found = read_descents(folder / "store").frame
     assert_frame_equal(found, whole.frame, check_exact=True)
-    assert prepared.report.as_dict() == report.as_dict()
+    assert prepared.report.as_dict() == whole.report.as_dict()

@@ -38,7 +38,7 @@ def windy() -> World:
 def descents(windy: World, tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     path = Path(tmp_path_factory.mktemp("rows")) / "rows.parquet"
     windy.rows.write_parquet(path)
-    return prepare([path])[0].frame
+    return prepare(path).frame
 
 
 def test_heights_and_speeds_give_the_temperature_that_was_flown(windy: World, descents: pl.DataFrame) -> None:

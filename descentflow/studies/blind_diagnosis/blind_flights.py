@@ -68,7 +68,7 @@ def _write_descents(one: SimulatorPlan, path: Path, typecode: str, flights: int)
     with TemporaryDirectory() as folder:
         rows = Path(folder) / "rows.parquet"
         _rows(find_aircraft(typecode), flights, one.seed, causes).drop(NEVER).write_parquet(rows)
-        write_descents(prepare([rows])[0], path)
+        write_descents(prepare(rows), path)
 
 
 def _rows(aircraft: Aircraft, n: int, seed: int, causes: dict[str, dict[str, float]]) -> pl.DataFrame:

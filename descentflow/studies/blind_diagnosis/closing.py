@@ -10,7 +10,7 @@ from descentflow.densities.checkpoint import load_model
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.profiles import Profiles, profiles_from_frame
-from descentflow.surveillance.prepare import Cleaning, prepare
+from descentflow.surveillance.prepare import prepare
 
 SAMPLES: Final = 2000
 CLOSABLE: Final = 0.1
@@ -47,7 +47,7 @@ def closing(rows: Path, simulator: Path, corrected: Path, true: Path) -> dict[st
     decoders = [model.representation.decoder for model in models.values()]
     bottom = max(int(decoder.levels_fl[0]) for decoder in decoders)
     top = min(int(decoder.levels_fl[-1]) for decoder in decoders)
-    frame = prepare([rows], cleaning=Cleaning(bottom_fl=bottom))[0].frame
+    frame = prepare(rows, bottom_fl=bottom).frame
     found: dict[str, Tensor] = {}
     for name, model in models.items():
         parts = model.representation

@@ -11,7 +11,7 @@ from descentflow.studies.blind_diagnosis.hypsometry import Deviation, hypsometri
 from descentflow.studies.blind_diagnosis.winds import Gradient, tailwind_gradient, wind_profile
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.formats.embedded import embedded_rows, embedded_types
-from descentflow.surveillance.prepare import Cleaning, prepare
+from descentflow.surveillance.prepare import prepare
 
 BASIC: Final = ("IAS", "Mach", "vertical_rate")
 WIND: Final = ("TAS", "groundspeed", "track", "heading")
@@ -58,8 +58,7 @@ def check_temperature(diagnose: Diagnose, bottom_fl: int = 60) -> TemperatureChe
     Example:
         >>> check_temperature(package_diagnosis).by_height.mean_k
     """
-    cleaning = Cleaning(bottom_fl=bottom_fl)
-    descents, _ = prepare([embedded_rows()], types=embedded_types(), typecodes=["A20N", "A21N"], cleaning=cleaning)
+    descents = prepare(embedded_rows(), types=embedded_types(), typecode=["A20N", "A21N"], bottom_fl=bottom_fl)
     hidden = Descents(descents.frame.drop("geoaltitude"), descents.metadata)
     return TemperatureCheck(
         diagnose(hidden, "A20N", (*BASIC, "TAS")),
@@ -84,7 +83,7 @@ def check_wind(rows: pl.DataFrame, folder: Path, diagnose: Diagnose, bottom_fl: 
     """
     path = folder / "filled.parquet"
     filled(rows, WIND).write_parquet(path)
-    descents, _ = prepare([path], typecodes=list(DUTCH_TYPES), cleaning=Cleaning(bottom_fl=bottom_fl))
+    descents = prepare(path, typecode=list(DUTCH_TYPES), bottom_fl=bottom_fl)
     diagnosed = descents.frame["icao24"].unique().implode()
     profile = wind_profile(rows.filter(~pl.col("icao24").is_in(diagnosed)), DUTCH_DECLINATION_DEG)
     return WindCheck(

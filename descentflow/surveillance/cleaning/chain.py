@@ -39,7 +39,7 @@ class Work:
         shared: Flight names that several aircraft share.
         typecodes: Types to keep; all if None.
         types: Table `icao24,typecode` for rows that do not name their type.
-        shown: Flights taken at random whose rows are wanted with their fates; none if 0.
+        shown: Number of random flights whose rows are wanted with the reason for which each was dropped; none if 0.
     """
 
     rules: Cleaning
@@ -58,19 +58,21 @@ class Outcome:
     report: DropReport
     present: dict[str, int] = field(default_factory=dict)
     """Rows of each type, where only some were wanted."""
-    fates: pl.DataFrame | None = None
+    dropped_rows: pl.DataFrame | None = None
     """Rows of some flights and why they were dropped
     (:func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`)."""
 
 
-def clean(rows: pl.DataFrame, work: Work, *, threads: int = 1, say: Callable[[str], None] | None = None) -> Outcome:
+def clean(
+    rows: pl.DataFrame, work: Work, *, threads: int = 1, progress: Callable[[str], None] | None = None
+) -> Outcome:
     """Clean all rows of some aircraft (paper, section 3).
 
     Args:
         rows: Usable rows (:func:`~descentflow.surveillance.cleaning.flights.usable`) in any order.
         work: What to do.
         threads: Batches of flights worked on at once (Polars and NumPy let others run while they compute).
-        say: Told of every batch.
+        progress: Progress callback, called after every batch.
 
     Example:
         >>> clean(rows, Work(Cleaning(), tuple(rows.columns))).levels
@@ -89,16 +91,16 @@ def clean(rows: pl.DataFrame, work: Work, *, threads: int = 1, say: Callable[[st
     del typed
     batches = _batches(rows)
     del rows
-    levels, fates, parts = [], [], []
+    levels, dropped_rows, parts = [], [], []
     with ThreadPoolExecutor(max_workers=threads) as pool:
         for done in pool.map(lambda batch: _cleaned(batch, work), batches):
             levels.append(done.levels)
             parts.append(done.report)
-            fates += [done.fates] if done.fates is not None else []
-            if say:
-                say(f"cleaning rows, part {len(levels)} of {len(batches)}")
+            dropped_rows += [done.dropped_rows] if done.dropped_rows is not None else []
+            if progress:
+                progress(f"cleaning rows, part {len(levels)} of {len(batches)}")
     report.extend(parts)
-    shown = some_flights(pl.concat(fates), work.shown) if fates else None
+    shown = some_flights(pl.concat(dropped_rows), work.shown) if dropped_rows else None
     return Outcome(pl.concat(levels), report, present, shown)
 
 
@@ -181,7 +183,7 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
     report.count("too_few_levels", kept, left)
     report.note("levels of the kept descents", len(long))
     report.note("levels of descents too short to keep", len(levels) - len(long))
-    return Outcome(long, report, fates=traced.fates(rows, work.shown) if traced else None)
+    return Outcome(long, report, dropped_rows=traced.with_reasons(rows, work.shown) if traced else None)
 
 
 def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:

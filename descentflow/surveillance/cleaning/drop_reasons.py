@@ -1,4 +1,4 @@
-"""What became of every row, and a few flights in which a person can judge it."""
+"""The reason for which each row was dropped, and a few flights in which a person can judge it."""
 
 from dataclasses import dataclass
 
@@ -32,7 +32,7 @@ class TracedReport(DropReport):
             self.step_of[gone] = len(self.steps) - 1
         return kept
 
-    def fates(self, rows: pl.DataFrame, number: int) -> pl.DataFrame:
+    def with_reasons(self, rows: pl.DataFrame, number: int) -> pl.DataFrame:
         """Some flights of the batch with the reason for which each row was dropped, null if it was kept.
 
         Args:
@@ -45,18 +45,18 @@ class TracedReport(DropReport):
         return some_flights(with_rate(judged), number).select(*SHOWN, "reason")
 
 
-def some_flights(fates: pl.DataFrame, number: int) -> pl.DataFrame:
+def some_flights(rows: pl.DataFrame, number: int) -> pl.DataFrame:
     """All rows of a few flights: some taken at random that have rows kept, and for each reason the one it hit most.
 
     Of some of the flights of each part, it chooses the same as of all flights at once.
 
     Args:
-        fates: Columns `flight_id reason` and others, whole flights.
+        rows: Columns `flight_id reason` and others, whole flights.
         number: Flights taken at random (by a hash of their names, so that every run takes the same).
     """
-    counts = fates.group_by("flight_id", "reason").len()
+    counts = rows.group_by("flight_id", "reason").len()
     hit = counts.drop_nulls("reason").sort("len", "flight_id", descending=[True, False])
     most = hit.unique("reason", keep="first", maintain_order=True)["flight_id"]
     kept = counts.filter(pl.col("reason").is_null()).sort(pl.col("flight_id").hash(), "flight_id")["flight_id"]
     chosen = pl.concat([most, kept.head(number)]).unique()
-    return fates.filter(pl.col("flight_id").is_in(chosen.implode()))
+    return rows.filter(pl.col("flight_id").is_in(chosen.implode()))

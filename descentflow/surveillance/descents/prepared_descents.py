@@ -1,7 +1,7 @@
-"""The prepared table of descents: how it is written, and how it is read back and checked."""
+"""Prepared descents: a table of one row per flight and level with its description, written to files and read back."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,36 +9,176 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
+from descentflow.core.tabular import to_dataset, to_pandas
+from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
+from descentflow.surveillance.descents.description import KEY, MEND, SCHEMA_VERSION, described
+from descentflow.surveillance.descents.store import read_store
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import CHANNELS
 
-SCHEMA_VERSION = 1
-KEY = "descentflow"
-"""Key of the Parquet metadata under which the description stands."""
+__all__ = ["REQUIRED", "SCHEMA_VERSION", "Descents", "read_descents", "top_levels", "write_descents"]
+
 REQUIRED = ("flight_id", "icao24", "typecode", "level_fl", "timestamp", "time_s", "IAS", "Mach", "vertical_rate")
 REACHED_BY = 0.25
 """The grid ends at the highest level that this share of the flights reach (paper, appendix A)."""
-MEND = "pass the Parquet file or the folder that `descentflow prepare` wrote"
 
 
-@dataclass(frozen=True)
 class Descents:
-    """Prepared descents: one row a flight and level, and what is known of how they were made.
+    """Prepared descents: one row per flight and level, and how they were made.
 
     Attributes:
-        frame: Columns :data:`REQUIRED` and channels; sorted by flight and falling level.
-        metadata: `schema_version bottom_fl top_fl settings inputs report`.
+        metadata: `schema_version bottom_fl top_fl settings typecodes inputs report`.
+        dropped_rows: Rows of some flights with the reason for which each was dropped, if `prepare` was asked for them
+            (:func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`), else None.
+
+    Example:
+        >>> descents = read_descents("descents.parquet")
+        >>> print(descents)
+        120 descents, 20,163 levels from FL150 to FL383, 2024-03-04 05:01 to 2024-03-08 22:05 UTC
+          A320: 120, a quarter of them from FL354 or above
+          rows: 23,216 read, 18,771 left
+          dropped most by: not_descending 2,701, transient 1,203, constant_rate 541
     """
 
-    frame: pl.DataFrame
-    metadata: dict[str, Any]
+    def __init__(
+        self,
+        frame: pl.DataFrame | Callable[[], pl.DataFrame],
+        metadata: dict[str, Any],
+        *,
+        flights: dict[str, int] | None = None,
+        dropped_rows: pl.DataFrame | None = None,
+    ) -> None:
+        """Hold a table, or read one when it is first used.
+
+        Args:
+            frame: Columns :data:`REQUIRED` and channels, sorted by flight and falling level; or a function that reads
+                such a table.
+            metadata: See the class.
+            flights: Number of flights per type, if known; else counted.
+            dropped_rows: See the class.
+        """
+        self._frame, self._flights = frame, flights
+        self.metadata = metadata
+        self.dropped_rows = dropped_rows
+
+    @property
+    def frame(self) -> pl.DataFrame:
+        """One row per flight and level, sorted by flight and falling level."""
+        if not isinstance(self._frame, pl.DataFrame):
+            self._frame = self._frame()
+        return self._frame
 
     @property
     def bottom_fl(self) -> int:
-        """Lowest level that they were prepared for."""
+        """Lowest flight level of the grid."""
         return int(self.metadata["bottom_fl"])
+
+    @property
+    def flights(self) -> dict[str, int]:
+        """Number of flights per type.
+
+        Example:
+            >>> read_descents("descents.parquet").flights
+            {'A320': 120}
+        """
+        if self._flights is None:
+            counts = self.frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).sort("typecode")
+            self._flights = dict(counts.iter_rows())
+        return self._flights
+
+    @property
+    def report(self) -> DropReport:
+        """Rows and flights that each step of the cleaning dropped; empty if they are not known.
+
+        Example:
+            >>> read_descents("descents.parquet").report.steps[0].step
+            'read'
+        """
+        found = self.metadata.get("report")
+        return DropReport.from_dict(found) if found else DropReport()
+
+    @property
+    def cleaning(self) -> Cleaning | None:
+        """Thresholds that they were cleaned with; None if they are not known.
+
+        Example:
+            >>> read_descents("descents.parquet").cleaning.slowest_fpm
+            500.0
+        """
+        settings = self.metadata.get("settings")
+        return cleaning_of(settings, "the settings of prepared descents") if settings else None
+
+    def to_polars(self) -> pl.DataFrame:
+        """The table as polars has it: :attr:`frame`."""
+        return self.frame
+
+    def to_pandas(self) -> Any:
+        """The table as a `pandas.DataFrame`.
+
+        Raises:
+            ConfigError: If pandas is not installed.
+
+        Example:
+            >>> read_descents("descents.parquet").to_pandas().shape
+            (20163, 17)
+        """
+        return to_pandas(self.frame)
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` of the channels over flight and level, NaN where a flight was not observed.
+
+        Raises:
+            ConfigError: If xarray is not installed.
+
+        Example:
+            >>> read_descents("descents.parquet").to_xarray()["IAS"].dims
+            ('flight_id', 'level_fl')
+        """
+        names = ["time_s", *(name for name in CHANNELS if name in self.frame.columns)]
+        dataset = to_dataset(self.frame, ("flight_id", "level_fl"), names, UNITS)
+        types = self.frame.unique("flight_id", keep="first").sort("flight_id")["typecode"]
+        return dataset.assign_coords(typecode=("flight_id", types.to_list()))
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"Descents({sum(self.flights.values()):,} of {', '.join(self.flights)})"
+
+    def __str__(self) -> str:
+        """Flights, levels, types, period, and what was dropped."""
+        frame = self.frame
+        times = frame.select(first=pl.col("timestamp").min(), last=pl.col("timestamp").max()).row(0)
+        period = " to ".join(f"{time:%Y-%m-%d %H:%M}" for time in times)
+        head = (
+            f"{sum(self.flights.values()):,} descents, {len(frame):,} levels from FL{self.bottom_fl} to "
+            f"FL{frame['level_fl'].to_numpy().max()}, {period} UTC"
+        )
+        tops = self.metadata.get("top_fl", {})
+        types = [
+            f"  {name}: {number:,}" + (f", a quarter of them from FL{tops[name]} or above" if name in tops else "")
+            for name, number in self.flights.items()
+        ]
+        return "\n".join([head, *types, *self.report.summary()])
+
+
+UNITS = {
+    "time_s": "s",
+    "vertical_rate": "ft/min",
+    "geometric_rate": "ft/min",
+    "geoaltitude": "ft",
+    "temperature": "K",
+    **dict.fromkeys(("IAS", "TAS", "groundspeed", "wind_speed"), "kt"),
+    **dict.fromkeys(("track", "heading", "roll", "latitude", "longitude", "wind_direction"), "degrees"),
+}
+"""Column -> unit."""
 
 
 def top_levels(frame: pl.DataFrame) -> dict[str, int]:
-    """For each type, the highest level that at least a quarter of its flights reach."""
+    """For each type, the highest level that at least a quarter of its flights reach.
+
+    Example:
+        >>> 300 < top_levels(read_descents("descents.parquet").frame)["A320"] < 400
+        True
+    """
     reached = frame.group_by("typecode", "flight_id").agg(pl.col("level_fl").max())
     tops = reached.group_by("typecode").agg(
         pl.col("level_fl").sort(descending=True).get(((pl.len() * REACHED_BY).ceil() - 1).cast(pl.UInt32))
@@ -47,28 +187,27 @@ def top_levels(frame: pl.DataFrame) -> dict[str, int]:
 
 
 def write_descents(descents: Descents, path: Path) -> None:
-    """Write the table with its description, whole or not at all."""
+    """Write the table with its description to a Parquet file, whole or not at all.
+
+    Example:
+        >>> write_descents(read_descents("descents.parquet"), Path("copy.parquet"))
+    """
     with whole_file(path) as temporary:
         descents.frame.write_parquet(temporary, metadata={KEY: json.dumps(descents.metadata)})
 
 
 def read_descents(path: str | Path) -> Descents:
-    """Read a prepared table: one file, or a store (a folder of Parquet files by type).
+    """Read prepared descents from one file, or from a store (a folder of Parquet files by type).
 
     Raises:
         DataError: If the file is missing, damaged, not written by `descentflow prepare`, of another schema version,
             or without a descent.
 
     Example:
-        >>> read_descents("a320.parquet").frame["flight_id"].n_unique()
-        2000
+        >>> read_descents("descents.parquet").frame.select("flight_id", "level_fl", "IAS").shape
+        (20163, 3)
     """
-    if Path(path).is_dir():
-        from descentflow.surveillance.descents.store import read_store
-
-        frame, metadata = read_store(Path(path))
-    else:
-        frame, metadata = _read_file(path)
+    frame, metadata = read_store(Path(path)) if Path(path).is_dir() else _read_file(path)
     if metadata.get("schema_version") != SCHEMA_VERSION:
         raise DataError(
             f"{path}: schema version {metadata.get('schema_version')}",
@@ -94,18 +233,3 @@ def _read_file(path: str | Path) -> tuple[pl.DataFrame, dict[str, Any]]:
     if description is None:
         raise DataError(f"{path}: Parquet, but not prepared descents", expected="a prepared table", mend=MEND)
     return frame, described(description, path)
-
-
-def described(text: str, path: str | Path) -> dict[str, Any]:
-    """The description of a prepared table.
-
-    Raises:
-        DataError: If it is no JSON object.
-    """
-    try:
-        found = json.loads(text)
-    except ValueError:
-        found = None
-    if not isinstance(found, dict):
-        raise DataError(f"{path}: a damaged description", expected="a JSON object in the metadata", mend=MEND)
-    return found

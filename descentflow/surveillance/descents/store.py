@@ -18,7 +18,7 @@ from polars.io.plugins import register_io_source
 
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
-from descentflow.surveillance.descents.prepared_descents import KEY, MEND, described
+from descentflow.surveillance.descents.description import KEY, MEND, described
 
 MANIFEST = "_descentflow.json"
 """Hive and Spark pass over names that begin so."""

@@ -26,7 +26,7 @@ PANELS = ("pressure altitude, FL", "vertical rate, ft/min", "IAS, kt")
 
 
 def look(reason: str | None) -> tuple[str, str, float]:
-    """Colour, marker and size of rows with one fate.
+    """Colour, marker and size of rows dropped for one reason.
 
     Example:
         >>> look("spike_IAS")
@@ -55,7 +55,10 @@ def cleaning_figure(flights: Sequence[pl.DataFrame]) -> Figure:
         A figure of three panels for each flight, side by side.
 
     Example:
-        >>> cleaning_figure(fates.partition_by("flight_id")[:3]).savefig("flights.png")
+        >>> from descentflow.surveillance.prepare import prepare
+        >>> rows = prepare("rows.parquet", shown=2).dropped_rows
+        >>> len(cleaning_figure(rows.partition_by("flight_id")[:2]).axes)
+        6
     """
     figure = Figure(figsize=(5.2 * len(flights), 8.0), layout="constrained")
     grid = figure.subplots(3, len(flights), sharex="col", squeeze=False)

@@ -16,19 +16,19 @@ line beside the IAS is the CAS of Mach number and pressure altitude; the dotted 
 For each rule there is the flight that it hit most, and besides these some flights taken at random."""
 
 
-def write_page(folder: Path, fates: pl.DataFrame, report: DropReport) -> int:
+def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport) -> int:
     """Write figures of flights and `index.html`, each whole; the page last, when all it shows is there.
 
     Args:
         folder: Made if it does not exist.
-        fates: As :func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`.
+        dropped_rows: As :func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`.
         report: Shown below the figures.
 
     Returns:
         Number of flights shown.
     """
     folder.mkdir(exist_ok=True)
-    flights = fates.partition_by("flight_id", maintain_order=True)
+    flights = dropped_rows.partition_by("flight_id", maintain_order=True)
     sections = []
     for number, first in enumerate(range(0, len(flights), ABREAST), 1):
         some = flights[first : first + ABREAST]
@@ -50,7 +50,7 @@ def write_page(folder: Path, fates: pl.DataFrame, report: DropReport) -> int:
 
 
 def _row(flight: pl.DataFrame) -> str:
-    """A flight's name and its rows by fate."""
+    """A flight's name and its rows by reason."""
     counts = flight["reason"].fill_null("kept").value_counts().sort("count", "reason", descending=[True, False])
     words = ", ".join(f"{reason.replace('_', ' ')} {number}" for reason, number in counts.iter_rows())
     return f"<tr><td>{html.escape(flight['flight_id'][0])}</td><td>{html.escape(words)}</td></tr>"

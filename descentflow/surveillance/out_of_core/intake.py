@@ -3,7 +3,7 @@
 import json
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +12,12 @@ from typing import TypeVar
 import polars as pl
 
 from descentflow.core.errors import DataError
+from descentflow.core.workers import Engine, LocalEngine
 from descentflow.surveillance.cleaning.flights import names_given, usable
 from descentflow.surveillance.formats.archives import with_parts
 from descentflow.surveillance.formats.readers import row_blocks
-from descentflow.surveillance.out_of_core.spill import Bucket, Memory, Spill
+from descentflow.surveillance.out_of_core.job import ROWS
+from descentflow.surveillance.out_of_core.spill import Bucket, Memory, Spill, joined
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS, REQUIRED
 
@@ -145,6 +147,49 @@ def read_group(group: Group, always: bool) -> Intake | None:
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     return None
+
+
+def read_groups(
+    files: Sequence[Path],
+    format: str | None,
+    folder: Path,
+    memory: Memory,
+    engine: Engine,
+    progress: Callable[[str], None],
+) -> Intake:
+    """Read all files, group by group: into memory if the rows are few, else into buckets.
+
+    Args:
+        files: What to read.
+        format: Name of their format; recognised from their content if None.
+        folder: Where buckets go; groups that an earlier run has read are not read again.
+        memory: Bound on what is held.
+        engine: Where groups are read.
+        progress: Progress callback.
+    """
+    groups = groups_of(files)
+    local = isinstance(engine, LocalEngine)
+    tasks = [
+        Group(group, format, folder / ROWS / f"group-{number:05d}", memory, len(groups) == 1)
+        for number, group in enumerate(groups)
+    ]
+    if local and len(tasks) == 1 and not tasks[0].folder.exists():
+        held = read_group(tasks[0], always=False)
+        if held is not None:
+            return held
+    # Readers hold blocks of their own, and Polars reads with all processors: one group at a time on this machine.
+    for number, _ in enumerate((LocalEngine(1) if local else engine).run(read_group, tasks, True), 1):
+        progress(f"reading rows, group {number} of {len(tasks)}")
+    intakes = [read_again(task.folder) for task in tasks]
+    report = DropReport()
+    report.extend([intake.report for intake in intakes])
+    return Intake(
+        tuple(dict.fromkeys(name for intake in intakes for name in intake.columns)),
+        report,
+        pl.concat([intake.names for intake in intakes]).unique(),
+        [],
+        joined([intake.buckets or [] for intake in intakes]),
+    )
 
 
 def read_again(folder: Path) -> Intake:

@@ -7,6 +7,9 @@ from typing import Any
 
 import polars as pl
 
+MOST_NAMED = 4
+"""Steps that a summary names."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -77,6 +80,20 @@ class DropReport:
     def left(self, step: str) -> int | None:
         """Rows that a step left; None if it was not taken."""
         return next((one.rows_left for one in self.steps if one.step == step), None)
+
+    def summary(self) -> list[str]:
+        """Rows read, rows left and the steps that dropped most, in two lines; none if nothing is known.
+
+        Example:
+            >>> DropReport([Step("read", 0, None, 9, None), Step("not_descending", 3, 0, 6, 1)]).summary()
+            ['  rows: 9 read, 6 left', '  dropped most by: not_descending 3']
+        """
+        if not self.steps:
+            return []
+        most = sorted((s for s in self.steps if s.rows_dropped), key=lambda s: -s.rows_dropped)[:MOST_NAMED]
+        dropped = ", ".join(f"{s.step} {s.rows_dropped:,}" for s in most) or "nothing"
+        left = self.steps[-1].rows_left
+        return [f"  rows: {self.steps[0].rows_left:,} read, {left:,} left", f"  dropped most by: {dropped}"]
 
     def __str__(self) -> str:
         """The table for a terminal."""

@@ -1,42 +1,20 @@
-"""What a run of `prepare` leaves, and what an earlier one has left."""
+"""A store that an earlier run has finished: the same rows and settings need no second run."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import polars as pl
-
 from descentflow.core.errors import ConfigError
 from descentflow.surveillance.descents import store
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.surveillance.out_of_core.job import fingerprint
-from descentflow.surveillance.rows.drop_report import DropReport
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """What was written.
-
-    Attributes:
-        metadata: The description that stands in the output.
-        report: Of everything dropped.
-        flights: Descents of each type.
-        fates: Rows of some flights and why they were dropped, if some are to be shown.
-        written: False if a store of the same inputs and settings was there already.
-    """
-
-    metadata: dict[str, Any]
-    report: DropReport
-    flights: dict[str, int]
-    fates: pl.DataFrame | None = None
-    written: bool = True
-
-
-def finished(out: Path, facts: dict[str, Any]) -> Prepared | None:
-    """What a store holds that is finished already; None if there is none.
+def finished(out: Path, facts: dict[str, Any]) -> Descents | None:
+    """The descents of a store that is finished already; None if there is none.
 
     Args:
         out: Folder of the store.
-        facts: Inputs and settings (:meth:`~descentflow.surveillance.out_of_core.request.Request.facts`).
+        facts: Inputs and settings (:meth:`~descentflow.surveillance.request.Request.facts`).
 
     Raises:
         ConfigError: If the folder is something else, or a store of other inputs or settings.
@@ -57,4 +35,5 @@ def finished(out: Path, facts: dict[str, Any]) -> Prepared | None:
             mend="delete it, or choose another --out",
         )
     flights = {file["typecode"]: file["flights_of_type"] for file in found["files"] if "flights_of_type" in file}
-    return Prepared(found, DropReport.from_dict(found["report"]), flights, written=False)
+    described = {key: value for key, value in found.items() if key not in ("files", "columns")}
+    return Descents(lambda: read_descents(out).frame, described, flights=flights)

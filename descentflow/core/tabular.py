@@ -1,0 +1,86 @@
+"""Tables as pandas and xarray objects; both libraries are optional and imported only when they are asked for."""
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+import polars as pl
+
+from descentflow.core.errors import ConfigError
+
+
+def optional_library(name: str) -> ModuleType:
+    """Import a library that descentflow does not depend on; the extra that installs it has the same name.
+
+    Raises:
+        ConfigError: If it is not installed.
+
+    Example:
+        >>> optional_library("no_such_library")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.ConfigError: the library no_such_library is not installed; expected it for this ...
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise ConfigError(
+            f"the library {name} is not installed",
+            expected="it for this conversion",
+            mend=f"install it with: pip install 'descentflow[{name}]'",
+        ) from error
+
+
+def to_pandas(table: pl.DataFrame) -> Any:
+    """The table as a `pandas.DataFrame`: missing numbers become NaN, missing texts None; pyarrow is not needed.
+
+    Raises:
+        ConfigError: If pandas is not installed.
+
+    Example:
+        >>> to_pandas(pl.DataFrame({"flight_id": ["a", None], "IAS": [250.0, None]})).isna().sum().to_dict()
+        {'flight_id': 1, 'IAS': 1}
+    """
+    pandas = optional_library("pandas")
+    return pandas.DataFrame({column.name: _pandas_column(column, pandas) for column in table.iter_columns()})
+
+
+def _pandas_column(column: pl.Series, pandas: Any) -> Any:
+    if isinstance(column.dtype, pl.Datetime) and column.dtype.time_zone:
+        return pandas.Series(column.dt.replace_time_zone(None).to_numpy()).dt.tz_localize(column.dtype.time_zone)
+    if column.dtype.is_numeric() or column.dtype.is_temporal():
+        return column.to_numpy()
+    return pandas.Series(column.to_list(), dtype=None if column.dtype == pl.Boolean else object)
+
+
+def to_dataset(
+    table: pl.DataFrame, dims: tuple[str, str], variables: Sequence[str], units: Mapping[str, str] | None = None
+) -> Any:
+    """An `xarray.Dataset` of a table with one row per pair of two columns, NaN where the table has no row.
+
+    Args:
+        table: At most one row for each pair of values of `dims`.
+        dims: Columns that become the dimensions, for instance `("flight_id", "level_fl")`; both are sorted.
+        variables: Columns of numbers that become variables of these dimensions.
+        units: Column -> its unit, kept as the attribute `units`.
+
+    Raises:
+        ConfigError: If xarray is not installed.
+
+    Example:
+        >>> rows = pl.DataFrame({"flight_id": ["a", "a", "b"], "level_fl": [150, 160, 150], "IAS": [250.0, 255, 280]})
+        >>> to_dataset(rows, ("flight_id", "level_fl"), ["IAS"])["IAS"].values
+        array([[250., 255.],
+               [280.,  nan]])
+    """
+    xarray = optional_library("xarray")
+    numpy = import_module("numpy")
+    values = [table[name].unique().sort() for name in dims]
+    places = tuple(table[name].rank("dense").cast(pl.Int64).to_numpy() - 1 for name in dims)
+    found = {}
+    for name in variables:
+        grid = numpy.full([len(each) for each in values], numpy.nan)
+        grid[places] = table[name].cast(pl.Float64).to_numpy()
+        found[name] = (dims, grid, {"units": units[name]} if units and name in units else {})
+    return xarray.Dataset(found, coords={name: each.to_numpy() for name, each in zip(dims, values, strict=True)})

@@ -1,0 +1,112 @@
+"""Partitions of whole aircraft on disk: planned, and cleaned one by one on an engine into files of levels."""
+
+import json
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+from descentflow.core.files import whole_file
+from descentflow.core.workers import Engine, LocalEngine
+from descentflow.surveillance.cleaning.chain import Work, clean
+from descentflow.surveillance.descents.description import KEY
+from descentflow.surveillance.descents.store import ROW_GROUP
+from descentflow.surveillance.out_of_core.intake import Intake
+from descentflow.surveillance.out_of_core.job import PARTS
+from descentflow.surveillance.out_of_core.spill import Memory, partitions
+from descentflow.surveillance.request import Request
+from descentflow.surveillance.rows.drop_report import DropReport
+
+
+@dataclass(frozen=True)
+class Partition:
+    """Rows of some aircraft in files, and the file that their descents go to."""
+
+    files: tuple[Path, ...]
+    target: Path
+
+    @property
+    def dropped_rows(self) -> Path:
+        """File of the flights that are shown with their dropped rows, where some are wanted."""
+        return self.target.parent.parent / "dropped_rows" / self.target.name
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """Levels of the descents of all rows, the complete report, and the flights that are shown."""
+
+    levels: Sequence[pl.LazyFrame]
+    report: DropReport
+    dropped_rows: list[pl.DataFrame]
+
+
+def clean_partition(partition: Partition, work: Work) -> None:
+    """Clean the rows of some aircraft into a file that appears whole; nothing if it is there already.
+
+    The file's metadata hold the report and the number of rows of each type.
+    """
+    if partition.target.exists():
+        return
+    rows = pl.concat([pl.read_ipc(path) for path in partition.files], how="diagonal")
+    outcome = clean(rows, work)
+    if outcome.dropped_rows is not None:
+        partition.dropped_rows.parent.mkdir(exist_ok=True)
+        with whole_file(partition.dropped_rows) as temporary:
+            outcome.dropped_rows.write_parquet(temporary)
+    described = json.dumps({"report": outcome.report.as_dict(), "present": outcome.present})
+    with whole_file(partition.target) as temporary:
+        outcome.levels.write_parquet(temporary, metadata={KEY: described}, compression="lz4", row_group_size=ROW_GROUP)
+
+
+def clean_partitions(
+    request: Request, intake: Intake, folder: Path, memory: Memory, engine: Engine, progress: Callable[[str], None]
+) -> Cleaned:
+    """Clean partition after partition into files of levels; those of an earlier run are kept.
+
+    Raises:
+        DataError: If one aircraft has more rows than fit in memory, or no usable row was left.
+    """
+    (folder / PARTS).mkdir(exist_ok=True)
+    size = memory.partition_bytes(engine.workers)
+    planned = _plan(intake, folder, size, memory)
+    tasks = [Partition(files, folder / PARTS / f"{number:05d}.parquet") for number, (files, _) in enumerate(planned)]
+    work = request.work(intake.columns, intake.names)
+    large = [task for task, (_, in_memory) in zip(tasks, planned, strict=True) if in_memory > size]
+    small = [task for task in tasks if task not in large]
+    number = 0
+    for runner, some in ((engine, small), (LocalEngine(1) if isinstance(engine, LocalEngine) else engine, large)):
+        waiting = [task for task in some if not task.target.exists()]
+        number += len(some) - len(waiting)
+        if len(waiting) < len(some):
+            progress(f"going on after {number} of {len(tasks)} parts")
+        for _ in runner.run(clean_partition, waiting, work):
+            number += 1
+            progress(f"cleaning rows, part {number} of {len(tasks)}")
+    request.account(intake.report, [_described(task.target) for task in tasks])
+    dropped_rows = [task.dropped_rows for task in tasks if request.shown and task.dropped_rows.exists()]
+    return Cleaned(
+        [pl.scan_parquet(task.target) for task in tasks],
+        intake.report,
+        [pl.read_parquet(path) for path in dropped_rows],
+    )
+
+
+def _plan(intake: Intake, folder: Path, size: int, memory: Memory) -> list[tuple[tuple[Path, ...], int]]:
+    """Files and size in memory of each partition; as planned before if this is a rerun, whatever the memory now."""
+    path = folder / "partitions.json"
+    if not path.exists():
+        shutil.rmtree(folder / "again", ignore_errors=True)
+        planned = [
+            {"files": [file.relative_to(folder).as_posix() for file in bucket.files], "bytes": bucket.bytes}
+            for bucket in partitions(intake.buckets or [], folder / "again", size, memory.rows_bytes)
+        ]
+        with whole_file(path) as temporary:
+            temporary.write_text(json.dumps(planned))
+    return [(tuple(folder / name for name in part["files"]), part["bytes"]) for part in json.loads(path.read_text())]
+
+
+def _described(path: Path) -> tuple[DropReport, dict[str, int]]:
+    found = json.loads(pl.read_parquet_metadata(path)[KEY])
+    return DropReport.from_dict(found["report"]), found["present"]

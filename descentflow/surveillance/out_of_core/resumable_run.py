@@ -1,0 +1,109 @@
+"""Rows of any amount to a file or a store of descents: in bounded memory, and resumed where a killed run stopped."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.files import check_output
+from descentflow.core.workers import Engine
+from descentflow.surveillance.cleaning.drop_reasons import some_flights
+from descentflow.surveillance.cleaning.flights import check_left
+from descentflow.surveillance.descents import store
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+from descentflow.surveillance.formats.readers import files_of
+from descentflow.surveillance.out_of_core.finished_store import finished
+from descentflow.surveillance.out_of_core.held_rows import clean_held
+from descentflow.surveillance.out_of_core.intake import Intake, read_groups
+from descentflow.surveillance.out_of_core.job import fingerprint, job_folder, work_folder
+from descentflow.surveillance.out_of_core.partitions import Cleaned, clean_partitions
+from descentflow.surveillance.out_of_core.spill import Memory
+from descentflow.surveillance.request import Request, description
+
+Progress = Callable[[str], None]
+
+
+def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, progress: Progress) -> Descents:
+    """Prepare rows to a file (a name that ends in .parquet) or a store by type (any other name).
+
+    Rows that do not fit in memory are distributed over partitions of whole aircraft on disk, in a folder beside the
+    output. A run that was killed leaves there what is done, and the same call resumes from it. The descents do not
+    depend on memory, engine, partitions or interruptions.
+
+    Args:
+        out: File or folder.
+        request: What is to be prepared.
+        memory: Bound on this process, and on each worker.
+        engine: Where partitions are cleaned.
+        progress: Progress callback.
+
+    Returns:
+        The descents; their table is read when it is first used.
+
+    Raises:
+        DataError: If the rows cannot be used, or no descent is left.
+        ConfigError: If the output cannot be written or belongs to another run.
+    """
+    # An output inside a folder of inputs, and what an earlier run left beside it, are no inputs.
+    own = (out.resolve(), work_folder(out).resolve())
+    files = [path for path in files_of(request.paths) if not any(path.resolve().is_relative_to(one) for one in own)]
+    progress("hashing inputs")
+    facts = request.facts(files)
+    is_store = out.suffix != ".parquet"
+    if is_store and (before := finished(out, facts)):
+        if request.shown:
+            raise ConfigError(
+                f"{out} is finished, and flights are shown while they are cleaned",
+                expected="a store that is not there yet",
+                mend="choose another --out",
+            )
+        progress("found finished")
+        return before
+    if not (is_store and out.is_dir()):
+        check_output(out)
+    try:
+        with job_folder(out, facts) as folder:
+            progress("reading rows")
+            intake = read_groups(files, request.format, folder, memory, engine, progress)
+            cleaned = _cleaned(intake, request, folder, memory, engine, progress)
+            return _written(out, cleaned, request, facts, folder, progress)
+    except OSError as error:
+        raise DataError(
+            f"{out}: {error}", expected="room and permission to write", mend="free or choose a disk"
+        ) from error
+
+
+def _cleaned(
+    intake: Intake, request: Request, folder: Path, memory: Memory, engine: Engine, progress: Progress
+) -> Cleaned:
+    """Rows that were read as levels: at once if they are held, else partition by partition."""
+    if intake.buckets is None:
+        outcome = clean_held(intake, request, engine.workers, progress)
+        dropped_rows = [] if outcome.dropped_rows is None else [outcome.dropped_rows]
+        return Cleaned([outcome.levels.lazy()], intake.report, dropped_rows)
+    if not intake.report.steps[-1].rows_left:
+        check_left(intake.report, request.typecodes, {})
+    return clean_partitions(request, intake, folder, memory, engine, progress)
+
+
+def _written(
+    out: Path, cleaned: Cleaned, request: Request, facts: dict[str, Any], folder: Path, progress: Progress
+) -> Descents:
+    parts = store.Parts.of(cleaned.levels)
+    if parts.flights.is_empty():
+        raise request.nothing_left(cleaned.report)
+    metadata = description(facts, cleaned.report, parts.flights)
+    progress("writing descents")
+    if out.suffix == ".parquet":
+        store.write_file(parts, metadata, out)
+    else:
+        made = folder / "store"
+        shutil.rmtree(made, ignore_errors=True)
+        store.write_store(parts, {**metadata, "fingerprint": fingerprint(facts)}, made)
+        made.replace(out)
+    flights = dict(parts.flights["typecode"].value_counts().sort("typecode").iter_rows())
+    shown = some_flights(pl.concat(cleaned.dropped_rows), request.shown) if cleaned.dropped_rows else None
+    return Descents(lambda: read_descents(out).frame, metadata, flights=flights, dropped_rows=shown)

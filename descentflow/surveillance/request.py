@@ -1,0 +1,114 @@
+"""What is to be prepared, all that the result depends on, and the description that the result carries."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.core.version import __version__
+from descentflow.core.workers import version
+from descentflow.surveillance.cleaning.chain import Work
+from descentflow.surveillance.cleaning.flights import check_left, names_shared
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.prepared_descents import SCHEMA_VERSION, top_levels
+from descentflow.surveillance.rows.drop_report import DropReport
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be prepared, and how.
+
+    Attributes:
+        paths: Files or folders of rows.
+        types: Table `icao24,typecode` for rows that do not name their type.
+        typecodes: Types to keep; all if None.
+        cleaning: Thresholds.
+        format: Name of the files' format; recognised from their content if None.
+        shown: Number of random flights whose dropped rows are kept, besides the flight that each filter hit most.
+    """
+
+    paths: Sequence[str | Path]
+    types: pl.DataFrame | None = None
+    typecodes: Sequence[str] | None = None
+    cleaning: Cleaning = field(default_factory=Cleaning)
+    format: str | None = None
+    shown: int = 0
+
+    def work(self, columns: tuple[str, ...], names: pl.DataFrame) -> Work:
+        """What is to be done with the rows of any aircraft.
+
+        Args:
+            columns: Of all rows that were read.
+            names: Flight names in them (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
+        """
+        wanted = None if self.typecodes is None else tuple(self.typecodes)
+        return Work(self.cleaning, columns, tuple(names_shared(names)), wanted, self.types, self.shown)
+
+    def facts(self, files: Sequence[Path]) -> dict[str, Any]:
+        """All that the descents depend on."""
+        types = None if self.types is None else hashlib.sha256(self.types.write_csv().encode()).hexdigest()
+        return {
+            "made_by": version(),
+            "schema_version": SCHEMA_VERSION,
+            "settings": asdict(self.cleaning),
+            "typecodes": None if self.typecodes is None else sorted(self.typecodes),
+            "types_sha256": types,
+            "format": self.format,
+            "inputs": [_provenance(path) for path in files],
+        }
+
+    def account(self, report: DropReport, parts: Sequence[tuple[DropReport, dict[str, int]]]) -> None:
+        """Add the reports of the parts that were cleaned.
+
+        Args:
+            report: Of reading; takes the steps of the parts.
+            parts: Report of each part, and its rows per type.
+
+        Raises:
+            DataError: If no usable row was left before the filters.
+        """
+        report.extend([part for part, _ in parts])
+        present: dict[str, int] = {}
+        for _, some in parts:
+            for name, number in some.items():
+                present[name] = present.get(name, 0) + number
+        check_left(report, self.typecodes, present)
+
+    def nothing_left(self, report: DropReport) -> DataError:
+        """The error to raise if the filters left no descent."""
+        rules = self.cleaning
+        return DataError(
+            f"no free descent of {rules.fewest_levels} levels above FL{rules.bottom_fl} is left\n{report}",
+            expected="descents of airliners with IAS, Mach and a rate of 500 ft/min or more",
+            mend="see which step dropped the rows; a lower --bottom-fl keeps lower descents",
+        )
+
+
+def description(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame) -> dict[str, Any]:
+    """The description that prepared descents carry.
+
+    Args:
+        facts: As :meth:`Request.facts`.
+        report: Of everything dropped.
+        levels: Columns `flight_id typecode level_fl`.
+    """
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "descentflow": __version__,
+        "bottom_fl": facts["settings"]["bottom_fl"],
+        "top_fl": top_levels(levels),
+        "settings": facts["settings"],
+        "typecodes": facts["typecodes"],
+        "inputs": facts["inputs"],
+        "report": report.as_dict(),
+    }
+
+
+def _provenance(path: Path) -> dict[str, object]:
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return {"name": path.name, "bytes": path.stat().st_size, "sha256": digest}

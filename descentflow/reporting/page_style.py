@@ -29,13 +29,14 @@ img { display: block; max-width: 100%; height: auto; background: #fff; border-ra
 table { border-collapse: collapse; font-size: .86rem; line-height: 1.4; margin: .8rem 0;
   font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: var(--muted); padding-bottom: .3rem; }
-td, th { padding: .2rem .65rem; text-align: left; vertical-align: top; border-bottom: 1px solid var(--faint); }
+td, th { padding: .2rem .65rem; text-align: left; vertical-align: top; }
+tbody td { border-top: 1px solid var(--faint); } tbody tr:last-child td { border-bottom: 1px solid var(--faint); }
 td:first-child, th:first-child { padding-left: 0; }
 thead th { border-bottom: 1px solid var(--muted); vertical-align: bottom; font-weight: 600; }
-tr.group td { border-top: 1px solid var(--muted); } tbody tr.group:first-child td { border-top: 0; }
+tbody tr.group td { border-top-color: var(--muted); }
 td.again { visibility: hidden; }
 .r { text-align: right; } td.r { white-space: nowrap; }
-small { display: block; color: var(--muted); font-weight: 400; font-size: .8rem; }
+small { display: block; color: var(--muted); font-weight: 400; font-size: .9em; }
 .best { font-weight: 700; } .reference { color: var(--muted); }
 .good { color: var(--good); } .bad { color: var(--bad); font-weight: 600; }
 .box.good, .box.bad { color: inherit; font-weight: inherit; }
@@ -44,14 +45,16 @@ summary { cursor: pointer; margin: .6rem 0; color: var(--link); }
 @media screen and (max-width: 40rem) {
   body { margin-top: 1rem; padding: 0 .9rem; } h1 { font-size: 1.4rem; }
   .box { padding: .6rem .9rem; font-size: 1rem; }
-  table { width: max-content; } td { max-width: 17rem; } th { max-width: 10rem; }
+  table { width: max-content; font-size: .8rem; } td { max-width: 17rem; } th { max-width: 7rem; }
+  td, th { padding: .2rem .4rem; }
   figure .scroll img { max-width: 46rem; }
-  td:first-child, th:first-child { position: sticky; left: 0; background: var(--ground); max-width: 8rem;
+  td:first-child, th:first-child { position: sticky; left: 0; background: var(--ground); max-width: 6.5rem;
     border-right: 1px solid var(--faint); }
   td.again { visibility: visible; color: var(--muted); }
 }
 @media print {
-  :root { color-scheme: light; } body { max-width: none; margin: 0; padding: 0; font-size: 10.5pt; }
+  :root { color-scheme: light; } html { font-size: 10pt; }
+  body { max-width: none; margin: 0; padding: 0; font-size: 1rem; }
   p, ul, .box, figcaption { max-width: none; } a { color: inherit; text-decoration: none; } nav { display: none; }
   h1, h2, h3, caption, summary { break-after: avoid; } thead { display: table-header-group; }
   tr, figure, .box { break-inside: avoid; } img { max-height: 21cm; width: auto; }

@@ -10,7 +10,7 @@ from withheld_toys import study
 
 from descentflow.core.errors import ConfigError
 from descentflow.simulation.causes import CATALOGUED, CAUSES
-from descentflow.studies.blind_diagnosis.blind_page import page
+from descentflow.studies.blind_diagnosis.blind_page import blind_page
 from descentflow.studies.blind_diagnosis.blind_plan import HELD, SCALE_GROUP, Plan, draw_plan
 from descentflow.studies.blind_diagnosis.blind_score import score
 from descentflow.studies.blind_diagnosis.outcome import matched, overlap, stands_for
@@ -132,7 +132,7 @@ def test_truth_is_in_the_units_of_the_report() -> None:
 
 def test_the_page_shows_everything_and_needs_nothing() -> None:
     scored = score(PLAN, MANIFEST, uniform(PERFECT), CLOSED)
-    text = page(json.loads(json.dumps(scored, allow_nan=False)))
+    text = blind_page(json.loads(json.dumps(scored, allow_nan=False))).render()
     assert text.count("<img") == 6
     assert "http" not in text.replace("data:image", "")
     assert all(goal["goal"] in text for goal in scored["goals"])

@@ -1,91 +1,75 @@
 """One self-contained page of a study's scores."""
 
-import base64
-import html
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from matplotlib.figure import Figure
-
-from descentflow.core.files import whole_file
+from descentflow.reporting.html_elements import Html, code, figure, marked, paragraph, table
+from descentflow.reporting.html_page import HtmlPage
+from descentflow.reporting.number_text import number, percent
 from descentflow.studies.blind_diagnosis.figures import blind_figures as figures
-
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 1150px; margin: 2em auto; padding: 0 1em; color: #222; }
-img { max-width: 100%; height: auto; } h2 { margin-top: 2.2em; border-bottom: 1px solid #ccc; }
-table { border-collapse: collapse; font-size: 13px; margin: 1em 0; } td, th { padding: 3px 12px 3px 0; text-align: left;
-vertical-align: top; border-bottom: 1px solid #eee; } .bad { color: #b00020; font-weight: 600; }
-.good { color: #00695c; } code { font-size: 12px; word-break: break-all; }
-"""
 
 
 def write_page(scored: Mapping[str, Any], path: Path) -> None:
     """Write the page, whole or not at all.
 
-    Example:
-        >>> write_page(score(*open_key(folder)), folder / "score.html")
+    Args:
+        scored: As :func:`descentflow.studies.blind_diagnosis.blind_score.score` returns it.
+        path: Of the HTML file.
+
+    Raises:
+        DataError: If the file's folder does not exist.
     """
-    with whole_file(path) as temporary:
-        temporary.write_text(page(scored), encoding="utf-8")
+    blind_page(scored).write(path)
 
 
-def page(scored: Mapping[str, Any]) -> str:
-    """The page as text."""
-    sections = [
-        ("Goals, and what was reached", _goals(scored)),
-        (
-            "What was named for what was planted",
-            _image(figures.confusion_figure(scored["confusion"]), "confusion matrices"),
-        ),
-        ("False alarms", _false_alarms(scored["false_alarms"])),
-        ("By channels, size, flights and simulator", _image(figures.strata_figure(scored["by_stratum"]), "shares")),
-        ("Cause by cause", _by_cause(scored["by_cause"])),
-        ("Sizes", _sizes(scored["sizes"])),
-        ("How far the gap closes", _image(figures.closure_figure(scored["closure"]), "closures")),
-        ("Where windows were found", _windows(scored["windows"])),
-        ("Each effect withheld from the catalogue, and put back", _withheld(scored["withheld"])),
-        ("Simulators refitted to the flights", _refit(scored["refit"])),
-    ]
-    body = "".join(f"<h2>{title}</h2>{content}" for title, content in sections)
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Withheld effects</title>'
-        f"<style>{STYLE}</style></head><body><h1>Effects hidden in flights, and what the diagnosis made of them</h1>"
-        f"{_introduction(scored)}{body}</body></html>"
-    )
+def blind_page(scored: Mapping[str, Any]) -> HtmlPage:
+    """The page: goals first, then what was named for what was injected, sizes, closures and withheld effects."""
+    page = HtmlPage("Effects hidden in flights, and what the diagnosis made of them", [_introduction(scored)])
+    page.section("Goals, and what was reached", _goals(scored))
+    confusion = figures.confusion_figure(scored["confusion"])
+    page.section("What was named for what was injected", figure(confusion, "Confusion matrices of injected and named"))
+    page.section("False alarms", *_false_alarms(scored["false_alarms"]))
+    strata = figures.strata_figure(scored["by_stratum"])
+    page.section("By channels, size, flights and simulator", figure(strata, "Shares found, by channels and size"))
+    page.section("Cause by cause", _by_cause(scored["by_cause"]))
+    page.section("Sizes", *_sizes(scored["sizes"]))
+    closure = figures.closure_figure(scored["closure"])
+    page.section("How far the gap closes", figure(closure, "Gaps before and after the correction"))
+    page.section("Where windows were found", *_windows(scored["windows"]))
+    page.section("Each effect withheld from the catalogue, and put back", _withheld(scored["withheld"]))
+    page.section("Simulators refitted to the flights", *_refit(scored["refit"]))
+    return page
 
 
-def _introduction(scored: Mapping[str, Any]) -> str:
+def _introduction(scored: Mapping[str, Any]) -> Html:
     refused = len(scored["refused"])
     pace = ", ".join(f"{seconds:.0f} s for {n} flights" for n, seconds in scored["seconds"].items())
-    return (
-        f"<p>{scored['diagnosed']} of {scored['jobs']} sealed sets were diagnosed"
+    return paragraph(
+        f"{scored['diagnosed']} of {scored['jobs']} sealed sets were diagnosed"
         f"{f' ({refused} refused)' if refused else ''}. What they hide was written down and sealed on "
-        f"{scored['sealed_at']} by the SHA-256 hash <code>{scored['key_sha256']}</code>, "
-        "before any was diagnosed; every diagnosis was hashed before the key was opened, and all hashes were checked "
+        f"{scored['sealed_at']} by the SHA-256 hash ",
+        code(scored["key_sha256"]),
+        ", before any was diagnosed; every diagnosis was hashed before the key was opened, and all hashes were checked "
         "before scoring. The flights are flown in time by the full equation of motion, not by the equations that the "
-        f"diagnosis uses. Shares stand with 95 % intervals. Processor time of a diagnosis: {pace}.</p>"
+        f"diagnosis uses. Shares are given with 95 % intervals. Processor time of a diagnosis: {pace}.",
+        kind="lead",
     )
 
 
-def _goals(scored: Mapping[str, Any]) -> str:
-    rows = []
-    for goal in scored["goals"]:
-        verdict = {True: '<span class="good">met</span>', False: '<span class="bad">missed</span>', None: "not judged"}
-        rows.append([html.escape(goal["goal"]), goal["reached_text"], str(goal["n"]), verdict[goal["met"]]])
-    return _table(["goal", "reached", "sets", ""], rows)
+def _goals(scored: Mapping[str, Any]) -> Html:
+    verdict = {True: marked("met", "good"), False: marked("missed", "bad"), None: "not judged"}
+    rows = [[goal["goal"], goal["reached_text"], str(goal["n"]), verdict[goal["met"]]] for goal in scored["goals"]]
+    return table(["goal", "reached", "sets", ""], rows, align="llrl")
 
 
-def _false_alarms(alarms: Mapping[str, Any]) -> str:
+def _false_alarms(alarms: Mapping[str, Any]) -> list[Html]:
     named = "; ".join(", ".join(names) for names in alarms["named"]) or "none"
-    text = (
-        f"<p>{_share(alarms)} of the sets without an effect raised an alarm. What was named: {html.escape(named)}.</p>"
-    )
-    return text + _image(figures.p_value_figure(alarms), "distribution of p-values")
+    text = f"{_share(alarms)} of the sets without an effect raised an alarm. What was named: {named}."
+    return [paragraph(text), figure(figures.p_value_figure(alarms), "Distribution of p-values")]
 
 
-def _by_cause(rows: Sequence[Mapping[str, Any]]) -> str:
+def _by_cause(rows: Sequence[Mapping[str, Any]]) -> Html:
     measures = ("detected", "first", "in_group", "unknown")
     cells = [
         [
@@ -97,31 +81,33 @@ def _by_cause(rows: Sequence[Mapping[str, Any]]) -> str:
         ]
         for r in rows
     ]
-    return _table(["planted", "channels", "size", "sets", "detected", "right first", "in the group", "unknown"], cells)
+    head = ["injected", "channels", "size", "sets", "detected", "right first", "in the group", "unknown"]
+    return table(head, cells, align="lllr", grouped=True)
 
 
-def _sizes(sizes: Mapping[str, Any]) -> str:
+def _sizes(sizes: Mapping[str, Any]) -> list[Html]:
     cells = [
-        [r["cause"], r["parameter"], _percent(r["bias"]), _percent(r["spread"]), _share(r["coverage"])]
+        [r["cause"], r["parameter"], percent(r["bias"]), percent(r["spread"]), _share(r["coverage"])]
         for r in sizes["rows"]
     ]
-    text = f"<p>90 % intervals cover the planted size in {_share(sizes['coverage'])} of all estimates.</p>"
+    text = f"90 % intervals cover the injected size in {_share(sizes['coverage'])} of all estimates."
     head = ["effect", "parameter", "median error", "quartile range", "covered"]
-    return text + _image(figures.sizes_figure(sizes["estimates"]), "estimated and planted sizes") + _table(head, cells)
+    drawn = figure(figures.sizes_figure(sizes["estimates"]), "Estimated and injected sizes")
+    return [paragraph(text), drawn, table(head, cells, align="llr", grouped=True)]
 
 
-def _windows(rows: Sequence[Mapping[str, Any]]) -> str:
+def _windows(rows: Sequence[Mapping[str, Any]]) -> list[Html]:
     named = [row["overlap"] for row in rows if row["overlap"] is not None]
     places = [row["cell_in"] for row in rows if row["cell_in"] is not None]
     text = f"{len(named)} of {len(rows)} windows of speed brakes were named"
     if named:
-        text += f"; they overlap the planted ones by {_percent(sum(named) / len(named))} of their union on average"
+        text += f"; they overlap the injected ones by {percent(sum(named) / len(named))} of their union on average"
     if places:
         text += f"; {sum(places)} of {len(places)} times the rate differs most where the window is"
-    return f"<p>{text}.</p>" + _image(figures.windows_figure(rows), "windows")
+    return [paragraph(f"{text}."), figure(figures.windows_figure(rows), "Injected windows and those found")]
 
 
-def _withheld(rows: Sequence[Mapping[str, Any]]) -> str:
+def _withheld(rows: Sequence[Mapping[str, Any]]) -> Html:
     cells = []
     for row in rows:
         without, put_back = row["without"], row["with"]
@@ -132,31 +118,22 @@ def _withheld(rows: Sequence[Mapping[str, Any]]) -> str:
                 _where(without["where"]),
                 _mark(_answer(put_back), row["right_with"]),
                 _before_and_after(put_back),
-                _percent((row["closing"] or {}).get("of_true")),
+                percent((row["closing"] or {}).get("of_true")),
             ]
         )
-    return _table(
-        [
-            "planted",
-            "without it: verdict",
-            "where it lies",
-            "with it: verdict",
-            "gap, before and after",
-            "of the true closure",
-        ],
-        cells,
-    )
+    head = ["injected", "without it: verdict", "where it lies", "with it: verdict", "gap, before and after"]
+    return table([*head, "of the true closure"], cells, align="lllllr")
 
 
 def _before_and_after(brief: Mapping[str, Any]) -> str:
-    ends = f"{_number(brief['gap_before'])} to {_number(brief['gap_after'])}"
-    return f"{ends} (floor {_number(brief['floor'])})"
+    ends = f"{number(brief['gap_before'])} to {number(brief['gap_after'])}"
+    return f"{ends} (floor {number(brief['floor'])})"
 
 
-def _refit(rows: Sequence[Mapping[str, Any]]) -> str:
-    text = "<p>The simulator learnt from other flights with the same effect: its drag has swallowed what it can.</p>"
-    cells = [[r["effect"], _mark(_answer(r), r["right_first"]), _number(r["p_value"])] for r in rows]
-    return text + _table(["planted in both", "verdict", "p-value"], cells)
+def _refit(rows: Sequence[Mapping[str, Any]]) -> list[Html]:
+    text = "The simulator learnt from other flights with the same effect: its drag has taken up what it can."
+    cells = [[r["effect"], _mark(_answer(r), r["right_first"]), number(r["p_value"])] for r in rows]
+    return [paragraph(text), table(["injected in both", "verdict", "p-value"], cells, align="llr")]
 
 
 def _answer(brief: Mapping[str, Any]) -> str:
@@ -171,35 +148,15 @@ def _where(cell: Mapping[str, Any] | None) -> str:
     if cell is None:
         return ""
     levels = f"FL{cell['level_low_fl']:.0f}-{cell['level_high_fl']:.0f}" if cell.get("level_low_fl") is not None else ""
-    return html.escape(f"{cell['quantity']} {levels}, {_number(cell.get('distance'))} {cell.get('unit') or ''}")
+    return f"{cell['quantity']} {levels}, {number(cell.get('distance'))} {cell.get('unit') or ''}"
 
 
-def _mark(text: str, right: bool) -> str:
-    return f'<span class="{"good" if right else "bad"}">{html.escape(text)}</span>'
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    titles = "".join(f"<th>{title}</th>" for title in head)
-    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<table><tr>{titles}</tr>{body}</table>"
+def _mark(text: str, right: bool) -> Html:
+    return marked(text, "good" if right else "bad")
 
 
 def _share(one: Mapping[str, Any], *, interval: bool = True) -> str:
     if one["share"] is None:
         return "-"
-    ends = f" ({_percent(one['low'])} to {_percent(one['high'])}, n = {one['n']})" if interval else ""
-    return f"{_percent(one['share'])}{ends}"
-
-
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:.0f} %"
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
-
-
-def _image(figure: Figure, about: str) -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=100, metadata={"Software": None})
-    return f'<img alt="{about}" src="data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode("ascii")}">'
+    ends = f" ({percent(one['low'])} to {percent(one['high'])}, n = {one['n']})" if interval else ""
+    return f"{percent(one['share'])}{ends}"

@@ -1,0 +1,192 @@
+"""Sections of the study's page, each from the files that the study left."""
+
+import json
+from pathlib import Path
+
+import polars as pl
+
+from descentflow.densities.checkpoint import load_model
+from descentflow.densities.em import most_clusters
+from descentflow.reporting.html_elements import Cell, Html, bold, figure, paragraph, table
+from descentflow.reporting.number_text import number
+from descentflow.studies.paper.figures.boxes import boxes_figure
+from descentflow.studies.paper.figures.rejection_rates import rejection_rates_figure
+from descentflow.studies.paper.study_plan import MODELS, StudyPlan
+from descentflow.studies.paper.study_tables import WITHIN
+
+STATISTIC = {"ks": "KS", "wasserstein": "Wasserstein", "mae": "mean"}
+SHORT = {
+    "time_to_bottom_of_descent": "time to bottom",
+    "cas_above_transition": "CAS above transition",
+    "cas_below_transition": "CAS below",
+    "rocd_above_transition": "rate above transition",
+    "rocd_below_transition": "rate below",
+}
+Row = list[str | Cell]
+
+
+def flights(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> list[Html]:
+    """Flights of each type, their times to the bottom, and BADA's at all masses.
+
+    Args:
+        plan: The study.
+        folder: Its folder, with ``flights.json`` and ``mass_range.png`` of every type.
+        theirs: The paper's table 1, columns ``typecode n_trajectories max_fl``; ``None`` for no columns of it.
+    """
+    rows: list[Row] = []
+    for typecode, n in plan.flights.items():
+        told = json.loads((folder / typecode / "flights.json").read_text())
+        low, high = told["bada_range_s"]
+        five, half, ninety_five = told["time_s"]
+        rows.append(
+            [
+                *(typecode, number(n), number(told["prepared"]), f"FL{told['bottom_fl']}-{told['top_fl']}"),
+                *(f"{told['spanning']:.0%}", f"FL{told['from_fl']}", f"{five:.0f}", f"{half:.0f}"),
+                *(f"{ninety_five:.0f}", f"{told['bada_s']:.0f}", f"{low:.0f} to {high:.0f}"),
+                f"{told['explained']:.0%}",
+                *_paper(theirs, typecode, ("n_trajectories", "max_fl")),
+            ]
+        )
+    head = ["type", "flights", "prepared", "grid", "span it", "from", "5 %", "median", "95 %"]
+    head += ["BADA", "BADA, all masses", "explained"]
+    head += [] if theirs is None else ["paper: flights", "paper: top"]
+    text = paragraph(
+        "Time in seconds from a flight level that half of the flights reach down to the bottom of the grid: "
+        "percentiles of the held-out flights, BADA's at its reference mass, and its range over all masses. ",
+        bold("explained"),
+        " is the share of flights whose time some mass gives.",
+    )
+    first = next(iter(plan.flights))
+    caption = f"{first}: flights beside BADA at its reference mass, its least and largest mass, and masses between."
+    alt = f"Held-out flights of the {first} and BADA at its masses"
+    return [text, table(head, rows), figure(folder / first / "mass_range.png", alt, caption)]
+
+
+def means_over_types(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Html]:
+    """Means over types of every score; ``frame`` from :func:`descentflow.studies.paper.study_tables.means`."""
+    rows: list[Row] = []
+    for part in frame.partition_by("quantity", "statistic", maintain_order=True):
+        first = part.row(0, named=True)
+        found = {r["model"]: r for r in part.iter_rows(named=True)}
+        best = min((r["score"] for r in found.values() if r["score"] is not None), default=0.0)
+        cells: Row = [SHORT[first["quantity"]], f"{STATISTIC[first['statistic']]}{_unit(first['unit'])}"]
+        cells += [
+            Cell(number(r["score"]), "best" if (r["score"] or 0) <= WITHIN * best else "", _to_floor(r))
+            for r in (found[m] for m in models)
+        ]
+        floors = [r["floor"] for r in found.values() if r["floor"] is not None]
+        floor = sum(floors) / len(floors) if floors else None
+        rows.append([*cells, number(floor), number(first["nominal"]), str(first["types"])])
+    text = paragraph("Small: the distance of half the flights from as many samples, in floors; the median over types.")
+    head = ["quantity", "statistic", *(MODELS[m] for m in models), "floor", "BADA", "types"]
+    return [text, table(head, rows, align="llr", grouped=True)]
+
+
+def boxes(scores: pl.DataFrame, plan: StudyPlan) -> Html:
+    """Scores over types as boxes (the paper's figure 7); ``scores`` of all types and models."""
+    drawn = boxes_figure(scores, {name: MODELS[name] for name in plan.models})
+    caption = "Each dot is a type; boxes are quartiles over types. Floor: two halves of the held-out flights."
+    return figure(drawn, "Boxes of each score over types, a box per model", caption)
+
+
+def likelihoods(plan: StudyPlan, folder: Path) -> list[Html]:
+    """Negative log likelihood of the held-out flights, from every type's ``nll.csv``."""
+    rows: list[Row] = []
+    for typecode in plan.flights:
+        frame = pl.read_csv(folder / typecode / "nll.csv")
+        best = float(frame["nll"].min())  # type: ignore[arg-type]
+        cells = [
+            Cell(number(nll, 4), "best" if nll == best else "", f"± {error:.2g}")
+            for nll, error in zip(frame["nll"], frame["error"], strict=True)
+        ]
+        rows.append([typecode, number(int(frame["n"][0])), *cells])
+    text = paragraph(
+        "Negative log density of the held-out flights' standardised weights, in nats per flight, with the standard "
+        "error of the mean; smaller is better, and only models of one type can be compared."
+    )
+    return [text, table(["type", "held-out flights", *(MODELS[m] for m in plan.models)], rows)]
+
+
+def scores_of_quantity(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Html]:
+    """One of the five tables; ``frame`` from :func:`descentflow.studies.paper.study_tables.table`."""
+    papers = [c for c in frame.columns if c.startswith("paper_")]
+    head = ["type", "statistic", *(MODELS[m] for m in models), "floor", "BADA", *(_paper_column(c) for c in papers)]
+    rows: list[Row] = []
+    none = frame.filter(pl.all_horizontal(pl.col(m).is_null().all().over("typecode") for m in models))
+    left_out = none["typecode"].unique(maintain_order=True).to_list()
+    for r in frame.filter(~pl.col("typecode").is_in(left_out)).iter_rows(named=True):
+        best = (r["best"] or "").split()
+        cells: Row = [r["typecode"], f"{STATISTIC[r['statistic']]}{_unit(r['unit'])}"]
+        cells += [Cell(number(r[m]), "best" if m in best else "", _below(r, m)) for m in models]
+        cells += [number(r["floor"]), number(r["nominal"]), *(Cell(number(r[c]), "reference") for c in papers)]
+        rows.append(cells)
+    text = [paragraph(f"Without flights there: {', '.join(left_out)}.")] if left_out else []
+    return [table(head, rows, align="llr", grouped=True), *text]
+
+
+def components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> list[Html]:
+    """The paper's table 2: principal components of drag and CAS, and components of the mixture by BIC."""
+    names = ("n_train", "n_alpha", "n_beta", "n_c", "gmm_max_components", "gmm_components_bic")
+    rows: list[Row] = []
+    for typecode in plan.flights:
+        loaded = {m: load_model(folder / typecode / m / "model.ckpt") for m in plan.models}
+        parts = next(iter(loaded.values())).representation
+        drag, cas = parts.decoder.drag_basis.n_components, parts.decoder.cas_basis.n_components
+        train = len(parts.split.train)
+        mixture = len(loaded["gmm"].mixture.probs) if "gmm" in loaded else None  # type: ignore[union-attr, arg-type]
+        counts = (train, drag, cas, drag + cas, most_clusters(train, drag + cas), mixture)
+        rows.append([typecode, *(number(c) for c in counts), *_paper(theirs, typecode, names)])
+    head = ["type", "trained on", "of drag", "of CAS", "together", "mixture: at most", "mixture: by BIC"]
+    papers = [] if theirs is None else [f"paper: {name}" for name in head[1:]]
+    text = paragraph(
+        "Principal components that explain the variance asked for, of drag and of CAS, and components of the Gaussian "
+        "mixture by BIC; the paper allows one mixture component per 15 training flights per parameter."
+    )
+    return [text, table(head + papers, rows)]
+
+
+def rejections(plan: StudyPlan, folder: Path) -> Html:
+    """Share of draws that were rejected, by type and model, from ``rejections.json``."""
+    rates: dict[str, dict[str, float]] = {}
+    for typecode in plan.flights:
+        told = {m: json.loads((folder / typecode / m / "rejections.json").read_text()) for m in plan.models}
+        rates[typecode] = {MODELS[m]: 1 - told[m]["acceptance"] for m in plan.models}
+    caption = "Share of draws with a drag or CAS outside the training flights' range at some flight level."
+    return figure(rejection_rates_figure(rates), "Share of rejected draws of each type and model", caption)
+
+
+def of_type(folder: Path) -> list[Html]:
+    """Figures of one type; ``folder`` is the type's."""
+    captions = {
+        "profiles": "Held-out flights beside samples of each model.",
+        "cuts": "Time to bottom, and CAS and rate at the transition altitude (the grid's middle if it has none).",
+        "mass_range": "Held-out flights beside BADA at all its masses.",
+    }
+    return [figure(folder / f"{name}.png", f"{folder.name}: {text}", text) for name, text in captions.items()]
+
+
+def _paper(theirs: pl.DataFrame | None, typecode: str, names: tuple[str, ...]) -> list[Cell]:
+    """The paper's numbers of a type; a dash where they are not published."""
+    if theirs is None:
+        return []
+    row = theirs.filter(typecode=typecode)
+    return [Cell(number(row[0, name]) if len(row) else "-", "reference") for name in names]
+
+
+def _paper_column(column: str) -> str:
+    name = column.removeprefix("paper_")
+    return f"paper: {'BADA' if name == 'bada' else {'gmm': 'mixture', 'gaussian': 'Gaussian'}.get(name, name)}"
+
+
+def _to_floor(row: dict[str, float | None]) -> str:
+    ratio = row["over_floor"]
+    return "" if ratio is None else f"half {ratio:.2f} floors"
+
+
+def _below(row: dict[str, float | None], model: str) -> str:
+    low, high, half = (number(row[f"{model}{ending}"], 2) for ending in ("_low", "_high", "_equal_size"))
+    return " ".join(filter(None, ["" if low == "-" else f"[{low}, {high}]", "" if half == "-" else f"half {half}"]))
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" ({unit})"

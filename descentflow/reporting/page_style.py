@@ -48,7 +48,7 @@ summary { cursor: pointer; margin: .6rem 0; color: var(--link); }
   table { width: max-content; font-size: .8rem; } td { max-width: 17rem; } th { max-width: 7rem; }
   td, th { padding: .2rem .4rem; }
   figure .scroll img { max-width: 46rem; }
-  td:first-child, th:first-child { position: sticky; left: 0; background: var(--ground); max-width: 6.5rem;
+  td:first-child, th:first-child { position: sticky; left: 0; background: var(--ground); max-width: 9rem;
     border-right: 1px solid var(--faint); }
   td.again { visibility: visible; color: var(--muted); }
 }

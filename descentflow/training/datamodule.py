@@ -17,13 +17,19 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.measurements.quantities import reference_state
 from descentflow.representation.checkpoint import load_representation
 from descentflow.representation.context import ContextEncoder, Missing
+from descentflow.representation.encode_flights import (
+    EncodedFlights,
+    context_of,
+    encode_flights,
+    encode_parts,
+    summary_of,
+)
+from descentflow.representation.flight_contexts import without_missing
+from descentflow.representation.flight_parts import Part, parts_of, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.representation import Representation, Split, fit_representation
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-from descentflow.training.context_columns import flight_context, read_context_table
-from descentflow.training.flight_contexts import contexts_of, with_context, without_missing
-from descentflow.training.parts import Part, parts_of, rest_is_test, top_level, with_levels
 from descentflow.training.splitting import SplitBy, split_flights
 
 
@@ -80,7 +86,7 @@ class DescentDataModule(LightningDataModule):
             batch_size: Flights in a training batch.
             checkpoint: Encode with this checkpoint's representation instead of fitting one.
             context: Columns on which the density is conditioned, see
-                :func:`~descentflow.training.context_columns.flight_context`; those of the checkpoint where one is
+                :func:`~descentflow.representation.context_columns.flight_context`; those of the checkpoint where one is
                 given.
             context_table: CSV or Parquet with `flight_id` and columns of context.
             missing_context: What becomes of flights that lack a value: ``drop`` or ``indicator``.
@@ -95,6 +101,7 @@ class DescentDataModule(LightningDataModule):
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
         self._representation: Representation | None = None
+        self._parts: dict[Part, EncodedFlights] = {}
 
     def setup(self, stage: str | None = None) -> None:
         """Read, split, fit and encode, once (Lightning calls this with a stage).
@@ -116,30 +123,23 @@ class DescentDataModule(LightningDataModule):
             begin("inferring drag")
             if self.checkpoint is not None:
                 representation = load_representation(self.checkpoint)
-                table = self._context(frame, representation.context)
-                profiles = self._on_grid(frame, representation)
-                split = rest_is_test(profiles.flight_ids, representation.split)
+                self._parts = encode_flights(frame, representation, self.context_table, say=rank_zero_info)
             else:
-                table = self._context(frame, None)
-                frame = without_missing(frame, table, self.missing_context)
+                table = context_of(frame, self.context or [], self.context_table)
+                frame = without_missing(frame, table, self.missing_context, rank_zero_info)
                 profiles, split = self._fresh(frame, source)
                 begin("fitting components")
                 representation = self._fit(profiles, split, source)
                 levels, seen = profiles.levels_fl, [*split.train, *split.validation]
                 representation.reference = reference_state(frame, float(levels[0]), float(levels[-1]), seen)
                 representation.context = self._encoder(table, split)
-            # A gigabyte for forty thousand flights, which what follows has no use for.
-            del frame, source
-            begin("encoding flights")
-            profiles = with_context(profiles, table, representation.context)
-            self._profiles = parts_of(profiles, split)
-            self._weights = {part: representation.decoder.encode(self._profiles[part]) for part in self._profiles}
-            self._contexts = {
-                part: contexts_of(self._profiles[part].flight_ids, table, representation.context)
-                for part in self._profiles
-            }
+                # A gigabyte for forty thousand flights, which what follows has no use for.
+                del frame, source
+                begin("encoding flights")
+                decoder = representation.decoder
+                self._parts = encode_parts(profiles, split, decoder, table, representation.context, rank_zero_info)
         self._representation = representation
-        rank_zero_info(self._summary())
+        rank_zero_info(summary_of(self._parts, representation))
 
     @property
     def representation(self) -> Representation:
@@ -148,20 +148,22 @@ class DescentDataModule(LightningDataModule):
             raise ConfigError("a DataModule before setup", expected="setup() first", mend="call data.setup()")
         return self._representation
 
+    def flights(self, part: Part) -> EncodedFlights:
+        """Profiles, weights and context of a part."""
+        self.representation  # noqa: B018 - raises before setup
+        return self._parts[part]
+
     def profiles(self, part: Part) -> Profiles:
         """Profiles of a part, on the grid."""
-        self.representation  # noqa: B018 - raises before setup
-        return self._profiles[part]
+        return self.flights(part).profiles
 
     def weights(self, part: Part) -> Tensor:
         """Standardised weights (n, d) of a part, float64."""
-        self.representation  # noqa: B018 - raises before setup
-        return self._weights[part]
+        return self.flights(part).weights
 
     def contexts(self, part: Part) -> Tensor | None:
         """Encoded context (n, c) of a part, float64; None where the density is not conditioned on any."""
-        self.representation  # noqa: B018 - raises before setup
-        return self._contexts[part]
+        return self.flights(part).context
 
     def train_dataloader(self) -> DataLoader[Any]:
         """Training weights, shuffled by Lightning's seed."""
@@ -197,19 +199,6 @@ class DescentDataModule(LightningDataModule):
             )
         return frame
 
-    def _context(self, frame: pl.DataFrame, encoder: ContextEncoder | None) -> pl.DataFrame | None:
-        """Context of every flight, raw: the columns of the config, or those that a checkpoint's encoder knows."""
-        names = list(encoder.names) if encoder is not None else self.context if self.checkpoint is None else None
-        if not names:
-            if self.context_table is not None:
-                raise ConfigError(
-                    f"a table of context, {self.context_table}, for a density without context",
-                    expected="columns of it in data.context, or a checkpoint that was fitted with some",
-                    mend="name the columns, or leave the table away",
-                )
-            return None
-        return flight_context(frame, names, read_context_table(self.context_table))
-
     def _encoder(self, table: pl.DataFrame | None, split: Split) -> ContextEncoder | None:
         if table is None:
             return None
@@ -242,7 +231,7 @@ class DescentDataModule(LightningDataModule):
             seed=self.seed,
         )
         top = top_level(parts_of(profiles, split)["train"])
-        return with_levels(profiles.up_to(top)), split
+        return with_levels(profiles.up_to(top), rank_zero_info), split
 
     def _fit(self, profiles: Profiles, split: Split, source: Descents) -> Representation:
         return fit_representation(
@@ -253,18 +242,4 @@ class DescentDataModule(LightningDataModule):
             method=self.fpca,
             mass_kg=self.mass_kg,
             provenance={"descents": Path(self.descents).name, "typecodes": sorted(source.frame["typecode"].unique())},
-        )
-
-    def _on_grid(self, frame: pl.DataFrame, representation: Representation) -> Profiles:
-        decoder = representation.decoder
-        bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
-        return with_levels(profiles_from_frame(frame, decoder.aircraft, bottom, top))
-
-    def _summary(self) -> str:
-        decoder = self.representation.decoder
-        counts = ", ".join(f"{len(self._profiles[part])} {part}" for part in ("train", "validation", "test"))
-        return (
-            f"flights: {counts}; grid FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}; components: "
-            f"{decoder.drag_basis.n_components} of drag, {decoder.cas_basis.n_components} of CAS"
-            + ("" if self.representation.context is None else f"; given {self.representation.context.describe()}")
         )

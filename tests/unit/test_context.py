@@ -25,7 +25,7 @@ from descentflow.densities.regressions import (
 from descentflow.generation.prediction.posterior import log_density, posterior_of, prior_of
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.context import OTHER, ContextEncoder
-from descentflow.training.context_columns import flight_context, read_context_table
+from descentflow.representation.context_columns import flight_context, read_context_table
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 

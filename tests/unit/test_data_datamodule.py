@@ -8,9 +8,9 @@ import torch
 import toys
 
 from descentflow.core.errors import ConfigError, DataError
+from descentflow.representation.flight_parts import rest_is_test, top_level
 from descentflow.representation.representation import Split
 from descentflow.training.datamodule import DescentDataModule
-from descentflow.training.parts import rest_is_test, top_level
 from descentflow.training.splitting import split_flights
 
 

@@ -1,14 +1,15 @@
-"""Profiles on their grid, in their parts: what trains, what validates, what tests."""
+"""Flights in their parts: what trains, what validates, what tests."""
 
+from collections.abc import Callable
 from typing import Literal
 
 import torch
-from lightning.pytorch.utilities import rank_zero_info
 
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Split
 
 Part = Literal["train", "validation", "test"]
+PARTS: tuple[Part, ...] = ("train", "validation", "test")
 REACHED_BY = 0.25
 """The grid ends at the highest level that this share of the training flights reach (paper, appendix A)."""
 
@@ -21,7 +22,16 @@ def top_level(train: Profiles) -> int:
 
 
 def rest_is_test(flight_ids: tuple[str, ...], split: Split) -> Split:
-    """The parts of a checkpoint's split that are among these flights; every flight it never saw is a test flight."""
+    """The split of other flights by a model's: those that it never saw are test flights.
+
+    Args:
+        flight_ids: Identifiers of the flights.
+        split: The model's.
+
+    Example:
+        >>> rest_is_test(("a", "c", "e"), Split(train=("a", "b"), validation=("c",), test=("d",)))
+        Split(train=('a',), validation=('c',), test=('e',))
+    """
     train, validation = set(split.train), set(split.validation)
     return Split(
         tuple(f for f in flight_ids if f in train),
@@ -30,19 +40,21 @@ def rest_is_test(flight_ids: tuple[str, ...], split: Split) -> Split:
     )
 
 
-def with_levels(profiles: Profiles) -> Profiles:
-    """Without the flights that have no two levels on the grid; says how many those were."""
+def with_levels(profiles: Profiles, say: Callable[[str], None]) -> Profiles:
+    """The flights that have two levels or more on the grid.
+
+    Args:
+        profiles: Flights on the grid.
+        say: Called with a line that counts the others, if there are any.
+    """
     enough = profiles.mask.sum(1) >= 2
     if not bool(enough.all()):
-        rank_zero_info(f"left out {int((~enough).sum())} flight(s) with fewer than two levels on the grid")
+        say(f"left out {int((~enough).sum())} flight(s) with fewer than two levels on the grid")
     return profiles.subset(torch.nonzero(enough)[:, 0])
 
 
 def parts_of(profiles: Profiles, split: Split) -> dict[Part, Profiles]:
     """Profiles of each part; a split may name flights that are not among them."""
     position = {flight: i for i, flight in enumerate(profiles.flight_ids)}
-    return {
-        "train": profiles.subset([position[f] for f in split.train if f in position]),
-        "validation": profiles.subset([position[f] for f in split.validation if f in position]),
-        "test": profiles.subset([position[f] for f in split.test if f in position]),
-    }
+    named = {"train": split.train, "validation": split.validation, "test": split.test}
+    return {part: profiles.subset([position[f] for f in named[part] if f in position]) for part in PARTS}

@@ -15,47 +15,66 @@ DERIVED = {
 """Names that need no column of their own."""
 
 
-def read_context_table(path: Path | None) -> pl.DataFrame | None:
-    """Read a table of context with one row a flight, CSV or Parquet.
+def read_context_table(path: Path | pl.DataFrame | None) -> pl.DataFrame | None:
+    """Read a table of context with one row for each flight, CSV or Parquet; a table in memory is only checked.
 
     Raises:
         DataError: If it cannot be read, has no `flight_id`, or has a flight twice.
+
+    Example:
+        >>> table = pl.DataFrame({"flight_id": ["A320-0-00003"], "deviation_k": [7.5]})
+        >>> read_context_table(table).columns
+        ['flight_id', 'deviation_k']
     """
     if path is None:
         return None
+    in_memory = isinstance(path, pl.DataFrame)
+    table = path if isinstance(path, pl.DataFrame) else read_table(Path(path))
+    name = "the table of context" if in_memory else path
+    if "flight_id" not in table.columns:
+        raise DataError(
+            f"{name}: no column flight_id", expected="flight_id and columns of context", mend="add flight_id"
+        )
+    if table["flight_id"].n_unique() < len(table):
+        twice = table["flight_id"].filter(table["flight_id"].is_duplicated())[0]
+        raise DataError(
+            f"{path}: flight {twice} twice", expected="one row for each flight", mend="keep one row of each"
+        )
+    return table
+
+
+def read_table(path: Path) -> pl.DataFrame:
+    """Read a CSV or Parquet table.
+
+    Raises:
+        DataError: If it cannot be read.
+    """
     try:
-        table = pl.read_csv(path) if Path(path).suffix == ".csv" else pl.read_parquet(path)
+        return pl.read_csv(path) if path.suffix == ".csv" else pl.read_parquet(path)
     except (pl.exceptions.PolarsError, OSError) as error:
         raise DataError(
             f"{path}: {str(error).splitlines()[0]}", expected="a CSV or Parquet table", mend="pass another table"
         ) from error
-    if "flight_id" not in table.columns:
-        raise DataError(
-            f"{path}: no column flight_id", expected="flight_id and columns of context", mend="add flight_id"
-        )
-    if table["flight_id"].n_unique() < len(table):
-        twice = table["flight_id"].filter(table["flight_id"].is_duplicated())[0]
-        raise DataError(f"{path}: flight {twice} twice", expected="one row a flight", mend="keep one row of each")
-    return table
 
 
 def flight_context(descents: pl.DataFrame, names: Sequence[str], table: pl.DataFrame | None = None) -> pl.DataFrame:
-    """One row a flight: `flight_id` and the named columns, null where nothing is known.
+    """One row for each flight: `flight_id` and the named columns, null where nothing is known.
 
     A name is looked for in the table, then among the columns of the descents (their value at the flight's highest
     level), then among those of :data:`DERIVED`.
 
     Args:
-        descents: Prepared descents, a row a flight and level.
+        descents: Prepared descents, a row for each flight and level.
         names: Columns of context.
-        table: One row a flight.
+        table: One row for each flight.
 
     Raises:
         ConfigError: If a name is nowhere to be found.
 
     Example:
-        >>> flight_context(read_descents("a320.parquet").frame, ["operator", "hour"]).columns
-        ['flight_id', 'operator', 'hour']
+        >>> descents = pl.read_parquet("descents.parquet")
+        >>> flight_context(descents, ["entry_fl", "hour"]).head(2).columns
+        ['flight_id', 'entry_fl', 'hour']
     """
     top = descents.sort("flight_id", "level_fl", descending=[False, True]).unique("flight_id", keep="first")
     known = set() if table is None else set(table.columns)

@@ -1,8 +1,9 @@
-"""Flights and the context that a density is given of each: encoded in their order, or left out and counted."""
+"""The context of flights: encoded in their order, or the flight is left out and counted."""
+
+from collections.abc import Callable
 
 import polars as pl
 import torch
-from lightning.pytorch.utilities import rank_zero_info
 from torch import Tensor
 
 from descentflow.core.errors import DataError
@@ -20,8 +21,10 @@ def contexts_of(
     return encoder.encode(order.join(table, on="flight_id", how="left", maintain_order="left"))
 
 
-def with_context(profiles: Profiles, table: pl.DataFrame | None, encoder: ContextEncoder | None) -> Profiles:
-    """Without the flights whose context cannot be encoded; says how many those were, by column."""
+def with_context(
+    profiles: Profiles, table: pl.DataFrame | None, encoder: ContextEncoder | None, say: Callable[[str], None]
+) -> Profiles:
+    """The flights whose context can be encoded; ``say`` is called with a count of the others for each column."""
     if encoder is None or table is None:
         return profiles
     order = pl.DataFrame({"flight_id": list(profiles.flight_ids)})
@@ -29,13 +32,19 @@ def with_context(profiles: Profiles, table: pl.DataFrame | None, encoder: Contex
     whole = torch.ones(len(profiles), dtype=torch.bool)
     for name, rows in lacking.items():
         if bool(rows.any()):
-            rank_zero_info(f"left out {int(rows.sum())} flight(s) whose {name} is missing or was never trained on")
+            say(f"left out {int(rows.sum())} flight(s) whose {name} is missing or was never trained on")
         whole &= ~torch.from_numpy(rows.to_numpy().copy())
     return profiles.subset(torch.nonzero(whole)[:, 0])
 
 
-def without_missing(frame: pl.DataFrame, table: pl.DataFrame | None, missing: Missing) -> pl.DataFrame:
-    """The descents of flights whose context is whole, before the split; says how many there were of the others."""
+def without_missing(
+    frame: pl.DataFrame, table: pl.DataFrame | None, missing: Missing, say: Callable[[str], None]
+) -> pl.DataFrame:
+    """The descents of flights whose context is complete, before the split; ``say`` gets a count of the others.
+
+    Raises:
+        DataError: If no flight has a value for every column.
+    """
     if table is None or missing == "indicator":
         return frame
     whole = table.drop_nulls()
@@ -48,5 +57,5 @@ def without_missing(frame: pl.DataFrame, table: pl.DataFrame | None, missing: Mi
             mend="check the flight_id of data.context_table, or set data.missing_context: indicator",
         )
     if lacking:
-        rank_zero_info(f"left out {lacking} of {len(table)} flight(s) that lack a value of their context")
+        say(f"left out {lacking} of {len(table)} flight(s) that lack a value of their context")
     return frame.filter(pl.col("flight_id").is_in(whole["flight_id"].to_list()))

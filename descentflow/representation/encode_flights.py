@@ -1,0 +1,134 @@
+"""Descents as a model sees them: on its grid, as standardised weights, with their context, in parts."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+from torch import Tensor
+
+from descentflow.core.errors import ConfigError
+from descentflow.representation.context import ContextEncoder
+from descentflow.representation.context_columns import flight_context, read_context_table
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.flight_contexts import contexts_of, with_context
+from descentflow.representation.flight_parts import PARTS, Part, parts_of, rest_is_test, with_levels
+from descentflow.representation.profiles import Profiles, profiles_from_frame
+from descentflow.representation.representation import Representation, Split
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class EncodedFlights:
+    """n flights: profiles on the grid, standardised weights (n, d) and encoded context (n, c) or None."""
+
+    profiles: Profiles
+    weights: Tensor
+    context: Tensor | None
+
+    def __len__(self) -> int:
+        """Number of flights."""
+        return len(self.profiles)
+
+    def subset(self, positions: list[int]) -> "EncodedFlights":
+        """The flights at these positions."""
+        context = None if self.context is None else self.context[positions]
+        return EncodedFlights(self.profiles.subset(positions), self.weights[positions], context)
+
+
+def encode_flights(
+    descents: pl.DataFrame,
+    representation: Representation,
+    context_table: Path | pl.DataFrame | None = None,
+    *,
+    say: Say = lambda _: None,
+) -> dict[Part, EncodedFlights]:
+    """Encode descents with a model's representation, in parts.
+
+    Flights that the model was trained or validated on keep their part; every other flight is a test flight.
+
+    Args:
+        descents: Prepared descents, a row for each flight and level.
+        representation: The model's.
+        context_table: Table, or path of a CSV or Parquet table, with ``flight_id`` and columns of context, where the
+            descents do not have them.
+        say: Called with a line for each reason why flights are left out: fewer than two levels on the grid, or a
+            context that cannot be encoded.
+
+    Raises:
+        DataError: If no flight is on the grid, or the table cannot be read.
+        ConfigError: If a column of context is missing, or a table is given to a model without context.
+
+    Example:
+        >>> from descentflow.representation.checkpoint import load_representation
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> parts = encode_flights(read_descents("descents.parquet").frame, load_representation("best.ckpt"))
+        >>> {part: len(flights) for part, flights in parts.items()}
+        {'train': 86, 'validation': 10, 'test': 24}
+    """
+    encoder, decoder = representation.context, representation.decoder
+    table = context_of(descents, [] if encoder is None else list(encoder.names), context_table)
+    bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
+    profiles = with_levels(profiles_from_frame(descents, decoder.aircraft, bottom, top), say)
+    split = rest_is_test(profiles.flight_ids, representation.split)
+    return encode_parts(profiles, split, decoder, table, encoder, say)
+
+
+def encode_parts(
+    profiles: Profiles,
+    split: Split,
+    decoder: DescentDecoder,
+    table: pl.DataFrame | None,
+    encoder: ContextEncoder | None,
+    say: Say,
+) -> dict[Part, EncodedFlights]:
+    """Encode flights on a decoder's grid, part by part.
+
+    Args:
+        profiles: Flights.
+        split: Which flight is in which part.
+        decoder: Whose components the weights are of.
+        table: Context, one row for each flight; None without an encoder.
+        encoder: Of the context; None for a density without one.
+        say: Called with a line for each column of context that some flights lack: they are left out.
+    """
+    parts = parts_of(with_context(profiles, table, encoder, say), split)
+    return {
+        part: EncodedFlights(
+            parts[part], decoder.encode(parts[part]), contexts_of(parts[part].flight_ids, table, encoder)
+        )
+        for part in PARTS
+    }
+
+
+def context_of(
+    descents: pl.DataFrame, names: list[str], context_table: Path | pl.DataFrame | None
+) -> pl.DataFrame | None:
+    """Context of every flight before encoding: ``flight_id`` and the named columns; None if none is named.
+
+    Raises:
+        ConfigError: If there is a table although nothing is named, or a column is nowhere to be found.
+        DataError: If the table cannot be read.
+    """
+    if names:
+        return flight_context(descents, names, read_context_table(context_table))
+    if context_table is not None:
+        given = "" if isinstance(context_table, pl.DataFrame) else f", {context_table},"
+        raise ConfigError(
+            f"a table of context{given} for a density without context",
+            expected="columns of it in data.context, or a checkpoint that was fitted with some",
+            mend="name the columns, or leave the table out",
+        )
+    return None
+
+
+def summary_of(parts: dict[Part, EncodedFlights], representation: Representation) -> str:
+    """One line on flights, grid, components and context."""
+    decoder = representation.decoder
+    counts = ", ".join(f"{len(parts[part])} {part}" for part in PARTS)
+    return (
+        f"flights: {counts}; grid FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}; components: "
+        f"{decoder.drag_basis.n_components} of drag, {decoder.cas_basis.n_components} of CAS"
+        + ("" if representation.context is None else f"; context: {representation.context.describe()}")
+    )

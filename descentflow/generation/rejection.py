@@ -8,6 +8,7 @@ from typing import ClassVar, Protocol
 import torch
 from torch import Tensor
 
+from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import SamplingError
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
@@ -91,7 +92,7 @@ def sample_descents(
         entries = draws.entries(plausibility, wanted, generator).to(tries.device)
         # What was kept of the last batch was copied, so a batch of the same size may take its arrays.
         reused = flown if flown is not None and len(flown) == size else None
-        flown = decoder(tries, entries, out=reused, compiled=compiled)
+        flown = decoder(tries, entries, out=reused, compiled=compiled, draws=DrawNumbers(seed, drawn))
         rules = plausibility.broken_rules(flown)
         good = torch.nonzero(~rules.any(1).cpu())[:, 0]
         drawn, plausible, broken = drawn + size, plausible + len(good), broken + rules.sum(0).cpu()

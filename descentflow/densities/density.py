@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.core.errors import ConfigError
-from descentflow.densities.em import Mixture
+from descentflow.densities.mixture_parameters import Mixture
 from descentflow.representation.representation import Representation
 
 
@@ -74,8 +74,8 @@ class Density(nn.Module, ABC):
         with seeded(seed, self.device):
             return self.draw(n) if rows is None else self.draw(n, rows)
 
-    def mixture_given(self, context: Tensor | None = None) -> Mixture | None:
-        """The density as a mixture of Gaussians, given one context (1, c) where it takes one; None if it is none."""
+    def mixture_at(self, context: Tensor | None = None) -> Mixture | None:
+        """The density as a Gaussian mixture, at one context (1, c) where it takes one; None if it is not a mixture."""
         return None
 
     def rows_of_context(self, context: Tensor | None, n: int) -> Tensor | None:

@@ -5,9 +5,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from descentflow.core.errors import ConfigError
 from descentflow.densities.density import Density
-from descentflow.densities.em import Mixture
+from descentflow.densities.mixture_parameters import Mixture
 
 
 class GaussianDensity(Density):
@@ -30,25 +29,10 @@ class GaussianDensity(Density):
         """Numbers of context, if there are any."""
         return {"n_context": self.n_context} if self.n_context else {}
 
-    @property
-    def mixture(self) -> Mixture:
-        """The density as a mixture of one.
-
-        Raises:
-            ConfigError: If the density is conditional, see :meth:`mixture_given`.
-        """
-        if self.n_context:
-            raise ConfigError(
-                "a conditional density where one without context is needed",
-                expected="a context",
-                mend="call mixture_given(context)",
-            )
-        return Mixture(torch.ones(1, dtype=self.loc.dtype), self.loc[None], self.scale_tril[None])
-
-    def mixture_given(self, context: Tensor | None = None) -> Mixture:
-        """The density given one context (1, c), as a mixture of one."""
-        rows = self.rows_of_context(context, 1)
-        loc = self._locs(rows)
+    @torch.no_grad()
+    def mixture_at(self, context: Tensor | None = None) -> Mixture:
+        """The density, at one context (1, c) where it takes one, as a mixture of one."""
+        loc = self._locs(self.rows_of_context(context, 1))
         return Mixture(torch.ones(1, dtype=loc.dtype), loc.expand(1, -1), self.scale_tril[None])
 
     def _locs(self, context: Tensor | None) -> Tensor:

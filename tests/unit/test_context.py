@@ -14,14 +14,9 @@ from torch.utils.data import DataLoader, TensorDataset
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.densities.checkpoint import content_of, load_model
+from descentflow.densities.em import expectation, fit_mixture, steps_of
 from descentflow.densities.flow import ContextNet, MaskedAffineFlowDensity, SplineFlowDensity
-from descentflow.densities.regressions import (
-    Regressions,
-    expectation,
-    fit_regressions,
-    maximisation,
-    n_parameters,
-)
+from descentflow.densities.mixture_parameters import Mixture, n_parameters
 from descentflow.generation.prediction.posterior import log_density, posterior_of, prior_of
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.context import OTHER, ContextEncoder
@@ -117,12 +112,13 @@ def test_mixture_of_one_is_the_gaussian() -> None:
 
 def test_em_of_regressions_never_loses_likelihood_and_finds_the_regimes() -> None:
     weights, context = two_regimes(1500, 0)
-    mixture, best = fit_regressions(weights, context, 2, seed=0, n_restarts=2)
-    responsibilities, likelihood = expectation(weights, context, mixture)
-    updated = maximisation(weights, context, responsibilities, mixture)
+    mixture, best = fit_mixture(weights, 2, context=context, seed=0, n_restarts=2)
+    steps = steps_of(weights, context)
+    responsibilities, likelihood = expectation(steps, mixture)
+    updated = steps.maximise(responsibilities, mixture)
     # The ridge is a penalty, so the likelihood itself may give way by as much as that is worth.
-    assert float(expectation(weights, context, updated)[1]) >= float(likelihood) - 1e-5
-    single = fit_regressions(weights, context, 1, seed=0)[1]
+    assert float(expectation(steps, updated)[1]) >= float(likelihood) - 1e-5
+    single = fit_mixture(weights, 1, context=context, seed=0)[1]
     assert best > single + 0.5
     assert n_parameters(2, D, C) == 2 * (3 + 6 + 6) + 1 + 2
     gate = (mixture.gate[0] - mixture.gate[1]).abs()
@@ -137,9 +133,9 @@ def test_conditional_mixture_is_the_numerically_integrated_conditional() -> None
     axis = torch.linspace(-7, 7, 57, dtype=torch.float64)
     grid = torch.cartesian_prod(axis, axis, axis)
     cell = float(axis[1] - axis[0]) ** 3
-    found: Regressions = model.density.regressions
+    found: Mixture = model.density.mixture
     with torch.no_grad():
-        odds = (found.logits + context[0] @ found.gate.T).exp()
+        odds = (found.probs.log() + context[0] @ found.gate.T).exp()
         kernels = []
         for k in range(2):
             factor = found.scale_trils[k]
@@ -154,7 +150,7 @@ def test_conditional_mixture_is_the_numerically_integrated_conditional() -> None
     bulk = conditional > 1e-4
     torch.testing.assert_close(stated[bulk], conditional[bulk], rtol=1e-3, atol=1e-6)
     torch.testing.assert_close(
-        log_density(model.density.mixture_given(context), grid[bulk]), stated[bulk].log(), rtol=1e-8, atol=1e-8
+        log_density(model.density.mixture_at(context), grid[bulk]), stated[bulk].log(), rtol=1e-8, atol=1e-8
     )
 
 
@@ -297,8 +293,8 @@ def test_misused_contexts_say_so() -> None:
         density.sample(3, 0)
     with pytest.raises(ConfigError, match=r"context of shape \(3, 5\)"):
         density.log_prob(normal(3, D), normal(3, 5))
-    with pytest.raises(ConfigError, match="without context is needed"):
-        _ = density.mixture
+    with pytest.raises(ConfigError, match="without a context"):
+        density.mixture_at()
     plain = toys.fit(Gaussian(), toys.WeightsModule(normal(50, D), normal(50, D)), 1).density
     with pytest.raises(ConfigError, match="knows no context"):
         plain.sample(3, 0, normal(3, C))

@@ -11,15 +11,9 @@ from sklearn.mixture import GaussianMixture as SklearnMixture
 from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
-from descentflow.densities.em import (
-    expectation,
-    fit_mixture,
-    maximisation,
-    most_clusters,
-    n_parameters,
-    quadratic_features,
-    start,
-)
+from descentflow.densities.component_search import max_components
+from descentflow.densities.em import expectation, fit_mixture, start, steps_of
+from descentflow.densities.mixture_parameters import n_parameters
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 DIMENSION = 5
@@ -74,7 +68,7 @@ def test_mixture_recovers_a_mixture(training: str) -> None:
     module = data(truth)
     module.batch_size = 50
     model = toys.fit(GaussianMixture(training=training), module, 60)
-    assert len(model.density.mixture.probs) == 3, "BIC finds the planted number of clusters"
+    assert len(model.density.mixture.probs) == 3, "BIC finds the planted number of components"
     held_out = module.parts["validation"]
     assert toys.mean_nll(model.log_prob, held_out) == pytest.approx(toys.mean_nll(truth.log_prob, held_out), abs=0.05)
 
@@ -122,14 +116,14 @@ def test_two_mixtures_do_not_share_parameters() -> None:
 
 def test_em_step_equals_scikit_learns_formulae() -> None:
     weights = normal(200, 3)
-    features = quadratic_features(weights)
-    mixture = start(weights, features, 2, seed=0)
-    responsibilities, likelihood = expectation(features, mixture)
+    steps = steps_of(weights)
+    mixture = start(steps, 2, seed=0)
+    responsibilities, likelihood = expectation(steps, mixture)
     truth = MixtureSameFamily(
         Categorical(mixture.probs), MultivariateNormal(mixture.locs, scale_tril=mixture.scale_trils)
     )
     assert float(likelihood) == pytest.approx(float(truth.log_prob(weights).mean()), rel=1e-10)
-    updated = maximisation(features, responsibilities)
+    updated = steps.maximise(responsibilities)
     share = responsibilities[:, 0] / responsibilities[:, 0].sum()
     mean = share @ weights
     covariance = (share[:, None] * (weights - mean)).T @ (weights - mean)
@@ -145,8 +139,8 @@ def test_em_step_equals_scikit_learns_formulae() -> None:
 @pytest.mark.parametrize(
     ("n_train", "dimension", "most"), [(32808, 15, 16), (22978, 12, 16), (8656, 5, 27), (4836, 8, 7), (205, 5, 1)]
 )
-def test_cap_on_clusters_is_the_papers(n_train: int, dimension: int, most: int) -> None:
-    assert most_clusters(n_train, dimension) == most
+def test_cap_on_components_is_the_papers(n_train: int, dimension: int, most: int) -> None:
+    assert max_components(n_train, dimension) == most
 
 
 def test_parameter_count() -> None:

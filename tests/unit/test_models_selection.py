@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
 from descentflow.core.errors import ConfigError
-from descentflow.densities.em import FEWEST_PER_PARAMETER, by_bic, most_clusters, select_mixture
+from descentflow.densities.component_search import MIN_FLIGHTS_PER_PARAMETER, by_bic, max_components, select_mixture
 from descentflow.evaluation.forecast_scores import forecast_scores
 from descentflow.evaluation.metrics.forecast_metrics import crps_each, energy_score_each, skill
 from descentflow.evaluation.metrics.proper import crps, energy_score
@@ -78,15 +78,15 @@ def test_bic_goes_on_only_while_the_end_is_best() -> None:
     assert tried(2, 20, 20)[-1] == 16, "every number where each costs little"
 
 
-def test_the_papers_cap_hides_clusters_that_the_longer_search_finds() -> None:
+def test_the_papers_cap_hides_components_that_the_longer_search_finds() -> None:
     """Five far clusters in 700 flights, of which the paper's cap allows three."""
     centres = 6 * torch.eye(D, dtype=torch.float64)
     clusters = MultivariateNormal(torch.cat([centres, -centres[:1]]), 0.3 * torch.eye(D).double().expand(5, D, D))
     with torch.random.fork_rng():
         torch.manual_seed(0)
         weights = MixtureSameFamily(Categorical(torch.ones(5).double()), clusters).sample((700,))
-    assert most_clusters(700, D) == 3
-    assert most_clusters(700, D, FEWEST_PER_PARAMETER) > 5
+    assert max_components(700, D) == 3
+    assert max_components(700, D, flights_per_parameter=MIN_FLIGHTS_PER_PARAMETER) > 5
     capped = select_mixture(weights, seed=0, n_restarts=4, extend=False)
     assert capped.cap_binds
     found = select_mixture(weights, seed=0, n_restarts=4)
@@ -97,7 +97,7 @@ def test_the_papers_cap_hides_clusters_that_the_longer_search_finds() -> None:
 def test_the_model_says_that_its_cap_decides(capsys: pytest.CaptureFixture[str]) -> None:
     weights = normal(400, D) * torch.where(normal(400, 1, seed=3) > 0, 3.0, 0.2) + 4 * normal(400, 1, seed=4).sign()
     toys.fit(GaussianMixture(extend=False, n_restarts=2), toys.WeightsModule(weights, weights[:50]), 1)
-    assert "the cap of 15 flights a parameter decides" in capsys.readouterr().out
+    assert "the cap of 15 flights per parameter decides" in capsys.readouterr().out
 
 
 def test_scores_of_each_flight_average_to_those_of_one_forecast() -> None:

@@ -9,8 +9,8 @@ from torch.distributions import MultivariateNormal
 
 from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.densities.density import Density
-from descentflow.densities.em import Mixture
 from descentflow.densities.gaussian import GaussianDensity
+from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.prediction.linear_curves import LinearCurves, linear_curves
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.generation.prediction.predictor import DescentPredictor

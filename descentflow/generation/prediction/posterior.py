@@ -7,7 +7,8 @@ from torch import Tensor
 
 from descentflow.core.errors import SamplingError
 from descentflow.densities.density import Density
-from descentflow.densities.em import Mixture, fit_mixture
+from descentflow.densities.em import fit_mixture
+from descentflow.densities.mixture_parameters import Mixture
 
 PROPOSAL_DRAWS, PROPOSAL_CLUSTERS, WIDER = 4000, 4, 1.3
 """Draws to which a flow's stand-in is fitted, its clusters, and how much wider they are made: tails must be covered."""
@@ -43,7 +44,7 @@ def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> 
     Example:
         >>> prior = prior_of(load_model("best.ckpt"))
     """
-    mixture = density.mixture_given(context)
+    mixture = density.mixture_at(context)
     if mixture is not None:
         return Prior(Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils))), None)
     draws = density.sample(PROPOSAL_DRAWS, seed, context)

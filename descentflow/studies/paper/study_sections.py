@@ -6,7 +6,7 @@ from pathlib import Path
 import polars as pl
 
 from descentflow.densities.checkpoint import load_model
-from descentflow.densities.em import most_clusters
+from descentflow.densities.component_search import max_components
 from descentflow.reporting.html_elements import Cell, Html, bold, figure, paragraph, table
 from descentflow.reporting.number_text import number
 from descentflow.studies.paper.figures.boxes import boxes_figure
@@ -134,7 +134,7 @@ def components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> li
         drag, cas = parts.decoder.drag_basis.n_components, parts.decoder.cas_basis.n_components
         train = len(parts.split.train)
         mixture = len(loaded["gmm"].mixture.probs) if "gmm" in loaded else None  # type: ignore[union-attr, arg-type]
-        counts = (train, drag, cas, drag + cas, most_clusters(train, drag + cas), mixture)
+        counts = (train, drag, cas, drag + cas, max_components(train, drag + cas), mixture)
         rows.append([typecode, *(number(c) for c in counts), *_paper(theirs, typecode, names)])
     head = ["type", "trained on", "of drag", "of CAS", "together", "mixture: at most", "mixture: by BIC"]
     papers = [] if theirs is None else [f"paper: {name}" for name in head[1:]]

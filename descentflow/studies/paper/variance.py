@@ -10,7 +10,7 @@ from torch import Tensor
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DescentflowError
 from descentflow.core.units import FL_M
-from descentflow.densities.em import select_mixture
+from descentflow.densities.component_search import select_mixture
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score

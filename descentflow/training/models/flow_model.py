@@ -9,7 +9,7 @@ from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
 from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
-from descentflow.densities.regressions import regression
+from descentflow.densities.regression_steps import regression
 from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.models.optimizers import adam_with_cosine
 

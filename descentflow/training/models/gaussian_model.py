@@ -5,7 +5,7 @@ from jsonargparse.typing import NonNegativeFloat
 from torch import Tensor
 
 from descentflow.densities.gaussian import GaussianDensity
-from descentflow.densities.regressions import RIDGE
+from descentflow.densities.regression_steps import RIDGE
 from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.models.optimizers import ClosedForm
 

@@ -1,4 +1,4 @@
-"""Training of the Gaussian mixture: EM or SVI, the number of clusters by BIC (paper, section 2.3 and appendix C)."""
+"""Training of the Gaussian mixture: EM or SVI, the number of components by BIC (paper, section 2.3 and appendix C)."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,18 +11,8 @@ from torch import Tensor
 from tqdm import tqdm
 
 from descentflow.core.errors import ConfigError
-from descentflow.densities import regressions
-from descentflow.densities.em import (
-    FEWEST_PER_PARAMETER,
-    FLIGHTS_PER_PARAMETER,
-    Mixture,
-    best_start,
-    expectation,
-    fit_mixture,
-    maximisation,
-    quadratic_features,
-    select_mixture,
-)
+from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, MIN_FLIGHTS_PER_PARAMETER, select_mixture
+from descentflow.densities.em import best_start, expectation, fit_mixture, steps_of
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.models.optimizers import ClosedForm, adam_with_cosine
@@ -35,7 +25,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     Trained by expectation maximisation (``em``, the default: each training step is one E and M step over the
     whole training part) or by stochastic variational inference with an enumerated ELBO (``svi``). The number of
-    clusters is chosen by BIC with at least 15 training flights a parameter, unless it is given.
+    mixture components is chosen by BIC with at least 15 training flights per parameter, unless it is set.
 
     Example:
         >>> Trainer(max_epochs=100).fit(GaussianMixture(), datamodule=data)
@@ -54,14 +44,14 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         """Set the hyperparameters.
 
         Args:
-            n_clusters: Number of clusters; chosen by BIC if absent.
+            n_clusters: Number of mixture components; chosen by BIC if absent.
             training: ``em`` or ``svi``.
-            n_restarts: k-means++ starts for each number of clusters; eight reach what fewer miss by 0.3 nats.
-            tolerance: EM has converged when the mean log-likelihood gains less (nats a flight).
-            learning_rate: Of Adam in ``svi``; larger steps throw narrow clusters off a good start.
+            n_restarts: k-means++ starts for each number of components; eight reach what fewer miss by 0.3 nats.
+            tolerance: EM has converged when the mean log-likelihood gains less (nats per flight).
+            learning_rate: Of Adam in ``svi``; larger steps throw narrow components off a good start.
             seed: Of the starts.
-            extend: Try more clusters than 15 flights a parameter allow where BIC decides for that cap, down to four
-                flights a parameter; the paper stops at the cap.
+            extend: Try more components than 15 flights per parameter allow where BIC decides for that cap, down to
+                four flights per parameter; the paper stops at the cap.
         """
         super().__init__()
         self.save_hyperparameters()
@@ -77,48 +67,29 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self._batches: list[tuple[Tensor, ...]] = []
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianMixtureDensity:
-        """A mixture of the given number of clusters, or of one until BIC has chosen."""
+        """A mixture of the number of components that was set, or of one until BIC has chosen."""
         return GaussianMixtureDensity(dimension, self.n_clusters or 1, n_context)
 
     def _initialise(self) -> None:
-        """Choose the number of clusters and the starting point from the training flights."""
+        """Choose the number of mixture components and the starting point from the training flights."""
         data = self.trainer.datamodule  # type: ignore[attr-defined]
         weights = data.weights("train").to(self.device, torch.float64)
-        if self.density.n_context:
-            self._initialise_given(weights, data.contexts("train").to(self.device, torch.float64))
-            return
-        best = self._search(weights)
-        if self.training_method == "svi":
-            best = best_start(weights, len(best.probs), seed=self.seed, n_restarts=self.n_restarts)
-        self.density.mixture = best
-
-    def _initialise_given(self, weights: Tensor, context: Tensor) -> None:
-        options = {"seed": self.seed, "n_restarts": self.n_restarts}
+        context = data.contexts("train").to(weights) if self.density.n_context else None
+        options = {"context": context, "seed": self.seed, "n_restarts": self.n_restarts}
         if self.n_clusters is not None:
-            best = regressions.fit_regressions(weights, context, self.n_clusters, **options)[0]
+            best = fit_mixture(weights, self.n_clusters, **options)[0]
         else:
             with self._progress() as show:
-                selection = regressions.select_regressions(
-                    weights, context, progress=show, extend=self.extend, **options
-                )
+                selection = select_mixture(weights, progress=show, extend=self.extend, **options)
             best = selection.mixture
-            self._say(selection.bic, len(best.logits), selection.cap_binds)
+            self._say(selection.bic, best.n_components, selection.cap_binds)
         if self.training_method == "svi":
-            best = regressions.best_start(weights, context, len(best.logits), **options)
-        self.density.regressions = best
-
-    def _search(self, weights: Tensor) -> Mixture:
-        if self.n_clusters is not None:
-            return fit_mixture(weights, self.n_clusters, seed=self.seed, n_restarts=self.n_restarts)[0]
-        options = {"seed": self.seed, "n_restarts": self.n_restarts}
-        with self._progress() as show:
-            selection = select_mixture(weights, progress=show, extend=self.extend, **options)
-        self._say(selection.bic, len(selection.mixture.probs), selection.cap_binds)
-        return selection.mixture
+            best = best_start(weights, best.n_components, **options)
+        self.density.mixture = best
 
     @contextmanager
     def _progress(self) -> Iterator[Callable[[int], None]]:
-        with tqdm(desc="clusters by BIC", unit="k", leave=False, delay=2) as bar:
+        with tqdm(desc="components by BIC", unit="k", leave=False, delay=2) as bar:
 
             def show(most: int) -> None:
                 bar.total = most
@@ -128,9 +99,9 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     def _say(self, bic: dict[int, float], chosen: int, cap_binds: bool) -> None:
         self.bic = bic
-        flights = FEWEST_PER_PARAMETER if self.extend else FLIGHTS_PER_PARAMETER
-        cap = f" (the cap of {flights} flights a parameter decides: more clusters might fit better)"
-        self.print(f"BIC chooses {chosen} of 1..{max(bic)} clusters{cap if cap_binds else ''}")
+        flights = MIN_FLIGHTS_PER_PARAMETER if self.extend else FLIGHTS_PER_PARAMETER
+        cap = f" (the cap of {flights} flights per parameter decides: more components might fit better)"
+        self.print(f"BIC chooses {chosen} of 1..{max(bic)} mixture components{cap if cap_binds else ''}")
 
     def training_step(self, batch: tuple[Tensor, ...], batch_index: int) -> Tensor | None:
         """One EM step over all training flights, or the enumerated ELBO of a batch."""
@@ -143,33 +114,23 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         if self.trainer.is_last_batch:
             whole = [torch.cat(parts) for parts in zip(*self._batches, strict=True)]
             self._batches = []
-            step = self._em_step_given if self.density.n_context else self._em_step
-            self.optimizers().step(closure=lambda: step(*whole))  # type: ignore[union-attr]
+            self.optimizers().step(closure=lambda: self._em_step(*whole))  # type: ignore[union-attr]
         return None
 
     @torch.no_grad()
-    def _em_step(self, weights: Tensor) -> None:
-        features = quadratic_features(weights)
-        responsibilities, before = expectation(features, self.density.mixture)
-        self.density.mixture = maximisation(features, responsibilities)
-        self._after(before, expectation(features, self.density.mixture)[1], len(weights))
-
-    @torch.no_grad()
-    def _em_step_given(self, weights: Tensor, context: Tensor) -> None:
-        now = self.density.regressions
-        responsibilities, before = regressions.expectation(weights, context, now)
-        self.density.regressions = regressions.maximisation(weights, context, responsibilities, now)
-        self._after(before, regressions.expectation(weights, context, self.density.regressions)[1], len(weights))
-
-    def _after(self, before: Tensor, after: Tensor, n: int) -> None:
-        self.log("train/nll", -before, on_epoch=True, on_step=False, batch_size=n)
+    def _em_step(self, weights: Tensor, context: Tensor | None = None) -> None:
+        steps = steps_of(weights, context)
+        responsibilities, before = expectation(steps, self.density.mixture)
+        self.density.mixture = steps.maximise(responsibilities, self.density.mixture)
+        after = expectation(steps, self.density.mixture)[1]
+        self.log("train/nll", -before, on_epoch=True, on_step=False, batch_size=len(weights))
         if float(after - before) < self.tolerance:
             self.trainer.should_stop = True
 
     def configure_optimizers(self) -> torch.optim.Optimizer | OptimizerLRSchedulerConfig:
         """Adam for SVI; for EM an optimizer whose step is the M step.
 
-        The parameters have their final shape only once the number of clusters is known, so it is chosen here,
+        The parameters have their final shape only once the number of components is known, so it is chosen here,
         which Lightning calls after a checkpoint was restored and before the first step.
         """
         if not self._restored:
@@ -179,6 +140,6 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         return ClosedForm(self.parameters())
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """As every model, and do not look for a number of clusters again."""
+        """As every model, and do not look for a number of components again."""
         super().on_load_checkpoint(checkpoint)
         self._restored = True

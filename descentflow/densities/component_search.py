@@ -1,0 +1,151 @@
+"""How many components a mixture has: the Bayesian information criterion, within the paper's cap and beyond it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import log
+from typing import TypeVar
+
+from torch import Tensor
+
+from descentflow.densities.em import fit_mixture
+from descentflow.densities.mixture_parameters import Mixture, n_parameters
+
+FLIGHTS_PER_PARAMETER = 15
+"""The paper's cap: 15 n_p <= n_train (appendix C)."""
+MIN_FLIGHTS_PER_PARAMETER = 4
+"""Where the search ends that goes on beyond that cap."""
+EVERY_NUMBER_TO = 16
+"""Up to here every number of mixture components is tried."""
+PATIENCE = 4
+"""Beyond it, numbers in a row that may be no better before the search ends."""
+
+M = TypeVar("M")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The mixture chosen by BIC, the BIC of every number of components tried, and whether the cap decided."""
+
+    mixture: Mixture
+    bic: dict[int, float]
+    cap_binds: bool
+
+
+def max_components(
+    n_train: int, dimension: int, n_context: int = 0, flights_per_parameter: float = FLIGHTS_PER_PARAMETER
+) -> int:
+    """Largest number of mixture components with 15 training flights per parameter, at least one (paper, appendix C).
+
+    Example:
+        >>> max_components(32808, 15)
+        16
+    """
+    k = 1
+    while flights_per_parameter * n_parameters(k + 1, dimension, n_context) <= n_train:
+        k += 1
+    return k
+
+
+def select_mixture(
+    weights: Tensor,
+    *,
+    context: Tensor | None = None,
+    seed: int,
+    n_restarts: int = 8,
+    tolerance: float = 1e-6,
+    extend: bool = True,
+    progress: Callable[[int], None] | None = None,
+) -> Selection:
+    """Choose the number of mixture components by the Bayesian information criterion (paper, appendix C).
+
+    Args:
+        weights: (n, d) standardised weights of the training flights.
+        context: (n, c) encoded context, if there is one.
+        seed: Of the starts.
+        n_restarts: Starts for each number of components.
+        tolerance: As in :func:`~descentflow.densities.em.fit_mixture`.
+        extend: Go on beyond 15 flights per parameter where BIC decides for the cap, see :func:`by_bic`.
+        progress: Progress callback: called after each number of components with how many will be tried.
+
+    Returns:
+        The best mixture; ``cap_binds`` says that the largest number allowed won, so that more might win yet.
+
+    Example:
+        >>> weights = torch.randn(600, 1) / 10 + torch.arange(600)[:, None] % 3
+        >>> select_mixture(weights, seed=0, n_restarts=2).mixture.n_components
+        3
+    """
+    n, dimension = weights.shape
+    n_context = 0 if context is None else context.shape[1]
+    most, furthest = (
+        max_components(n, dimension, n_context, share) for share in (FLIGHTS_PER_PARAMETER, MIN_FLIGHTS_PER_PARAMETER)
+    )
+
+    def fit(k: int) -> tuple[Mixture, float]:
+        return fit_mixture(weights, k, context=context, seed=seed, n_restarts=n_restarts, tolerance=tolerance)
+
+    def count(k: int) -> int:
+        return n_parameters(k, dimension, n_context)
+
+    found, bic = by_bic(fit, count, n, most, furthest if extend else most, progress)
+    return Selection(found, bic, cap_binds=min(bic, key=bic.__getitem__) == max(bic))
+
+
+def by_bic(
+    fit: Callable[[int], tuple[M, float]],
+    n_parameters: Callable[[int], int],
+    n: int,
+    most: int,
+    furthest: int,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[M, dict[int, float]]:
+    """Try numbers of mixture components and keep the one of the smallest BIC.
+
+    :func:`numbers_tried` up to ``most`` are tried; beyond 16 components, where each costs much, until four in a row
+    were no better. While the largest or the last but one is the best, larger ones are tried, up to ``furthest``: BIC
+    has its own price for parameters, so the cap should not be what decides.
+
+    Args:
+        fit: Number of components -> mixture and mean log-likelihood (nats per flight).
+        n_parameters: Number of components -> free parameters.
+        n: Number of flights.
+        most: The paper's cap.
+        furthest: Where even a better BIC is not followed.
+        progress: Progress callback: called after each with how many will be tried at least.
+
+    Returns:
+        The best, and the BIC of every number tried; the best is the largest only if ``furthest`` decided.
+
+    Example:
+        >>> best, bic = by_bic(lambda k: (f"{k} components", -abs(k - 2.0)), lambda k: k, n=100, most=4, furthest=4)
+        >>> best, list(bic)
+        ('2 components', [1, 2, 3, 4])
+    """
+    tried: dict[int, M] = {}
+    bic: dict[int, float] = {}
+    sizes = numbers_tried(most, max(most, furthest))
+    planned = sum(k <= most for k in sizes)
+    for i, k in enumerate(sizes):
+        since_best = i - sizes.index(min(bic, key=bic.__getitem__)) if bic else 0
+        if since_best > (2 if k > most else PATIENCE if k > EVERY_NUMBER_TO else i):
+            break
+        tried[k], likelihood = fit(k)
+        bic[k] = n_parameters(k) * log(n) - 2 * n * likelihood
+        if progress is not None:
+            progress(max(planned, i + 1))
+    return tried[min(bic, key=bic.__getitem__)], bic
+
+
+def numbers_tried(most: int, furthest: int) -> list[int]:
+    """Numbers of mixture components in the order in which they are tried: all up to 16, then a tenth more each time.
+
+    Example:
+        >>> numbers_tried(20, 26)
+        [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 18, 20, 22, 24, 26]
+    """
+    found = [1]
+    while found[-1] < furthest:
+        k = found[-1]
+        further = k + 1 if k < EVERY_NUMBER_TO else round(1.1 * k)
+        found.append(min(further, most if k < most else furthest))
+    return found

@@ -1,6 +1,7 @@
 """Small known things that several tests need: an aircraft, a representation, weights of known density."""
 
 from collections.abc import Callable
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles, infer_drag_n
 from descentflow.representation.representation import Representation, Split, fit_representation
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 from descentflow.training.models import LatentModel
 
@@ -145,7 +147,9 @@ def write_descents_file(path: Path, n: int = 300, seed: int = 0, typecode: str =
             "vertical_rate": real.rate_mps.numpy()[take] / FPM_MPS,
         }
     ).with_columns(timestamp=pl.lit(datetime(2026, 1, 1, tzinfo=UTC)) + pl.duration(seconds="time_s"))
-    metadata = {"schema_version": 1, "bottom_fl": int(real.levels_fl[0]), "top_fl": {typecode: 370}}
+    bottom = int(real.levels_fl[0])
+    metadata = {"schema_version": 1, "bottom_fl": bottom, "top_fl": {typecode: 370}}
+    metadata["settings"] = asdict(Cleaning(bottom_fl=bottom))
     write_descents(Descents(frame.sort("flight_id", -pl.col("level_fl")), metadata), path)
     return path
 

@@ -2,10 +2,13 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
+from typing import Any
 
-from descentflow.core.errors import DescentflowError
+from descentflow.core.errors import DescentflowError, DescentflowWarning
 from descentflow.core.version import __version__
 
 COMMANDS = {
@@ -59,10 +62,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"descentflow: no command {name!r}; there are {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
     try:
-        return _run(name, rest)
+        with _warnings_in_a_line(name):
+            return _run(name, rest)
     except DescentflowError as error:
         print(f"descentflow {name}: {error}", file=sys.stderr)
         return 2
+
+
+@contextmanager
+def _warnings_in_a_line(name: str) -> Iterator[None]:
+    """Print our own warnings as errors are printed, without file, line and source."""
+    usual = warnings.formatwarning
+
+    def shown(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> str:
+        ours = issubclass(category, DescentflowWarning)
+        return f"descentflow {name}: warning: {message}\n" if ours else usual(message, category, *place, **more)
+
+    warnings.formatwarning = shown
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
 
 
 def _run(name: str, rest: list[str]) -> int:

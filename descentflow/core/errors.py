@@ -24,6 +24,10 @@ to mend it, rename the airspeed column to IAS (knots)
         super().__init__(f"{got}; expected {expected}; to mend it, {mend}")
 
 
+class DescentflowWarning(UserWarning):
+    """What a user should know although the work goes on; the command line prints it in one line."""
+
+
 class DataError(DescentflowError):
     """Surveillance rows or prepared descents that cannot be used."""
 

@@ -1,6 +1,6 @@
 """What is fitted before any density: bases, scaler, bounds and the split, from the training flights alone."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import torch
@@ -15,6 +15,8 @@ from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles
+from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ class Representation(nn.Module):
         provenance: dict[str, Any],
         reference: dict[str, Any] | None = None,
         context: ContextEncoder | None = None,
+        cleaning: Cleaning | None = None,
     ) -> None:
         """Hold the parts.
 
@@ -58,11 +61,13 @@ class Representation(nn.Module):
                 flights against them with the same instrument (:mod:`descentflow.measurements.quantities`); may be
                 absent.
             context: What the density is conditioned on; None for nothing.
+            cleaning: Thresholds with which the training descents were cleaned, and with which rows are cleaned that the
+                model is held against; None if they are unknown.
         """
         super().__init__()
         self.decoder, self.plausibility = decoder, plausibility
         self.split, self.provenance = split, provenance
-        self.reference, self.context = reference, context
+        self.reference, self.context, self.cleaning = reference, context, cleaning
 
     @property
     def n_context(self) -> int:
@@ -81,6 +86,8 @@ class Representation(nn.Module):
             state["reference"] = self.reference
         if self.context is not None:
             state["context"] = self.context.to_state()
+        if self.cleaning is not None:
+            state["cleaning"] = asdict(self.cleaning)
         return state
 
     @classmethod
@@ -94,6 +101,7 @@ class Representation(nn.Module):
             state["provenance"],
             state.get("reference"),
             ContextEncoder.from_state(state["context"]) if "context" in state else None,
+            kept_cleaning(state.get("cleaning")),
         )
 
 

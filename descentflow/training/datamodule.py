@@ -1,5 +1,6 @@
 """The one DataModule: splits by flight, fits the representation on the train part, serves standardised weights."""
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,10 @@ from tqdm import tqdm
 
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.measurements.quantities import reference_state
 from descentflow.representation.checkpoint import load_representation
+from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.context import ContextEncoder, Missing
 from descentflow.representation.encode_flights import (
     EncodedFlights,
@@ -29,7 +31,9 @@ from descentflow.representation.flight_parts import Part, parts_of, top_level, w
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.representation import Representation, Split, fit_representation
-from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.prepared_descents import Descents
+from descentflow.surveillance.open_descents import open_prepared
 from descentflow.training.splitting import SplitBy, split_flights
 
 
@@ -118,11 +122,12 @@ class DescentDataModule(LightningDataModule):
                 bar.update()
                 bar.set_description(name, refresh=False)
 
-            source = read_descents(self.descents)
+            known = None if self.checkpoint is None else load_representation(self.checkpoint)
+            source = open_prepared(self.descents) if known is None else comparable_descents(self.descents, known)
             frame = self._chosen(source)
             begin("inferring drag")
-            if self.checkpoint is not None:
-                representation = load_representation(self.checkpoint)
+            if known is not None:
+                representation = known
                 self._parts = encode_flights(frame, representation, self.context_table, say=rank_zero_info)
             else:
                 table = context_of(frame, self.context or [], self.context_table)
@@ -133,6 +138,7 @@ class DescentDataModule(LightningDataModule):
                 levels, seen = profiles.levels_fl, [*split.train, *split.validation]
                 representation.reference = reference_state(frame, float(levels[0]), float(levels[-1]), seen)
                 representation.context = self._encoder(table, split)
+                representation.cleaning = self._cleaning(source)
                 # A gigabyte for forty thousand flights, which what follows has no use for.
                 del frame, source
                 begin("encoding flights")
@@ -243,3 +249,14 @@ class DescentDataModule(LightningDataModule):
             mass_kg=self.mass_kg,
             provenance={"descents": Path(self.descents).name, "typecodes": sorted(source.frame["typecode"].unique())},
         )
+
+    @staticmethod
+    def _cleaning(source: Descents) -> Cleaning | None:
+        if source.cleaning is None:
+            warnings.warn(
+                "these descents do not say how they were cleaned, so the model's cleaning settings are unknown and "
+                "flights that it is held against may be cleaned otherwise; to mend it, prepare the rows again",
+                DescentflowWarning,
+                stacklevel=2,
+            )
+        return source.cleaning

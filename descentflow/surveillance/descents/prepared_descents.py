@@ -10,7 +10,8 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import to_dataset, to_pandas
-from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
+from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.description import KEY, MEND, SCHEMA_VERSION, described
 from descentflow.surveillance.descents.store import read_store
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -105,8 +106,7 @@ class Descents:
             >>> read_descents("descents.parquet").cleaning.slowest_fpm
             500.0
         """
-        settings = self.metadata.get("settings")
-        return cleaning_of(settings, "the settings of prepared descents") if settings else None
+        return kept_cleaning(self.metadata.get("settings"))
 
     def to_polars(self) -> pl.DataFrame:
         """The table as polars has it: :attr:`frame`."""

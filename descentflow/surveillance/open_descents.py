@@ -1,0 +1,208 @@
+"""Descents of whatever a user has: rows are cleaned, prepared files are read, and other settings are not overlooked.
+
+It stands beside :mod:`~descentflow.surveillance.prepare`, and not in :mod:`~descentflow.surveillance.descents`,
+because it cleans rows.
+"""
+
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.surveillance.cleaning.kept_settings import differences_in_words, different_settings
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.description import KEY, SCHEMA_VERSION
+from descentflow.surveillance.descents.join_descents import join_descents
+from descentflow.surveillance.descents.prepared_descents import REQUIRED, Descents, read_descents, top_levels
+from descentflow.surveillance.descents.store import MANIFEST
+from descentflow.surveillance.prepare import prepare
+
+Say = Callable[[str], None]
+
+
+def open_descents(
+    source: Any,
+    cleaning: Cleaning | None = None,
+    *,
+    rows_cleaning: Cleaning | None = None,
+    progress: Say | None = None,
+) -> Descents:
+    """Descents of rows or of what was prepared from them, in memory or as a path.
+
+    Args:
+        source: A path to rows (a file or a folder), to a prepared file, a store or a folder of prepared files; several
+            such paths; descents in memory; or a table (Polars or pandas) of prepared descents.
+        cleaning: Settings that the descents must have: rows are cleaned with them, and of prepared descents that were
+            cleaned with others a warning names every setting that differs. None if any will do.
+        rows_cleaning: Settings for rows where ``cleaning`` is None; the defaults if absent.
+        progress: Called with what is being done, and with which settings rows are cleaned.
+
+    Raises:
+        DataError: If there is nothing there, it cannot be read, or prepared files of different settings are put
+            together.
+
+    Warns:
+        DescentflowWarning: If descents were prepared with other settings than ``cleaning``, or do not say with which.
+
+    Example:
+        >>> open_descents("rows.parquet").cleaning == Cleaning()
+        True
+        >>> open_descents("rows.parquet", Cleaning(transient_s=60.0)).cleaning.transient_s
+        60.0
+    """
+    say = progress or (lambda _: None)
+    descents = _prepared(source)
+    if descents is None:
+        return _cleaned(_paths(source), cleaning, rows_cleaning, say)
+    if cleaning is not None:
+        _compare(descents, cleaning)
+    return descents
+
+
+def open_prepared(source: Any) -> Descents:
+    """As :func:`open_descents`, but rows are refused: what a model is trained on is prepared knowingly.
+
+    Args:
+        source: A path to a prepared file, a store or a folder of prepared files; several such paths; descents in
+            memory; or a table (Polars or pandas) of prepared descents.
+
+    Raises:
+        DataError: If it is something else, cannot be read, or was prepared with different settings.
+
+    Example:
+        >>> open_prepared("descents.parquet").frame["flight_id"].n_unique()
+        120
+    """
+    descents = _prepared(source)
+    # Of what is not prepared, the reader of prepared files says best what it is.
+    return read_descents(_paths(source)[0]) if descents is None else descents
+
+
+def is_prepared(path: Path) -> bool:
+    """Whether a path is a prepared file or a store, and not rows.
+
+    Raises:
+        DataError: If a Parquet file is damaged.
+
+    Example:
+        >>> is_prepared(Path("descents.parquet")), is_prepared(Path("rows.parquet"))
+        (True, False)
+    """
+    if path.is_dir():
+        return (path / MANIFEST).is_file()
+    if path.suffix != ".parquet" or not path.is_file():
+        return False
+    try:
+        return KEY in pl.read_parquet_metadata(path)
+    except (pl.exceptions.PolarsError, OSError) as error:
+        raise DataError(
+            f"{path}: {str(error).splitlines()[0]}", expected="a whole Parquet file", mend="write it again"
+        ) from error
+
+
+def _prepared(source: Any) -> Descents | None:
+    """Descents that are prepared already; None for rows."""
+    descents = _in_memory(source)
+    if descents is not None:
+        return descents
+    paths = _expanded(_paths(source))
+    prepared = [path for path in paths if is_prepared(path)]
+    if not prepared:
+        return None
+    if len(prepared) < len(paths):
+        other = next(path for path in paths if path not in prepared)
+        raise DataError(
+            f"prepared descents ({prepared[0]}) and others ({other}) together",
+            expected="rows alone, or prepared descents alone",
+            mend="prepare the rows first",
+        )
+    return join_descents([read_descents(path) for path in prepared], [str(path) for path in prepared])
+
+
+def _paths(source: Any) -> list[Path]:
+    several = [source] if isinstance(source, str | Path) else source
+    if not isinstance(several, Sequence) or not several or not all(isinstance(one, str | Path) for one in several):
+        raise DataError(
+            f"a {type(source).__name__} for descents",
+            expected="a path, several paths, Descents, or a table of prepared descents",
+            mend="pass what descentflow.prepare returned, or the path of rows or of a prepared file",
+        )
+    paths = [Path(one) for one in several]
+    for path in paths:
+        if not path.exists():
+            raise DataError(f"no file {path}", expected="rows or prepared descents", mend="check the path")
+    return paths
+
+
+def _expanded(paths: Sequence[Path]) -> list[Path]:
+    """The prepared files of a folder in place of the folder; a folder without any stands for itself."""
+    found: list[Path] = []
+    for path in paths:
+        inside = sorted(path.glob("*.parquet")) if path.is_dir() and not is_prepared(path) else []
+        found += inside if any(is_prepared(one) for one in inside) else [path]
+    return found
+
+
+def _in_memory(source: Any) -> Descents | None:
+    if isinstance(source, Descents):
+        return source
+    if type(source).__module__.split(".")[0] == "pandas":
+        source = _from_pandas(source)
+    if not isinstance(source, pl.DataFrame):
+        return None
+    absent = [name for name in REQUIRED if name not in source.columns]
+    if absent or source.is_empty():
+        raise DataError(
+            f"a table with columns {', '.join(source.columns[:12])}" if absent else "a table without a row",
+            expected="prepared descents (columns " + ", ".join(REQUIRED) + ")",
+            mend="write the rows to a file and pass its path: they are prepared then",
+        )
+    bottom = int(source["level_fl"].min())  # type: ignore[arg-type]
+    known = {"schema_version": SCHEMA_VERSION, "bottom_fl": bottom, "top_fl": top_levels(source), "inputs": []}
+    return Descents(source, known)
+
+
+def _from_pandas(table: Any) -> pl.DataFrame:
+    """The columns of a pandas table, which Polars itself converts by way of pyarrow only."""
+    return pl.DataFrame({str(name): _from_pandas_column(table[name]) for name in table.columns})
+
+
+def _from_pandas_column(column: Any) -> pl.Series:
+    if column.dtype.kind == "M":
+        utc = column if column.dt.tz is None else column.dt.tz_convert("UTC").dt.tz_localize(None)
+        return pl.Series(utc.to_numpy()).dt.replace_time_zone("UTC")
+    if column.dtype.kind in "iuf" and not column.isna().any():
+        return pl.Series(column.to_numpy())
+    return pl.Series(column.astype(object).where(column.notna(), None).tolist())
+
+
+def _cleaned(paths: list[Path], cleaning: Cleaning | None, rows_cleaning: Cleaning | None, say: Say) -> Descents:
+    chosen = cleaning or rows_cleaning or Cleaning()
+    differences = different_settings(Cleaning(), chosen)
+    changed = ", ".join(f"{name} {value}" for name, (_, value) in differences.items())
+    say(f"cleaning rows with {changed or 'the default settings'}")
+    return prepare(paths, cleaning=chosen, progress=say)
+
+
+def _compare(descents: Descents, cleaning: Cleaning) -> None:
+    """Warn of descents that were prepared with other settings, or do not say with which."""
+    if descents.cleaning is None:
+        warnings.warn(
+            "the cleaning settings of these descents are unknown, so they may differ from those of the model's "
+            "training descents and show as a difference of flight; prepare the rows again, or pass the rows themselves",
+            DescentflowWarning,
+            stacklevel=3,
+        )
+        return
+    differences = different_settings(cleaning, descents.cleaning)
+    if differences:
+        words = differences_in_words(differences, "in these descents", "in the model's training descents")
+        warnings.warn(
+            f"descents of other cleaning settings: {words}; what the settings change shows as a difference of flight; "
+            "prepare the rows with the model's settings, or pass the rows themselves",
+            DescentflowWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,170 @@
+"""Descents are opened from whatever holds them, and how they were cleaned is never overlooked."""
+
+import warnings
+from dataclasses import asdict
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.representation.checkpoint import load_representation
+from descentflow.representation.comparable_descents import comparable_descents
+from descentflow.representation.representation import Representation
+from descentflow.simulation.world import simulate
+from descentflow.surveillance.cleaning.kept_settings import different_settings, kept_cleaning
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
+from descentflow.surveillance.open_descents import open_descents, open_prepared
+from descentflow.surveillance.prepare import prepare
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.fit import fit
+from descentflow.training.models import Gaussian
+
+STRICT = Cleaning(slowest_fpm=1200.0, transient_s=60.0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Rows of 30 flights, prepared as a file, as a store, and strictly; and those of 30 others."""
+    folder = tmp_path_factory.mktemp("open")
+    for seed, name in ((0, ""), (1, "_others")):
+        simulate(aircraft("A320"), 30, seed).rows.write_parquet(folder / f"rows{name}.parquet")
+        prepare(folder / f"rows{name}.parquet", out=folder / f"descents{name}.parquet")
+    prepare(folder / "rows.parquet", out=folder / "store")
+    prepare(folder / "rows_others.parquet", out=folder / "strict.parquet", cleaning=STRICT)
+    return folder
+
+
+def without_settings(path: Path, target: Path) -> Path:
+    """A prepared file that does not say how it was cleaned."""
+    found = read_descents(path)
+    write_descents(Descents(found.frame, {k: v for k, v in found.metadata.items() if k != "settings"}), target)
+    return target
+
+
+def test_rows_files_stores_descents_and_tables_open_alike(folder: Path) -> None:
+    expected = open_descents(folder / "rows.parquet")
+    frame = read_descents(folder / "descents.parquet").frame
+    for source in (
+        str(folder / "descents.parquet"),
+        folder / "store",
+        [folder / "descents.parquet"],
+        expected,
+        frame,
+    ):
+        assert open_descents(source).frame.equals(expected.frame, null_equal=True)
+    assert expected.cleaning == Cleaning()
+    assert open_descents(folder / "store").cleaning == Cleaning()
+    assert open_descents(frame).cleaning is None
+
+
+def test_a_pandas_table_is_prepared_descents_too(folder: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = read_descents(folder / "descents.parquet").frame.select(
+        "flight_id", "icao24", "typecode", "level_fl", "timestamp", "time_s", "IAS", "Mach", "vertical_rate"
+    )
+    table = pandas.DataFrame({name: frame[name].to_list() for name in frame.columns})
+    assert str(table["timestamp"].dtype).startswith("datetime64")
+    opened = open_descents(table).frame
+    assert opened.with_columns(pl.col("timestamp").cast(pl.Datetime("us", "UTC"))).equals(
+        frame.cast({"level_fl": pl.Int64}).with_columns(pl.col("timestamp").cast(pl.Datetime("us", "UTC")))
+    )
+
+
+def test_rows_are_cleaned_with_the_settings_asked_for_and_that_is_said(folder: Path) -> None:
+    said: list[str] = []
+    strict = open_descents(folder / "rows_others.parquet", STRICT, progress=said.append)
+    assert said[0] == "cleaning rows with slowest_fpm 1200.0, transient_s 60.0"
+    assert strict.cleaning == STRICT
+    assert strict.frame.equals(read_descents(folder / "strict.parquet").frame)
+    open_descents(folder / "rows.parquet", progress=said.append)
+    assert "cleaning rows with the default settings" in said
+
+
+def test_prepared_descents_of_other_settings_are_named(folder: Path) -> None:
+    words = (
+        r"slowest_fpm is 500 in these descents and 1200 in the model's training descents, "
+        r"transient_s is 20 in these descents and 60 in"
+    )
+    with pytest.warns(DescentflowWarning, match=words):
+        open_descents(folder / "descents.parquet", STRICT)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        open_descents(folder / "descents.parquet", Cleaning())
+
+
+def test_descents_that_do_not_say_how_they_were_cleaned(folder: Path, tmp_path: Path) -> None:
+    before = without_settings(folder / "descents.parquet", tmp_path / "before.parquet")
+    assert read_descents(before).cleaning is None
+    with pytest.warns(DescentflowWarning, match="unknown.* prepare the rows again"):
+        open_descents(before, Cleaning())
+    data = DescentDataModule(before)
+    with pytest.warns(DescentflowWarning, match="unknown.* prepare the rows again"):
+        data.setup()
+    assert data.representation.cleaning is None
+    with pytest.warns(DescentflowWarning, match="fit the model again"):
+        again = comparable_descents(folder / "rows.parquet", data.representation)
+    assert again.cleaning == Cleaning(bottom_fl=150)
+
+
+def test_prepared_files_of_one_cleaning_join(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.parquet").write_bytes((folder / "descents.parquet").read_bytes())
+    (tmp_path / "b.parquet").write_bytes((folder / "descents_others.parquet").read_bytes())
+    of_folder = open_prepared(tmp_path)
+    parts = [read_descents(tmp_path / name) for name in ("a.parquet", "b.parquet")]
+    assert of_folder.frame["flight_id"].n_unique() == sum(part.frame["flight_id"].n_unique() for part in parts)
+    assert of_folder.cleaning == Cleaning()
+    assert len(of_folder.metadata["inputs"]) == 2
+    assert of_folder.metadata["report"]["steps"][0]["rows_left"] == sum(
+        part.metadata["report"]["steps"][0]["rows_left"] for part in parts
+    )
+    with pytest.raises(DataError, match="in two of"):
+        open_prepared([tmp_path / "a.parquet", tmp_path / "a.parquet"])
+
+
+def test_descents_of_mixed_settings_are_refused(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.parquet").write_bytes((folder / "descents.parquet").read_bytes())
+    (tmp_path / "b.parquet").write_bytes((folder / "strict.parquet").read_bytes())
+    for source in (tmp_path, [tmp_path / "a.parquet", tmp_path / "b.parquet"]):
+        with pytest.raises(DataError, match=r"slowest_fpm is 1200 in .*b.parquet and 500 in .*a.parquet, transient_s"):
+            DescentDataModule(source).setup()
+
+
+def test_rows_and_prepared_descents_do_not_mix(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="together"):
+        open_descents([folder / "rows_others.parquet", folder / "descents.parquet"])
+    with pytest.raises(DataError, match="no file"):
+        open_descents(tmp_path / "absent.parquet")
+    with pytest.raises(DataError, match="a int for descents"):
+        open_descents(3)
+    with pytest.raises(DataError, match="not prepared descents"):
+        open_prepared(folder / "rows.parquet")
+    with pytest.raises(DataError, match="write the rows to a file"):
+        open_descents(pl.read_parquet(folder / "rows.parquet"))
+
+
+def test_a_representation_keeps_the_settings_of_its_training_descents(folder: Path) -> None:
+    data = DescentDataModule(folder / "strict.parquet")
+    data.setup()
+    assert data.representation.cleaning == STRICT
+    again = Representation.from_state(data.representation.to_state())
+    assert again.cleaning == STRICT
+    assert comparable_descents(folder / "rows.parquet", again).cleaning == STRICT
+
+
+def test_settings_of_another_version_are_unknown() -> None:
+    settings = asdict(Cleaning())
+    assert kept_cleaning(settings) == Cleaning()
+    assert kept_cleaning(settings | {"a_new_one": 1.0}) is None
+    assert kept_cleaning({name: value for name, value in settings.items() if name != "transient_s"}) is None
+    assert kept_cleaning(settings | {"transient_s": "long"}) is None
+    assert kept_cleaning(None) is None
+    assert different_settings(Cleaning(), Cleaning(largest_bank_deg=25.0)) == {"largest_bank_deg": (None, 25.0)}
+
+
+def test_a_checkpoint_keeps_the_settings(folder: Path, tmp_path: Path) -> None:
+    data = DescentDataModule(folder / "strict.parquet")
+    fit(Gaussian(), data, tmp_path / "strict.ckpt", max_epochs=1)
+    assert load_representation(tmp_path / "strict.ckpt").cleaning == STRICT

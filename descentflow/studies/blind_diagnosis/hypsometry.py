@@ -9,12 +9,11 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy import stats
 
-from descentflow.core.constants import G0_MPS2, LAPSE_K_M, T0_K
+from descentflow.core.constants import G0_MPS2, KAPPA, LAPSE_K_M, R_AIR, T0_K, TROPOPAUSE_M
 from descentflow.core.errors import DataError
 from descentflow.core.units import FT_M, KT_MPS
 
 Array = NDArray[np.float64]
-TROPOPAUSE_M: Final = 11_000.0
 EARTH_RADIUS_M: Final = 6_371_000.0
 FEWEST_SPAN_FT: Final = 3000.0
 """Below this the steps of 25 ft leave a flight's deviation too uncertain."""
@@ -117,7 +116,7 @@ def speed_deviation(frame: pl.DataFrame) -> Deviation:
     """
     known = frame.drop_nulls(["TAS", "Mach"])
     sound = known["TAS"].to_numpy() * KT_MPS / known["Mach"].to_numpy()
-    warm = sound**2 / (1.4 * 287.05287) - isa_k(known["level_fl"].to_numpy() * 100 * FT_M)
+    warm = sound**2 / (KAPPA * R_AIR) - isa_k(known["level_fl"].to_numpy() * 100 * FT_M)
     table = (
         known.with_columns(pl.Series("deviation_k", warm))
         .group_by("flight_id", "icao24", maintain_order=True)

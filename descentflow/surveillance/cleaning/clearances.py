@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
+from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import KT_MPS
 from descentflow.surveillance.cleaning.filters import Filter, cut, flights_of
 from descentflow.surveillance.cleaning.windows import clock_of
 from descentflow.surveillance.rows.air_data import Array
 
-GRAVITY_MPS2 = 9.80665
 SPAN_S = 20.0
 """Longest time over which a change of track is taken for one turn."""
 
@@ -46,7 +46,7 @@ class LargestBank(Filter):
             span[1:-1] = clock[2:] - clock[:-2]
             turn = np.where(span <= SPAN_S, np.radians(change) / span, np.nan)
             speed = rows["groundspeed"].cast(pl.Float64).to_numpy() * KT_MPS
-            bank = np.degrees(np.arctan(speed * turn / GRAVITY_MPS2))
+            bank = np.degrees(np.arctan(speed * turn / G0_MPS2))
         if "roll" in rows.columns:
             reported = rows["roll"].cast(pl.Float64).to_numpy()
             bank = np.where(np.isnan(reported), bank, reported)

@@ -10,7 +10,7 @@ from source_toys import all_call, cat048, cat062, packed, register_60, reply, sc
 from surveillance_toys import flight
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.readers import read_rows
+from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.drop_report import DropReport
 
 FLIGHT = flight().head(60)

@@ -86,8 +86,8 @@ def run(args: argparse.Namespace) -> None:
 
     from descentflow.core.files import whole_file
     from descentflow.surveillance.formats.embedded import embedded_rows, embedded_types
-    from descentflow.surveillance.formats.readers import read_table
     from descentflow.surveillance.prepare import prepare
+    from descentflow.surveillance.read_rows import read_table
 
     _check(args)
     paths = [*args.rows, *([embedded_rows()] if args.embedded else [])]

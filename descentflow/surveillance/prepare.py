@@ -11,12 +11,14 @@ import polars as pl
 from descentflow.core.workers import Engine, LocalEngine
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.formats.readers import files_of, read_table
+from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.out_of_core.held_rows import clean_held
 from descentflow.surveillance.out_of_core.intake import take_in
 from descentflow.surveillance.out_of_core.resumable_run import prepare_to
 from descentflow.surveillance.out_of_core.spill import Memory, Spill
+from descentflow.surveillance.read_rows import read_table
 from descentflow.surveillance.request import Request, description
+from descentflow.surveillance.unpacking.source_files import files_of
 
 __all__ = ["MEMORY_BYTES", "Cleaning", "prepare"]
 
@@ -85,7 +87,7 @@ def prepare(
     if out is not None:
         workers = engine or LocalEngine(os.cpu_count() or 1)
         return prepare_to(Path(out), request, Memory(memory_bytes), workers, report_progress)
-    files = files_of(request.paths)
+    files = files_of(request.paths, ACCEPTED)
     report_progress("reading rows")
     intake = take_in(files, format, Spill(Path(), limit_bytes=2**62))
     outcome = clean_held(intake, request, os.cpu_count() or 1, report_progress)

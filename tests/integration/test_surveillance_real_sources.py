@@ -11,7 +11,7 @@ import pytest
 from source_toys import possible
 
 from descentflow.surveillance.formats.embedded import embedded_rows
-from descentflow.surveillance.formats.readers import read_rows
+from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 

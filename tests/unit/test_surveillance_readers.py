@@ -1,7 +1,6 @@
 """Every kind of file gives the same rows."""
 
 import gzip
-import io
 import json
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,11 +12,11 @@ from surveillance_toys import flight, written
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.formats import aircraft_json
-from descentflow.surveillance.formats.readers import files_of, read_rows, read_table
-from descentflow.surveillance.formats.streams import Input
+from descentflow.surveillance.read_rows import read_rows, read_table
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import normalise
 from descentflow.surveillance.rows.schema import TIMESTAMP
+from descentflow.surveillance.unpacking.source_files import files_of
 
 NOON = datetime(2024, 3, 1, 12, 0, 0, 250_000, tzinfo=UTC)
 ROW = {"icao24": "4ca001", "altitude": 30_000.0, "IAS": 270.0, "Mach": 0.7}
@@ -143,7 +142,7 @@ def test_snapshots_are_timed_at_the_last_message_and_ground_is_no_altitude() -> 
     craft = {"hex": "~4CA001", "flight": "TST1  ", "t": "A320", "alt_baro": "ground", "ias": 120, "mach": 0.2}
     air = craft | {"alt_baro": 30_000, "seen": 2.5, "mag_heading": 90.5, "oat": -40, "baro_rate": -1984, "gs": [3]}
     snapshots = [{"now": 1709294400.0, "aircraft": [craft, air]}]
-    rows = pl.concat(aircraft_json.rows(snapshots, Input(io.BytesIO(), "aircraft.json"), DropReport(), 100))
+    rows = pl.concat(aircraft_json.rows(snapshots, "aircraft.json", DropReport(), 100))
     assert rows["timestamp"].to_list() == [1709294400.0, 1709294397.5]
     assert rows["altitude"].to_list() == [None, 30_000.0]
     assert rows["callsign"][0] == "TST1"

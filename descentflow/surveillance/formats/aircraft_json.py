@@ -9,8 +9,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.streams import Input
-from descentflow.surveillance.formats.values import Kinds, is_number, table
+from descentflow.surveillance.formats.json_values import Kinds, is_number, table
 from descentflow.surveillance.rows.drop_report import DropReport
 
 FIELDS = {
@@ -40,7 +39,12 @@ MOST = 50_000
 """Aircraft that are held as JSON at a time."""
 
 
-def rows(found: Iterable[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+def is_snapshot(document: object) -> bool:
+    """Whether a JSON document looks like a snapshot, of a receiver or of an open API."""
+    return isinstance(document, dict) and ("aircraft" in document or document.keys() >= {"ac", "now"})
+
+
+def rows(documents: Iterable[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
     """One row for each aircraft of each snapshot, timed at its last message (`now` less `seen`).
 
     Aircraft on the ground have the word "ground" for an altitude; it becomes missing and the row is dropped and
@@ -52,7 +56,7 @@ def rows(found: Iterable[object], source: Input, report: DropReport, block: int)
     times: list[float] = []
     waiting: list[dict[str, Any]] = []
     any_snapshot = False
-    for snapshot in found:
+    for snapshot in documents:
         aircraft = snapshot.get("aircraft", snapshot.get("ac")) if isinstance(snapshot, dict) else None
         if not isinstance(snapshot, dict) or not isinstance(aircraft, list) or not is_number(snapshot.get("now")):
             report.note("JSON documents that are no snapshot with aircraft and time", 1)
@@ -63,12 +67,12 @@ def rows(found: Iterable[object], source: Input, report: DropReport, block: int)
         waiting += objects
         now = float(snapshot["now"])
         times += [now / 1000 if now > MILLISECONDS else now] * len(objects)
-        if len(waiting) >= min(block, MOST):
+        if len(waiting) >= min(block_rows, MOST):
             yield _frame(times, waiting)
             times, waiting = [], []
     if not any_snapshot:
         raise DataError(
-            f"{source.label}: JSON without aircraft and time",
+            f"{label}: JSON without aircraft and time",
             expected="snapshots with `now` and a list `aircraft`, as dump1090-fa and readsb serve them",
             mend="pass such a file",
         )

@@ -15,10 +15,10 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
-from descentflow.surveillance.formats.registers import values_of
-from descentflow.surveillance.formats.streams import Input
-from descentflow.surveillance.formats.values import numbers, texts
+from descentflow.surveillance.formats.json_values import numbers, texts
+from descentflow.surveillance.formats.mode_s_registers import values_of
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.unpacking.streams import Input
 
 HEADER = 3
 """Bytes of a block's category and length."""
@@ -55,7 +55,7 @@ WEATHER = {"wind_direction": "WD", "wind_speed": "WS", "temperature": "TMP"}
 Row = dict[str, Any]
 
 
-def rows(source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+def rows(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
     """Rows of the messages of both categories that name an aircraft; others are counted.
 
     Raises:
@@ -69,7 +69,7 @@ def rows(source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame
         for row, of_day in _rows_of_block(content, decode, report):
             waiting.append(row)
             seconds.append(clock.seconds(of_day))
-        if len(waiting) >= block:
+        if len(waiting) >= block_rows:
             yield _frame(waiting, seconds)
             waiting, seconds = [], []
     yield _frame(waiting, seconds)
@@ -223,7 +223,7 @@ def _frame(waiting: list[Row], seconds: list[float | None]) -> pl.DataFrame:
     return pl.DataFrame({"timestamp": numbers(seconds), **columns}).with_columns(pl.col("temperature") + 273.15)
 
 
-def looks_so(head: bytes) -> bool:
+def is_asterix(head: bytes) -> bool:
     """Whether a file begins with whole blocks of known categories, 048 or 062 among them.
 
     After three good ones it is taken for ASTERIX whatever follows, so that damage is told as such.

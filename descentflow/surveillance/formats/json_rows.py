@@ -7,8 +7,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.streams import Input
-from descentflow.surveillance.formats.values import mixed
+from descentflow.surveillance.formats.json_values import mixed
 from descentflow.surveillance.rows.drop_report import DropReport
 
 TIME = frozenset({"timestamp", "time"})
@@ -19,22 +18,22 @@ NAMES_LOOKED_AT = 1000
 """Rows whose keys name the columns; later rows have no others."""
 
 
-def rows(found: Iterator[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+def rows(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
     """Rows as they are, numbers as floats and the rest as text.
 
     Raises:
         DataError: If the JSON holds no rows.
     """
-    first = next(found, None)
-    documents = itertools.chain([first], found)
+    first = next(documents, None)
+    each_document = itertools.chain([first], documents)
     if isinstance(first, dict) and _of_columns(first):
-        for document in documents:
-            yield _table_of_columns(document if isinstance(document, dict) else {}, source.label)
+        for document in each_document:
+            yield _table_of_columns(document if isinstance(document, dict) else {}, label)
         return
-    each = (document if isinstance(document, list) else [document] for document in documents)
+    each = (document if isinstance(document, list) else [document] for document in each_document)
     stream = itertools.chain.from_iterable(each)
     names: list[str] | None = None
-    while batch := list(itertools.islice(stream, min(block, MOST))):
+    while batch := list(itertools.islice(stream, min(block_rows, MOST))):
         objects = [row for row in batch if type(row) is dict]
         report.note("JSON values that are no row", len(batch) - len(objects))
         if names is None:
@@ -57,7 +56,7 @@ def _of_columns(document: dict[str, Any]) -> bool:
     return all(type(document.get(name)) is dict for name in TIME & document.keys())
 
 
-def looks_so(document: object) -> bool:
+def is_rows(document: object) -> bool:
     """Whether a JSON document has rows: by the names of time and address."""
     if isinstance(document, list):
         document = next((row for row in document if isinstance(row, dict)), None)

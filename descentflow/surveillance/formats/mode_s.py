@@ -10,7 +10,7 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.surveillance.formats.values import Kinds, table
+from descentflow.surveillance.formats.json_values import Kinds, table
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import in_seconds

@@ -9,10 +9,10 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.formats import mode_s
-from descentflow.surveillance.formats.streams import Input
-from descentflow.surveillance.formats.values import is_number
+from descentflow.surveillance.formats.json_values import is_number
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import in_seconds, timestamps
+from descentflow.surveillance.unpacking.streams import Input
 
 BATCH = 100_000
 """Messages that are brought together at a time."""
@@ -24,13 +24,18 @@ frame are AVR's."""
 MADE_BY = "lines `seconds frame` or `seconds,frame`, seconds since 1970 and frames of 14 or 28 hexadecimal digits"
 
 
-def jet1090(found: Iterator[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+def is_message(document: object) -> bool:
+    """Whether a JSON document looks like a line of jet1090."""
+    return isinstance(document, dict) and "timestamp" in document and bool(document.keys() & {"frame", "df"})
+
+
+def jet1090(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
     """Rows of jet1090's lines: as decoded by the receiver, or decoded here where a line has only time and frame."""
 
     def batches() -> Iterator[pl.DataFrame]:
-        while documents := list(itertools.islice(found, BATCH)):
-            messages = [m for m in documents if isinstance(m, dict) and is_number(m.get("timestamp"))]
-            report.note("lines that are no message with a time", len(documents) - len(messages))
+        while some := list(itertools.islice(documents, BATCH)):
+            messages = [m for m in some if isinstance(m, dict) and is_number(m.get("timestamp"))]
+            report.note("lines that are no message with a time", len(some) - len(messages))
             done = [m for m in messages if "df" in m]
             if len(done) < len(messages):
                 rest = [m for m in messages if "df" not in m]
@@ -42,7 +47,7 @@ def jet1090(found: Iterator[object], source: Input, report: DropReport, block: i
     yield from mode_s.rows(batches(), report)
 
 
-def lines(source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+def lines(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
     """Rows of lines of time and frame.
 
     Raises:
@@ -122,7 +127,7 @@ def decoded(frames: list[str], times: list[float], report: DropReport) -> list[d
     return messages
 
 
-def looks_raw(head: bytes) -> bool:
+def begins_with_frames(head: bytes) -> bool:
     """Whether text begins with lines of time and frame, under a line of names or not."""
     first = [line for line in head.splitlines()[:4] if line.strip()]
     return any(LINE.match(line) for line in first[:2])

@@ -14,8 +14,7 @@ import numpy as np
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.streams import Input
-from descentflow.surveillance.formats.values import Kinds, is_number, numbers, table, texts
+from descentflow.surveillance.formats.json_values import Kinds, is_number, numbers, table, texts
 from descentflow.surveillance.rows.air_data import mach_of_cas
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE
@@ -56,17 +55,22 @@ class Trace:
         return len(self.points)
 
 
-def rows(found: Iterator[object], source: Input, report: DropReport, block: int) -> Iterator[Trace]:
-    """Traces for :func:`finished`.
+def is_trace(document: object) -> bool:
+    """Whether a JSON document looks like a trace."""
+    return isinstance(document, dict) and "trace" in document
+
+
+def rows(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[Trace]:
+    """Traces for :func:`joined`.
 
     Raises:
         DataError: If a document lacks the address, the time or the list of points.
     """
-    for document in found:
+    for document in documents:
         trace = document.get("trace") if isinstance(document, dict) else None
         if not isinstance(document, dict) or not isinstance(trace, list) or not is_number(document.get("timestamp")):
             raise DataError(
-                f"{source.label}: JSON without a trace and its time",
+                f"{label}: JSON without a trace and its time",
                 expected="`icao`, `timestamp` and a list `trace`, as readsb and adsb.lol write them",
                 mend="pass such a file",
             )
@@ -75,7 +79,7 @@ def rows(found: Iterator[object], source: Input, report: DropReport, block: int)
         yield Trace(document.get("icao"), document.get("t"), float(document["timestamp"]), points)
 
 
-def finished(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
+def joined(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
     """Rows of whole traces: none with a stale position, and a flight of its own for each leg."""
     frame = _columns(traces)
     barometric = pl.when(~_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))

@@ -13,8 +13,7 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
-from descentflow.surveillance.formats.streams import Input
-from descentflow.surveillance.formats.values import Kinds, is_number, table, texts
+from descentflow.surveillance.formats.json_values import Kinds, is_number, table, texts
 from descentflow.surveillance.rows.drop_report import DropReport
 
 AIRCRAFT = {
@@ -40,14 +39,14 @@ CLEARANCE: Kinds = {
 CLEARED = ("cleared_flight_level", "cleared_speed_kt", "cleared_mach")
 
 
-def rows(found: Iterator[object], source: Input, report: DropReport, block: int) -> Iterator[pl.DataFrame]:
+def rows(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
     """Rows of flights, a table each.
 
     Raises:
         DataError: If a document is no flight.
     """
-    for document in found:
-        yield rows_of_flight(document, source.label, report)
+    for document in documents:
+        yield rows_of_flight(document, label, report)
 
 
 def rows_of_flight(document: object, label: str, report: DropReport) -> pl.DataFrame:
@@ -122,6 +121,6 @@ def _last(plan: object, name: str) -> dict[str, Any]:
     return known[-1] if known else {}
 
 
-def is_flight(document: dict[Any, Any]) -> bool:
-    """Whether a JSON object looks like a flight of SCAT."""
-    return isinstance(document.get("plots"), list) and is_number(document.get("id"))
+def is_flight(document: object) -> bool:
+    """Whether a JSON document looks like a flight of SCAT."""
+    return isinstance(document, dict) and isinstance(document.get("plots"), list) and is_number(document.get("id"))

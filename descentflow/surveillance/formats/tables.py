@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.streams import LARGEST_LINE, Input
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import check_types, wanted
+from descentflow.surveillance.unpacking.streams import LARGEST_LINE, Input
 
 CSV_BYTES = 32 << 20
 """Text that is read at a time."""
@@ -22,6 +22,31 @@ def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
 def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
     """Rows of an Arrow IPC file (Feather version 2)."""
     yield from _slices(pl.scan_ipc(source.path or io.BytesIO(source.whole())), rows, source.label)
+
+
+def held(table: pl.DataFrame, label: str, rows: int) -> Iterator[pl.DataFrame]:
+    """Rows of a table in memory."""
+    yield from _slices(table.lazy(), rows, label)
+
+
+def is_parquet(head: bytes) -> bool:
+    """Whether a file that begins with these bytes is Parquet.
+
+    Example:
+        >>> is_parquet(Path("rows.parquet").read_bytes())
+        True
+    """
+    return head.startswith(b"PAR1")
+
+
+def is_feather(head: bytes) -> bool:
+    """Whether a file that begins with these bytes is Arrow IPC (Feather version 2)."""
+    return head.startswith(b"ARROW1")
+
+
+def may_be_csv(head: bytes) -> bool:
+    """Any text may be, that nothing else recognises; whether it is shows when it is read."""
+    return bool(head)
 
 
 def _slices(table: pl.LazyFrame, rows: int, label: str) -> Iterator[pl.DataFrame]:

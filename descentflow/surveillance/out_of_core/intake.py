@@ -14,12 +14,12 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.core.workers import Engine, LocalEngine
 from descentflow.surveillance.cleaning.flights import names_given, usable
-from descentflow.surveillance.formats.archives import with_parts
-from descentflow.surveillance.formats.readers import row_blocks
 from descentflow.surveillance.out_of_core.job import ROWS
 from descentflow.surveillance.out_of_core.spill import Bucket, Memory, Spill, joined
+from descentflow.surveillance.read_rows import row_blocks
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS, REQUIRED
+from descentflow.surveillance.unpacking.source_files import with_parts
 
 Item = TypeVar("Item")
 
@@ -94,7 +94,7 @@ def take_in(
         alone: Whether there are no other files, so that files without a row are an error.
 
     Raises:
-        DataError: As :func:`~descentflow.surveillance.formats.readers.row_blocks`.
+        DataError: As :func:`~descentflow.surveillance.read_rows.row_blocks`.
     """
     read = DropReport()
     columns: dict[str, None] = {}

@@ -14,7 +14,7 @@ from descentflow.surveillance.cleaning.drop_reasons import some_flights
 from descentflow.surveillance.cleaning.flights import check_left
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-from descentflow.surveillance.formats.readers import files_of
+from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.out_of_core.finished_store import finished
 from descentflow.surveillance.out_of_core.held_rows import clean_held
 from descentflow.surveillance.out_of_core.intake import Intake, read_groups
@@ -22,6 +22,7 @@ from descentflow.surveillance.out_of_core.job import fingerprint, job_folder, wo
 from descentflow.surveillance.out_of_core.partitions import Cleaned, clean_partitions
 from descentflow.surveillance.out_of_core.spill import Memory
 from descentflow.surveillance.request import Request, description
+from descentflow.surveillance.unpacking.source_files import files_of
 
 Progress = Callable[[str], None]
 
@@ -49,7 +50,9 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
     """
     # An output inside a folder of inputs, and what an earlier run left beside it, are no inputs.
     own = (out.resolve(), work_folder(out).resolve())
-    files = [path for path in files_of(request.paths) if not any(path.resolve().is_relative_to(one) for one in own)]
+    files = [
+        path for path in files_of(request.paths, ACCEPTED) if not any(path.resolve().is_relative_to(one) for one in own)
+    ]
     progress("hashing inputs")
     facts = request.facts(files)
     is_store = out.suffix != ".parquet"

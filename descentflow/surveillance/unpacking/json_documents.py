@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import orjson
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.streams import Input
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.unpacking.streams import Input
 
 
 def documents(source: Input, report: DropReport) -> Iterator[object]:

@@ -1,26 +1,17 @@
 """Members of tar archives, read one after the other where they lie: nothing is written to disk."""
 
-import re
 import tarfile
-from collections.abc import Iterator, Sequence
-from itertools import groupby
-from pathlib import Path, PurePosixPath
+from collections.abc import Iterator
+from pathlib import PurePosixPath
 from typing import IO
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.streams import HEAD, Chain, Input
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.unpacking.source_files import COMPANION
+from descentflow.surveillance.unpacking.streams import HEAD, Chain, Input
 
 LARGEST_HEADER = 1 << 20
 """Bytes that the description of a member may ask for at once; a long name has a few hundred."""
-COMPANION = re.compile(
-    r"(^|/)(heatmap|acas)/"
-    r"|(^|/)(readme|license|copying|notice|trace_recent_)[^/]*$"
-    r"|(^|/)(receiver|stats|airspace|grib_meteo)\.json$",
-    re.IGNORECASE,
-)
-"""What lies beside rows in published archives and folders, by name; `trace_recent` repeats the end of `trace_full`."""
-PART = re.compile(r"(?P<whole>.+\.(?:tar|tgz|tar\.gz))\.(?!gz$|xz$|lz$|zst$|lzo$)(?P<number>[a-z]{2,3}|\d{2,3})$")
 
 
 def is_tar(head: bytes) -> bool:
@@ -115,41 +106,3 @@ class _Forward:
 
     def seekable(self) -> bool:
         return True
-
-
-def with_parts(files: Sequence[Path]) -> list[tuple[str, list[Path]]]:
-    """Files, with the parts of each split archive together (`split` names them .aa .ab ..., others .001 .002 ...).
-
-    Raises:
-        DataError: If a part is missing before or between others.
-    """
-    groups: dict[str, list[Path]] = {}
-    for file in files:
-        part = PART.match(str(file))
-        groups.setdefault(part["whole"] if part else str(file), []).append(file)
-    found: list[tuple[str, list[Path]]] = []
-    for name, together in groups.items():
-        if not PART.match(str(together[0])):
-            found += [(name, [file]) for file in together]
-            continue
-        parts = [file for file, _ in groupby(sorted(together))]
-        numbers = [_number(str(file)) for file in parts]
-        first = 1 if str(parts[0])[-1].isdigit() else 0
-        if numbers[0] > first or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
-            raise DataError(
-                f"parts {', '.join(file.name for file in parts)} of a split archive, but not those between or before",
-                expected="all parts from the first",
-                mend="pass the folder that holds them all",
-            )
-        found.append((name, parts))
-    return found
-
-
-def _number(part: str) -> int:
-    suffix = part.rpartition(".")[2]
-    if suffix.isdigit():
-        return int(suffix)
-    number = 0
-    for letter in suffix:
-        number = 26 * number + ord(letter) - ord("a")
-    return number

@@ -1,0 +1,79 @@
+"""What a format is: its name and meaning, how a file of it is recognised, and how it is read."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.unpacking.streams import Input
+
+Columns = Any
+"""A polars table with the columns as the format names them, or something that :attr:`Format.join` makes one of."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of surveillance rows.
+
+    Attributes:
+        name: As `--format` takes it.
+        meaning: One line for users.
+        any_columns: Whether anybody may have made such tables, so that the names and units of every file have to be
+            checked. Other formats have fixed columns, and their small files are put together.
+        join: Makes one table of several parts, where :func:`polars.concat` does not.
+    """
+
+    name: str
+    meaning: str
+    any_columns: bool = False
+    join: Callable[[Sequence[Columns], DropReport], pl.DataFrame] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileFormat(Format):
+    """A format that is recognised by its first bytes.
+
+    Attributes:
+        recognise: Whether a file that begins with these bytes is of the format.
+        read: Tables of about so many rows from a stream; what cannot be read is counted in the report.
+    """
+
+    recognise: Callable[[bytes], bool]
+    read: Callable[[Input, DropReport, int], Iterator[Columns]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextFormat(FileFormat):
+    """A format of text that is no JSON; it is recognised without byte order mark and blanks before it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JsonFormat(Format):
+    """A format of JSON documents, recognised by the first of them.
+
+    Attributes:
+        recognise: Whether a file whose first document is this one is of the format.
+        read: Tables of about so many rows from the documents of a file with that label.
+    """
+
+    recognise: Callable[[object], bool]
+    read: Callable[[Iterator[object], str, DropReport, int], Iterator[Columns]]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some rows of one file, with the columns as its format names them.
+
+    Attributes:
+        rows: A table, or what the format's `join` makes one of.
+        format: Of the file.
+        label: Name of the file in messages.
+        first: Whether it is the first part of its file.
+    """
+
+    rows: Columns
+    format: Format
+    label: str
+    first: bool

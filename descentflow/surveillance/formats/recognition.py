@@ -1,0 +1,138 @@
+"""The format of a file from its content, and the file's rows as that format names the columns."""
+
+import itertools
+from collections.abc import Iterator
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.formats import mode_s_frames, tables
+from descentflow.surveillance.formats.file_format import Columns, FileFormat, Format, JsonFormat, TextFormat
+from descentflow.surveillance.formats.known_formats import ACCEPTED, FORMATS, HELD_TABLE, KNOWN
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.unpacking.json_documents import documents
+from descentflow.surveillance.unpacking.streams import Input
+
+PICKLE = ("a pickle", "write the table as Parquet: opening a pickle runs whatever code it holds")
+PACKED = "unpack it, or pack it with gzip"
+CAPTURE = ("a capture of network packets", "take the payloads out of the packets first")
+BEAST = ("Beast binary", "write it as lines of time and frame, or as JSON with jet1090")
+REFUSED = {
+    **dict.fromkeys((b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"), PICKLE),
+    b"PK\x03\x04": ("a zip archive", "unpack it and pass the folder"),
+    b"BZh": ("bzip2", PACKED),
+    b"\xfd7zXZ": ("xz", PACKED),
+    b"\x28\xb5\x2f\xfd": ("zstandard", PACKED),
+    b"\x89HDF": ("HDF5", "write the table as Parquet"),
+    b"FEA1": ("Feather version 1", "write it again as Feather version 2 or Parquet"),
+    **dict.fromkeys((b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x0a\x0d\x0d\x0a"), CAPTURE),
+    **dict.fromkeys((b"\x1a\x31", b"\x1a\x32", b"\x1a\x33"), BEAST),
+}
+"""First bytes -> what is recognised but not read, and what the user can do."""
+TRIED = sorted(KNOWN, key=lambda one: one.any_columns)
+"""Formats in the order in which they are tried."""
+
+
+def recognised(
+    source: Input, report: DropReport, name: str | None, block_rows: int
+) -> tuple[Format, Iterator[Columns]]:
+    """Format of a file, and its rows in parts.
+
+    Args:
+        source: The file, without the gzip around it.
+        report: Takes the counts of what could not be read.
+        name: Name of the format; recognised from the content if None.
+        block_rows: About the most rows in a part.
+
+    Raises:
+        DataError: If the file is of no known format or damaged.
+    """
+    head, source = source.head()
+    if not head:
+        raise DataError(f"{source.label} is empty", expected=ACCEPTED, mend="check how it was written or copied")
+    found = FORMATS[name] if name else format_of_bytes(head, source.label)
+    if isinstance(found, FileFormat):
+        return table_or_frames(found, found.read(source, report, block_rows), report)
+    each = documents(source, report)
+    first = next(each, None)
+    found = found or format_of_document(first, source.label)
+    return found, found.read(itertools.chain([first], each), source.label, report, block_rows)
+
+
+def table_or_frames(found: Format, parts: Iterator[Columns], report: DropReport) -> tuple[Format, Iterator[Columns]]:
+    """The same, unless a table of any columns holds raw Mode S frames: then these are decoded."""
+    if not found.any_columns:
+        return found, parts
+    first = next(parts)
+    parts = itertools.chain([first], parts)
+    if mode_s_frames.is_table(first):
+        return FORMATS["modes-hex"], mode_s_frames.of_tables(parts, report)
+    return found, parts
+
+
+def held_parts(
+    table: pl.DataFrame, label: str, report: DropReport, block_rows: int
+) -> tuple[Format, Iterator[Columns]]:
+    """As :func:`recognised`, of a table in memory."""
+    return table_or_frames(HELD_TABLE, tables.held(table, label, block_rows), report)
+
+
+def format_of_bytes(head: bytes, label: str) -> FileFormat | None:
+    """Format of a file that begins with these bytes; None if it is JSON, whose first document has to be read.
+
+    Raises:
+        DataError: If it is of no known format.
+
+    Example:
+        >>> format_of_bytes(b"timestamp,icao24,altitude", "rows.csv").name
+        'csv'
+    """
+    for begin, (what, mend) in REFUSED.items():
+        if head.startswith(begin):
+            raise DataError(f"{label} is {what}", expected=ACCEPTED, mend=mend)
+    for one in TRIED:
+        if isinstance(one, FileFormat) and not isinstance(one, TextFormat) and one.recognise(head):
+            return one
+    text = _text(head, label)
+    if text[:1] in (b"{", b"["):
+        return None
+    return next(one for one in TRIED if isinstance(one, TextFormat) and one.recognise(text))
+
+
+def _text(head: bytes, label: str) -> bytes:
+    """Begin of a text without byte order mark and blanks before it."""
+    if b"\0" in head:
+        raise DataError(
+            f"{label}: neither text nor of a known binary kind", expected=ACCEPTED, mend="convert it to one of these"
+        )
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if not text:
+        raise DataError(f"{label} holds no text", expected=ACCEPTED, mend="check how it was written")
+    if mode_s_frames.looks_untimed(text):
+        raise DataError(
+            f"{label}: Mode S frames without the time of each",
+            expected=mode_s_frames.MADE_BY,
+            mend="record frames with a clock in seconds, for instance with jet1090",
+        )
+    return text
+
+
+def format_of_document(document: object, label: str) -> JsonFormat:
+    """Format of a file whose first JSON document is this one.
+
+    Raises:
+        DataError: If it is of no known format.
+
+    Example:
+        >>> format_of_document({"now": 1.7e9, "aircraft": []}, "aircraft.json").name
+        'aircraft-json'
+    """
+    for one in TRIED:
+        if isinstance(one, JsonFormat) and one.recognise(document):
+            return one
+    names = list(document) if isinstance(document, dict) else []
+    raise DataError(
+        f"{label}: JSON of no known kind (it has {', '.join(map(str, names[:8])) or type(document).__name__})",
+        expected=ACCEPTED,
+        mend="pass such a file",
+    )

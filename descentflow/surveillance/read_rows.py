@@ -1,0 +1,138 @@
+"""From paths, or tables in memory, to blocks of rows in one schema: a row's way through reading, stage by stage."""
+
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+
+import polars as pl
+
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.surveillance.formats.file_format import Part
+from descentflow.surveillance.formats.known_formats import ACCEPTED, check_format
+from descentflow.surveillance.formats.recognition import held_parts, recognised
+from descentflow.surveillance.formats.small_parts import SourceTable, put_together
+from descentflow.surveillance.rows.blocks import even_blocks, without_cycle_search
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.normalise import normalise
+from descentflow.surveillance.rows.units_check import check_units
+from descentflow.surveillance.unpacking.inputs import inputs
+from descentflow.surveillance.unpacking.source_files import files_of
+from descentflow.surveillance.unpacking.streams import Input, opened, unpacked
+from descentflow.surveillance.unpacking.unreadable import Unreadable
+
+FEWEST_IN_LATER_PARTS = 1000
+"""Rows from which units are checked again in a later part of a file: the first may say nothing, a small one errs."""
+
+Source = str | Path | pl.DataFrame
+"""A file, a folder, or a table in memory."""
+
+
+def row_blocks(
+    sources: Sequence[Source], report: DropReport, *, format: str | None = None, block_rows: int = 500_000
+) -> Iterator[pl.DataFrame]:
+    """Read files, archives, all files of folders, and tables in memory, one after the other, as rows of the schema.
+
+    Args:
+        sources: Files, folders and tables.
+        report: Takes the counts of values and files that could not be read.
+        format: Name in :data:`~descentflow.surveillance.formats.known_formats.FORMATS` of what all the files are;
+            recognised for each from its content if None.
+        block_rows: About the most rows in a block; memory is bounded by a few times this number.
+
+    Yields:
+        Rows with those columns of :data:`descentflow.surveillance.rows.schema.COLUMNS` that the block's files have.
+
+    Raises:
+        ConfigError: If there is no such format.
+        DataError: If a file cannot be read, is of no known format, lacks a required column, holds one in a wrong unit,
+            or if there is no row. Among the members of archives and in trees of traces a file that cannot be read is
+            counted instead, as long as there is one that can.
+
+    Example:
+        >>> sum(len(block) for block in row_blocks(["rows.parquet"], DropReport()))
+        23216
+    """
+    check_format(format)
+    if block_rows < 1:
+        raise ConfigError(f"blocks of {block_rows} rows", expected="1 or more", mend="pass another number")
+    unreadable = Unreadable(report)
+    empty = True
+    # Closed at the end, so that an error leaves no file open.
+    with closing(_opened(sources, report, unreadable)) as opened_sources:
+        parts = _parts(opened_sources, report, unreadable, format, block_rows)
+        tables = put_together(parts, report, block_rows)
+        rows = _normalised(tables, report)
+        for block in without_cycle_search(even_blocks(rows, block_rows)):
+            empty = False
+            yield block
+    if empty:
+        names = ", ".join(HELD if isinstance(source, pl.DataFrame) else str(source) for source in sources)
+        raise unreadable.first_error or DataError(
+            f"no row in {names}", expected="surveillance rows", mend="pass other files"
+        )
+
+
+def read_rows(sources: Sequence[Source], report: DropReport, *, format: str | None = None) -> pl.DataFrame:
+    """All rows at once; arguments and errors as :func:`row_blocks`.
+
+    Example:
+        >>> read_rows(["rows.parquet"], DropReport()).select("timestamp", "icao24", "altitude", "IAS", "Mach").shape
+        (23216, 5)
+    """
+    return pl.concat(row_blocks(sources, report, format=format), how="diagonal")
+
+
+def read_table(path: Path) -> pl.DataFrame:
+    """Read one file as it is, with its own column names (snapshots become one row per aircraft).
+
+    Example:
+        >>> read_table(Path("rows.parquet")).shape[0]
+        23216
+    """
+    report = DropReport()
+    with opened([path], str(path)) as source:
+        parts = _parts(iter([source]), report, Unreadable(report), None, 1 << 22)
+        tables = [table.columns for table in put_together(parts, report, 1)]
+    return pl.concat(tables, how="diagonal")
+
+
+HELD = "a table in memory"
+"""Its name in messages."""
+
+
+def _opened(
+    sources: Sequence[Source], report: DropReport, unreadable: Unreadable
+) -> Generator[Input | pl.DataFrame, None, None]:
+    """Tables as they are, files and members of archives as streams."""
+    yield from (source for source in sources if isinstance(source, pl.DataFrame))
+    paths = [source for source in sources if not isinstance(source, pl.DataFrame)]
+    if paths or not sources:
+        yield from inputs(files_of(paths, ACCEPTED), report, unreadable)
+
+
+def _parts(
+    sources: Iterator[Input | pl.DataFrame],
+    report: DropReport,
+    unreadable: Unreadable,
+    format: str | None,
+    block_rows: int,
+) -> Iterator[Part]:
+    """Rows of each source in its format, in parts; files that cannot be read are left to `unreadable`."""
+    for source in sources:
+        if isinstance(source, pl.DataFrame):
+            found, parts = held_parts(source, HELD, report, block_rows)
+            yield from (Part(rows, found, HELD, number == 0) for number, rows in enumerate(parts))
+            continue
+        with unreadable.watch(source):
+            found, parts = recognised(unpacked(source), report, format, block_rows)
+            for number, rows in enumerate(parts):
+                yield Part(rows, found, source.label, number == 0)
+
+
+def _normalised(tables: Iterator[SourceTable], report: DropReport) -> Iterator[pl.DataFrame]:
+    """Rows in our names, types and units; units of tables that anybody may have made are checked."""
+    for table in tables:
+        rows = normalise(table.columns, table.label, report)
+        if table.any_columns and (table.first or len(rows) >= FEWEST_IN_LATER_PARTS):
+            check_units(rows, table.label)
+        yield rows

@@ -1,0 +1,55 @@
+"""Files that cannot be read: an error for a single file, a count where there are many."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from tarfile import TarError
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.unpacking.streams import Input
+
+
+class Unreadable:
+    """Counts the unreadable files of one reading, and keeps the first error in case nothing else is found."""
+
+    def __init__(self, report: DropReport) -> None:
+        self.first_error: DataError | None = None
+        self._report = report
+
+    def count(self, error: DataError, source: Input) -> None:
+        """Count a file if it is one of many.
+
+        Raises:
+            DataError: The error itself, if it is not.
+        """
+        if not source.one_of_many:
+            raise error
+        self.first_error = self.first_error or error
+        self._report.note("traces and members of archives that could not be read", 1)
+
+    @contextmanager
+    def watch(self, source: Input) -> Iterator[None]:
+        """Read a file inside of this: what readers do not foresee becomes a DataError that names it, then is counted.
+
+        Raises:
+            DataError: If the file cannot be read and is not one of many.
+        """
+        try:
+            try:
+                yield
+            except (pl.exceptions.PolarsError, OSError, TarError) as error:
+                raise _damaged(source.label, error) from error
+            except BaseException as error:
+                # Polars and the decoder of Mode S panic on some damage; this is no Exception.
+                if type(error).__name__ != "PanicException":
+                    raise
+                raise _damaged(source.label, error) from error
+        except DataError as error:
+            self.count(error, source)
+
+
+def _damaged(label: str, error: BaseException) -> DataError:
+    reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
+    return DataError(f"{label}: {reason}", expected="a whole, readable file", mend="copy it again")

@@ -23,6 +23,7 @@ import yaml
 from descentflow import models
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli.entry import main as command
+from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import DescentflowError
 from descentflow.core.files import check_output, whole_file
 from descentflow.densities.checkpoint import load_model
@@ -33,7 +34,6 @@ from descentflow.simulation.world_config import WorldConfig
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 
-CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "model"
 SPREADS = {"deviation_spread_k": 10.0, "wind_slope_spread_per_s": 0.001}
 
 
@@ -78,7 +78,7 @@ def with_random(table: Path | None, descents: Path, seed: int, folder: Path) -> 
 
 def fitted(name: str, data: DescentDataModule, seed: int, folder: Path) -> Any:
     """A density as `descentflow fit --config configs/model/NAME.yaml` would train it."""
-    config = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text())
+    config = yaml.safe_load(config_file(name).read_text())
     kind = getattr(models, config["model"]["class_path"].rsplit(".", 1)[-1])
     for option, value in {"batch_size": 512, "fewest_batches": 1, **config.get("data", {})}.items():
         setattr(data, option, value)

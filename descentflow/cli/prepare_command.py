@@ -6,6 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from descentflow.configs.packaged_config import config_file
 from descentflow.surveillance.cleaning.thresholds import Cleaning, describe
 
 if TYPE_CHECKING:
@@ -162,7 +163,7 @@ def _cleaning(args: argparse.Namespace) -> Cleaning:
     """Thresholds of the options, else of the file, else the defaults."""
     from descentflow.surveillance.cleaning.thresholds import cleaning_of, read_cleaning
 
-    settings: dict[str, Any] = read_cleaning(args.config) if args.config else {}
+    settings: dict[str, Any] = read_cleaning(config_file(args.config)) if args.config else {}
     cleaning_of(settings, str(args.config))
     chosen = {field.name: getattr(args, field.name) for field in fields(Cleaning) if field.name in args}
     return cleaning_of(settings | chosen, "options")

@@ -7,6 +7,7 @@ import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
+from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.checkpoint import SECTION, read_checkpoint
@@ -65,7 +66,7 @@ def run(command: str, rest: Sequence[str]) -> None:
             random parameters.
         CheckpointError: If the checkpoint cannot be used.
     """
-    words = ["--help" if word == "--help_all" else word for word in rest]
+    words = _with_packaged_configs(["--help" if word == "--help_all" else word for word in rest])
     if "--help" not in words:
         words = _with_accelerator(words)
         if command != "fit":
@@ -84,6 +85,21 @@ def run(command: str, rest: Sequence[str]) -> None:
         parser_kwargs={"prog": "descentflow"},
         args=[command, *words],
     )
+
+
+def _with_packaged_configs(words: list[str]) -> list[str]:
+    """Replace the names of settings files that come with the package by their paths; others are LightningCLI's."""
+
+    def found(name: str) -> str:
+        try:
+            return str(config_file(name))
+        except ConfigError:
+            return name
+
+    return [
+        found(word) if before == "--config" else f"--config={found(word[9:])}" if word.startswith("--config=") else word
+        for before, word in zip(["", *words], words, strict=False)
+    ]
 
 
 def _with_accelerator(words: list[str]) -> list[str]:

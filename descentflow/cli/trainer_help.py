@@ -8,8 +8,8 @@ config.yaml and TensorBoard's events (tensorboard --logdir runs).
 
 what to train
   --model NAME                   Gaussian, GaussianMixture, MaskedAffineFlow or SplineFlow
-  --config FILE                  configs/model/gaussian.yaml, gmm.yaml, gmm_svi.yaml, flow.yaml, spline.yaml (good
-                                 settings for each), or configs/experiment/quickstart.yaml (complete)
+  --config FILE                  YAML; these come along: gaussian, gmm, gmm_svi, flow, spline, flow_paper (good
+                                 settings for each), and configs/experiment/quickstart.yaml (complete)
 on what
   --data.descents FILE           prepared descents (descentflow prepare)
   --data.aircraft TYPE           whose coefficients infer and fly the drag, where descents of several types are pooled

@@ -17,7 +17,7 @@ from descentflow.evaluation.metrics.proper import crps, energy_score
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
 
-CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "model"
+CONFIGS = Path(__file__).resolve().parents[2] / "descentflow" / "configs" / "model"
 D = 4
 
 

@@ -10,7 +10,7 @@ from descentflow.cli.prepare_command import _cleaning, add_arguments, memory_byt
 from descentflow.core.errors import ConfigError
 from descentflow.surveillance.cleaning.thresholds import Cleaning, as_yaml, cleaning_of, describe, read_cleaning
 
-DEFAULT = Path(__file__).resolve().parents[2] / "configs" / "prepare" / "default.yaml"
+DEFAULT = Path(__file__).resolve().parents[2] / "descentflow" / "configs" / "prepare" / "default.yaml"
 
 
 def test_the_yaml_file_holds_every_threshold_with_its_source() -> None:

@@ -12,6 +12,7 @@ import polars as pl
 
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli import entry as cli
+from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import DescentflowError
 from descentflow.core.files import whole_file
 from descentflow.studies.paper.study_plan import StudyPlan
@@ -25,7 +26,6 @@ LAST = "flights.json"
 """What :func:`~descentflow.studies.paper.pictures.type_pictures` writes last: where it is, the pictures are done."""
 CSV_LOGGER = ("--trainer.logger", "lightning.pytorch.loggers.CSVLogger", "--trainer.logger.init_args.save_dir")
 """In place of TensorBoard, for which every fit draws figures that nobody would look at; the folder follows."""
-CONFIGS = Path(__file__).resolve().parents[3] / "configs" / "model"
 
 
 def make_descents(plan: StudyPlan, typecode: str, folder: Path) -> None:
@@ -112,7 +112,7 @@ def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path, first: Path |
     runs = folder / "runs"
     # What a killed fit left would only be in the way: a fit of minutes starts again.
     shutil.rmtree(runs, ignore_errors=True)
-    words = ["fit", "--config", str(CONFIGS / f"{name}.yaml"), "--data.descents", str(descents)]
+    words = ["fit", "--config", str(config_file(name)), "--data.descents", str(descents)]
     words += ["--seed_everything", str(plan.seed), *CSV_LOGGER, str(runs)]
     words += ["--trainer.enable_progress_bar", "false", "--trainer.enable_model_summary", "false"]
     words += ["--scores.n_samples", "200"]

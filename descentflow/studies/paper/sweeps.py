@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 import polars as pl
 import torch
 
+from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
 from descentflow.core.workers import Engine
 from descentflow.simulation.flight import one_thread
-from descentflow.studies.paper.steps import CONFIGS, CSV_LOGGER, command, into
+from descentflow.studies.paper.steps import CSV_LOGGER, command, into
 from descentflow.studies.paper.study_plan import StudyPlan, begin
 
 if TYPE_CHECKING:
@@ -222,7 +223,7 @@ def _flow(job: SweepJob, common: Sweeps) -> None:
     shutil.rmtree(runs, ignore_errors=True)
     runs.mkdir(parents=True)
     descents = common.own / f"{job.typecode}.parquet"
-    words = ["fit", "--config", str(CONFIGS / "flow.yaml"), "--data.descents", str(descents)]
+    words = ["fit", "--config", str(config_file("flow")), "--data.descents", str(descents)]
     words += ["--seed_everything", str(common.study.seed), *CSV_LOGGER, str(runs)]
     words += ["--model.init_args.n_flows", str(job.flows), "--model.init_args.hidden_per_weight", str(job.hidden)]
     words += ["--trainer.enable_progress_bar", "false", "--trainer.enable_model_summary", "false"]

@@ -1,5 +1,90 @@
-"""Realistic aircraft descents, learnt from surveillance data and flown by BADA's total-energy equation."""
+"""Realistic aircraft descents, learnt from surveillance data and flown by BADA's total-energy equation.
 
+The functions that most users need, in the order of the data's path. Each takes what the one before returned, or the
+path of a file that holds it, and nothing heavy is imported before it is used:
+
+- :func:`simulate` flies aircraft of known truth, and :func:`aircraft` looks up a type's coefficients;
+- :func:`prepare` cleans surveillance rows to descents on flight levels, and :func:`read_descents` reads them again;
+- :func:`fit` trains a model (:class:`Gaussian`, :class:`GaussianMixture`, :class:`MaskedAffineFlow` or
+  :class:`SplineFlow`) on descents or on a :class:`DescentDataModule`, and :func:`load` reads a checkpoint again;
+- :func:`sample` draws descents, :func:`predict` continues observed ones, :func:`evaluate` scores a model;
+- :func:`diagnose` says where a simulator and real flights disagree, and why.
+
+Every error that is raised on purpose is a :class:`DescentflowError`.
+
+Example:
+    >>> import descentflow as df
+    >>> descents = df.prepare("rows.parquet", typecode="A320")
+    >>> model = df.fit(descents, model="gaussian")
+    >>> print(df.evaluate(model, descents, n=500))
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from descentflow.core.errors import DescentflowError
 from descentflow.core.version import __version__
 
-__all__ = ["__version__"]
+if TYPE_CHECKING:
+    from descentflow.aircraft_types.registry import aircraft
+    from descentflow.densities.checkpoint import load_model as load
+    from descentflow.diagnosis.diagnose import diagnose
+    from descentflow.evaluation.evaluate import evaluate
+    from descentflow.simulation.world import simulate
+    from descentflow.surveillance.descents.prepared_descents import read_descents
+    from descentflow.surveillance.prepare import prepare
+    from descentflow.training.datamodule import DescentDataModule
+    from descentflow.training.fit import fit
+    from descentflow.training.models.flow_model import MaskedAffineFlow, SplineFlow
+    from descentflow.training.models.gaussian_model import Gaussian
+    from descentflow.training.models.mixture_model import GaussianMixture
+
+__all__ = [
+    "DescentDataModule",
+    "DescentflowError",
+    "Gaussian",
+    "GaussianMixture",
+    "MaskedAffineFlow",
+    "SplineFlow",
+    "__version__",
+    "aircraft",
+    "diagnose",
+    "evaluate",
+    "fit",
+    "load",
+    "prepare",
+    "read_descents",
+    "simulate",
+]
+
+_PLACES = {
+    "DescentDataModule": ("training.datamodule", "DescentDataModule"),
+    "Gaussian": ("training.models.gaussian_model", "Gaussian"),
+    "GaussianMixture": ("training.models.mixture_model", "GaussianMixture"),
+    "MaskedAffineFlow": ("training.models.flow_model", "MaskedAffineFlow"),
+    "SplineFlow": ("training.models.flow_model", "SplineFlow"),
+    "aircraft": ("aircraft_types.registry", "aircraft"),
+    "diagnose": ("diagnosis.diagnose", "diagnose"),
+    "evaluate": ("evaluation.evaluate", "evaluate"),
+    "fit": ("training.fit", "fit"),
+    "load": ("densities.checkpoint", "load_model"),
+    "prepare": ("surveillance.prepare", "prepare"),
+    "read_descents": ("surveillance.descents.prepared_descents", "read_descents"),
+    "simulate": ("simulation.world", "simulate"),
+}
+"""Name -> the module that has it, and its name there."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name on first use (PEP 562)."""
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, own_name = _PLACES[name]
+    found = getattr(import_module(f"{__name__}.{module}"), own_name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    """The front door's names."""
+    return sorted(__all__)

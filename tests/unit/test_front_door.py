@@ -1,0 +1,67 @@
+"""`import descentflow` offers a dozen names, costs nothing, and type checkers see what is behind them."""
+
+import ast
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from test_import_boundaries import heavy_modules
+
+import descentflow
+from descentflow.core.version import __version__
+
+SOURCE = Path(descentflow.__file__)
+
+
+def test_import_loads_nothing_heavy() -> None:
+    assert heavy_modules("import descentflow") == set()
+    assert heavy_modules("import descentflow; dir(descentflow)") == set()
+    assert heavy_modules("from descentflow import DescentflowError, __version__") == set()
+
+
+def test_a_name_loads_only_what_it_needs() -> None:
+    assert heavy_modules("import descentflow; descentflow.prepare") == {"polars"}
+    assert "lightning" not in heavy_modules("import descentflow; descentflow.load")
+
+
+@pytest.mark.parametrize("name", [name for name in descentflow.__all__ if not name.startswith("__")])
+def test_every_name_is_there_and_explained(name: str) -> None:
+    found = getattr(descentflow, name)
+    assert inspect.isclass(found) or callable(found)
+    assert inspect.getdoc(found)
+    assert name in dir(descentflow)
+    # From now on it is an attribute like any other.
+    assert vars(descentflow)[name] is found
+
+
+def test_other_names_are_not_there() -> None:
+    assert descentflow.__version__ == __version__
+    assert dir(descentflow) == sorted(descentflow.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'fly'"):
+        _ = descentflow.fly
+
+
+def test_type_checkers_see_the_same_objects() -> None:
+    """What is imported for type checking is what the name gives when the program runs."""
+    (typing_only,) = (
+        node
+        for node in ast.parse(SOURCE.read_text()).body
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    )
+    seen = {
+        alias.asname or alias.name: (node.module.removeprefix("descentflow."), alias.name)
+        for node in typing_only.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert seen == descentflow._PLACES
+    assert {*seen, "DescentflowError", "__version__"} == set(descentflow.__all__)
+
+
+def test_python_m_runs_the_command_line() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "descentflow", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"descentflow {__version__}\n"

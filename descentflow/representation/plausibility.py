@@ -5,6 +5,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from descentflow.core.errors import ConfigError
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.profiles import Profiles
 
@@ -49,8 +50,15 @@ class Plausibility(nn.Module):
 
         Args:
             profiles: Training flights; every level must be observed by at least one.
-            margin: Share added outward; 0.05 in the paper.
+            margin: Share of each extreme by which its bound lies outside it, above zero; 0.05 in the paper.
+
+        Raises:
+            ConfigError: If the margin is not positive.
         """
+        if not margin > 0:
+            raise ConfigError(
+                f"a margin of {margin:g} about the training flights", expected="a share above 0", mend="try 0.05"
+            )
         drag_low, drag_high = level_bounds(profiles.drag_n, profiles.mask, margin)
         cas_low, cas_high = level_bounds(profiles.cas_mps, profiles.mask, margin)
         slowest = profiles.rate_mps[profiles.mask].max() * (1 - margin)

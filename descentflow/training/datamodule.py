@@ -29,6 +29,7 @@ from descentflow.representation.encode_flights import (
 from descentflow.representation.flight_contexts import without_missing
 from descentflow.representation.flight_parts import Part, parts_of, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
+from descentflow.representation.plausibility import MARGIN
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.representation import Representation, Split, fit_representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -71,6 +72,7 @@ class DescentDataModule(LightningDataModule):
         context_table: Path | None = None,
         missing_context: Missing = "drop",
         fewest_batches: PositiveInt = 1,
+        margin: PositiveFloat = MARGIN,
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -95,13 +97,15 @@ class DescentDataModule(LightningDataModule):
             context_table: CSV or Parquet with `flight_id` and columns of context.
             missing_context: What becomes of flights that lack a value: ``drop`` or ``indicator``.
             fewest_batches: Batches that an epoch has at least; with few flights they are smaller than ``batch_size``.
+            margin: Share by which the plausibility bounds lie outside the extremes of the training flights; 0.05 in the
+                paper (section 2.4).
         """
         super().__init__()
         self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
         self.bottom_fl, self.mass_kg = bottom_fl, mass_kg
         self.test_fraction, self.validation_fraction = test_fraction, validation_fraction
         self.split_by, self.seed = split_by, seed
-        self.explained_variance, self.fpca = explained_variance, fpca
+        self.explained_variance, self.fpca, self.margin = explained_variance, fpca, margin
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
         self._representation: Representation | None = None
@@ -246,6 +250,7 @@ class DescentDataModule(LightningDataModule):
             split,
             explained_variance=self.explained_variance,
             method=self.fpca,
+            margin=self.margin,
             mass_kg=self.mass_kg,
             provenance={"descents": Path(self.descents).name, "typecodes": sorted(source.frame["typecode"].unique())},
         )

@@ -9,6 +9,7 @@ import toys
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.representation.flight_parts import rest_is_test, top_level
+from descentflow.representation.plausibility import level_bounds
 from descentflow.representation.representation import Split
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.splitting import split_flights
@@ -139,3 +140,17 @@ def test_identical_flights_are_refused(descents: Path, tmp_path: Path) -> None:
 def test_before_setup() -> None:
     with pytest.raises(ConfigError, match="before setup"):
         _ = DescentDataModule(Path("absent.parquet")).representation
+
+
+@pytest.mark.parametrize("margin", [0.05, 0.2])
+def test_the_margin_about_the_training_flights_is_an_option(descents: Path, margin: float) -> None:
+    data = module(descents, **({} if margin == 0.05 else {"margin": margin}))
+    train, bounds = data.profiles("train"), data.representation.plausibility
+    assert torch.equal(torch.stack([bounds.cas_low, bounds.cas_high]), torch.stack(level_bounds(
+        train.cas_mps, train.mask, margin)))  # fmt: skip
+    assert float(bounds.slowest_rate_mps) == pytest.approx((1 - margin) * float(train.rate_mps[train.mask].max()))
+
+
+def test_a_margin_must_be_positive(descents: Path) -> None:
+    with pytest.raises(ConfigError, match=r"margin of -0\.1"):
+        module(descents, margin=-0.1)

@@ -12,6 +12,10 @@ from descentflow.representation.fpca.hidden import hide, noise_length
 from descentflow.representation.fpca.iterative import iterate
 
 Method = Literal["ppca", "iterative"]
+MAX_ITERATIONS = 100
+"""Bound on the iterations of either algorithm; both end before it."""
+TOLERANCE = 1e-5
+"""EM stops when the mean log-likelihood per observed value gains less (nats)."""
 TUNING_FLIGHTS = 1000
 """Flights on which the length of the noise is chosen: more would take time and change little."""
 
@@ -37,8 +41,6 @@ class GappyFPCA:
         explained_variance: float = 0.8,
         method: Method = "ppca",
         *,
-        max_iterations: int = 100,
-        tolerance: float = 1e-5,
         latent_dimension: int = 16,
     ) -> None:
         """Set the options.
@@ -46,8 +48,6 @@ class GappyFPCA:
         Args:
             explained_variance: Share of the variance that the kept components explain, above 0 and below 1.
             method: ``ppca`` or ``iterative``.
-            max_iterations: Bound on the iterations of either algorithm.
-            tolerance: EM stops when the mean log-likelihood per observed value gains less (nats).
             latent_dimension: First latent dimension tried; doubled until the wanted share is explained.
         """
         if not 0 < explained_variance < 1:
@@ -58,8 +58,6 @@ class GappyFPCA:
             raise ConfigError(f"fPCA method {method!r}", expected="'ppca' or 'iterative'", mend="choose one of them")
         self.explained_variance = explained_variance
         self.method = method
-        self.max_iterations = max_iterations
-        self.tolerance = tolerance
         self.latent_dimension = latent_dimension
 
     def fit(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
@@ -128,10 +126,10 @@ class GappyFPCA:
         if bool(mask.all()):
             loadings, noise = ppca.closed_form(ppca.pairwise_covariance(centred, mask), q)
             return ppca.PPCA(loadings, noise, [], converged=True)
-        return ppca.em(centred, mask, q, max_iterations=self.max_iterations, tolerance=self.tolerance)
+        return ppca.em(centred, mask, q, max_iterations=MAX_ITERATIONS, tolerance=TOLERANCE)
 
     def _fit_iterative(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
-        fitted = iterate(values, mask, self.explained_variance, max_iterations=self.max_iterations)
+        fitted = iterate(values, mask, self.explained_variance, max_iterations=MAX_ITERATIONS)
         share = fitted.eigenvalues.clamp(min=0).cumsum(0) / fitted.eigenvalues.clamp(min=0).sum()
         k = int((share < self.explained_variance - 1e-12).sum()) + 1
         self.n_iterations_, self.converged_ = fitted.n_iterations, fitted.converged

@@ -54,6 +54,37 @@ def _pandas_column(column: pl.Series, pandas: Any) -> Any:
     return pandas.Series(column.to_list(), dtype=None if column.dtype == pl.Boolean else object)
 
 
+def is_pandas(table: Any) -> bool:
+    """Whether something is a `pandas.DataFrame`; pandas is not imported to find out.
+
+    Example:
+        >>> is_pandas(pl.DataFrame())
+        False
+    """
+    return type(table).__name__ == "DataFrame" and type(table).__module__.partition(".")[0] == "pandas"
+
+
+def from_pandas(table: Any) -> pl.DataFrame:
+    """A `pandas.DataFrame` as a polars table without its index; missing values become null, times UTC.
+
+    Example:
+        >>> rows = pl.DataFrame({"icao24": ["4ca001", None], "IAS": [250.0, None]})
+        >>> from_pandas(to_pandas(rows)).equals(rows)
+        True
+    """
+    return pl.DataFrame({str(name): _polars_column(table[name]) for name in table.columns})
+
+
+def _polars_column(column: Any) -> pl.Series:
+    if getattr(column.dtype, "tz", None) is not None:
+        times = column.dt.tz_convert("UTC").dt.tz_localize(None).to_numpy()
+        return pl.Series(times).dt.replace_time_zone("UTC")
+    if column.dtype.kind in "fiubM":
+        values = column.to_numpy()
+        return pl.Series(values, nan_to_null=values.dtype.kind == "f")
+    return pl.Series([None if missing else value for value, missing in zip(column, column.isna(), strict=True)])
+
+
 def to_dataset(
     table: pl.DataFrame, dims: tuple[str, str], variables: Sequence[str], units: Mapping[str, str] | None = None
 ) -> Any:

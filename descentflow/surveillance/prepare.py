@@ -11,14 +11,12 @@ import polars as pl
 from descentflow.core.workers import Engine, LocalEngine
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.out_of_core.held_rows import clean_held
 from descentflow.surveillance.out_of_core.intake import take_in
 from descentflow.surveillance.out_of_core.resumable_run import prepare_to
 from descentflow.surveillance.out_of_core.spill import Memory, Spill
-from descentflow.surveillance.read_rows import read_table
+from descentflow.surveillance.read_rows import read_table, source_of
 from descentflow.surveillance.request import Request, description
-from descentflow.surveillance.unpacking.source_files import files_of
 
 __all__ = ["MEMORY_BYTES", "Cleaning", "prepare"]
 
@@ -26,7 +24,7 @@ MEMORY_BYTES = 2_000_000_000
 
 
 def prepare(
-    rows: str | Path | Sequence[str | Path],
+    rows: Any,
     *,
     typecode: str | Sequence[str] | None = None,
     types: str | Path | pl.DataFrame | None = None,
@@ -45,7 +43,8 @@ def prepare(
     a run that was killed is resumed by the same call; the table of the returned descents is read when it is first used.
 
     Args:
-        rows: File or folder of rows, or several.
+        rows: File, folder or table of rows, or several. A table is one of polars or pandas in the schema of rows
+            (:data:`descentflow.surveillance.rows.schema.COLUMNS`, or its aliases).
         typecode: Type or types to keep, `"A320"`, `"A320,A321"` or `["A320", "A321"]`; all if None.
         types: Table `icao24,typecode`, or a file of it, for rows that do not name their type.
         bottom_fl: Lowest flight level of the grid; that of `cleaning` if None.
@@ -73,10 +72,13 @@ def prepare(
         ...
         >>> prepare("rows.parquet", bottom_fl=200, cleaning={"transient_s": 30.0}).frame["level_fl"].min()
         200
+        >>> import polars as pl
+        >>> prepare(pl.read_parquet("rows.parquet"), typecode="A320").flights
+        {'A320': 120}
     """
     rules = cleaning if isinstance(cleaning, Cleaning) else cleaning_of(cleaning or {}, "cleaning")
     request = Request(
-        paths=[rows] if isinstance(rows, str | Path) else list(rows),
+        rows=[source_of(one) for one in (rows if isinstance(rows, Sequence) and not isinstance(rows, str) else [rows])],
         types=read_table(Path(types)) if isinstance(types, str | Path) else types,
         typecodes=_typecodes(typecode),
         cleaning=rules if bottom_fl is None else replace(rules, bottom_fl=bottom_fl),
@@ -87,9 +89,9 @@ def prepare(
     if out is not None:
         workers = engine or LocalEngine(os.cpu_count() or 1)
         return prepare_to(Path(out), request, Memory(memory_bytes), workers, report_progress)
-    files = files_of(request.paths, ACCEPTED)
+    files = request.files()
     report_progress("reading rows")
-    intake = take_in(files, format, Spill(Path(), limit_bytes=2**62))
+    intake = take_in([*request.tables, *files], format, Spill.unbounded())
     outcome = clean_held(intake, request, os.cpu_count() or 1, report_progress)
     metadata = description(request.facts(files), intake.report, outcome.levels)
     return Descents(outcome.levels, metadata, dropped_rows=outcome.dropped_rows)

@@ -3,10 +3,12 @@
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.tabular import from_pandas, is_pandas
 from descentflow.surveillance.formats.file_format import Part
 from descentflow.surveillance.formats.known_formats import ACCEPTED, check_format
 from descentflow.surveillance.formats.recognition import held_parts, recognised
@@ -94,6 +96,29 @@ def read_table(path: Path) -> pl.DataFrame:
         parts = _parts(iter([source]), report, Unreadable(report), None, 1 << 22)
         tables = [table.columns for table in put_together(parts, report, 1)]
     return pl.concat(tables, how="diagonal")
+
+
+def source_of(rows: Any) -> Source:
+    """A path as it is, and a table of polars or pandas as one of polars.
+
+    Raises:
+        ConfigError: If it is neither.
+
+    Example:
+        >>> source_of(pl.DataFrame({"IAS": [250.0]}).lazy()).shape
+        (1, 1)
+    """
+    if isinstance(rows, str | Path | pl.DataFrame):
+        return rows
+    if isinstance(rows, pl.LazyFrame):
+        return rows.collect()
+    if is_pandas(rows):
+        return from_pandas(rows)
+    raise ConfigError(
+        f"rows of type {type(rows).__name__}",
+        expected="paths, or tables of polars or pandas",
+        mend="write the rows to a file, or make a table of them",
+    )
 
 
 HELD = "a table in memory"

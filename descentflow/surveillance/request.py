@@ -15,7 +15,13 @@ from descentflow.surveillance.cleaning.chain import Work
 from descentflow.surveillance.cleaning.flights import check_left, names_shared
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import SCHEMA_VERSION, top_levels
+from descentflow.surveillance.formats.known_formats import ACCEPTED
+from descentflow.surveillance.read_rows import HELD, Source
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.unpacking.source_files import files_of
+
+HASHED_ROWS = 100_000
+"""Rows of a table in memory that are hashed at a time."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +29,7 @@ class Request:
     """What is to be prepared, and how.
 
     Attributes:
-        paths: Files or folders of rows.
+        rows: Files or folders of rows, and tables in memory.
         types: Table `icao24,typecode` for rows that do not name their type.
         typecodes: Types to keep; all if None.
         cleaning: Thresholds.
@@ -31,12 +37,26 @@ class Request:
         shown: Number of random flights whose dropped rows are kept, besides the flight that each filter hit most.
     """
 
-    paths: Sequence[str | Path]
+    rows: Sequence[Source]
     types: pl.DataFrame | None = None
     typecodes: Sequence[str] | None = None
     cleaning: Cleaning = field(default_factory=Cleaning)
     format: str | None = None
     shown: int = 0
+
+    @property
+    def tables(self) -> list[pl.DataFrame]:
+        """Rows that are given in memory."""
+        return [source for source in self.rows if isinstance(source, pl.DataFrame)]
+
+    def files(self) -> list[Path]:
+        """Files of the paths, those of folders included.
+
+        Raises:
+            DataError: If a path does not exist, or there are neither files nor tables.
+        """
+        paths = [source for source in self.rows if not isinstance(source, pl.DataFrame)]
+        return files_of(paths, ACCEPTED) if paths or not self.rows else []
 
     def work(self, columns: tuple[str, ...], names: pl.DataFrame) -> Work:
         """What is to be done with the rows of any aircraft.
@@ -49,7 +69,11 @@ class Request:
         return Work(self.cleaning, columns, tuple(names_shared(names)), wanted, self.types, self.shown)
 
     def facts(self, files: Sequence[Path]) -> dict[str, Any]:
-        """All that the descents depend on."""
+        """All that the descents depend on.
+
+        Args:
+            files: Those of :meth:`files` that are read.
+        """
         types = None if self.types is None else hashlib.sha256(self.types.write_csv().encode()).hexdigest()
         return {
             "made_by": version(),
@@ -58,7 +82,7 @@ class Request:
             "typecodes": None if self.typecodes is None else sorted(self.typecodes),
             "types_sha256": types,
             "format": self.format,
-            "inputs": [_provenance(path) for path in files],
+            "inputs": [*map(_table_provenance, self.tables), *map(_file_provenance, files)],
         }
 
     def account(self, report: DropReport, parts: Sequence[tuple[DropReport, dict[str, int]]]) -> None:
@@ -108,7 +132,14 @@ def description(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame)
     }
 
 
-def _provenance(path: Path) -> dict[str, object]:
+def _table_provenance(table: pl.DataFrame) -> dict[str, object]:
+    digest = hashlib.sha256(repr(table.schema).encode())
+    for part in table.iter_slices(HASHED_ROWS):
+        digest.update(part.rechunk().write_ipc(None, compression="uncompressed").getvalue())
+    return {"name": HELD, "rows": len(table), "sha256": digest.hexdigest()}
+
+
+def _file_provenance(path: Path) -> dict[str, object]:
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"name": path.name, "bytes": path.stat().st_size, "sha256": digest}

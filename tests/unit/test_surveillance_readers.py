@@ -8,10 +8,12 @@ from pathlib import Path
 import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
-from surveillance_toys import flight, written
+from surveillance_toys import fleet, flight, written
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.formats import aircraft_json
+from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.read_rows import read_rows, read_table
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import normalise
@@ -166,3 +168,30 @@ def test_snapshots_in_every_packing(form: str, tmp_path: Path) -> None:
     content = text.encode()
     (tmp_path / "a.json").write_bytes(gzip.compress(content) if "gzip" in form else content)
     assert read_table(tmp_path / "a.json")["IAS"].to_list() == expected
+
+
+def test_rows_in_memory_are_prepared_like_those_of_a_file(tmp_path: Path) -> None:
+    rows = fleet(3)
+    path = written(rows, tmp_path / "rows.parquet")
+    pandas = pytest.importorskip("pandas")
+    whole = prepare(path)
+    table = pandas.DataFrame({name: rows[name].to_list() for name in rows.columns})
+    for source in (rows, rows.lazy(), table, [rows.head(1000), rows.tail(-1000)]):
+        found = prepare(source)
+        assert_frame_equal(found.frame, whole.frame, check_exact=True)
+        assert found.report.as_dict() == whole.report.as_dict()
+    described = prepare(rows).metadata["inputs"]
+    assert described == prepare(rows, out=tmp_path / "d.parquet").metadata["inputs"]
+    assert described != prepare(rows.tail(-1)).metadata["inputs"]
+    assert_frame_equal(read_descents(tmp_path / "d.parquet").frame, whole.frame, check_exact=True)
+
+
+def test_tables_that_are_no_rows_are_refused() -> None:
+    with pytest.raises(ConfigError, match="rows of type int"):
+        prepare(3)
+    with pytest.raises(DataError, match="a table in memory has no column timestamp"):
+        prepare(pl.DataFrame({"IAS": [250.0]}))
+    with pytest.raises(DataError, match="a table in memory: IAS seems to be in m/s"):
+        prepare(fleet(3).with_columns(pl.col("IAS") * 0.514444))
+    with pytest.raises(DataError, match="no row in a table in memory"):
+        prepare(fleet(1).clear())

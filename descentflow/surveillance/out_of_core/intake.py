@@ -16,7 +16,7 @@ from descentflow.core.workers import Engine, LocalEngine
 from descentflow.surveillance.cleaning.flights import names_given, usable
 from descentflow.surveillance.out_of_core.job import ROWS
 from descentflow.surveillance.out_of_core.spill import Bucket, Memory, Spill, joined
-from descentflow.surveillance.read_rows import row_blocks
+from descentflow.surveillance.read_rows import Source, row_blocks
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS, REQUIRED
 from descentflow.surveillance.unpacking.source_files import with_parts
@@ -82,13 +82,13 @@ def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
 
 
 def take_in(
-    files: Sequence[Path], format: str | None, spill: Spill, block_rows: int = 500_000, alone: bool = True
+    sources: Sequence[Source], format: str | None, spill: Spill, block_rows: int = 500_000, alone: bool = True
 ) -> Intake:
-    """Read files into a spill.
+    """Read rows into a spill.
 
     Args:
-        files: What to read.
-        format: Name of what they are; found from their content if None.
+        sources: Files, and tables in memory.
+        format: Name of the files' format; recognised from their content if None.
         spill: Takes the rows.
         block_rows: Rows that are read at a time.
         alone: Whether there are no other files, so that files without a row are an error.
@@ -100,7 +100,7 @@ def take_in(
     columns: dict[str, None] = {}
     names: list[pl.DataFrame] = []
     parts: list[DropReport] = []
-    for block in _ahead(_blocks(files, read, format, block_rows, alone)):
+    for block in _ahead(_blocks(sources, read, format, block_rows, alone)):
         columns |= dict.fromkeys(block.columns)
         parts.append(DropReport())
         good = usable(block, parts[-1])
@@ -201,11 +201,11 @@ def read_again(folder: Path) -> Intake:
 
 
 def _blocks(
-    files: Sequence[Path], report: DropReport, format: str | None, block_rows: int, alone: bool
+    sources: Sequence[Source], report: DropReport, format: str | None, block_rows: int, alone: bool
 ) -> Iterator[pl.DataFrame]:
     """Blocks of rows; of a group that holds none, but is one of several, an empty one."""
     try:
-        yield from row_blocks(files, report, format=format, block_rows=block_rows)
+        yield from row_blocks(sources, report, format=format, block_rows=block_rows)
     except DataError as error:
         if alone or not error.got.startswith("no row in "):
             raise

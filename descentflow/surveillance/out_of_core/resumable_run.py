@@ -14,15 +14,13 @@ from descentflow.surveillance.cleaning.drop_reasons import some_flights
 from descentflow.surveillance.cleaning.flights import check_left
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.out_of_core.finished_store import finished
 from descentflow.surveillance.out_of_core.held_rows import clean_held
-from descentflow.surveillance.out_of_core.intake import Intake, read_groups
+from descentflow.surveillance.out_of_core.intake import Intake, read_groups, take_in
 from descentflow.surveillance.out_of_core.job import fingerprint, job_folder, work_folder
 from descentflow.surveillance.out_of_core.partitions import Cleaned, clean_partitions
-from descentflow.surveillance.out_of_core.spill import Memory
+from descentflow.surveillance.out_of_core.spill import Memory, Spill
 from descentflow.surveillance.request import Request, description
-from descentflow.surveillance.unpacking.source_files import files_of
 
 Progress = Callable[[str], None]
 
@@ -50,9 +48,7 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
     """
     # An output inside a folder of inputs, and what an earlier run left beside it, are no inputs.
     own = (out.resolve(), work_folder(out).resolve())
-    files = [
-        path for path in files_of(request.paths, ACCEPTED) if not any(path.resolve().is_relative_to(one) for one in own)
-    ]
+    files = [path for path in request.files() if not any(path.resolve().is_relative_to(one) for one in own)]
     progress("hashing inputs")
     facts = request.facts(files)
     is_store = out.suffix != ".parquet"
@@ -70,7 +66,12 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
     try:
         with job_folder(out, facts) as folder:
             progress("reading rows")
-            intake = read_groups(files, request.format, folder, memory, engine, progress)
+            # Rows given in memory are there already: nothing is saved by putting them on disk.
+            intake = (
+                take_in([*request.tables, *files], request.format, Spill.unbounded())
+                if request.tables
+                else read_groups(files, request.format, folder, memory, engine, progress)
+            )
             cleaned = _cleaned(intake, request, folder, memory, engine, progress)
             return _written(out, cleaned, request, facts, folder, progress)
     except OSError as error:

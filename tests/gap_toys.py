@@ -1,16 +1,13 @@
 """Flights of the world for tests of the diagnosis, and simulators trained on them."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
-import torch
 from lightning.pytorch import Trainer
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.core.units import FL_M, KT_MPS
+from descentflow.effects.example_flights import example_flights
 from descentflow.effects.flight_state import FlightState
-from descentflow.physics.airspeed import mach_to_cas_mps
 from descentflow.simulation.parameters import FlightParameters
 from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig
@@ -44,15 +41,4 @@ def simulator(folder: Path, descents: Path) -> Path:
 
 def state(n: int = 6, affected: bool = True) -> FlightState:
     """Flights at Mach 0.78 and then at CAS between 270 and 310 kt, in bands from FL150 to FL370."""
-    altitude = torch.linspace(160, 360, 11, dtype=torch.float64) * FL_M
-    planned = torch.linspace(270, 310, n, dtype=torch.float64)[:, None] * KT_MPS
-    by_mach = mach_to_cas_mps(0.78, altitude)
-    cas = torch.minimum(planned + 0 * by_mach, by_mach)
-    (slope,) = torch.gradient(by_mach, spacing=(altitude,))
-    mask = torch.ones_like(cas, dtype=torch.bool)
-    slopes = torch.where(cas < planned, slope, 0.0)
-    depth = altitude[-1] - altitude + 0 * cas
-    flown = FlightState(
-        open_aircraft("A320"), 57e3, altitude, 20 * FL_M, cas, slopes, torch.zeros_like(cas), mask, depth, affected
-    )
-    return replace(flown, rate_slope_per_m=flown.schedule_slope_per_m)
+    return example_flights(n, affected)

@@ -11,11 +11,11 @@ from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.densities.density import Density
-from descentflow.diagnosis.procedure import run
+from descentflow.diagnosis.procedure import Settings, run
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.simulator import Simulator
-from descentflow.effects import EFFECTS, Effect
-from descentflow.measurements.quantities import CHANNELS
+from descentflow.effects import EFFECTS, Effect, checked_catalogue
+from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.representation.checkpoint import read_checkpoint
 from descentflow.representation.representation import Representation
 from descentflow.surveillance.descents.description import KEY
@@ -56,8 +56,8 @@ def diagnose(
         simulator: Checkpoint, model, or nominal simulator; None with ``typecode``.
         typecode: Nominal BADA of this type in place of a simulator.
         bada_dir: Folder of BADA files for ``typecode``; the embedded open aircraft if absent.
-        channels: Channels to use, see :data:`descentflow.measurements.quantities.CHANNELS`; all that the flights have
-            if absent.
+        channels: Channels to use, see :data:`descentflow.measurements.quantity_registry.CHANNELS`; all that the
+            flights have if absent.
         catalogue: Effects that may be named; :data:`descentflow.effects.EFFECTS` if absent.
         seed: Of permutations, bootstrap and samples: the same seed gives the same answer.
         out: Folder for `gap.json`, `gap.html` and `corrected.ckpt`; nothing is written if absent.
@@ -80,8 +80,8 @@ def diagnose(
     found = _simulator(simulator, typecode, bada_dir)
     say("reading flights")
     descents, dropped = _descents(real, found, say)
-    effects = EFFECTS if catalogue is None else catalogue
-    report = run(descents, found, wanted, effects, seed, dropped, say)
+    effects = checked_catalogue(EFFECTS if catalogue is None else catalogue)
+    report = run(descents, Settings(found, effects, wanted, seed, say), dropped)
     if out is not None:
         say("writing the report")
         report.write(out)

@@ -1,79 +1,91 @@
 """The diagnosis itself: from flights and a simulator to a report."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M
-from descentflow.diagnosis.correction.closure import Closure
+from descentflow.diagnosis.correction.closure import Gap, GapMeasure
 from descentflow.diagnosis.correction.corrected_simulator import corrected
+from descentflow.diagnosis.findings.findings import Details, NullTest
+from descentflow.diagnosis.findings.gap_found import WouldSplit
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-from descentflow.diagnosis.inference.heterogeneity import lawful_shift
-from descentflow.diagnosis.inference.likelihood import Contest
+from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shift
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
-from descentflow.diagnosis.inference.shared_effects import Inherited, inherited_causes
+from descentflow.diagnosis.inference.shared_effects import SharedEffects, shared_effects
 from descentflow.diagnosis.inference.two_sides import Compared, compare
-from descentflow.diagnosis.inference.where import strongest_block, where
+from descentflow.diagnosis.inference.where import where
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.report.causes import causes_of, would_split
-from descentflow.diagnosis.report.details import curves, details_of
+from descentflow.diagnosis.report.details import curves, discrepancy_of, remaining_of, singles_of
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.simulator import Simulator, check_count, check_type, kept_channels
 from descentflow.diagnosis.stages import stages_of
 from descentflow.effects import Effect
-from descentflow.measurements.quantities import checked, grid_of, measured
+from descentflow.measurements.quantities import Quantities, checked, grid_of, measured
+from descentflow.measurements.quantity_registry import QUANTITIES
 from descentflow.physics.transition import transition_altitude_m
 
-SLACK = 5.0
-"""Samples miss what components and energy share leave out: up to a percent of the rate about the transition."""
-ENOUGH = 100
+SAMPLES_SLACK = 5.0
+"""How much larger negligible shifts are against samples: they miss what components and energy share leave out, up to a
+percent of the rate about the transition."""
+MIN_NORMAL_FLIGHTS = 100
 """Flights of a simulator from which the spread between flights is learnt without the real ones."""
 SIGNIFICANT = 0.02
 """A gap is called from this p-value; it leaves room below five false alarms in a hundred."""
 
 
-def run(
-    frame: pl.DataFrame,
-    simulator: Simulator,
-    channels: Sequence[str],
-    catalogue: Mapping[str, Effect],
-    seed: int,
-    dropped: Mapping[str, int],
-    say: Callable[[str], None],
-) -> GapReport:
+@dataclass(frozen=True)
+class Settings:
+    """What a diagnosis is asked to do.
+
+    Attributes:
+        simulator: What is diagnosed.
+        catalogue: Effects that may be named.
+        channels: Channels to use.
+        seed: Of permutations, folds, bootstrap and samples.
+        progress: Called with what is being done.
+    """
+
+    simulator: Simulator
+    catalogue: Mapping[str, Effect]
+    channels: Sequence[str]
+    seed: int
+    progress: Callable[[str], None]
+
+    @property
+    def transition_fl(self) -> float:
+        """Flight level at which nominal BADA hands over from Mach to CAS."""
+        return float(transition_altitude_m(self.simulator.aircraft)) / FL_M
+
+
+def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> GapReport:
     """Diagnose.
 
     Args:
         frame: Prepared descents.
-        simulator: What is diagnosed.
-        channels: Channels to use.
-        catalogue: Effects that may be named.
-        seed: Of permutations, folds, bootstrap and samples.
+        settings: What is diagnosed, and how.
         dropped: Rows that preparation left out, by reason.
-        say: Told what is being done.
 
     Raises:
         DataError: If too few flights show levels of the simulator's grid.
-        ConfigError: If the catalogue is empty.
     """
-    if not catalogue:
-        raise ConfigError("an empty catalogue", expected="at least one effect", mend="pass EFFECTS, or some of them")
+    simulator = settings.simulator
     check_type(frame, simulator)
     low, high = simulator.levels(frame)
-    say("measuring flights")
-    grid = grid_of(frame, low, high, channels)
+    settings.progress("measuring flights")
+    grid = grid_of(frame, low, high, settings.channels)
     check_count(checked(measured(grid)), frame, low, high)
-    reference, real, source = both_sides(simulator, grid, seed)
+    reference, real, source = both_sides(simulator, grid, settings.seed)
     if reference is not None:
         reference = kept_channels(reference, real)
-    compared = compare(reference, real, simulator.aircraft, SLACK if source == "samples" else 1.0)
+    compared = compare(reference, real, simulator.aircraft, SAMPLES_SLACK if source == "samples" else 1.0)
     counts = {
         "flights_given": frame["flight_id"].n_unique(),
         "flights_off_the_grid": frame["flight_id"].n_unique() - len(real),
@@ -81,32 +93,33 @@ def run(
         "simulator_flights": 0 if reference is None else len(reference),
         **dropped,
     }
-    diagnosis = Diagnosis(compared, catalogue, simulator, source, seed, say)
-    report = diagnosis.report(counts, frame)
+    report = Diagnosis(compared, settings, source).report(counts, frame)
+    return _with_shared_effects(report, real, settings) if source != "physics" else report
+
+
+def _with_shared_effects(report: GapReport, real: Quantities, settings: Settings) -> GapReport:
+    """The report with causes that both sides have, where no other is named and there are such."""
     # A gap that is faint and of no shape leaves room for a cause that both sides have.
-    faint = report.verdict == "unknown" and not report.details["discrepancy"]["named"]
-    if source == "physics" or not (faint or report.verdict == "none"):
+    faint = report.verdict == "unknown" and not report.details.discrepancy.named
+    if not (faint or report.verdict == "none"):
         return report
-    found = inherited_causes(real, simulator.aircraft, catalogue, seed, say)
-    return report if found is None else diagnosis.inherited(report, found)
+    found = shared_effects(real, settings.simulator.aircraft, settings.catalogue, settings.seed, settings.progress)
+    return report if found is None else refit_report(report, found, settings)
 
 
 class Diagnosis:
     """The steps of one diagnosis, in their order."""
 
-    def __init__(
-        self,
-        compared: Compared,
-        catalogue: Mapping[str, Effect],
-        simulator: Simulator,
-        source: str,
-        seed: int,
-        say: Callable[[str], None],
-    ) -> None:
-        """Prepare the contest."""
-        self.compared, self.catalogue, self.simulator = compared, catalogue, simulator
-        self.source, self.seed, self.say = source, seed, say
-        say("estimating the spread between flights")
+    def __init__(self, compared: Compared, settings: Settings, source: str) -> None:
+        """Prepare the likelihood of effects.
+
+        Args:
+            compared: Flights of both sides.
+            settings: What is diagnosed, and how.
+            source: Where the simulator's side comes from.
+        """
+        self.compared, self.settings, self.source = compared, settings, source
+        settings.progress("estimating the spread between flights")
         weights = whiten(
             compared.y,
             compared.real,
@@ -115,38 +128,36 @@ class Diagnosis:
             compared.of_flight(),
             learn=normal_flights(compared),
         )
-        self.contest = Contest(compared, weights, catalogue, seed)
-        self.discrepancy, self.shapes = discrepancy_columns(compared)
-        self.transition_fl = float(transition_altitude_m(simulator.aircraft)) / FL_M
+        self.likelihood = EffectsLikelihood(compared, weights, settings.catalogue, settings.seed)
+        self.discrepancy, _ = discrepancy_columns(compared)
 
     def report(self, counts: Mapping[str, int], frame: pl.DataFrame) -> GapReport:
-        """Run the steps and put the answer together."""
-        self.say("asking whether there is a gap")
-        everyone = torch.ones_like(self.compared.real)
-        c = self.compared
-        blind = whiten(c.y, everyone, c.cluster, c.nugget(), c.of_flight(), c.real)
-        unsided = Contest(self.compared, blind, self.catalogue, self.seed, self.contest)
-        test = null_test(unsided, self.discrepancy, self.seed)
-        self.say("asking where it lies")
-        cells, affected = where(self.contest, self.transition_fl, self.seed)
-        chosen = select(self.contest, self.discrepancy, self.say)
+        """Run the steps and put the answer together.
+
+        Args:
+            counts: Of flights and rows.
+            frame: Prepared descents, for the stages.
+        """
+        settings, likelihood, progress = self.settings, self.likelihood, self.settings.progress
+        test = self._null_test()
+        progress("asking where it lies")
+        cells, affected = where(likelihood, settings.transition_fl, settings.seed)
+        chosen = select(likelihood, self.discrepancy, progress)
         verdict = self._verdict(test.p_value, chosen)
-        named = chosen if verdict != "none" else None
         fit = chosen.fit if verdict == "effect" else chosen.null
         if verdict == "none" or not bool(affected.any()):
             # Entries that stand out by chance would make a gap of it.
             affected = torch.ones_like(affected)
         affected = self._without_by_products(affected, fit.effects)
-        self.say("measuring how far the gap shrinks")
-        closure = Closure(self.contest, affected, self.seed)
-        lawful, spreads = lawful_shift(self.contest, fit)
-        gap = closure.gap(lawful)
-        causes = causes_of(self.contest, chosen, closure, lawful, spreads, self.say) if verdict == "effect" else []
-        self.say("asking at which stage the simulator loses most")
-        stages = stages_of(self.simulator, frame, self.seed)
-        remaining = self._remaining(fit.shift, gap.after, gap.floor, chosen)
-        details = details_of(self, chosen, test.__dict__, fit.shift, counts)
-        write = corrected(self.simulator, self.compared.state.mass_kg, self.catalogue, fit.theta)
+        progress("measuring how far the gap shrinks")
+        measure = GapMeasure(likelihood, affected, settings.seed)
+        shift, spreads = heterogeneous_shift(likelihood, fit)
+        gap = measure.gap(shift)
+        causes = causes_of(likelihood, chosen, measure, shift, spreads, progress) if verdict == "effect" else []
+        progress("asking at which stage the simulator loses most")
+        stages = stages_of(settings.simulator, frame, settings.seed)
+        hidden = not_identifiable(settings, self.source)
+        write = corrected(settings.simulator, self.compared.state.mass_kg, settings.catalogue, fit.theta)
         return GapReport(
             verdict=verdict,
             p_value=test.p_value,
@@ -156,56 +167,30 @@ class Diagnosis:
             stages=stages,
             causes=causes,
             gap_after=gap.after,
-            remaining=remaining,
-            would_split=self._hidden() if named is None else would_split(self.contest, named, causes),
+            remaining=remaining_of(likelihood, fit.shift, gap.after - gap.floor, chosen.outside),
+            would_split=hidden if verdict == "none" else would_split(likelihood, causes),
             dropped=dict(counts),
-            details=details,
+            details=self._details(chosen, test, fit.shift, counts),
             write_corrected=write if verdict == "effect" else None,
         )
 
-    def inherited(self, report: GapReport, found: Inherited) -> GapReport:
-        """The report of flights that are as the simulator's own were, and not as it assumes."""
-        contest, fit = found.contest, found.chosen.fit
-        cells, affected = where(contest, self.transition_fl, self.seed)
-        closure = Closure(contest, affected if bool(affected.any()) else torch.ones_like(affected), self.seed)
-        lawful, spreads = lawful_shift(contest, fit)
-        gap = closure.gap(lawful)
-        causes = causes_of(contest, found.chosen, closure, lawful, spreads, self.say)
-        details = {**report.details, "regime": "refit", "curves": curves(contest, fit.shift)}
-        write = corrected(self.simulator, self.compared.state.mass_kg, self.catalogue, fit.theta, inherited=True)
-        return replace(
-            report,
-            verdict="effect",
-            p_value=found.p_value,
-            where=cells,
-            floor=gap.floor,
-            gap_before=gap.before,
-            gap_after=gap.after,
-            causes=[{**cause, "inherited": True} for cause in causes],
-            details=details,
-            write_corrected=write,
-            would_split=self._hidden(),
-        )
-
-    def _hidden(self) -> list[dict[str, Any]]:
-        """What no comparison with a simulator of the same flights could show."""
-        if self.source == "physics":
-            return []
-        names = [name for name, effect in self.catalogue.items() if effect.inherited_from is None]
-        why = (
-            "if the simulator's own flights had them as well, its inferred drag and speeds hold them: not identifiable"
-        )
-        return [{"between": names, "channels": [], "why": why}]
+    def _null_test(self) -> NullTest:
+        """Whether there is a gap at all, under a covariance that does not know the sides."""
+        self.settings.progress("asking whether there is a gap")
+        c, settings = self.compared, self.settings
+        everyone = torch.ones_like(c.real)
+        blind = whiten(c.y, everyone, c.cluster, c.nugget(), c.of_flight(), c.real)
+        unsided = EffectsLikelihood(c, blind, settings.catalogue, settings.seed, self.likelihood)
+        return null_test(unsided, self.discrepancy, settings.seed)
 
     def _without_by_products(self, affected: Tensor, effects: Sequence[str]) -> Tensor:
         """Entries that a gap is measured over: short-scale noise only where it is the matter, or all that there is.
 
         Edges of windows and changes of path raise it as well, and no effect claims to undo that.
         """
-        noise = torch.tensor([e.quantity.startswith("noise") for e in self.compared.entries])
-        if "measurement_noise" in effects or not bool((affected & ~noise).any()):
-            return affected
-        return affected & ~noise
+        noise = torch.tensor([QUANTITIES[e.quantity].is_noise for e in self.compared.entries])
+        is_matter = any(self.settings.catalogue[name].is_noise for name in effects)
+        return affected if is_matter or not bool((affected & ~noise).any()) else affected & ~noise
 
     def _verdict(self, p_value: float, chosen: Chosen) -> str:
         """``none``, ``effect`` or ``unknown``."""
@@ -215,29 +200,64 @@ class Diagnosis:
             return "none"
         return "unknown" if chosen.outside.named or not chosen.fit.effects else "effect"
 
-    def _remaining(self, shift: Tensor, after: float, floor: float, chosen: Chosen) -> dict[str, Any]:
-        """What is left once the causes are in the simulator, and where the most of it lies."""
-        contest = self.contest
-        left = self.compared.y - shift
-        mean = left[contest.real].nanmean(0)
-        if contest.has_reference:
-            mean = mean - left[~contest.real].nanmean(0)
-        standing = (mean.abs() / self.compared.negligible()).nan_to_num(0.0)
-        most = int(standing.argmax())
-        entry = self.compared.entries[most]
-        low, high = self.compared.level_range(entry)
-        return {
-            "gap": max(after - floor, 0.0),
-            "share_unexplained": 1.0 - chosen.outside.share_explained,
-            "largest": {
-                "quantity": entry.quantity,
-                "level_low_fl": low,
-                "level_high_fl": high,
-                "difference": float(mean[most]),
-                "in_negligible_shifts": float(standing[most]),
-            },
-            "block": strongest_block(contest, left),
-        }
+    def _details(self, chosen: Chosen, test: NullTest, shift: Tensor, counts: Mapping[str, int]) -> Details:
+        settings = self.settings
+        return Details(
+            simulator=settings.simulator.name,
+            regime="anchored",
+            typecode=settings.simulator.aircraft.typecode,
+            normal_from=self.source,
+            seed=settings.seed,
+            quantities=list(self.compared.quantities()),
+            transition_fl=settings.transition_fl,
+            mass_kg=self.compared.state.mass_kg,
+            test=test,
+            discrepancy=discrepancy_of(chosen.outside),
+            singles=singles_of(self.likelihood, chosen),
+            curves=curves(self.likelihood, shift),
+            flights=dict(counts),
+            labels={name: effect.text for name, effect in settings.catalogue.items()},
+        )
+
+
+def refit_report(report: GapReport, found: SharedEffects, settings: Settings) -> GapReport:
+    """The report of flights that are as the simulator's own were, and not as it assumes.
+
+    Args:
+        report: Against the simulator's own flights, where no cause is named.
+        found: Effects that both sides have.
+        settings: What is diagnosed, and how.
+    """
+    likelihood, fit = found.likelihood, found.chosen.fit
+    cells, affected = where(likelihood, settings.transition_fl, settings.seed)
+    entries = affected if bool(affected.any()) else torch.ones_like(affected)
+    measure = GapMeasure(likelihood, entries, settings.seed)
+    shift, spreads = heterogeneous_shift(likelihood, fit)
+    gap: Gap = measure.gap(shift)
+    causes = causes_of(likelihood, found.chosen, measure, shift, spreads, settings.progress, inherited=True)
+    mass_kg = report.details.mass_kg
+    return replace(
+        report,
+        verdict="effect",
+        p_value=found.p_value,
+        where=cells,
+        floor=gap.floor,
+        gap_before=gap.before,
+        gap_after=gap.after,
+        causes=causes,
+        details=replace(report.details, regime="refit", curves=curves(likelihood, fit.shift)),
+        write_corrected=corrected(settings.simulator, mass_kg, settings.catalogue, fit.theta, inherited=True),
+        would_split=not_identifiable(settings, "training flights"),
+    )
+
+
+def not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:
+    """What no comparison with a simulator of the same flights could show."""
+    if source == "physics":
+        return []
+    names = [name for name, effect in settings.catalogue.items() if effect.inherited_from is None]
+    why = "if the simulator's own flights had them as well, its inferred drag and speeds hold them: not identifiable"
+    return [WouldSplit(names, [], why)]
 
 
 def normal_flights(compared: Compared) -> Tensor | None:
@@ -246,5 +266,5 @@ def normal_flights(compared: Compared) -> Tensor | None:
     An effect that takes some flights and leaves others would widen the spread in its own direction, and so hide itself.
     """
     known = ~compared.real
-    enough = int(known.sum()) >= max(ENOUGH, compared.y.shape[1])
+    enough = int(known.sum()) >= max(MIN_NORMAL_FLIGHTS, compared.y.shape[1])
     return known if enough and bool(compared.free.all()) else None

@@ -1,11 +1,10 @@
 """At which stage a simulator loses what the flights show: a ladder of substitutions that telescopes."""
 
-from typing import Any
-
 import polars as pl
 import torch
 from torch import Tensor
 
+from descentflow.diagnosis.findings.gap_found import Stage
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.profiles import Profiles, profiles_from_frame
@@ -14,7 +13,7 @@ SAMPLES = 2000
 LEVELS_IN_LEG = 15
 
 
-def stages_of(simulator: Simulator, frame: pl.DataFrame, seed: int) -> dict[str, Any]:
+def stages_of(simulator: Simulator, frame: pl.DataFrame, seed: int) -> list[Stage]:
     """Share of each stage in the loss of times along the grid.
 
     The ladder, from the flights as observed to the samples: flown from their own inferred drag and CAS (measurement:
@@ -29,11 +28,11 @@ def stages_of(simulator: Simulator, frame: pl.DataFrame, seed: int) -> dict[str,
         seed: Of the samples.
 
     Returns:
-        Stage -> share, with the distances in seconds under ``seconds``; empty for a nominal simulator.
+        The stages with their shares and their distances; none for a nominal simulator.
     """
     parts = simulator.representation
     if parts is None or simulator.sampler is None:
-        return {}
+        return []
     decoder = parts.decoder
     low, high = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
     flights = profiles_from_frame(frame, decoder.aircraft, low, high)
@@ -63,8 +62,7 @@ def stages_of(simulator: Simulator, frame: pl.DataFrame, seed: int) -> dict[str,
         "decoder": abs(float((own.nanmean(0) - coupled.nanmean(0)).nan_to_num(0.0).abs().mean())),
     }
     total = sum(seconds.values())
-    shares: dict[str, Any] = {name: value / total if total > 0 else 0.0 for name, value in seconds.items()}
-    return {**shares, "seconds": seconds}
+    return [Stage(name, value / total if total > 0 else 0.0, value) for name, value in seconds.items()]
 
 
 def _from_rates(flights: Profiles) -> Tensor:

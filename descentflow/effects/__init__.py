@@ -1,8 +1,13 @@
-"""The catalogue of effects; each is a small module, and a user's own is an entry more."""
+"""Effects: physical and operational causes that may set flights and a simulator apart, a file each.
+
+Read :mod:`~descentflow.effects.effect` (what an effect is), then any of them;
+:mod:`~descentflow.effects.flight_state` is what they look at. A user's own is an entry more in the catalogue.
+"""
 
 from descentflow.effects.airspeed_bias import AirspeedBias
+from descentflow.effects.catalogue_check import checked_catalogue
 from descentflow.effects.drag_polar import DragPolar
-from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.effect import Effect, FlightChange, Parameter, Shift
 from descentflow.effects.geometric_path import GeometricPath
 from descentflow.effects.idle_thrust import IdleThrust
 from descentflow.effects.level_off import LevelOff
@@ -15,7 +20,7 @@ from descentflow.effects.vertical_rate_lag import VerticalRateLag
 from descentflow.effects.vertical_speed_mode import VerticalSpeedMode
 from descentflow.effects.wind_gradient import WindGradient
 
-__all__ = ["EFFECTS", "UNKNOWN", "Effect", "Parameter", "Shift"]
+__all__ = ["EFFECTS", "UNKNOWN", "Effect", "FlightChange", "Parameter", "Shift", "checked_catalogue"]
 
 EFFECTS: dict[str, Effect] = {
     effect.name: effect

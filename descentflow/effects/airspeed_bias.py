@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from descentflow.core.units import KT_MPS
-from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.effect import Effect, FlightChange, Parameter, Shift
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.physics.airspeed import cas_to_mach
 
@@ -12,14 +12,15 @@ class AirspeedBias(Effect):
     """IAS reads too high by a constant and a part that grows with Mach number; the aircraft flies as it did."""
 
     name = "airspeed_bias"
+    says = "biased airspeed reports"
+    directions = ("airspeeds that read too high", "airspeeds that read too low")
     inherited_from = 0.7
     parameters = (
-        Parameter("bias_kt", -25.0, 25.0, "kt", 1.0),
-        Parameter("growth_kt", -40.0, 40.0, "kt per 0.1 of Mach", 1.0),
+        Parameter("bias_kt", -25.0, 25.0, "kt", 1.0, label="bias of IAS at Mach 0.65"),
+        Parameter("growth_kt", -40.0, 40.0, "kt per 0.1 of Mach", 1.0, label="growth of the bias with Mach number"),
     )
     needs = ("IAS", "Mach")
     sensor = True
-    says = "reported airspeeds are biased"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """IAS, its difference to the CAS of the Mach number, and the rate expected at a wrong speed."""
@@ -30,6 +31,10 @@ class AirspeedBias(Effect):
             bias = _bias_kt(theta, cas_to_mach(state.cas_mps - bias * KT_MPS, state.altitude_m))
         other = log_rate(state, cas_mps=state.cas_mps + sign * bias * KT_MPS)
         return {"cas": bias, "mismatch": bias, "rate": sign * (state.own_log_rate - other)}
+
+    def change(self, state: FlightState, theta: Tensor) -> FlightChange:
+        """Reported CAS alone: the rate of the shift is what a wrong speed makes of the residual, the rate is right."""
+        return FlightChange(reported={"cas": self.shift(state, theta)["cas"]})
 
 
 def _bias_kt(theta: Tensor, mach: Tensor) -> Tensor:

@@ -1,73 +1,170 @@
-"""What an effect is: parameters with bounds, channels that it needs, and the shift it makes in what is measured."""
+"""What an effect is: its words, parameters and channels, the shift it makes in what is measured, and its correction."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import torch
 from torch import Tensor
 
 from descentflow.effects.flight_state import FlightState
+from descentflow.effects.scale_group import ScaleGroup
 
-Law = Literal["constant", "gaussian", "window mixture", "measured covariate"]
+Heterogeneity = Literal["constant", "gaussian", "window mixture", "measured covariate"]
+"""How an effect differs between flights: not at all, by a normal law, in a share of them, or by what they report."""
 STEP = 1e-4
 """Of differences, in sizes of a parameter that matter."""
 Shift = Mapping[str, Tensor]
 """Quantity -> change (n, K) at every band, or (n,) for quantities of a whole flight."""
+FLOWN = ("rate", "cas", "tas")
+"""Quantities that a simulator's flights have, so that a correction can change them."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect, zero where the effect is absent unless ``start`` says otherwise."""
+    """One number of an effect, zero where the effect is absent unless ``start`` says otherwise.
+
+    Attributes:
+        name: Key of `gap.json`.
+        low: Least value that is physically possible.
+        high: Largest.
+        unit: Unit of the estimate; ``1`` for a plain number.
+        scale: A size that matters: steps and practical size are measured in it.
+        start: Where a fit starts.
+        inexact: Standard error that comes on top of the data's: how well the equations of the effect place it.
+        from_heterogeneity: Set by :meth:`Effect.learn_heterogeneity` from how flights differ, not by their mean.
+        label: What readers call it; the name with spaces if empty.
+
+    Example:
+        >>> Parameter("deviation_k", -40.0, 40.0, "K", 5.0).text
+        'deviation k'
+        >>> Parameter("deviation_k", -40.0, 40.0, "K", 5.0, label="deviation from the standard atmosphere").text
+        'deviation from the standard atmosphere'
+    """
 
     name: str
     low: float
     high: float
     unit: str
     scale: float
-    """A size that matters: steps and practical size are measured in it."""
     start: float = 0.0
     inexact: float = 0.0
-    """Standard error that comes on top of the data's: how well the equations of the effect place it."""
-    by_law: bool = False
-    """Set by :meth:`Effect.learn_law` from how flights differ, and not by their mean."""
+    from_heterogeneity: bool = False
+    label: str = ""
+
+    @property
+    def text(self) -> str:
+        """What readers call it."""
+        return self.label or self.name.replace("_", " ")
+
+
+@dataclass(frozen=True)
+class FlightChange:
+    """What an effect changes in the flights of a simulator, as :data:`Shift` of some of :data:`FLOWN`.
+
+    Attributes:
+        flown: Change of the flight itself: ``rate`` (ln of the rate), ``cas`` (kt), ``tas`` (ln of the TAS).
+        reported: Change of what is reported of it alone, which takes no time.
+    """
+
+    flown: Shift = field(default_factory=dict)
+    reported: Shift = field(default_factory=dict)
 
 
 class Effect(ABC):
-    """A physical or operational cause.
+    """A physical or operational cause: all that the package knows of it stands in its class, in a file of its own.
 
-    A subclass in a file of its own states parameters, needs and :meth:`shift`; nothing else has to change. Quantities
-    that may shift, see :data:`descentflow.measurements.quantities.QUANTITIES`.
+    A subclass needs a ``name``, ``parameters`` and :meth:`shift`; everything else has a default. Quantities that may
+    shift: :data:`descentflow.measurements.quantity_registry.QUANTITIES`.
 
     Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
         >>> class GustierAir(Effect):
-        ...     name, law, parameters, needs = "gustier_air", "constant", (Parameter("ratio", 0, 2, "1", 0.2),), ()
+        ...     name, says = "gustier_air", "air with more or fewer gusts"
+        ...     directions = ("gustier air", "calmer air")
+        ...     parameters = (Parameter("ratio", -2.0, 2.0, "1", 0.2, label="ln of the ratio of the rate's noise"),)
         ...     def shift(self, state, theta):
         ...         return {"noise_rate": theta[0].expand(len(state.cas_mps))}
-        >>> diagnose("flights.parquet", "best.ckpt", catalogue={**EFFECTS, "gustier_air": GustierAir()})
+        >>> GustierAir().in_words(0.3)
+        'gustier air'
+        >>> report = diagnose("descents.parquet", "best.ckpt", catalogue={**EFFECTS, "gustier_air": GustierAir()})
+        >>> report.verdict
+        'none'
     """
 
     name: ClassVar[str]
+    """Key by which the catalogue and `gap.json` name it."""
     parameters: ClassVar[tuple[Parameter, ...]]
-    law: ClassVar[Law] = "constant"
+    """Its numbers; the first one is its size."""
+    label: ClassVar[str] = ""
+    """Name for readers; the name with spaces if empty."""
+    says: ClassVar[str] = ""
+    """What it is, for readers who are no specialists: 'air warmer or colder than the standard atmosphere'."""
+    directions: ClassVar[tuple[str, str] | None] = None
+    """What a positive and a negative first parameter mean, where that has a name."""
+    scale_group: ClassVar[ScaleGroup | None] = None
+    """Effects of which only ratios can be observed, this one among them."""
+    heterogeneity: ClassVar[Heterogeneity] = "constant"
+    """How it differs between flights."""
     needs: ClassVar[tuple[str, ...]] = ()
-    """Channels without which the effect shows nowhere."""
+    """Channels without which it shows nowhere."""
     splits: ClassVar[tuple[str, ...]] = ()
     """Channels that would tell it from the effects that look like it."""
     sensor: ClassVar[bool] = False
     """Whether it changes what is reported and not what is flown."""
+    is_noise: ClassVar[bool] = False
+    """Whether short-scale noise is the matter itself, and no by-product of what it does."""
     inherited_from: ClassVar[float | None] = None
     """Size of the first parameter from which it shows against physics alone, when the simulator's own flights have it
     too; None where inferred drag hides it then."""
     rate_follows_cas: ClassVar[bool] = False
-    """Whether a shift of CAS carries the rate along as between flights that fly slower and faster."""
-    says: ClassVar[str] = ""
-    """One clause for readers who are no specialists: '... than the simulator assumes'."""
+    """Whether a shift of CAS takes the rate along as between flights that fly slower and faster."""
+
+    @property
+    def text(self) -> str:
+        """Its name for readers."""
+        return self.label or self.name.replace("_", " ")
+
+    def in_words(self, size: float | None) -> str:
+        """What it is, with the direction that the first parameter says; the name where the class has no words.
+
+        Args:
+            size: Estimate of the first parameter; None where the data say nothing of it.
+
+        Example:
+            >>> from descentflow.effects import EFFECTS
+            >>> EFFECTS["temperature"].in_words(-4.0)
+            'air colder than the standard atmosphere'
+            >>> EFFECTS["temperature"].in_words(None)
+            'air warmer or colder than the standard atmosphere'
+        """
+        if self.directions is None or size is None:
+            return self.says or self.text
+        return self.directions[0 if size > 0 else 1]
 
     @abstractmethod
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Change of the measured quantities at parameters theta (k,), smooth in theta."""
+
+    def change(self, state: FlightState, theta: Tensor) -> FlightChange:
+        """What a corrected simulator's flights have of it: of its shift, what a simulator flies or reports.
+
+        Args:
+            state: The simulator's flights, which do not have the effect (``affected`` is false).
+            theta: Parameters (k,) of a flight that has it, see :meth:`mixture`.
+
+        Example:
+            >>> from descentflow.effects import EFFECTS
+            >>> from descentflow.effects.flight_state import example_flights
+            >>> warmer = EFFECTS["temperature"].change(example_flights(), torch.tensor([10.0]))
+            >>> sorted(warmer.flown), sorted(warmer.reported)
+            (['rate', 'tas'], [])
+        """
+        shift = self.shift(state, theta)
+        part = {quantity: shift[quantity] for quantity in FLOWN if quantity in shift}
+        return FlightChange(reported=part) if self.sensor else FlightChange(flown=part)
 
     def starts(self, state: FlightState) -> list[Tensor]:
         """Parameter vectors from which a fit may start: where sensitivities are taken. One, unless windows vary."""
@@ -96,14 +193,14 @@ class Effect(ABC):
             above, below = self.clamp(theta + step), self.clamp(theta - step)
             up, down = self.shift(state, above), self.shift(state, below)
             width = float(above[i] - below[i])
-            scale = 0.0 if parameter.by_law or width == 0.0 else 1.0 / width
+            scale = 0.0 if parameter.from_heterogeneity or width == 0.0 else 1.0 / width
             columns.append({quantity: (up[quantity] - down[quantity]) * scale for quantity in up})
         return {quantity: torch.stack([column[quantity] for column in columns], -1) for quantity in columns[0]}
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """Whether these parameters can be what they say: an estimate driven to a bound other than zero cannot."""
         return all(
-            p.by_law or value == 0.0 or p.low + 1e-6 < value < p.high - 1e-6
+            p.from_heterogeneity or value == 0.0 or p.low + 1e-6 < value < p.high - 1e-6
             for p, value in zip(self.parameters, theta.tolist(), strict=True)
         )
 
@@ -114,8 +211,8 @@ class Effect(ABC):
         """
         return 1.0, theta
 
-    def learn_law(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
-        """Parameters of the law over flights, from the rates themselves.
+    def learn_heterogeneity(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
+        """Parameters with those set that say how flights differ, from the rates themselves.
 
         Args:
             state: Real flights.
@@ -125,7 +222,13 @@ class Effect(ABC):
         return theta
 
     def clamp(self, theta: Tensor) -> Tensor:
-        """Parameters within their physical bounds."""
+        """Parameters within their physical bounds.
+
+        Example:
+            >>> from descentflow.effects import EFFECTS
+            >>> EFFECTS["temperature"].clamp(torch.tensor([55.0]))
+            tensor([40.])
+        """
         low = torch.tensor([p.low for p in self.parameters], dtype=theta.dtype)
         high = torch.tensor([p.high for p in self.parameters], dtype=theta.dtype)
         return torch.minimum(torch.maximum(theta, low), high)

@@ -11,6 +11,10 @@ from descentflow.core.tensors import Number
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps, mach_to_tas_mps
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor_local
 from descentflow.physics.forces import descent_thrust_n, drag_n
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+
+CLEANING = Cleaning()
+"""Default settings, where nobody says by which flights were cleaned."""
 
 SLOWEST_MPS = 0.5
 """Rates are kept this fast before their logarithm is taken: drag that falls to the thrust is no descent."""
@@ -46,6 +50,8 @@ class FlightState:
     """Whether the effect asked for is in these flights already (real ones), or is to be added (a simulator's)."""
     rate_slope_per_m: Tensor | None = None
     """d ln(reported rate)/dHp between the edges of each band, NaN where not seen; None where no flight was seen."""
+    cleaning: Cleaning = CLEANING
+    """Settings by which the flights were cleaned: they say where descents begin."""
 
     def rows(self, index: Tensor) -> "FlightState":
         """The flights at these positions."""

@@ -15,13 +15,13 @@ class GeometricPath(Effect):
     """A share of the flights holds a path angle; idle thrust must not be needed below it, so it is a shallow one."""
 
     name = "geometric_path"
+    says = "a fixed path over the ground instead of an idle descent"
     parameters = (
-        Parameter("share", 0.0, 1.0, "1", 0.1),
-        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1),
+        Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights on a path"),
+        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by"),
     )
-    law = "window mixture"
+    heterogeneity = "window mixture"
     splits = ("groundspeed",)
-    says = "a fixed path over the ground is flown instead of an idle descent"
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """All flights may hold one; a path at the very angle that idle allows is a fit driven to its bound."""

@@ -4,15 +4,18 @@ from torch import Tensor
 
 from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.effects.scale_group import THRUST_DRAG_WEIGHT
 
 
 class IdleThrust(Effect):
     """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed."""
 
     name = "idle_thrust"
-    parameters = (Parameter("relative_change", -1.5, 3.0, "1", 0.1),)
-    law = "gaussian"
-    says = "the engines give more or less thrust at idle"
+    says = "more or less thrust at idle"
+    directions = ("more thrust at idle", "less thrust at idle")
+    scale_group = THRUST_DRAG_WEIGHT
+    parameters = (Parameter("relative_change", -1.5, 3.0, "1", 0.1, label="relative change of the idle thrust"),)
+    heterogeneity = "gaussian"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation."""

@@ -11,12 +11,13 @@ class LevelOff(Effect):
     """More (or longer) level segments than the simulator's flights had, as mean time in them for each flight."""
 
     name = "level_off"
+    says = "more level-offs or longer ones"
+    directions = ("more time in level-offs", "less time in level-offs")
     parameters = (
-        Parameter("time_level_s", -120.0, 600.0, "s per flight", 10.0),
-        Parameter("gaps", -1.0, 5.0, "1", 0.1),
+        Parameter("time_level_s", -120.0, 600.0, "s per flight", 10.0, label="time in level-offs"),
+        Parameter("gaps", -1.0, 5.0, "1", 0.1, label="level-offs per flight"),
     )
-    law = "gaussian"
-    says = "flights level off more often or for longer"
+    heterogeneity = "gaussian"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Time spent in short gaps of altitude, and their number."""

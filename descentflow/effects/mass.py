@@ -4,15 +4,18 @@ from torch import Tensor
 
 from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.effects.scale_group import THRUST_DRAG_WEIGHT
 
 
 class Mass(Effect):
     """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed."""
 
     name = "mass"
-    parameters = (Parameter("relative_change", -0.35, 0.5, "1", 0.05),)
-    law = "gaussian"
-    says = "the aircraft are heavier or lighter"
+    says = "heavier or lighter aircraft"
+    directions = ("heavier aircraft", "lighter aircraft")
+    scale_group = THRUST_DRAG_WEIGHT
+    parameters = (Parameter("relative_change", -0.35, 0.5, "1", 0.05, label="relative change of the mass"),)
+    heterogeneity = "gaussian"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation."""

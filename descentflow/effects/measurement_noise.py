@@ -6,17 +6,28 @@ from torch import Tensor
 from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState
 
-CHANNELS = ("rate", "cas", "mach", "tas", "groundspeed", "altitude")
-"""Channels whose short-scale noise is measured."""
+CHANNELS = {
+    "rate": "the vertical rate",
+    "cas": "IAS",
+    "mach": "Mach",
+    "tas": "TAS",
+    "groundspeed": "groundspeed",
+    "altitude": "altitude",
+}
+"""Channels whose short-scale noise is measured, with what readers call them."""
 
 
 class MeasurementNoise(Effect):
     """Logarithm of the ratio of short-scale standard deviations, channel by channel."""
 
     name = "measurement_noise"
-    parameters = tuple(Parameter(f"ln_ratio_{name}", -3.0, 3.0, "1", 0.1) for name in CHANNELS)
+    says = "noisier or coarser reports"
+    parameters = tuple(
+        Parameter(f"ln_ratio_{name}", -3.0, 3.0, "1", 0.1, label=f"ln of the ratio of the noise of {label}")
+        for name, label in CHANNELS.items()
+    )
     sensor = True
-    says = "reports are noisier or coarser"
+    is_noise = True
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """Some airspeed is noisier by a tenth; less noise throughout is a smoother flight and no instrument.

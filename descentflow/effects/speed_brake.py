@@ -32,16 +32,18 @@ class SpeedBrake(Effect):
     """CD0 higher between two altitudes on a share of the flights; ``extra_cd0`` is the mean over all flights."""
 
     name = "speed_brake"
+    says = "speed brakes, or as much drag, within a band of altitude"
     inherited_from = 0.1
     parameters = (
-        Parameter("extra_cd0", 0.0, 2.0, "1", 0.1, 0.0),
-        Parameter("low_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL),
-        Parameter("high_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL),
-        Parameter("share", 0.05, 1.0, "1", 0.1, 1.0, by_law=True),
-        Parameter("ln_ratio_noise", 0.0, 1.5, "1", 0.1),
+        Parameter("extra_cd0", 0.0, 2.0, "1", 0.1, 0.0, label="parasitic drag added, mean over all flights"),
+        Parameter("low_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL, label="lower end"),
+        Parameter("high_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL, label="upper end"),
+        Parameter(
+            "share", 0.05, 1.0, "1", 0.1, 1.0, from_heterogeneity=True, label="share of the flights with brakes out"
+        ),
+        Parameter("ln_ratio_noise", 0.0, 1.5, "1", 0.1, label="ln of the ratio of short-scale noise"),
     )
-    law = "window mixture"
-    says = "speed brakes (or as much drag) are out within a band of altitude"
+    heterogeneity = "window mixture"
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """Brakes are felt where they are out; their window has a height, ends below the top and is no whole descent."""
@@ -58,7 +60,7 @@ class SpeedBrake(Effect):
         # Edges of a window are steps of the rate, which count as short-scale noise.
         return {"rate": rate, "noise_rate": theta[4] * each}
 
-    def learn_law(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
+    def learn_heterogeneity(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
         """Share of the flights in the upper of two groups of mean excess within the window, less that outside."""
         within = state.share_between(theta[1] * FL_M, theta[2] * FL_M)
         inside, outside = excess[:, within > 0.7], excess[:, within == 0]

@@ -11,11 +11,15 @@ class SpeedSchedule(Effect):
     """CAS shifted on the constant-CAS leg, Mach shifted on the constant-Mach leg; the rate follows the speed."""
 
     name = "speed_schedule"
-    parameters = (Parameter("cas_kt", -60.0, 60.0, "kt", 5.0), Parameter("mach", -0.06, 0.06, "1", 0.005))
-    law = "gaussian"
+    says = "other descent speeds"
+    directions = ("faster descents", "slower descents")
+    parameters = (
+        Parameter("cas_kt", -60.0, 60.0, "kt", 5.0, label="CAS"),
+        Parameter("mach", -0.06, 0.06, "1", 0.005, label="Mach number"),
+    )
+    heterogeneity = "gaussian"
     needs = ("IAS",)
     rate_follows_cas = True
-    says = "crews fly other speeds"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """CAS of the schedule with the change less that without: the slower of Mach and CAS decides."""

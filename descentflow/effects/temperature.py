@@ -13,11 +13,12 @@ class Temperature(Effect):
     """Deviation from ISA: true airspeed at a Mach number, rate of pressure altitude, height between pressure levels."""
 
     name = "temperature"
+    says = "air warmer or colder than the standard atmosphere"
+    directions = ("air warmer than the standard atmosphere", "air colder than the standard atmosphere")
     inherited_from = 2.0
-    parameters = (Parameter("deviation_k", -40.0, 40.0, "K", 5.0),)
-    law = "measured covariate"
+    parameters = (Parameter("deviation_k", -40.0, 40.0, "K", 5.0, label="deviation from the standard atmosphere"),)
+    heterogeneity = "measured covariate"
     splits = ("TAS", "geoaltitude")
-    says = "the air is warmer or colder than the standard atmosphere"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation, ln TAS at the same Mach number, geometric height within the flight."""

@@ -8,12 +8,9 @@ from torch import Tensor
 from descentflow.core.units import FPM_MPS
 from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState
-from descentflow.surveillance.cleaning.filters import Descending, SteadyDescent
 
 LEAST_LAG_S = 1.5
-LEAST_MPS = Descending().slowest_fpm * FPM_MPS
-AFTER_S = SteadyDescent().transient_s
-"""Where prepared descents begin."""
+"""Less than the interval between reports is no lag, s."""
 
 
 class VerticalRateLag(Effect):
@@ -24,14 +21,14 @@ class VerticalRateLag(Effect):
     """
 
     name = "vertical_rate_lag"
+    says = "vertical rates reported late"
     inherited_from = 6.0
     parameters = (
-        Parameter("lag_s", -10.0, 60.0, "s", 2.0),
-        Parameter("ln_ratio_noise", -3.0, 0.0, "1", 0.1, -0.01),
+        Parameter("lag_s", -10.0, 60.0, "s", 2.0, label="lag"),
+        Parameter("ln_ratio_noise", -3.0, 0.0, "1", 0.1, -0.01, label="ln of the ratio of short-scale noise"),
     )
     needs = ("vertical_rate",)
     sensor = True
-    says = "vertical rates are reported late"
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """Less than the interval between reports is none; and what makes a rate late need not damp its noise."""
@@ -55,11 +52,13 @@ class VerticalRateLag(Effect):
 def _late(rate_mps: Tensor, state: FlightState, lag_s: float) -> Tensor:
     """Logarithm of what is reported of rates (n, K) at ascending levels, by the first-order lag itself.
 
-    A prepared descent begins some seconds after its report has reached the least rate, and so does the lag here.
+    A prepared descent begins some seconds after its report has reached the least rate, and so does the lag here: the
+    settings by which the flights were cleaned say after how many, and which rate.
     """
     if lag_s <= 0:
         return rate_mps.log()
-    begun = rate_mps - (rate_mps - LEAST_MPS).clamp(min=0.0) * math.exp(-AFTER_S / lag_s)
+    slowest_mps = state.cleaning.slowest_fpm * FPM_MPS
+    begun = rate_mps - (rate_mps - slowest_mps).clamp(min=0.0) * math.exp(-state.cleaning.transient_s / lag_s)
     found, below_top = begun[:, -1], (state.depth_m > 0).unbind(1)
     late = [found]
     for level in range(rate_mps.shape[1] - 2, -1, -1):

@@ -14,14 +14,14 @@ class VerticalSpeedMode(Effect):
     """A rate is held for a while; cleaning cuts the clearest stretches out and leaves gaps, the rest stays."""
 
     name = "vertical_speed_mode"
+    says = "a selected vertical rate instead of an idle descent"
     parameters = (
-        Parameter("levels_cut_out", -0.2, 1.0, "1", 0.05),
-        Parameter("slower_in_gaps", -60.0, 600.0, "s per flight", 10.0),
-        Parameter("share", 0.0, 1.0, "1", 0.1),
-        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1),
+        Parameter("levels_cut_out", -0.2, 1.0, "1", 0.05, label="share of the levels cut out"),
+        Parameter("slower_in_gaps", -60.0, 600.0, "s per flight", 10.0, label="time lost in gaps"),
+        Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights at a held rate"),
+        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by"),
     )
-    law = "window mixture"
-    says = "a constant vertical rate is selected instead of an idle descent"
+    heterogeneity = "window mixture"
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """A held rate leaves gaps where cleaning finds it; without gaps it is something else."""

@@ -11,11 +11,14 @@ class WindGradient(Effect):
     """Growth of the along-track tailwind with altitude (positive: more tailwind higher up)."""
 
     name = "wind_gradient"
+    says = "an along-track wind that changes with altitude"
+    directions = ("a tailwind that grows with altitude", "a tailwind that falls with altitude")
     inherited_from = 0.0005
-    parameters = (Parameter("slope_per_s", -0.01, 0.01, "m/s per m", 0.001),)
-    law = "measured covariate"
+    parameters = (
+        Parameter("slope_per_s", -0.01, 0.01, "m/s per m", 0.001, label="growth of the tailwind with altitude"),
+    )
+    heterogeneity = "measured covariate"
     splits = ("groundspeed", "TAS", "track", "heading")
-    says = "the along-track wind changes with altitude"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation, and the wind itself about each flight's mean."""

@@ -15,6 +15,7 @@ from torch import Tensor
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.measurements.level_channels import LevelGrid, gaps_of, short_scale_noise
+from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
 
 VERSION = 2
@@ -25,42 +26,6 @@ FEWEST_LEVELS = 0.4
 """Share of a band's levels that a flight must show there."""
 LARGEST = 2000
 """Flights of a reference that a checkpoint carries at most."""
-
-BY_BAND = {
-    "rate": "ln of the rate of descent over the polar's",
-    "lag": "ln of the reported rate over the differenced altitude's",
-    "cas": "calibrated airspeed, kt",
-    "mismatch": "IAS less the CAS of the Mach number, kt",
-    "tas": "ln of TAS over that of the Mach number in standard air",
-    "wind": "along-track wind less the flight's mean, m/s",
-    "height": "geometric less pressure altitude, less the flight's mean, m",
-}
-OF_FLIGHT = {
-    "noise_rate": "ln of the short-scale noise of the vertical rate (ft/min)",
-    "noise_cas": "ln of the short-scale noise of IAS (kt)",
-    "noise_mach": "ln of the short-scale noise of Mach",
-    "noise_tas": "ln of the short-scale noise of TAS (kt)",
-    "noise_groundspeed": "ln of the short-scale noise of groundspeed (kt)",
-    "noise_altitude": "ln of the short-scale noise of the altitude (m)",
-    "level": "time lost in short gaps of altitude, s",
-    "level_gaps": "number of such gaps",
-    "slow": "time lost in longer gaps, s",
-    "missing": "share of the levels that such gaps took",
-}
-QUANTITIES = {**BY_BAND, **OF_FLIGHT}
-"""What may differ, with its meaning."""
-NEEDS = {
-    "mismatch": ("IAS", "Mach"),
-    "tas": ("TAS", "Mach"),
-    "wind": ("groundspeed", "TAS"),
-    "height": ("geoaltitude",),
-    "noise_mach": ("Mach",),
-    "noise_tas": ("TAS",),
-    "noise_groundspeed": ("groundspeed",),
-}
-"""Channels behind quantities, besides IAS and vertical rate."""
-CHANNELS = ("IAS", "Mach", "vertical_rate", "TAS", "groundspeed", "track", "heading", "geoaltitude")
-"""Channels that a diagnosis can use."""
 
 
 @dataclass(frozen=True)

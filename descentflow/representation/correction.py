@@ -1,7 +1,7 @@
 """Effects that a diagnosis found, applied to decoded descents: what `corrected.ckpt` adds to a simulator."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
@@ -11,6 +11,9 @@ from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.representation.decoder.trajectories import Trajectories
+
+if TYPE_CHECKING:
+    from descentflow.effects.flight_state import FlightState
 
 SLOPE_LEVELS = 15
 """Levels over which the slope of a sampled CAS is taken on either side."""
@@ -73,39 +76,36 @@ class Correction:
         self, aircraft: Aircraft, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor, draws: DrawNumbers | None = None
     ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
         """Sums of shifts that are flown, and that are reported only: ``rate`` (ln), ``cas`` (m/s), ``tas`` (ln)."""
-        # Here and not above: a plain decoder must not pay for the catalogue.
-        from descentflow.effects import EFFECTS
-        from descentflow.effects.flight_state import FlightState, log_rate
+        from descentflow.effects.flight_state import log_rate
 
-        cas, altitude = cas_mps.detach().double(), altitude_m.double()
-        spacing = float(altitude[1] - altitude[0])
-        top = torch.where(mask, altitude, -torch.inf).amax(1, keepdim=True)
-        depth = (top - altitude).clamp(min=0.0)
-        still = torch.zeros_like(cas)
-        slope = _slope(cas, spacing)
-        state = FlightState(aircraft, self.mass_kg, altitude, spacing, cas, slope, still, mask, depth, affected=False)
-        zero = torch.zeros_like(cas)
-        flies, reports = ({"rate": zero, "cas": zero, "tas": zero} for _ in range(2))
-        for place, (name, theta) in enumerate(self.effects.items()):
-            effect = EFFECTS[name]
-            share, whole = effect.mixture(torch.tensor(theta, dtype=torch.float64))
-            shift = dict(effect.shift(state, whole))
-            if draws is not None and share < 1.0:
-                taken = (draws.uniform(len(cas), stream=place) < share).to(cas.device)
-                shift = {q: torch.where(taken[:, None] if v.ndim == 2 else taken, v, 0.0) for q, v in shift.items()}
-            target = reports if effect.sensor else flies
-            for quantity in target:
-                if quantity in shift:
-                    target[quantity] = target[quantity] + shift[quantity] * (KT_MPS if quantity == "cas" else 1.0)
+        state = _state(aircraft, self.mass_kg, altitude_m, cas_mps, mask)
+        flies, reports = self._sums(state, draws)
         if self.inherited:
+            zero = torch.zeros_like(state.cas_mps)
             flies["rate"], reports["rate"] = zero, zero
         if bool((flies["cas"] != 0).any()):
             # At another speed the aircraft falls as the polar says.
-            flies["rate"] = flies["rate"] + log_rate(state, cas_mps=cas + flies["cas"]) - log_rate(state)
-        if "airspeed_bias" in self.effects and not self.inherited:
-            # Its shift of the rate is what a wrong speed makes of the residual: the rate itself is right.
-            bias = EFFECTS["airspeed_bias"].shift(state, torch.tensor(self.effects["airspeed_bias"]).double())
-            reports["rate"] = reports["rate"] - bias["rate"]
+            moved = log_rate(state, cas_mps=state.cas_mps + flies["cas"])
+            flies["rate"] = flies["rate"] + moved - log_rate(state)
+        return flies, reports
+
+    def _sums(self, state: "FlightState", draws: DrawNumbers | None) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        """What the effects change, flown and reported, in the flights that each of them takes (all without draws)."""
+        # Here and not above: a plain decoder must not pay for the catalogue.
+        from descentflow.effects import EFFECTS
+
+        zero = torch.zeros_like(state.cas_mps)
+        flies, reports = ({"rate": zero, "cas": zero, "tas": zero} for _ in range(2))
+        for place, (name, theta) in enumerate(self.effects.items()):
+            share, whole = EFFECTS[name].mixture(torch.tensor(theta, dtype=torch.float64))
+            change = EFFECTS[name].change(state, whole)
+            taken = None
+            if draws is not None and share < 1.0:
+                taken = (draws.uniform(len(zero), stream=place) < share).to(zero.device)[:, None]
+            for total, shift in ((flies, change.flown), (reports, change.reported)):
+                for quantity, value in shift.items():
+                    own = value if taken is None else torch.where(taken, value, 0.0)
+                    total[quantity] = total[quantity] + own * (KT_MPS if quantity == "cas" else 1.0)
         return flies, reports
 
     def to_state(self) -> dict[str, Any]:
@@ -126,6 +126,18 @@ class Correction:
             raise KeyError(f"effect {strange[0]}")
         effects = {name: [float(v) for v in theta] for name, theta in state["effects"].items()}
         return cls(effects, state["mass_kg"], state["inherited"])
+
+
+def _state(aircraft: Aircraft, mass_kg: float, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor) -> "FlightState":
+    """Decoded descents as effects look at them, each level a band."""
+    from descentflow.effects.flight_state import FlightState
+
+    cas, altitude = cas_mps.detach().double(), altitude_m.double()
+    spacing = float(altitude[1] - altitude[0])
+    top = torch.where(mask, altitude, -torch.inf).amax(1, keepdim=True)
+    depth = (top - altitude).clamp(min=0.0)
+    slope, still = _slope(cas, spacing), torch.zeros_like(cas)
+    return FlightState(aircraft, mass_kg, altitude, spacing, cas, slope, still, mask, depth, affected=False)
 
 
 def _slope(cas_mps: Tensor, spacing_m: float) -> Tensor:

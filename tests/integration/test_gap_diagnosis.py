@@ -59,12 +59,12 @@ def test_flights_of_the_same_world_are_no_gap(plain: Path, checkpoint: Path) -> 
 def test_warm_air_is_named_sized_and_closed(warm: tuple[GapReport, Path]) -> None:
     report, _ = warm
     assert report.verdict == "effect"
-    assert [cause["effect"] for cause in report.causes] == ["temperature"]
-    size = report.causes[0]["parameters"]["deviation_k"]
-    assert size["low"] - 0.1 < 10.0 < size["high"] + 0.1
-    assert report.causes[0]["closure"]["marginal"]["estimate"] > 0.9
+    assert [cause.effect for cause in report.causes] == ["temperature"]
+    size = report.causes[0].parameters["deviation_k"]
+    assert size.low - 0.1 < 10.0 < size.high + 0.1
+    assert report.causes[0].closure.marginal.estimate > 0.9
     assert report.gap_after < 0.1 * report.gap_before
-    assert report.where[0]["quantity"] in ("tas", "height")
+    assert report.where[0].quantity in ("tas", "height")
 
 
 def test_the_written_report_says_what_the_object_says(warm: tuple[GapReport, Path]) -> None:
@@ -96,16 +96,16 @@ def test_without_true_airspeed_drag_is_still_found(folder: Path, checkpoint: Pat
     report = diagnose(path, checkpoint, channels=BASIC)
     assert report.verdict == "effect"
     cause = report.causes[0]
-    assert "drag_polar" in (cause["effect"], *cause["group"])
-    assert any("scaled together" in row["why"] for row in report.would_split)
-    assert report.details["quantities"].count("tas") == 0
+    assert "drag_polar" in (cause.effect, *cause.group)
+    assert any("scaled together" in row.why for row in report.would_split)
+    assert report.details.quantities.count("tas") == 0
 
 
 def test_an_effect_that_is_not_in_the_catalogue_is_unknown(warm: tuple[GapReport, Path], folder: Path) -> None:
     others = {name: effect for name, effect in EFFECTS.items() if name != "temperature"}
     report = diagnose(folder / "descents1.parquet", folder / "simulator.ckpt", catalogue=others)
     assert report.verdict == "unknown"
-    assert report.remaining["largest"]["quantity"] in ("tas", "height")
+    assert report.remaining.largest.quantity in ("tas", "height")
 
 
 def test_nominal_bada_shows_the_mass_that_flew(plain: Path, checkpoint: Path) -> None:
@@ -113,8 +113,8 @@ def test_nominal_bada_shows_the_mass_that_flew(plain: Path, checkpoint: Path) ->
     report = diagnose(plain, typecode="A320")
     assert report.verdict == "effect"
     cause = report.causes[0]
-    assert "mass" in (cause["effect"], *cause["group"])
-    assert report.stages == {}
+    assert "mass" in (cause.effect, *cause.group)
+    assert report.stages == []
 
 
 def test_bad_input_gets_a_clear_error(plain: Path, folder: Path, checkpoint: Path) -> None:
@@ -162,8 +162,8 @@ def test_a_checkpoint_without_flights_of_its_own_is_sampled(plain: Path, folder:
     model.representation.reference = None
     assert diagnose(plain, model).verdict == "none"
     report = diagnose(folder / "descents1.parquet", model)
-    assert [cause["effect"] for cause in report.causes] == ["temperature"]
-    assert report.details["normal_from"] == "samples"
+    assert [cause.effect for cause in report.causes] == ["temperature"]
+    assert report.details.normal_from == "samples"
 
 
 def test_a_cause_that_the_simulator_inherited_is_found_against_physics(folder: Path) -> None:
@@ -171,7 +171,7 @@ def test_a_cause_that_the_simulator_inherited_is_found_against_physics(folder: P
     inside.mkdir()
     path = gap_toys.simulator(inside, folder / "descents1.parquet")
     report = diagnose(folder / "descents1.parquet", path)
-    assert report.details["regime"] == "refit"
-    assert [cause["effect"] for cause in report.causes] == ["temperature"]
-    assert report.causes[0]["inherited"]
-    assert "not identifiable" in report.would_split[0]["why"]
+    assert report.details.regime == "refit"
+    assert [cause.effect for cause in report.causes] == ["temperature"]
+    assert report.causes[0].inherited
+    assert "not identifiable" in report.would_split[0].why

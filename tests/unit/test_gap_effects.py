@@ -7,7 +7,7 @@ import torch
 from descentflow.effects import EFFECTS
 from descentflow.effects.flight_state import implied_mass_kg, log_rate
 from descentflow.effects.speed_brake import two_groups
-from descentflow.measurements.quantities import QUANTITIES
+from descentflow.measurements.quantity_registry import QUANTITIES
 
 THETA = {
     "temperature": [6.0],
@@ -33,7 +33,7 @@ def test_sensitivities_are_derivatives(name: str, affected: bool) -> None:
     theta = torch.tensor(THETA[name], dtype=torch.float64)
     found = effect.sensitivity(state, theta)
     # Against automatic differentiation; central differences of smooth shifts are good to the square of their step.
-    free = torch.tensor([not parameter.by_law for parameter in effect.parameters])
+    free = torch.tensor([not parameter.from_heterogeneity for parameter in effect.parameters])
     for quantity, value in found.items():
         exact = torch.autograd.functional.jacobian(lambda t, q=quantity: effect.shift(state, t)[q], theta)
         torch.testing.assert_close(value, exact * free, rtol=1e-5, atol=1e-7)

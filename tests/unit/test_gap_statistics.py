@@ -1,4 +1,4 @@
-"""Whitening with gaps, false discoveries, and a contest on flights of known shift."""
+"""Whitening with gaps, false discoveries, and the selection of effects on flights of known shift."""
 
 import dataclasses
 from pathlib import Path
@@ -9,18 +9,19 @@ import pytest
 import torch
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.diagnosis.inference import heterogeneity as laws
+from descentflow.diagnosis.inference import heterogeneity
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-from descentflow.diagnosis.inference.likelihood import Contest
+from descentflow.diagnosis.inference.false_discovery import benjamini_hochberg
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import select
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.inference.uncertainty import covariance
-from descentflow.diagnosis.inference.where import benjamini_hochberg
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.diagnosis.report.causes import parameters
 from descentflow.effects import EFFECTS
-from descentflow.measurements.quantities import CHANNELS, Quantities, quantities_of
+from descentflow.measurements.quantities import Quantities, quantities_of
+from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.surveillance.descents.prepared_descents import read_descents
 
 NONE_APART = torch.zeros(3, dtype=torch.bool)
@@ -73,10 +74,10 @@ def planted(halves: tuple[Quantities, Quantities], name: str, theta: list[float]
     return dataclasses.replace(compared, y=compared.y + torch.where(compared.real[:, None], shift, 0.0))
 
 
-def contest(compared: Compared, *, blind: bool = False) -> Contest:
+def likelihood(compared: Compared, *, blind: bool = False) -> EffectsLikelihood:
     groups = torch.ones_like(compared.real) if blind else compared.real
     weights = whiten(compared.y, groups, compared.cluster, compared.nugget(), compared.of_flight(), compared.real)
-    return Contest(compared, weights, EFFECTS, seed=0)
+    return EffectsLikelihood(compared, weights, EFFECTS, seed=0)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +92,7 @@ def contest(compared: Compared, *, blind: bool = False) -> Contest:
 def test_a_planted_shift_is_named_with_its_size(
     halves: tuple[Quantities, Quantities], name: str, theta: list[float]
 ) -> None:
-    held = contest(planted(halves, name, theta))
+    held = likelihood(planted(halves, name, theta))
     chosen = select(held, discrepancy_columns(held.compared)[0], lambda _: None)
     assert chosen.fit.effects == (name,)
     assert not chosen.outside.named
@@ -102,7 +103,7 @@ def test_a_planted_shift_is_named_with_its_size(
 
 def test_a_null_is_a_null_and_a_shift_is_none(halves: tuple[Quantities, Quantities]) -> None:
     def p_value(name: str, theta: list[float]) -> float:
-        held = contest(planted(halves, name, theta), blind=True)
+        held = likelihood(planted(halves, name, theta), blind=True)
         return null_test(held, discrepancy_columns(held.compared)[0], seed=0, count=99).p_value
 
     assert p_value("", []) > 0.03
@@ -117,17 +118,18 @@ def test_a_state_survives_its_checkpoint(halves: tuple[Quantities, Quantities], 
 
 
 def test_a_share_is_known_as_well_as_a_count(halves: tuple[Quantities, Quantities]) -> None:
-    held = contest(planted(halves, "", []))
+    held = likelihood(planted(halves, "", []))
     theta = torch.tensor([0.36, 200.0, 240.0, 0.6, 0.0], dtype=torch.float64)
     errors = torch.tensor([0.02, 0.5, 0.5, 0.0, 0.0], dtype=torch.float64)
-    found = parameters(held, "speed_brake", theta, errors)
-    sd = (0.6 * 0.4 / int(held.real.sum())) ** 0.5
-    assert found["share"]["high"] == pytest.approx(0.6 + 1.645 * sd)
+    n = int(held.real.sum())
+    found = parameters(EFFECTS["speed_brake"], theta, errors, n)
+    sd = (0.6 * 0.4 / n) ** 0.5
+    assert found["share"].high == pytest.approx(0.6 + 1.645 * sd)
     # How an aircraft answers comes on top of what the data say of an edge.
-    assert found["low_fl"]["high"] - 200.0 == pytest.approx(1.645 * (0.5**2 + 0.6**2) ** 0.5)
+    assert found["low_fl"].high - 200.0 == pytest.approx(1.645 * (0.5**2 + 0.6**2) ** 0.5)
     assert "ln_ratio_noise" not in found
     theta[3] = 1.0
-    assert parameters(held, "speed_brake", theta, errors)["share"]["low"] is None
+    assert parameters(EFFECTS["speed_brake"], theta, errors, n)["share"].low is None
 
 
 @pytest.mark.parametrize("holds", [True, False])
@@ -138,7 +140,7 @@ def test_a_share_of_the_flights_must_show_in_their_spread(monkeypatch: pytest.Mo
     # Both have mean one: three in ten flights hold a path, or all flights are a little slower.
     taken = torch.rand(800, generator=generator) < 0.3
     shares = shares + torch.where(real, torch.where(taken, 1 / 0.3, 0.0) if holds else 1.0, 0.0)
-    monkeypatch.setattr(laws, "_shares", lambda contest, fit, name: (None, shares, None))
-    contest = SimpleNamespace(catalogue=EFFECTS, real=real, has_reference=True)
+    monkeypatch.setattr(heterogeneity, "_shares", lambda likelihood, fit, name: (None, shares, None))
+    sides = SimpleNamespace(catalogue=EFFECTS, real=real, has_reference=True)
     fit = SimpleNamespace(theta={"geometric_path": torch.tensor([0.3, 0.1], dtype=torch.float64)})
-    assert laws.spreads_as_claimed(contest, fit, "geometric_path") == holds
+    assert heterogeneity.spreads_as_claimed(sides, fit, "geometric_path") == holds

@@ -2,18 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.inference.likelihood import Contest, Fit
-from descentflow.diagnosis.inference.permutation import sides
+from descentflow.diagnosis.findings.cause_found import ClosedShare, RivalClosure
+from descentflow.diagnosis.inference.distances import distances, mean_over_quantities
+from descentflow.diagnosis.inference.effect_shifts import CAS_RIDGE
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
+from descentflow.diagnosis.inference.permutation import permuted_labels
+from descentflow.diagnosis.inference.search import parameters_of_part
 
-QUANTILES = torch.linspace(0.02, 0.98, 25, dtype=torch.float64)
+MIN_SHOWN = 3.0
+"""Squared mean gap, in what chance gives, below which no share of it can be said to close."""
+MIN_EXCESS = 1.02
+"""Gap, in noise floors, below which there is none to close."""
 REPLICATES = 30
 """Fleets drawn for each interval, and permutations behind each floor."""
-LEVEL = (0.05, 0.95)
+CONFIDENCE = (0.05, 0.95)
+"""Ends of intervals: 90 %."""
 
 
 @dataclass(frozen=True)
@@ -25,45 +32,20 @@ class Gap:
     floor: float
 
 
-def distances(y: Tensor, real: Tensor, scale: Tensor, counts: Tensor) -> Tensor:
-    """Wasserstein distance (p,) of every entry between both sides, in spreads; against zero where there is one side.
+class GapMeasure:
+    """Distances between both sides over the entries that differ, before and after causes are added."""
 
-    Of counts and lost times, which are zero for most flights, the difference of means (``counts`` (p,) bool): an effect
-    moves some flights far and most not at all, which no shift of all flights undoes.
-    """
-    mine = torch.nanquantile(y[real], QUANTILES, dim=0)
-    if bool(real.all()):
-        return (mine.mean(0).abs() / scale).nan_to_num(0.0)
-    apart = (mine - torch.nanquantile(y[~real], QUANTILES, dim=0)).abs().mean(0)
-    means = (y[real].nanmean(0) - y[~real].nanmean(0)).abs()
-    return (torch.where(counts, means, apart) / scale).nan_to_num(0.0)
-
-
-def by_quantity(contest: Contest, values: Tensor, chosen: Tensor) -> Tensor:
-    """Mean of the chosen entries' values (..., p) over quantities, each of which counts once."""
-    parts = []
-    for quantity in contest.compared.quantities():
-        at = contest.compared.columns(quantity)
-        at = at[chosen[at]]
-        if len(at):
-            parts.append(values[..., at].mean(-1))
-    return torch.stack(parts).mean(0) if parts else torch.zeros(values.shape[:-1])
-
-
-class Closure:
-    """Distances of one contest, over the entries that differ."""
-
-    def __init__(self, contest: Contest, affected: Tensor, seed: int) -> None:
+    def __init__(self, likelihood: EffectsLikelihood, affected: Tensor, seed: int) -> None:
         """Prepare.
 
         Args:
-            contest: Flights of both sides.
+            likelihood: Flights of both sides.
             affected: (p,) entries over which distances are taken.
             seed: Of the resampling.
         """
-        self.contest, self.affected, self.seed = contest, affected, seed
-        self.y, self.real, self.scale = contest.compared.y, contest.real, contest.compared.scale
-        names, self.index = torch.unique(contest.compared.cluster, return_inverse=True)
+        self.likelihood, self.affected, self.seed = likelihood, affected, seed
+        self.y, self.real, self.scale = likelihood.compared.y, likelihood.real, likelihood.compared.scale
+        names, self.index = torch.unique(likelihood.compared.cluster, return_inverse=True)
         self.n_clusters = len(names)
 
     def gap(self, shift: Tensor) -> Gap:
@@ -73,27 +55,27 @@ class Closure:
     def floor(self, shift: Tensor) -> float:
         """Mean distance when the corrected flights of both sides are mixed."""
         mixed = self.y - shift
-        if not self.contest.has_reference:
+        if not self.likelihood.has_reference:
             centred = mixed - mixed.nanmean(0)
-            signs = sides(self.contest, REPLICATES, self.seed)[1:]
+            signs = permuted_labels(self.likelihood, REPLICATES, self.seed)[1:]
             found = [self._mean(centred * sign[:, None]) for sign in signs]
         else:
             # What the causes left stays in the real flights: it is taken off before mixing, or it would blur the floor.
             for side in (self.real, ~self.real):
                 mixed = torch.where(side[:, None], mixed - mixed[side].nanmean(0), mixed)
-            labels = sides(self.contest, REPLICATES, self.seed)[1:] > 0.5
+            labels = permuted_labels(self.likelihood, REPLICATES, self.seed)[1:] > 0.5
             found = [self._mean(mixed, label) for label in labels]
         return float(torch.tensor(found).mean())
 
     def _mean(self, y: Tensor, real: Tensor | None = None) -> float:
-        found = distances(y, self.real if real is None else real, self.scale, self.contest.compared.counts())
-        return float(by_quantity(self.contest, found, self.affected))
+        found = distances(y, self.real if real is None else real, self.scale, self.likelihood.compared.counts())
+        return float(mean_over_quantities(self.likelihood.compared, found, self.affected))
 
     def claimed(self, shift: Tensor, floor: float) -> float | None:
         """Share of the gap in distributions that a shift closes, down to a known floor."""
         return _share(self._mean(self.y), self._mean(self.y - shift), floor)
 
-    def marginal(self, shift: Tensor) -> dict[str, float | None]:
+    def marginal(self, shift: Tensor) -> ClosedShare:
         """The same with a floor of its own and an interval over resampled fleets."""
         floor = self.floor(shift)
         estimate = self.claimed(shift, floor)
@@ -104,22 +86,22 @@ class Closure:
             drawn.append(_share(self._mean(y, s), self._mean(after, s), floor))
         return _with_interval(estimate, drawn)
 
-    def conditional(self, shift: Tensor) -> dict[str, float | None]:
+    def conditional(self, shift: Tensor) -> ClosedShare:
         """Share of the squared mean gap, given each flight's own speed, that a shift closes."""
         before, after = self._given_speed(self.y), self._given_speed(self.y - shift)
         drawn = [self._shrunk(before[index], after[index], self.real[index]) for index in self._fleets()]
         return _with_interval(self._shrunk(before, after, self.real), drawn)
 
-    def transfer(self, fit: Fit) -> dict[str, float | None]:
+    def transfer(self, fit: Fit) -> ClosedShare:
         """The same with parameters learnt from slow flights and scored on fast ones, and the other way about."""
-        c = self.contest
+        c = self.likelihood
         cas = c.compared.state.cas_mps.mean(1)
         mean = torch.zeros(self.n_clusters, dtype=cas.dtype).index_add_(0, self.index, cas)
         mean = mean / torch.bincount(self.index).clamp(min=1)
         slow = (mean <= mean.median())[self.index]
         shift = torch.zeros_like(self.y)
         for part in (slow, ~slow):
-            moved = c.theta_of(fit, part)
+            moved = parameters_of_part(c, fit, part)
             shift = torch.where(part[:, None], shift, c.shift(moved))
         before, after = self._given_speed(self.y), self._given_speed(self.y - shift)
         found = []
@@ -133,13 +115,13 @@ class Closure:
         return _with_interval(found[0], found[1:])
 
     def _given_speed(self, y: Tensor) -> Tensor:
-        """Entries less what follows from CAS, which is left out itself."""
-        c = self.contest.compared
+        """Entries minus what follows from CAS, which is left out itself."""
+        c = self.likelihood.compared
         cas = c.columns("cas")
         if not len(cas):
             return y
-        covariance = self.contest.whitening.covariance
-        block = covariance[cas][:, cas] + 0.05 * torch.diag(covariance.diagonal()[cas])
+        covariance = self.likelihood.whitening.covariance
+        block = covariance[cas][:, cas] + CAS_RIDGE * torch.diag(covariance.diagonal()[cas])
         centred = (y[:, cas] - y[:, cas].nanmean(0)).nan_to_num(0.0)
         rest: Tensor = y - centred @ torch.linalg.solve(block, covariance[cas])
         rest[:, cas] = torch.nan
@@ -148,17 +130,17 @@ class Closure:
     def _shrunk(self, before: Tensor, after: Tensor, real: Tensor) -> float | None:
         first, noise = self._squared(before, real)
         second, _ = self._squared(after, real)
-        if first <= 3 * noise:
+        if first <= MIN_SHOWN * noise:
             return None
         return 1 - max(second, 0.0) / first
 
     def _squared(self, y: Tensor, real: Tensor) -> tuple[float, float]:
-        """Mean squared shift in negligible shifts, less what chance adds; and what chance adds."""
+        """Mean squared shift in negligible shifts, minus what chance adds; and what chance adds."""
         mean, variance = y[real].nanmean(0), _variance_of_mean(y[real])
         if bool((~real).any()):
             mean, variance = mean - y[~real].nanmean(0), variance + _variance_of_mean(y[~real])
         used = self.affected & mean.isfinite()
-        unit = self.contest.compared.negligible()[used] ** 2
+        unit = self.likelihood.compared.negligible()[used] ** 2
         noise = float((variance[used] / unit).sum())
         return float((mean[used] ** 2 / unit).sum()) - noise, noise
 
@@ -188,20 +170,20 @@ def _variance_of_mean(y: Tensor) -> Tensor:
 
 def _share(before: float, after: float, floor: float) -> float | None:
     """Closure: one where the rest is at the floor; none where there was no gap."""
-    if before <= floor * 1.02:
+    if before <= floor * MIN_EXCESS:
         return None
     return 1 - (after - floor) / (before - floor)
 
 
-def _with_interval(estimate: float | None, drawn: list[float | None]) -> dict[str, float | None]:
+def _with_interval(estimate: float | None, drawn: list[float | None]) -> ClosedShare:
     known = torch.tensor([x for x in drawn if x is not None], dtype=torch.float64)
     if estimate is None or len(known) < REPLICATES // 2:
-        return {"estimate": estimate, "low": None, "high": None}
-    low, high = (float(known.quantile(q)) for q in LEVEL)
-    return {"estimate": estimate, "low": min(low, estimate), "high": max(high, estimate)}
+        return ClosedShare(estimate, None, None)
+    low, high = (float(known.quantile(q)) for q in CONFIDENCE)
+    return ClosedShare(estimate, min(low, estimate), max(high, estimate))
 
 
-def rivals_closure(closure: Closure, shifts: Mapping[str, Tensor], floor: float) -> list[dict[str, Any]]:
-    """Marginal closure that each effect alone would claim, largest first."""
-    rows = [{"effect": name, "closure": closure.claimed(shift, floor)} for name, shift in shifts.items()]
-    return sorted(rows, key=lambda row: -9.0 if row["closure"] is None else -row["closure"])
+def rivals_closure(measure: GapMeasure, shifts: Mapping[str, Tensor], floor: float) -> list[RivalClosure]:
+    """Marginal closure that each effect alone would reach, largest first."""
+    rows = [RivalClosure(name, measure.claimed(shift, floor)) for name, shift in shifts.items()]
+    return sorted(rows, key=lambda row: -9.0 if row.closure is None else -row.closure)

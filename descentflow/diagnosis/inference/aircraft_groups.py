@@ -4,9 +4,10 @@ import torch
 from torch import Tensor
 
 FOLDS = 5
+"""Of the cross-validation: whole aircraft, four fifths to fit and one to score."""
 
 
-def by_cluster(values: Tensor, cluster: Tensor) -> Tensor:
+def by_aircraft(values: Tensor, cluster: Tensor) -> Tensor:
     """Sums over aircraft (c,) or (c, k)."""
     names, index = torch.unique(cluster, return_inverse=True)
     total = torch.zeros(len(names), *values.shape[1:], dtype=values.dtype)

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.measurements.quantities import BY_BAND
+from descentflow.measurements.quantity_registry import BY_BAND
 
 KNOTS = {"rate": 7, "cas": 4}
 OTHER_KNOTS = 3

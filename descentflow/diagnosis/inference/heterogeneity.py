@@ -1,86 +1,86 @@
-"""Laws over flights: which flights an effect takes, and how widely its size spreads between them."""
+"""Heterogeneity between flights: which of them an effect takes, and how widely its size spreads between them."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-if TYPE_CHECKING:
-    from descentflow.diagnosis.inference.likelihood import Contest, Fit
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 
-LEAST_SPREAD = 0.25
+MIN_VARIANCE_SHARE = 0.25
 """Share of the variance claimed that must show: a mean fixes the share of the flights only roughly."""
 KURTOSIS = 5.0
 """A variance of n flights is known to about the root of so much over n."""
 
 
-def learnt_laws(contest: "Contest", theta: Mapping[str, Tensor]) -> dict[str, Tensor] | None:
-    """Parameters with those of laws over flights set; None where no effect has any."""
-    lawful = [n for n in theta if any(p.by_law for p in contest.catalogue[n].parameters)]
-    at = contest.compared.columns("rate")
-    if not lawful or not len(at):
+def with_heterogeneity(likelihood: EffectsLikelihood, theta: Mapping[str, Tensor]) -> dict[str, Tensor] | None:
+    """Parameters with those set that say how flights differ; None where no effect has any."""
+    having = [n for n in theta if any(p.from_heterogeneity for p in likelihood.catalogue[n].parameters)]
+    at = likelihood.compared.columns("rate")
+    if not having or not len(at):
         return None
     found = dict(theta)
-    bands = [contest.compared.entries[i].band for i in at.tolist()]
-    state = contest.compared.state.rows(torch.nonzero(contest.real)[:, 0])
-    for name in lawful:
+    bands = [likelihood.compared.entries[i].band for i in at.tolist()]
+    state = likelihood.compared.state.rows(torch.nonzero(likelihood.real)[:, 0])
+    for name in having:
         rest = {n: t for n, t in theta.items() if n != name}
-        left = contest.compared.y[:, at] - contest.shift(rest)[:, at]
+        left = likelihood.compared.y[:, at] - likelihood.shift(rest)[:, at]
         normal = (
-            left[~contest.real].nanmean(0).nan_to_num(0.0) if contest.has_reference else torch.zeros(len(at)).double()
+            left[~likelihood.real].nanmean(0).nan_to_num(0.0)
+            if likelihood.has_reference
+            else torch.zeros(len(at)).double()
         )
         excess = torch.full_like(state.cas_mps, torch.nan)
-        excess[:, bands] = left[contest.real] - normal
-        found[name] = contest.catalogue[name].learn_law(state, theta[name], excess)
+        excess[:, bands] = left[likelihood.real] - normal
+        found[name] = likelihood.catalogue[name].learn_heterogeneity(state, theta[name], excess)
     return found
 
 
-def lawful_shift(contest: "Contest", fit: "Fit") -> tuple[Tensor, dict[str, float]]:
+def heterogeneous_shift(likelihood: EffectsLikelihood, fit: Fit) -> tuple[Tensor, dict[str, float]]:
     """Shift (n, p) with each flight's own share of every effect, and how widely the shares spread, by effect.
 
     A flight's share is what it shows of the effect's own shape, drawn towards one by as much as shares differ no
     more between real flights than such shapes differ between the simulator's anyway.
     """
     spreads: dict[str, float] = {}
-    total = torch.zeros_like(contest.y)
+    total = torch.zeros_like(likelihood.y)
     for name in fit.theta:
-        own, share, size = _shares(contest, fit, name)
-        spread = _excess_variance(share[contest.real], share[~contest.real])
+        own, share, size = _shares(likelihood, fit, name)
+        spread = _excess_variance(share[likelihood.real], share[~likelihood.real])
         spreads[name] = spread**0.5
         # Where shares do not spread every flight has the mean effect.
         held = spread * size / (1 + spread * size) * (share - 1) + 1
-        total = total + torch.where(contest.real[:, None], own * held[:, None], 0.0)
+        total = total + torch.where(likelihood.real[:, None], own * held[:, None], 0.0)
     return total, spreads
 
 
-def spreads_as_claimed(contest: "Contest", fit: "Fit", name: str) -> bool:
-    """Whether shares of an effect differ between flights as a law that takes some and leaves the others says.
+def spreads_as_claimed(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bool:
+    """Whether shares of an effect differ between flights as one that takes some flights and leaves the others says.
 
     Of what takes the share s whole, shares are 1/s or zero: their variance is (1 - s)/s more than without it. A cause
     that takes all flights alike may imitate the mean of such an effect, and not that.
     """
-    share, _ = contest.catalogue[name].mixture(fit.theta[name])
-    if share >= 1.0 or not contest.has_reference:
+    share, _ = likelihood.catalogue[name].mixture(fit.theta[name])
+    if share >= 1.0 or not likelihood.has_reference:
         return True
-    shown = _shares(contest, fit, name)[1]
-    real, normal = shown[contest.real], shown[~contest.real]
+    shown = _shares(likelihood, fit, name)[1]
+    real, normal = shown[likelihood.real], shown[~likelihood.real]
     usual = float(normal.var())
     error = usual * (KURTOSIS / len(real) + KURTOSIS / len(normal)) ** 0.5
     excess = float(real.var()) - usual
-    return bool(excess + 2 * error >= LEAST_SPREAD * (1 - share) / share)
+    return bool(excess + 2 * error >= MIN_VARIANCE_SHARE * (1 - share) / share)
 
 
-def _shares(contest: "Contest", fit: "Fit", name: str) -> tuple[Tensor, Tensor, Tensor]:
+def _shares(likelihood: EffectsLikelihood, fit: Fit, name: str) -> tuple[Tensor, Tensor, Tensor]:
     """Shift (n, p) of one of the effects, what each flight shows of its shape (n,) with mean one, and how surely."""
-    seen = contest.compared.y.isfinite()
-    normal = torch.zeros(contest.y.shape[1], dtype=contest.y.dtype)
-    if contest.has_reference:
-        normal = contest.compared.y[~contest.real].nanmean(0).nan_to_num(0.0) * contest.compared.free
-    own = torch.where(seen, contest.all_shift(name, fit.theta[name]), 0.0)
-    others = contest.shift({n: t for n, t in fit.theta.items() if n != name})
-    rest = torch.where(seen, contest.y - others - normal, 0.0)
-    weighted = contest.whitening.apply(own)
+    seen = likelihood.compared.y.isfinite()
+    normal = torch.zeros(likelihood.y.shape[1], dtype=likelihood.y.dtype)
+    if likelihood.has_reference:
+        normal = likelihood.compared.y[~likelihood.real].nanmean(0).nan_to_num(0.0) * likelihood.compared.free
+    own = torch.where(seen, likelihood.all_shift(name, fit.theta[name]), 0.0)
+    others = likelihood.shift({n: t for n, t in fit.theta.items() if n != name})
+    rest = torch.where(seen, likelihood.y - others - normal, 0.0)
+    weighted = likelihood.whitening.apply(own)
     size = (own * weighted).sum(1).clamp(min=1e-9)
     return own, (weighted * rest).sum(1) / size, size
 

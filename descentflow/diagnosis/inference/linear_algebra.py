@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 RIDGE = 1e-6
+"""Added to scaled normal equations, so that columns which are nearly alike share what they explain."""
 
 
 @dataclass(frozen=True)
@@ -35,24 +36,24 @@ class Moments:
     mean: Tensor
     cross: Tensor
     curvature: Tensor
-    mean_score: Tensor
-    score: Tensor
+    mean_gradient: Tensor
+    gradient: Tensor
     ridge: Tensor
 
     def solved(self) -> tuple[Tensor, Tensor]:
         """Mean (f,) and coefficients (q + k,) that maximise the penalised likelihood."""
-        information, score = self.profiled()
-        step = solve(information + torch.diag(self.ridge), score, self.curvature.diagonal())
+        information, gradient = self.profiled()
+        step = solve(information + torch.diag(self.ridge), gradient, self.curvature.diagonal())
         if not len(self.mean):
-            return self.mean_score, step
-        return torch.linalg.solve(self.mean, self.mean_score - self.cross @ step), step
+            return self.mean_gradient, step
+        return torch.linalg.solve(self.mean, self.mean_gradient - self.cross @ step), step
 
     def profiled(self) -> tuple[Tensor, Tensor]:
-        """Information and score of the coefficients with the mean at its best."""
+        """Information and gradient of the coefficients with the mean at its best."""
         if not len(self.mean):
-            return self.curvature, self.score
-        stacked = torch.linalg.solve(self.mean, torch.cat([self.mean_score[:, None], self.cross], 1))
-        return self.curvature - self.cross.T @ stacked[:, 1:], self.score - self.cross.T @ stacked[:, 0]
+            return self.curvature, self.gradient
+        stacked = torch.linalg.solve(self.mean, torch.cat([self.mean_gradient[:, None], self.cross], 1))
+        return self.curvature - self.cross.T @ stacked[:, 1:], self.gradient - self.cross.T @ stacked[:, 0]
 
 
 def solve(matrix: Tensor, vector: Tensor, raw: Tensor) -> Tensor:
@@ -70,6 +71,6 @@ def solve(matrix: Tensor, vector: Tensor, raw: Tensor) -> Tensor:
 def sum_of(parts: Sequence[Moments]) -> Moments:
     """Moments of all flights from those of parts of them."""
     first, *rest = parts
-    names = ("mean", "cross", "curvature", "mean_score", "score")
+    names = ("mean", "cross", "curvature", "mean_gradient", "gradient")
     totals = {name: sum((getattr(p, name) for p in rest), getattr(first, name)) for name in names}
     return Moments(**totals, ridge=first.ridge)

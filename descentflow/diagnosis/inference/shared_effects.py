@@ -1,4 +1,4 @@
-"""Causes that a simulator has inherited: its own flights have them too, so nothing differs, and physics still objects.
+"""Effects shared with the training flights: nothing differs from the simulator's own flights, and physics objects.
 
 Inferred drag takes in whatever explains the rates of the training flights. What it cannot take in: airspeeds that
 disagree with the standard atmosphere, wind between airspeed and groundspeed, IAS against Mach number, a reported rate
@@ -14,35 +14,40 @@ from torch import Tensor
 
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-from descentflow.diagnosis.inference.likelihood import Contest
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.permutation import null_test
-from descentflow.diagnosis.inference.selection import Candidate, Chosen, Outside
+from descentflow.diagnosis.inference.search import fit_effects
+from descentflow.diagnosis.inference.selection import Chosen, Outside
+from descentflow.diagnosis.inference.selection_rules import Candidate
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.effects import Effect
 from descentflow.measurements.quantities import Quantities
 
-MOST = 3
-LEAST_GAIN = 20.0
-LEAST_STANDING = 4.0
-NEXT_SHARE = 0.05
-"""A further one must explain this share of the whole."""
+MAX_EFFECTS = 3
+"""Effects named together at most. Set by hand."""
+MIN_GAIN = 20.0
+"""Held-out gain below which no effect is named, nats. Set by hand: physics alone is coarser than other flights."""
+MIN_GAIN_Z = 4.0
+"""Standard errors that this gain must reach. Set by hand."""
+MIN_FURTHER_SHARE = 0.05
+"""Share of what is explained so far which a further effect must gain. Set by hand."""
 DEGREE = 3
 """Of the polynomial in altitude that the rate may have for any reason."""
 
 
 @dataclass(frozen=True)
-class Inherited:
+class SharedEffects:
     """What was found against physics alone."""
 
-    contest: Contest
+    likelihood: EffectsLikelihood
     chosen: Chosen
     p_value: float
 
 
-def inherited_causes(
-    real: Quantities, aircraft: Aircraft, catalogue: Mapping[str, Effect], seed: int, say: Callable[[str], None]
-) -> Inherited | None:
+def shared_effects(
+    real: Quantities, aircraft: Aircraft, catalogue: Mapping[str, Effect], seed: int, progress: Callable[[str], None]
+) -> SharedEffects | None:
     """Look for causes that show against physics alone.
 
     Args:
@@ -50,7 +55,7 @@ def inherited_causes(
         aircraft: Coefficients of the simulator.
         catalogue: Effects that may be named.
         seed: Of folds and permutations.
-        say: Told what is being done.
+        progress: Called with what is being done.
 
     Returns:
         The causes, None if there is none.
@@ -61,19 +66,19 @@ def inherited_causes(
         return None
     compared = compare(None, real, aircraft)
     weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget(), compared.of_flight())
-    contest = Contest(compared, weights, able, seed, nuisance=_smooth_rates(compared))
-    null = contest.fit(())
+    likelihood = EffectsLikelihood(compared, weights, able, seed, nuisance=_smooth_rates(compared))
+    null = fit_effects(likelihood, ())
     singles: dict[str, Candidate] = {}
     for name in able:
-        say(f"looking for {name} in the simulator's own flights")
-        fit = contest.fit((name,))
-        singles[name] = Candidate(fit, *contest.compare(fit.log_score, null.log_score))
+        progress(f"looking for {name} in the simulator's own flights")
+        fit = fit_effects(likelihood, (name,))
+        singles[name] = Candidate(fit, *likelihood.gain(fit.log_score, null.log_score))
     chosen = null
     path: list[tuple[str, tuple[float, float]]] = []
     candidates = singles
-    while len(path) < MOST:
-        so_far = contest.compare(chosen.log_score, null.log_score)[0]
-        best = _best(contest, candidates, sizes, so_far)
+    while len(path) < MAX_EFFECTS:
+        so_far = likelihood.gain(chosen.log_score, null.log_score)[0]
+        best = _best(likelihood, candidates, sizes, so_far)
         if best is None:
             break
         path.append((best.fit.effects[-1], (best.gain, best.error)))
@@ -81,28 +86,28 @@ def inherited_causes(
         candidates = {}
         for name in able:
             if name not in chosen.effects:
-                fit = contest.fit((*chosen.effects, name), chosen.theta)
-                candidates[name] = Candidate(fit, *contest.compare(fit.log_score, chosen.log_score))
+                fit = fit_effects(likelihood, (*chosen.effects, name), chosen.theta)
+                candidates[name] = Candidate(fit, *likelihood.gain(fit.log_score, chosen.log_score))
     if not path:
         return None
-    explained = contest.compare(chosen.log_score, null.log_score)[0]
+    explained = likelihood.gain(chosen.log_score, null.log_score)[0]
     gains = dict(path)
     empty: dict[str, tuple[str, ...]] = dict.fromkeys(gains, ())
     found = Chosen(null, Outside(explained, 0.0, 0.0, False), singles, chosen, empty, dict.fromkeys(gains, 1.0), gains)
-    test = null_test(contest, discrepancy_columns(compared)[0], seed)
-    return Inherited(contest, found, test.p_value)
+    test = null_test(likelihood, discrepancy_columns(compared)[0], seed)
+    return SharedEffects(likelihood, found, test.p_value)
 
 
 def _best(
-    contest: Contest, candidates: Mapping[str, Candidate], sizes: Mapping[str, float | None], so_far: float
+    likelihood: EffectsLikelihood, candidates: Mapping[str, Candidate], sizes: Mapping[str, float | None], so_far: float
 ) -> Candidate | None:
-    least = max(LEAST_GAIN, NEXT_SHARE * so_far)
+    least = max(MIN_GAIN, MIN_FURTHER_SHARE * so_far)
     for candidate in sorted(candidates.values(), key=lambda c: -c.gain):
         name = candidate.fit.effects[-1]
         theta, size = candidate.fit.theta[name], sizes[name]
         large = size is not None and float(theta[0].abs()) >= size
-        counts = candidate.gain >= least and candidate.gain >= LEAST_STANDING * candidate.error
-        if large and counts and contest.catalogue[name].plausible(contest.compared.state, theta):
+        counts = candidate.gain >= least and candidate.gain >= MIN_GAIN_Z * candidate.error
+        if large and counts and likelihood.catalogue[name].plausible(likelihood.compared.state, theta):
             return candidate
     return None
 

@@ -9,12 +9,13 @@ from torch import Tensor
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M, FPM_MPS
 from descentflow.effects.flight_state import FlightState, implied_mass_kg, log_rate
-from descentflow.measurements.quantities import BY_BAND, OF_FLIGHT, Quantities
+from descentflow.measurements.quantities import Quantities
+from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT, QUANTITIES
 
 CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
 """What physics claims to be zero, whether or not the simulator's own flights measured it."""
-FEWEST = 10
-SHARE = 0.1
+MIN_FLIGHTS = 10
+MIN_SHARE = 0.1
 """An entry is compared if so many, and this share, of the flights of either side show it."""
 NEGLIGIBLE = {
     "rate": 0.002,
@@ -77,11 +78,11 @@ class Compared:
 
     def counts(self) -> Tensor:
         """Entries (p,) that are counts and lost times, zero for most flights."""
-        return torch.tensor([e.quantity in ("level", "level_gaps", "slow", "missing") for e in self.entries])
+        return torch.tensor([QUANTITIES[e.quantity].is_count for e in self.entries])
 
     def negligible(self) -> Tensor:
         """Negligible shift (p,) of each entry."""
-        kinds = [e.quantity.split("_")[0] if e.quantity.startswith("noise") else e.quantity for e in self.entries]
+        kinds = ["noise" if QUANTITIES[e.quantity].is_noise else e.quantity for e in self.entries]
         sizes = [NEGLIGIBLE[kind] * (self.slack if kind in ("rate", "cas") else 1.0) for kind in kinds]
         return torch.tensor(sizes, dtype=torch.float64)
 
@@ -125,6 +126,10 @@ class Compared:
             return torch.zeros(n, len(self.entries), *trailing, dtype=torch.float64)
         zero = torch.zeros(shape, dtype=torch.float64)
         return torch.stack([zero if p is None else p for p in parts], 1)
+
+    def middles_fl(self) -> list[float]:
+        """Flight levels in the middle of each band."""
+        return [float(x) / FL_M for x in self.state.altitude_m]
 
     def level_range(self, e: Entry) -> tuple[float, float]:
         """Flight levels that an entry covers."""
@@ -229,7 +234,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
 
 def _enough(column: Tensor) -> bool:
     count = int(column.isfinite().sum())
-    return count >= FEWEST and count >= SHARE * len(column)
+    return count >= MIN_FLIGHTS and count >= MIN_SHARE * len(column)
 
 
 def _drawn_in(column: Tensor) -> Tensor:

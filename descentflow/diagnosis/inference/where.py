@@ -1,34 +1,27 @@
 """Where the gap lies: cells of quantity, altitude and slice, each against permuted flights."""
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
-from descentflow.core.units import FL_M
-from descentflow.diagnosis.correction.closure import distances
-from descentflow.diagnosis.inference.likelihood import Contest
-from descentflow.diagnosis.inference.permutation import sides
+from descentflow.diagnosis.findings.gap_found import Block, GapCell
+from descentflow.diagnosis.inference.distances import distances
+from descentflow.diagnosis.inference.false_discovery import benjamini_hochberg
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
+from descentflow.diagnosis.inference.permutation import permuted_labels
 from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.measurements.quantity_registry import QUANTITIES
 
 BANDS_IN_CELL = 3
+"""Neighbouring bands of a cell, some 4,500 ft: fewer would be tests of little power, more would hide where it is."""
 PERMUTATIONS = 199
+"""Behind the p-value of each cell, which is at least one in 200."""
 FLOORS = 10
-UNITS = {
-    "rate": "relative",
-    "lag": "relative",
-    "cas": "kt",
-    "mismatch": "kt",
-    "tas": "relative",
-    "wind": "m/s",
-    "height": "m",
-    "level": "s",
-    "level_gaps": "1",
-    "slow": "s",
-    "missing": "1",
-}
+"""Permutations behind the noise floor of each cell."""
 DISCOVERY = 0.05
+"""False-discovery rate at which a cell is called (Benjamini and Hochberg 1995)."""
 MATTERS = 0.5
 """An excess over the floor below this many negligible shifts is not counted as a gap, however significant."""
 
@@ -72,82 +65,86 @@ def _regime(compared: Compared, i: int, transition_fl: float) -> str:
     return "above" if (low + high) / 2 > transition_fl else "below"
 
 
-def where(contest: Contest, transition_fl: float, seed: int) -> tuple[list[dict[str, Any]], Tensor]:
-    """Distances, floors and q-values of every cell, largest share first; and the entries (p,) that differ.
+def where(likelihood: EffectsLikelihood, transition_fl: float, seed: int) -> tuple[list[GapCell], Tensor]:
+    """Distances, noise floors and q-values of every cell, largest share first; and the entries (p,) that differ.
 
-    Flights change sides by whole aircraft; the statistic of a cell is its standardised difference of means and of
+    Labels are permuted by whole aircraft; the statistic of a cell is its standardised difference of means and of
     spreads. Slices: all flights, and the slower and faster half (by the aircraft's mean CAS) for the rate.
     """
-    compared = contest.compared
-    labels = sides(contest, PERMUTATIONS, seed)
+    compared = likelihood.compared
+    labels = permuted_labels(likelihood, PERMUTATIONS, seed)
     every = torch.ones(len(compared.y), dtype=torch.bool)
     cas = compared.state.cas_mps.mean(1)
     slow = cas <= cas.median()
     known = cells(compared, transition_fl)
-    rows: list[dict[str, Any]] = []
-    p_values: list[float] = []
-    weights: list[float] = []
-    for name, part in (("all", every), ("slower half", slow), ("faster half", ~slow)):
-        chosen = known if name == "all" else [c for c in known if c.quantity == "rate"]
-        statistic = _statistics(compared.y[part], labels[:, part], contest.has_reference)
-        apart = distances(compared.y[part], contest.real[part], compared.scale, compared.counts())
-        mixed = torch.stack([_mixed(contest, part, labels[1 + k]) for k in range(FLOORS)]).mean(0)
-        for cell in chosen:
-            total = statistic[:, cell.at].nan_to_num(0.0).sum(1)
-            p_values.append(float((total >= total[0] - 1e-12).double().mean()))
-            excess = (apart - mixed)[cell.at].clamp(min=0.0)
-            weights.append(float(excess.sum()) if name == "all" else 0.0)
-            scale = compared.scale[cell.at]
-            unit = "ln" if cell.quantity.startswith("noise") else UNITS[cell.quantity]
-            rows.append(
-                {
-                    "quantity": cell.quantity,
-                    "level_low_fl": cell.low_fl,
-                    "level_high_fl": cell.high_fl,
-                    "regime": cell.regime,
-                    "slice": name,
-                    "distance": float((apart[cell.at] * scale).mean()),
-                    "floor": float((mixed[cell.at] * scale).mean()),
-                    "unit": unit,
-                    "difference": _difference(compared, part, cell),
-                }
-            )
-    q_values = benjamini_hochberg(p_values)
+    of_rate = [cell for cell in known if cell.quantity == "rate"]
+    parts = (("all", every, known), ("slower half", slow, of_rate), ("faster half", ~slow, of_rate))
+    measured = [one for name, part, chosen in parts for one in _measured(likelihood, labels, name, part, chosen)]
+    q_values = benjamini_hochberg([p_value for _, p_value, _ in measured])
     affected = torch.zeros(len(compared.entries), dtype=torch.bool)
-    for row, q in zip(rows, q_values, strict=True):
-        row["q_value"] = q
     negligible = compared.negligible()
-    for cell, row in zip(known, rows, strict=False):
-        if row["q_value"] <= DISCOVERY and row["distance"] - row["floor"] > MATTERS * float(negligible[cell.at].mean()):
+    for cell, (row, _, _), q in zip(known, measured, q_values, strict=False):
+        if q <= DISCOVERY and row.distance - row.floor > MATTERS * float(negligible[cell.at].mean()):
             affected[cell.at] = True
-    counted = [bool(affected[c.at].all()) for c in known] + [False] * (len(rows) - len(known))
-    total_weight = sum(w for w, c in zip(weights, counted, strict=True) if c)
-    for row, is_counted, weight in zip(rows, counted, weights, strict=True):
-        row["share"] = weight / total_weight if total_weight > 0 and is_counted else 0.0
-    return sorted(rows, key=lambda r: (-r["share"], r["q_value"])), affected
+    counted = [bool(affected[cell.at].all()) for cell in known] + [False] * (len(measured) - len(known))
+    total = sum(excess for (_, _, excess), counts in zip(measured, counted, strict=True) if counts)
+    rows = [
+        replace(row, q_value=q, share=excess / total if total > 0 and counts else 0.0)
+        for (row, _, excess), q, counts in zip(measured, q_values, counted, strict=True)
+    ]
+    return sorted(rows, key=lambda row: (-row.share, row.q_value)), affected
+
+
+def _measured(
+    likelihood: EffectsLikelihood, labels: Tensor, name: str, part: Tensor, chosen: list[Cell]
+) -> Iterator[tuple[GapCell, float, float]]:
+    """Each cell of a slice (n,) of the flights, its p-value, and its excess over the floor in spreads."""
+    compared = likelihood.compared
+    statistic = _statistics(compared.y[part], labels[:, part], likelihood.has_reference)
+    apart = distances(compared.y[part], likelihood.real[part], compared.scale, compared.counts())
+    mixed = torch.stack([_mixed(likelihood, part, labels[1 + k]) for k in range(FLOORS)]).mean(0)
+    for cell in chosen:
+        total = statistic[:, cell.at].nan_to_num(0.0).sum(1)
+        p_value = float((total >= total[0] - 1e-12).double().mean())
+        excess = (apart - mixed)[cell.at].clamp(min=0.0)
+        scale = compared.scale[cell.at]
+        row = GapCell(
+            quantity=cell.quantity,
+            level_low_fl=cell.low_fl,
+            level_high_fl=cell.high_fl,
+            regime=cell.regime,
+            slice=name,
+            distance=float((apart[cell.at] * scale).mean()),
+            floor=float((mixed[cell.at] * scale).mean()),
+            unit=QUANTITIES[cell.quantity].unit,
+            difference=_difference(compared, part, cell),
+            q_value=1.0,
+            share=0.0,
+        )
+        yield row, p_value, float(excess.sum())
 
 
 def _difference(compared: Compared, part: Tensor, cell: Cell) -> float:
-    """Mean of the real flights less that of the simulator's (zero where physics claims so)."""
+    """Mean of the real flights minus that of the simulator's (zero where physics claims so)."""
     real = compared.y[part & compared.real][:, cell.at].nanmean(0)
     if bool((part & ~compared.real).any()):
         real = real - compared.y[part & ~compared.real][:, cell.at].nanmean(0).nan_to_num(0.0)
     return float(real.nanmean().nan_to_num(0.0))
 
 
-def _mixed(contest: Contest, part: Tensor, label: Tensor) -> Tensor:
-    y, scale = contest.compared.y[part], contest.compared.scale
-    if not contest.has_reference:
+def _mixed(likelihood: EffectsLikelihood, part: Tensor, label: Tensor) -> Tensor:
+    y, scale = likelihood.compared.y[part], likelihood.compared.scale
+    if not likelihood.has_reference:
         return distances(
             (y - y.nanmean(0)) * label[part][:, None],
             torch.ones(len(y), dtype=torch.bool),
             scale,
-            contest.compared.counts(),
+            likelihood.compared.counts(),
         )
     chosen = label[part] > 0.5
     if not bool(chosen.any()) or bool(chosen.all()):
         return torch.zeros_like(scale)
-    return distances(y, chosen, scale, contest.compared.counts())
+    return distances(y, chosen, scale, likelihood.compared.counts())
 
 
 def _statistics(y: Tensor, labels: Tensor, two_sided: bool) -> Tensor:
@@ -169,35 +166,20 @@ def _statistics(y: Tensor, labels: Tensor, two_sided: bool) -> Tensor:
     return found
 
 
-def benjamini_hochberg(p_values: list[float]) -> list[float]:
-    """Smallest false-discovery rate at which each would be called (Benjamini and Hochberg 1995).
-
-    Example:
-        >>> benjamini_hochberg([0.01, 0.5, 0.02])
-        [0.03, 0.5, 0.03]
-    """
-    order = sorted(range(len(p_values)), key=lambda i: p_values[i])
-    found, smallest = [1.0] * len(p_values), 1.0
-    for rank, i in reversed(list(enumerate(order, start=1))):
-        smallest = min(smallest, p_values[i] * len(p_values) / rank)
-        found[i] = smallest
-    return found
-
-
-def strongest_block(contest: Contest, residual: Tensor) -> dict[str, Any] | None:
+def strongest_block(likelihood: EffectsLikelihood, residual: Tensor) -> Block | None:
     """The contiguous block of bands whose mean rate differs most, by a scan over all blocks.
 
     Args:
-        contest: Flights.
+        likelihood: Flights.
         residual: (n, p) what is left of each flight.
     """
-    compared = contest.compared
+    compared = likelihood.compared
     at = compared.columns("rate")
     if not len(at):
         return None
-    y, real = residual[:, at], contest.real
+    y, real = residual[:, at], likelihood.real
     mean = y[real].nanmean(0)
-    if contest.has_reference:
+    if likelihood.has_reference:
         mean = mean - y[~real].nanmean(0)
     middle = mean - mean.nanmedian()
     best: tuple[float, int, int] = (0.0, 0, 0)
@@ -208,9 +190,4 @@ def strongest_block(contest: Contest, residual: Tensor) -> dict[str, Any] | None
     _, i, j = best
     low = compared.level_range(compared.entries[int(at[i])])[0]
     high = compared.level_range(compared.entries[int(at[j])])[1]
-    return {"quantity": "rate", "level_low_fl": low, "level_high_fl": high, "difference": float(mean[i : j + 1].mean())}
-
-
-def middles_fl(compared: Compared) -> list[float]:
-    """Flight levels in the middle of each band."""
-    return [float(x) / FL_M for x in compared.state.altitude_m]
+    return Block("rate", low, high, float(mean[i : j + 1].mean()))

@@ -2,116 +2,117 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.correction.closure import Closure, rivals_closure
-from descentflow.diagnosis.inference.likelihood import Contest
+from descentflow.diagnosis.correction.closure import GapMeasure, rivals_closure
+from descentflow.diagnosis.findings.cause_found import Cause, Closure, Heterogeneity, ParameterEstimate, ScoreGain
+from descentflow.diagnosis.findings.gap_found import WouldSplit
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.selection import Chosen
 from descentflow.diagnosis.inference.uncertainty import covariance
-from descentflow.measurements.quantities import NEEDS
+from descentflow.effects import UNKNOWN, Effect
 
 NINETY = 1.645
 """Standard errors on either side of a 90 % interval."""
-GAUGE = ("mass", "idle_thrust", "drag_polar")
-"""Of these three only ratios can be observed: one scale stays open unless a coefficient is known absolutely."""
 SHOWS = {"TAS": "tas", "geoaltitude": "height", "groundspeed": "wind", "Mach": "mismatch"}
-"""Channel -> the quantity that it makes."""
+"""Channel -> the quantity that it makes, the one most often worth adding first."""
 
 
 def causes_of(
-    contest: Contest,
+    likelihood: EffectsLikelihood,
     chosen: Chosen,
-    closure: Closure,
-    lawful: Tensor,
+    measure: GapMeasure,
+    shift: Tensor,
     spreads: Mapping[str, float],
-    say: Callable[[str], None],
-) -> list[dict[str, Any]]:
+    progress: Callable[[str], None],
+    *,
+    inherited: bool = False,
+) -> list[Cause]:
     """Every chosen effect, in order of selection.
 
     Args:
-        contest: Flights and catalogue.
+        likelihood: Flights and catalogue.
         chosen: Outcome of the selection.
-        closure: Distances.
-        lawful: (n, p) shift with each flight's own share.
+        measure: Of the gap.
+        shift: (n, p) with each flight's own share of the effects.
         spreads: How widely the shares spread between flights, by effect.
-        say: Told what is being done.
+        progress: Called with what is being done.
+        inherited: Whether the simulator's own flights have the effects as well.
     """
     fit = chosen.fit
-    spread = covariance(contest, fit).diagonal().clamp(min=0.0).sqrt()
+    spread = covariance(likelihood, fit).diagonal().clamp(min=0.0).sqrt()
     errors = dict(zip(fit.effects, torch.split(spread, [len(fit.theta[n]) for n in fit.effects]), strict=True))
-    say("measuring what other effects would claim")
+    progress("measuring what other effects would close")
     alone = {name: single.fit.shift for name, single in chosen.singles.items()}
-    rivals = rivals_closure(closure, alone, closure.floor(lawful))
-    whole = {
-        "marginal": closure.marginal(lawful),
-        "conditional": closure.conditional(fit.shift),
-        "transfer": closure.transfer(fit),
-    }
+    rivals = rivals_closure(measure, alone, measure.floor(shift))
+    closure = Closure(measure.marginal(shift), measure.conditional(fit.shift), measure.transfer(fit))
     causes = []
     for name in fit.effects:
-        gain, error = chosen.gains[name]
-        causes.append(
-            {
-                "effect": name,
-                "group": list(chosen.groups[name]),
-                "probability": chosen.probability[name],
-                "parameters": parameters(contest, name, fit.theta[name], errors[name]),
-                "score_gain": {
-                    "estimate": gain,
-                    "low": gain - NINETY * error,
-                    "high": gain + NINETY * error,
-                    "unit": "nats",
-                },
-                "law": {"kind": contest.catalogue[name].law, "spread_of_shares": spreads[name]},
-                "closure": whole,
-                "rivals": [row for row in rivals if row["effect"] != name],
-            }
+        effect, (gain, error) = likelihood.catalogue[name], chosen.gains[name]
+        sizes = parameters(effect, fit.theta[name], errors[name], int(likelihood.real.sum()))
+        first = next(iter(sizes.values()), None)
+        cause = Cause(
+            effect=name,
+            group=list(chosen.groups[name]),
+            probability=chosen.probability[name],
+            parameters=sizes,
+            score_gain=ScoreGain(gain, gain - NINETY * error, gain + NINETY * error),
+            heterogeneity=Heterogeneity(effect.heterogeneity, spreads[name]),
+            closure=closure,
+            rivals=[row for row in rivals if row.effect != name],
+            inherited=inherited,
+            label=effect.text,
+            text=effect.in_words(None if first is None else first.estimate),
         )
+        causes.append(cause)
     return causes
 
 
-def parameters(contest: Contest, name: str, theta: Tensor, error: Tensor) -> dict[str, dict[str, Any]]:
-    """Estimate and 90 % interval of every parameter, kept within its physical bounds."""
-    found: dict[str, dict[str, Any]] = {}
-    for p, value, sd in zip(contest.catalogue[name].parameters, theta.tolist(), error.tolist(), strict=True):
-        if sd == 0.0 and not p.by_law:
+def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> dict[str, ParameterEstimate]:
+    """Estimate and 90 % interval of every parameter, kept within its physical bounds.
+
+    Args:
+        effect: Whose parameters they are.
+        theta: Estimates (k,).
+        error: Standard errors (k,), zero where the data say nothing.
+        flights: Real flights, by which a share of them is known.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> theta, error = torch.tensor([10.0]), torch.tensor([0.5])
+        >>> print(parameters(EFFECTS["temperature"], theta, error, 400)["deviation_k"])
+        deviation from the standard atmosphere 10 (9.18 to 10.8) K
+    """
+    found: dict[str, ParameterEstimate] = {}
+    for p, value, sd in zip(effect.parameters, theta.tolist(), error.tolist(), strict=True):
+        if sd == 0.0 and not p.from_heterogeneity:
             # The data say nothing of it: a channel that is not there.
             continue
-        # A law's share is a count of flights.
-        sd = (value * (1 - value) / int(contest.real.sum())) ** 0.5 if p.by_law else math.hypot(sd, p.inexact)
-        if sd == 0.0:
-            found[p.name] = {"estimate": value, "low": None, "high": None, "unit": p.unit}
-            continue
-        low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, p.high)
-        found[p.name] = {"estimate": value, "low": low, "high": high, "unit": p.unit}
+        # A share is a count of flights.
+        sd = (value * (1 - value) / flights) ** 0.5 if p.from_heterogeneity else math.hypot(sd, p.inexact)
+        low: float | None = None
+        high: float | None = None
+        if sd > 0.0:
+            low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, p.high)
+        found[p.name] = ParameterEstimate(value, low, high, p.unit, p.text)
     return found
 
 
-def would_split(contest: Contest, chosen: Chosen, causes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def would_split(likelihood: EffectsLikelihood, causes: Sequence[Cause]) -> list[WouldSplit]:
     """Channels that are not there and would separate a cause from its group, or help an unknown one to a name."""
-    there = set(contest.compared.quantities())
+    there, catalogue = set(likelihood.compared.quantities()), likelihood.catalogue
     found = []
     for cause in causes:
-        names = [cause["effect"], *cause["group"]]
-        missing = list(dict.fromkeys(c for n in names if n in contest.catalogue for c in contest.catalogue[n].splits))
-        missing = [c for c in missing if SHOWS.get(c, c) not in there and (c in SHOWS or c in NEEDS)]
-        gauge = [n for n in names if n in GAUGE]
+        names = [cause.effect, *cause.group]
+        able = list(dict.fromkeys(channel for name in names for channel in catalogue[name].splits))
+        missing = [channel for channel in able if channel in SHOWS and SHOWS[channel] not in there]
         if len(names) > 1 and missing:
-            found.append({"between": names, "channels": missing, "why": "they look alike in the channels given"})
-        if gauge:
-            found.append(
-                {
-                    "between": list(GAUGE),
-                    "channels": [],
-                    "why": "mass, thrust and drag may all be scaled together without a trace: only a coefficient "
-                    "that is known absolutely (a weighed aircraft, a measured thrust) tells which of them is off",
-                }
-            )
+            found.append(WouldSplit(names, missing, "they look alike in the channels given"))
+        groups = dict.fromkeys(catalogue[name].scale_group for name in names)
+        found += [WouldSplit(list(group.members), [], group.why) for group in groups if group is not None]
     if not causes:
-        for channel, quantity in SHOWS.items():
-            if quantity not in there:
-                found.append({"between": ["unknown"], "channels": [channel], "why": "it is not among the channels"})
+        why = "it is not among the channels"
+        found += [WouldSplit([UNKNOWN], [c], why) for c, quantity in SHOWS.items() if quantity not in there]
     return found

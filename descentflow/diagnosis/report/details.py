@@ -1,82 +1,68 @@
 """What figures and careful readers need besides the answer."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
-
+import torch
 from torch import Tensor
 
-from descentflow.diagnosis.inference.likelihood import Contest
-from descentflow.diagnosis.inference.selection import Chosen
-from descentflow.diagnosis.inference.where import middles_fl
-
-if TYPE_CHECKING:
-    from descentflow.diagnosis.procedure import Diagnosis
-
-
-def details_of(
-    diagnosis: "Diagnosis",
-    chosen: Chosen,
-    test: Mapping[str, Any],
-    shift: Tensor,
-    counts: Mapping[str, int],
-) -> dict[str, Any]:
-    """What figures and careful readers need besides the answer."""
-    contest = diagnosis.contest
-    ladder = sorted(chosen.singles.items(), key=lambda item: -item[1].gain)
-    return {
-        "simulator": diagnosis.simulator.name,
-        "regime": "anchored",
-        "typecode": diagnosis.simulator.aircraft.typecode,
-        "normal_from": diagnosis.source,
-        "seed": diagnosis.seed,
-        "quantities": list(diagnosis.compared.quantities()),
-        "transition_fl": diagnosis.transition_fl,
-        "mass_kg": diagnosis.compared.state.mass_kg,
-        "test": dict(test),
-        "discrepancy": {
-            "explained_nats": chosen.outside.explained,
-            "rest_nats": chosen.outside.rest,
-            "rest_error_nats": chosen.outside.error,
-            "share_explained": chosen.outside.share_explained,
-            "named": chosen.outside.named,
-        },
-        "contest": [
-            {
-                "effect": name,
-                "score_gain": c.gain,
-                "error": c.error,
-                "parameters": {
-                    p.name: float(v)
-                    for p, v in zip(diagnosis.catalogue[name].parameters, c.fit.theta[name], strict=True)
-                },
-            }
-            for name, c in ladder
-        ],
-        "curves": curves(contest, shift),
-        "flights": dict(counts),
-    }
+from descentflow.diagnosis.findings.findings import Curve, Discrepancy, SingleEffect
+from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
+from descentflow.diagnosis.inference.selection import Chosen, Outside
+from descentflow.diagnosis.inference.where import strongest_block
 
 
-def curves(contest: Contest, shift: Tensor) -> dict[str, Any]:
+def discrepancy_of(outside: Outside) -> Discrepancy:
+    """What a shift of no particular cause explains beyond the named effects."""
+    return Discrepancy(outside.explained, outside.rest, outside.error, outside.share_explained, outside.named)
+
+
+def singles_of(likelihood: EffectsLikelihood, chosen: Chosen) -> list[SingleEffect]:
+    """Every effect of the catalogue alone, best first."""
+    found = []
+    for name, c in sorted(chosen.singles.items(), key=lambda item: -item[1].gain):
+        parameters = likelihood.catalogue[name].parameters
+        theta = {p.name: float(v) for p, v in zip(parameters, c.fit.theta[name], strict=True)}
+        found.append(SingleEffect(name, c.gain, c.error, theta))
+    return found
+
+
+def remaining_of(likelihood: EffectsLikelihood, shift: Tensor, gap: float, outside: Outside) -> Remaining:
+    """What is left once the causes are in the simulator, and where the most of it lies.
+
+    Args:
+        likelihood: Flights of both sides.
+        shift: (n, p) of the causes.
+        gap: Left above the noise floor, in spreads.
+        outside: What a free discrepancy explains.
+    """
+    compared = likelihood.compared
+    left = compared.y - shift
+    mean = left[likelihood.real].nanmean(0)
+    if likelihood.has_reference:
+        mean = mean - left[~likelihood.real].nanmean(0)
+    standing = (mean.abs() / compared.negligible()).nan_to_num(0.0)
+    most = int(standing.argmax())
+    entry = compared.entries[most]
+    low, high = compared.level_range(entry)
+    largest = LargestDifference(entry.quantity, low, high, float(mean[most]), float(standing[most]))
+    return Remaining(max(gap, 0.0), 1.0 - outside.share_explained, largest, strongest_block(likelihood, left))
+
+
+def curves(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, Curve]:
     """Mean difference by band with its error, before and after, for the figures."""
-    compared = contest.compared
-    levels = middles_fl(compared)
-    found: dict[str, Any] = {}
+    compared, real = likelihood.compared, likelihood.real
+    levels = compared.middles_fl()
+    found: dict[str, Curve] = {}
     for quantity in compared.quantities():
         at = compared.columns(quantity)
         y, left = compared.y[:, at], (compared.y - shift)[:, at]
-        before, after = y[contest.real].nanmean(0), left[contest.real].nanmean(0)
-        count = contest.real.sum().double()
-        size = compared.scale[at] / count.sqrt()
-        if contest.has_reference:
-            other = y[~contest.real].nanmean(0).nan_to_num(0.0)
+        before, after = y[real].nanmean(0), left[real].nanmean(0)
+        count = real.sum().double()
+        size: Tensor = compared.scale[at] / count.sqrt()
+        if likelihood.has_reference:
+            other = torch.nan_to_num(y[~real].nanmean(0), 0.0)
             before, after = before - other, after - other
-            size = compared.scale[at] * (1 / count + 1 / (~contest.real).sum().double()).sqrt()
+            size = compared.scale[at] * (1 / count + 1 / (~real).sum().double()).sqrt()
         bands = [compared.entries[i].band for i in at.tolist()]
-        found[quantity] = {
-            "level_fl": [levels[b] if b >= 0 else None for b in bands],
-            "before": before.tolist(),
-            "after": after.tolist(),
-            "error": size.tolist(),
-        }
+        middles = [levels[b] if b >= 0 else None for b in bands]
+        found[quantity] = Curve(middles, before.tolist(), after.tolist(), size.tolist())
     return found

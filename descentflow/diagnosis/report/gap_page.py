@@ -1,200 +1,185 @@
 """`gap.html`: one self-contained page that a reader who is no specialist can follow."""
 
-import base64
-from html import escape
-from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from descentflow.diagnosis.findings.cause_found import Cause
+from descentflow.diagnosis.findings.findings import Findings
+from descentflow.diagnosis.findings.gap_found import GapCell, WouldSplit
+from descentflow.diagnosis.findings.plain_values import number, percent
+from descentflow.diagnosis.report.gap_figures import closure_figure, curves_figure, singles_figure, where_figure
+from descentflow.diagnosis.report.text import sentences
+from descentflow.measurements.quantity_registry import label_of
+from descentflow.reporting.html_elements import Html, bold, box, bullets, figure, joined, lines, paragraph, table
+from descentflow.reporting.html_page import HtmlPage
 
-from descentflow.diagnosis.report.gap_figures import closure_figure, contest_figure, curves_figure, where_figure
-from descentflow.diagnosis.report.text import NAMES, cause_in_words, interval, number, percent, sentences, unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from descentflow.diagnosis.report.gap_report import GapReport
-
-STYLE = """
-body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}
-h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2.2rem;border-bottom:1px solid #ddd;padding-bottom:.2rem}
-.answer{background:#f3f6fa;border-left:.4rem solid #0072b2;padding:.8rem 1.2rem;font-size:1.1rem}
-.answer.unknown{border-color:#d55e00}.answer.none{border-color:#009e73}
-table{border-collapse:collapse;font-size:.9rem;margin:.6rem 0}
-td,th{padding:.25rem .7rem;border-bottom:1px solid #e5e5e5;
-text-align:left}th{font-weight:600}td.n{text-align:right;font-variant-numeric:tabular-nums}
-img{max-width:100%}.note{color:#555;font-size:.92rem}
-"""
 VERDICTS = {
     "none": "No gap",
     "effect": "A gap with a known cause",
     "unknown": "A gap whose cause is not in the catalogue",
 }
-MOST_CELLS = 10
+"""Verdict -> how the page's title begins."""
+BOXES = {"none": "good", "effect": "", "unknown": "warn"}
+"""Verdict -> colour of the box with the answer."""
+SHOWN_CELLS = 10
+"""Cells of the table of where, largest share first."""
+SHOWN_CURVES = 4
+"""Quantities drawn before and after, the rate first."""
 
 
-def page(report: "GapReport") -> str:
+def page(found: Findings) -> str:
     """The whole page, figures inside."""
-    parts = [_head(report), _where(report), _contest(report), _after(report), _remaining(report), _split(report)]
-    body = "\n".join([*parts, _made(report)])
-    return (
-        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Gap: {escape(_title(report))}</title>'
-        f"<style>{STYLE}</style></head><body>{body}</body></html>"
-    )
-
-
-def _title(report: "GapReport") -> str:
-    return f"{VERDICTS[report.verdict]}: {report.details['typecode']} flights against {report.details['simulator']}"
-
-
-def _head(report: "GapReport") -> str:
-    lines = " ".join(escape(s) for s in sentences(report))
-    return f'<h1>{escape(_title(report))}</h1><p class="answer {report.verdict}">{lines}</p>{_causes(report)}'
-
-
-def _causes(report: "GapReport") -> str:
-    rows = []
-    for cause in report.causes:
-        sizes = "<br>".join(
-            f"{escape(name.replace('_', ' '))}: <b>{number(p['estimate'])}</b>{escape(unit(p))}{interval(p)}"
-            for name, p in cause["parameters"].items()
+    whole = HtmlPage(f"Gap: {_title(found)}", [box(" ".join(sentences(found)), kind=BOXES[found.verdict])])
+    if found.causes:
+        whole.section("What it is", _causes(found))
+    whole.section("Where they differ", *_where(found))
+    whole.section("Which cause explains it", *_which(found))
+    whole.section("Before and after", *_before_and_after(found))
+    whole.section("What remains", _remaining(found))
+    if found.would_split:
+        whole.section(
+            "What could not be told, and what would tell it", bullets(_split(found, row) for row in found.would_split)
         )
-        alike = ", ".join(cause["group"]).replace("_", " ") or "nothing in the catalogue"
-        rows.append(
-            [
-                f"<b>{escape(cause['effect'].replace('_', ' '))}</b><br>{escape(cause_in_words(cause))}",
-                sizes,
-                escape(alike),
-                percent(cause["probability"]),
-                _range(cause["closure"]["marginal"]),
-            ]
-        )
-    if not rows:
-        return ""
-    head = ["effect", "size (90 % interval)", "could as well be", "does best in resampled fleets", "gap closed"]
-    return _table(head, rows)
+    else:
+        whole.section("What could not be told", "Nothing that these channels leave open.")
+    whole.section("How this was made", *_made(found))
+    return whole.render()
 
 
-def _range(closure: dict[str, Any]) -> str:
-    if closure.get("low") is None:
-        return percent(closure.get("estimate"))
-    return f"{percent(closure['estimate'])} ({percent(closure['low'])} to {percent(closure['high'])})"
+def _title(found: Findings) -> str:
+    return f"{VERDICTS[found.verdict]}: {found.details.typecode} flights against {found.details.simulator}"
 
 
-def _where(report: "GapReport") -> str:
-    cells = [c for c in report.where if c["share"] > 0][:MOST_CELLS]
+def _causes(found: Findings) -> Html:
     rows = [
         [
-            escape(NAMES.get(c["quantity"], c["quantity"])),
-            f"FL{c['level_low_fl']:.0f} to FL{c['level_high_fl']:.0f}",
-            escape(c["regime"]),
-            f"{number(c['difference'])}{escape(unit(c))}",
-            f"{number(c['distance'])} (floor {number(c['floor'])})",
-            percent(c["share"]),
+            lines([bold(cause.label), cause.text]),
+            _sizes(cause),
+            ", ".join(found.details.label(name) for name in cause.group) or "nothing in the catalogue",
+            percent(cause.probability),
+            str(cause.closure.marginal),
         ]
-        for c in cells
+        for cause in found.causes
     ]
-    head = ["quantity", "where", "transition", "flights less simulator", "distance", "share of the gap"]
-    table = _table(head, rows) if rows else "<p>No cell differs by more than chance and by enough to matter.</p>"
-    figure = _image(where_figure(report.details["curves"], NAMES), "Map of where flights and simulator differ")
-    return (
-        "<h2>Where they differ</h2><p>Red: the flights show more than the simulator, blue: less; pale: no more than "
-        f"chance. Each row is something measured, from low (left) to high (right).</p>{figure}{table}{_stages(report)}"
+    head = ["effect", "size (90 % interval)", "could as well be", "does best in resampled fleets", "gap closed"]
+    return table(head, rows, align="l")
+
+
+def _sizes(cause: Cause) -> Html:
+    return lines(
+        joined(f"{p.label}: ", bold(number(p.estimate)), p.unit_text, p.interval) for p in cause.parameters.values()
     )
 
 
-def _stages(report: "GapReport") -> str:
-    seconds = report.stages.get("seconds")
-    if not seconds:
-        return ""
-    rows = [[name, number(value), percent(report.stages[name])] for name, value in seconds.items()]
-    return (
-        "<p>What the simulator loses on the way from these flights to its own samples, stage by stage, in seconds for "
-        f"each 1,500 ft:</p>{_table(['stage', 'seconds', 'share'], rows)}"
+def _where(found: Findings) -> list[Html]:
+    rows = [_cell(cell) for cell in found.where if cell.share > 0][:SHOWN_CELLS]
+    head = ["quantity", "where", "transition", "flights minus simulator", "distance (noise floor)", "share of the gap"]
+    none = paragraph("No cell differs by more than chance and by enough to matter.")
+    return [
+        paragraph(
+            "Red: the flights show more than the simulator, blue: less; pale: no more than chance. Each row is "
+            "something measured, from low (left) to high (right)."
+        ),
+        figure(where_figure(found.details.curves), "Map of where flights and simulator differ"),
+        table(head, rows, align="lllr") if rows else none,
+        *_stages(found),
+    ]
+
+
+def _cell(cell: GapCell) -> list[str]:
+    unit = "" if cell.unit == "1" else f" {cell.unit}"
+    return [
+        label_of(cell.quantity),
+        f"FL{cell.level_low_fl:.0f} to FL{cell.level_high_fl:.0f}",
+        cell.regime,
+        f"{number(cell.difference)}{unit}",
+        f"{number(cell.distance)} ({number(cell.floor)})",
+        percent(cell.share),
+    ]
+
+
+def _stages(found: Findings) -> list[Html]:
+    if not found.stages:
+        return []
+    rows = [[stage.name, number(stage.seconds), percent(stage.share)] for stage in found.stages]
+    lead = (
+        "What the simulator loses on the way from these flights to its own samples, stage by stage, in seconds for "
+        "each 1,500 ft:"
+    )
+    return [paragraph(lead), table(["stage", "seconds", "share"], rows)]
+
+
+def _which(found: Findings) -> list[Html]:
+    chosen = [cause.effect for cause in found.causes]
+    group = [name for cause in found.causes for name in cause.group]
+    rest = found.details.discrepancy
+    return [
+        paragraph(
+            "Every effect of the catalogue was fitted alone, and judged by how well it explains flights that it was "
+            "not fitted to. A shift of any shape, without a cause, was judged beside them: it explains "
+            f"{number(max(rest.rest, 0.0))} nats beyond what is named ({number(rest.explained)} nats)."
+        ),
+        figure(
+            singles_figure(found.details.singles, chosen, group, found.details.label), "What each effect explains alone"
+        ),
+    ]
+
+
+def _before_and_after(found: Findings) -> list[Html]:
+    parts = [] if found.causes else [paragraph("Nothing was added to the simulator, so there is only a before.")]
+    parts.append(figure(curves_figure(found.details.curves, _shown(found)), "Differences before and after"))
+    if not found.causes:
+        return parts
+    closure = found.causes[0].closure
+    names = " + ".join(cause.label for cause in found.causes)
+    drawn = closure_figure(
+        found.gap_before, found.gap_after, found.floor, found.causes[0].rivals, names, found.details.label
+    )
+    rows = [
+        ["in the distributions", str(closure.marginal)],
+        ["at each flight's own speed", str(closure.conditional)],
+        ["learnt from slow flights, tried on fast ones (and back)", str(closure.transfer)],
+    ]
+    note = (
+        "A wrong effect can close much of a gap too: that it closes does not prove the cause. The choice rests on how "
+        "well flights are explained that no effect was fitted to."
+    )
+    return [
+        *parts,
+        figure(drawn, "Gap before and after, and what other effects would close"),
+        table(["gap closed", ""], rows),
+        paragraph(note, kind="note"),
+    ]
+
+
+def _shown(found: Findings) -> list[str]:
+    """Quantities of bands with the largest differences in standard errors, the rate first."""
+    curves = found.details.curves
+    banded = [q for q, c in curves.items() if c.level_fl[0] is not None]
+    size = {q: max(abs(b / e) for b, e in zip(curves[q].before, curves[q].error, strict=True)) for q in banded}
+    largest = sorted(banded, key=lambda q: -size[q])[: SHOWN_CURVES - 1]
+    return ["rate", *[q for q in largest if q != "rate"]][:SHOWN_CURVES] if "rate" in banded else largest
+
+
+def _remaining(found: Findings) -> Html:
+    left = found.remaining.largest
+    return paragraph(
+        f"A gap of {found.remaining.gap:.3f} spreads above the noise floor. The largest difference left is "
+        f"{number(left.difference)} in the {label_of(left.quantity)}, "
+        f"FL{left.level_low_fl:.0f} to FL{left.level_high_fl:.0f} "
+        f"({number(left.in_negligible_shifts)} times what would not matter)."
     )
 
 
-def _contest(report: "GapReport") -> str:
-    chosen = [c["effect"] for c in report.causes]
-    group = [name for c in report.causes for name in c["group"]]
-    figure = _image(contest_figure(report.details["contest"], chosen, group), "Contest of the effects")
-    rest = report.details["discrepancy"]
-    return (
-        "<h2>Which cause explains it</h2><p>Every effect of the catalogue was fitted alone, and judged by how well it "
-        "explains flights that it was not fitted to. A shift of any shape, without a cause, competed too: it explains "
-        f"{number(max(rest['rest_nats'], 0.0))} nats beyond what is named ({number(rest['explained_nats'])} nats)."
-        f"</p>{figure}"
+def _split(found: Findings, row: WouldSplit) -> Html:
+    names = ", ".join(found.details.label(name) for name in row.between)
+    tell = joined("; told by: ", bold(", ".join(row.channels))) if row.channels else Html("")
+    return joined(f"{names}: {row.why}", tell)
+
+
+def _made(found: Findings) -> list[Html]:
+    d = found.details
+    rows = [[name.replace("_", " "), f"{count:,}"] for name, count in found.dropped.items()]
+    note = (
+        f"Normal is what the simulator's {d.normal_from} show. {d.test.n_permutations} permutations of whole "
+        f"aircraft, seed {d.seed}. Sensitivities at a mass of {d.mass_kg:,.0f} kg. Transition at "
+        f"FL{d.transition_fl:.0f}."
     )
-
-
-def _after(report: "GapReport") -> str:
-    curves = report.details["curves"]
-    banded = [q for q, c in curves.items() if c["level_fl"][0] is not None]
-    size = {q: max(abs(b / e) for b, e in zip(curves[q]["before"], curves[q]["error"], strict=True)) for q in banded}
-    shown = sorted(banded, key=lambda q: -size[q])[:3]
-    shown = ["rate", *[q for q in shown if q != "rate"]][:4] if "rate" in banded else shown
-    parts = ["<h2>Before and after</h2>"]
-    if not report.causes:
-        parts.append("<p>Nothing was added to the simulator, so there is only a before.</p>")
-    parts.append(_image(curves_figure(curves, shown, NAMES), "Differences before and after"))
-    if report.causes:
-        rivals = report.causes[0]["rivals"]
-        names = " + ".join(c["effect"].replace("_", " ") for c in report.causes)
-        figure = closure_figure(report.gap_before, report.gap_after, report.floor, rivals, names)
-        closure = report.causes[0]["closure"]
-        rows = [
-            ["in the distributions", _range(closure["marginal"])],
-            ["at each flight's own speed", _range(closure["conditional"])],
-            ["learnt on slow flights, tried on fast ones (and back)", _range(closure["transfer"])],
-        ]
-        parts.append(_image(figure, "Gap before and after, and what rivals would claim"))
-        parts.append(_table(["gap closed", ""], rows))
-        parts.append(
-            '<p class="note">A wrong effect can close much of a gap too: that it closes does not prove the cause. '
-            "The choice rests on the contest above.</p>"
-        )
-    return "".join(parts)
-
-
-def _remaining(report: "GapReport") -> str:
-    left = report.remaining["largest"]
-    name = escape(NAMES.get(left["quantity"], left["quantity"]))
-    return (
-        f"<h2>What remains</h2><p>A gap of {report.remaining['gap']:.3f} spreads above the floor. The largest "
-        f"difference left is {number(left['difference'])} in the {name}, "
-        f"FL{left['level_low_fl']:.0f} to FL{left['level_high_fl']:.0f} "
-        f"({number(left['in_negligible_shifts'])} times what would not matter).</p>"
-    )
-
-
-def _split(report: "GapReport") -> str:
-    if not report.would_split:
-        return "<h2>What could not be told</h2><p>Nothing that these channels leave open.</p>"
-    items = []
-    for row in report.would_split:
-        names = escape(", ".join(row["between"]).replace("_", " "))
-        tell = f"; told by: <b>{escape(', '.join(row['channels']))}</b>" if row["channels"] else ""
-        items.append(f"<li>{names}: {escape(row['why'])}{tell}</li>")
-    return f"<h2>What could not be told, and what would tell it</h2><ul>{''.join(items)}</ul>"
-
-
-def _made(report: "GapReport") -> str:
-    d = report.details
-    rows = [[escape(k.replace("_", " ")), f"{v:,}"] for k, v in report.dropped.items()]
-    return (
-        f"<h2>How this was made</h2><p class='note'>Normal is what the simulator's {escape(d['normal_from'])} show. "
-        f"{d['test']['n_permutations']} permutations of whole aircraft, seed {d['seed']}. Sensitivities at a mass of "
-        f"{d['mass_kg']:,.0f} kg. Transition at FL{d['transition_fl']:.0f}.</p>{_table(['counted', ''], rows)}"
-    )
-
-
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    top = "".join(f"<th>{escape(h)}</th>" for h in head)
-    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<table><tr>{top}</tr>{body}</table>"
-
-
-def _image(figure: "Figure", alt: str) -> str:
-    content = BytesIO()
-    figure.savefig(content, format="png", dpi=110)
-    return (
-        f'<p><img alt="{escape(alt)}" src="data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}"></p>'
-    )
+    return [paragraph(note, kind="note"), table(["counted", ""], rows)]

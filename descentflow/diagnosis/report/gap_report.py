@@ -1,81 +1,67 @@
-"""The answer of a diagnosis: where, which effect, how far; as JSON, as a page, and as a corrected simulator."""
+"""The answer of a diagnosis: printed, as JSON, as a page, and as a corrected simulator."""
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from descentflow.core.files import whole_file
+from descentflow.diagnosis.findings.findings import Findings
+from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, primitives
 from descentflow.diagnosis.report.gap_page import page
 from descentflow.diagnosis.report.text import summary
 
+if TYPE_CHECKING:
+    import polars as pl
+
 SCHEMA_VERSION = 1
-KEYS = (
-    "schema_version",
-    "verdict",
-    "p_value",
-    "floor",
-    "gap_before",
-    "where",
-    "stages",
-    "causes",
-    "gap_after",
-    "remaining",
-    "would_split",
-    "dropped",
-)
+"""Of `gap.json`."""
+KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name != "details"))
 """Keys of `gap.json` that readers may rely on; `details` holds the rest."""
 
 
-@dataclass(frozen=True)
-class GapReport:
-    """What a diagnosis found.
+@dataclass(frozen=True, repr=False)
+class GapReport(Findings):
+    """What a diagnosis found, see :class:`~descentflow.diagnosis.findings.findings.Findings` for its parts.
 
     Attributes:
-        verdict: ``none``, ``effect`` or ``unknown``.
-        p_value: Probability of a gap as large as this between flights of one population.
-        floor: Gap that two samples of one population of these sizes show.
-        gap_before: Gap between simulator and flights (mean over the affected quantities of the Wasserstein distance in
-            standard deviations between flights).
-        where: Cells, largest share first.
-        stages: Share of the simulator's own loss by stage, in seconds of the time down the grid.
-        causes: Effects in the order in which they were selected.
-        gap_after: Gap once the causes are in the simulator.
-        remaining: What is left, and where.
-        would_split: Channels or slices that would separate what these data cannot.
-        dropped: Counts of flights and rows left out, by reason.
-        details: Everything else: settings, contest, curves behind the figures.
+        write_corrected: Writes the simulator with the causes added; None where there is no checkpoint to correct.
 
     Example:
-        >>> report = diagnose("flights.parquet", "best.ckpt")
-        >>> report.verdict, [cause["effect"] for cause in report.causes]
-        ('effect', ['temperature'])
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> report = diagnose("descents.parquet", typecode="A320")
+        >>> report.verdict, [cause.effect for cause in report.causes][:1]
+        ('effect', ['mass'])
+        >>> report.to_polars().columns[:3]
+        ['quantity', 'level_low_fl', 'level_high_fl']
+        >>> report.write("gap")
+        >>> sorted(path.name for path in Path("gap").iterdir())
+        ['gap.html', 'gap.json']
     """
 
-    verdict: str
-    p_value: float
-    floor: float
-    gap_before: float
-    where: list[dict[str, Any]]
-    stages: dict[str, Any]
-    causes: list[dict[str, Any]]
-    gap_after: float
-    remaining: dict[str, Any]
-    would_split: list[dict[str, Any]]
-    dropped: dict[str, Any]
-    details: dict[str, Any] = field(default_factory=dict)
-    write_corrected: Callable[[Path], None] | None = field(default=None, repr=False, compare=False)
-    """Writes the simulator with the causes added; None where there is no checkpoint to correct."""
+    write_corrected: Callable[[Path], None] | None = field(default=None, compare=False, metadata=NOT_WRITTEN)
 
     def __str__(self) -> str:
         """The answer in a few lines."""
         return summary(self)
 
+    __repr__ = __str__
+
     def as_dict(self) -> dict[str, Any]:
         """Primitives for `gap.json`, the keys of :data:`KEYS` first."""
-        named: dict[str, Any] = {key: getattr(self, key) for key in KEYS if key != "schema_version"}
-        return {"schema_version": SCHEMA_VERSION, **named, "details": self.details}
+        found = primitives(self)
+        # By name, and the seconds of all stages together: so since version 1 of the schema.
+        found["stages"] = {s.name: s.share for s in self.stages}
+        if self.stages:
+            found["stages"]["seconds"] = {s.name: s.seconds for s in self.stages}
+        return {"schema_version": SCHEMA_VERSION, **found}
+
+    def to_polars(self) -> "pl.DataFrame":
+        """Where the gap lies as a table: a row for each cell, largest share first."""
+        import polars as pl
+
+        return pl.DataFrame([primitives(cell) for cell in self.where])
 
     def write(self, folder: str | Path) -> None:
         """Write `gap.json`, `gap.html` and, for a checkpoint with a cause, `corrected.ckpt`."""

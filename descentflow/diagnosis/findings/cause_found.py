@@ -1,0 +1,144 @@
+"""A cause that is named: its size with intervals, and how much of the gap it closes."""
+
+from dataclasses import dataclass, field
+
+from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, number, percent
+
+
+@dataclass(frozen=True)
+class ClosedShare:
+    """Share of the gap that the causes close, with its 90 % interval; None where it cannot be said.
+
+    Example:
+        >>> print(ClosedShare(0.78, 0.75, 0.81))
+        78 % (75 % to 81 %)
+    """
+
+    estimate: float | None
+    low: float | None
+    high: float | None
+
+    def __str__(self) -> str:
+        """For readers."""
+        if self.low is None:
+            return percent(self.estimate)
+        return f"{percent(self.estimate)} ({percent(self.low)} to {percent(self.high)})"
+
+
+@dataclass(frozen=True)
+class Closure:
+    """How much of the gap the causes together close, judged in three ways.
+
+    Attributes:
+        marginal: In the distributions of what is compared.
+        conditional: In the mean at each flight's own speed.
+        transfer: The same with parameters learnt from slow flights and tried on fast ones, and the other way about.
+    """
+
+    marginal: ClosedShare
+    conditional: ClosedShare
+    transfer: ClosedShare
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """One parameter with its 90 % interval, within its physical bounds; no interval where none is claimed.
+
+    Example:
+        >>> print(ParameterEstimate(10.13, 9.88, 10.4, "K", "deviation from the standard atmosphere"))
+        deviation from the standard atmosphere 10.1 (9.88 to 10.4) K
+    """
+
+    estimate: float
+    low: float | None
+    high: float | None
+    unit: str
+    label: str = field(default="", metadata=NOT_WRITTEN)
+
+    @property
+    def interval(self) -> str:
+        """The 90 % interval in brackets, after a space; nothing where none is claimed."""
+        return "" if self.low is None or self.high is None else f" ({number(self.low)} to {number(self.high)})"
+
+    @property
+    def unit_text(self) -> str:
+        """The unit after a space; nothing for a plain number."""
+        return "" if self.unit == "1" else f" {self.unit}"
+
+    def __str__(self) -> str:
+        """For readers."""
+        return f"{self.label} {number(self.estimate)}{self.interval}{self.unit_text}".strip()
+
+
+@dataclass(frozen=True)
+class ScoreGain:
+    """Gain in held-out log score over the same effects without this one, with its 90 % interval."""
+
+    estimate: float
+    low: float
+    high: float
+    unit: str = "nats"
+
+
+@dataclass(frozen=True)
+class Heterogeneity:
+    """How an effect differs between flights.
+
+    Attributes:
+        kind: The law that the effect claims.
+        spread_of_shares: Standard deviation between flights of what each shows of the effect's shape, with mean one.
+    """
+
+    kind: str
+    spread_of_shares: float
+
+
+@dataclass(frozen=True)
+class RivalClosure:
+    """Share of the gap that another effect would close, fitted alone in the place of the causes."""
+
+    effect: str
+    closure: float | None
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect that is named.
+
+    Attributes:
+        effect: Its name in the catalogue.
+        group: Effects that these data cannot tell from it.
+        probability: Share of resampled fleets in which it does best of those.
+        parameters: Estimates by name.
+        score_gain: What its presence gains on flights that it was not fitted to.
+        heterogeneity: How it differs between flights.
+        closure: How much of the gap all causes together close.
+        rivals: What every other effect would close.
+        inherited: Whether the simulator's own flights have it as well.
+        label: Its name for readers.
+        text: What it is in words, with the direction that was found.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> cause = diagnose("descents.parquet", typecode="A320").causes[0]
+        >>> print(cause)
+        mass: relative change of the mass -0.1... (-0.1... to -0.1...)
+        >>> cause.closure.marginal.estimate > 0.5
+        True
+    """
+
+    effect: str
+    group: list[str]
+    probability: float
+    parameters: dict[str, ParameterEstimate]
+    score_gain: ScoreGain
+    heterogeneity: Heterogeneity = field(metadata={"json": "law"})
+    closure: Closure
+    rivals: list[RivalClosure]
+    inherited: bool = field(default=False, metadata={"optional": True})
+    label: str = field(default="", metadata=NOT_WRITTEN)
+    text: str = field(default="", metadata=NOT_WRITTEN)
+
+    def __str__(self) -> str:
+        """Its name and its size."""
+        return f"{self.label or self.effect}: {'; '.join(str(p) for p in self.parameters.values())}"

@@ -1,0 +1,141 @@
+"""All that a diagnosis finds, as typed objects."""
+
+from dataclasses import dataclass, field
+
+from descentflow.diagnosis.findings.cause_found import Cause
+from descentflow.diagnosis.findings.gap_found import GapCell, Remaining, Stage, WouldSplit
+from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN
+
+
+@dataclass(frozen=True)
+class NullTest:
+    """Whether there is a gap at all.
+
+    Attributes:
+        p_value: Probability of a gap as large as this between flights of one population.
+        by_effect: How far the best sensitivity stands out, in null spreads.
+        by_discrepancy: The same of a free discrepancy.
+        n_permutations: Permutations behind them.
+    """
+
+    p_value: float
+    by_effect: float
+    by_discrepancy: float
+    n_permutations: int
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """What a shift of no particular cause explains beyond the named effects.
+
+    Attributes:
+        explained: Nats of held-out log score that the named effects gain.
+        rest: Nats that a free discrepancy gains beside them.
+        rest_error: Its standard error.
+        share_explained: Of what both explain together.
+        named: Whether the rest is so large that the cause lies outside the catalogue.
+    """
+
+    explained: float = field(metadata={"json": "explained_nats"})
+    rest: float = field(metadata={"json": "rest_nats"})
+    rest_error: float = field(metadata={"json": "rest_error_nats"})
+    share_explained: float
+    named: bool
+
+
+@dataclass(frozen=True)
+class SingleEffect:
+    """An effect of the catalogue fitted alone: gain in held-out log score (nats), its error, and the parameters."""
+
+    effect: str
+    score_gain: float
+    error: float
+    parameters: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Mean difference of one quantity by band, before and after the causes are added, with its standard error.
+
+    ``level_fl`` is None for a quantity of the whole flight.
+    """
+
+    level_fl: list[float | None]
+    before: list[float]
+    after: list[float]
+    error: list[float]
+
+
+@dataclass(frozen=True)
+class Details:
+    """What figures and careful readers need besides the answer.
+
+    Attributes:
+        simulator: Its name.
+        regime: ``anchored``: against the simulator's own flights or physics; ``refit``: they have the causes as well.
+        typecode: Aircraft type.
+        normal_from: Where the simulator's side comes from: ``training flights``, ``samples`` or ``physics``.
+        seed: Of permutations, folds, bootstrap and samples.
+        quantities: Names of what is compared.
+        transition_fl: Flight level at which nominal BADA hands over from Mach to CAS.
+        mass_kg: Mass at which sensitivities are taken.
+        test: Whether there is a gap.
+        discrepancy: What the named effects leave.
+        singles: Every effect alone, best first.
+        curves: By quantity.
+        flights: Counts of flights and rows.
+        labels: Effect -> its name for readers.
+    """
+
+    simulator: str
+    regime: str
+    typecode: str
+    normal_from: str
+    seed: int
+    quantities: list[str]
+    transition_fl: float
+    mass_kg: float
+    test: NullTest
+    discrepancy: Discrepancy
+    singles: list[SingleEffect] = field(metadata={"json": "contest"})
+    curves: dict[str, Curve]
+    flights: dict[str, int]
+    labels: dict[str, str] = field(default_factory=dict, metadata=NOT_WRITTEN)
+
+    def label(self, effect: str) -> str:
+        """What readers call an effect of the catalogue; ``unknown`` is the one outside it."""
+        return self.labels.get(effect, effect.replace("_", " "))
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All that a diagnosis found; :class:`descentflow.diagnosis.report.gap_report.GapReport` prints and writes it.
+
+    Attributes:
+        verdict: ``none``, ``effect`` or ``unknown``.
+        p_value: Probability of a gap as large as this between flights of one population.
+        floor: Gap that two samples of one population of these sizes show.
+        gap_before: Gap between simulator and flights (mean over the affected quantities of the Wasserstein distance in
+            standard deviations between flights).
+        where: Cells, largest share first.
+        stages: The simulator's own loss by stage; empty for nominal BADA.
+        causes: Effects in the order in which they were selected.
+        gap_after: Gap once the causes are in the simulator.
+        remaining: What is left, and where.
+        would_split: Channels or slices that would separate what these data cannot.
+        dropped: Counts of flights and rows left out, by reason.
+        details: Everything else: settings, every effect alone, curves behind the figures.
+    """
+
+    verdict: str
+    p_value: float
+    floor: float
+    gap_before: float
+    where: list[GapCell]
+    stages: list[Stage]
+    causes: list[Cause]
+    gap_after: float
+    remaining: Remaining
+    would_split: list[WouldSplit]
+    dropped: dict[str, int]
+    details: Details

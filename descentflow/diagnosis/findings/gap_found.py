@@ -1,0 +1,96 @@
+"""Where the gap lies, at which stage it arises, what remains of it, and what would tell more."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class GapCell:
+    """A quantity in neighbouring bands: how far flights and simulator are apart there.
+
+    Attributes:
+        quantity: Name, see :data:`descentflow.measurements.quantity_registry.QUANTITIES`.
+        level_low_fl: Lowest flight level.
+        level_high_fl: Highest.
+        regime: ``above`` or ``below`` the transition altitude, ``all`` for a quantity of the whole flight.
+        slice: Flights: ``all``, ``slower half`` or ``faster half``.
+        distance: Wasserstein distance, in ``unit``.
+        floor: The same between flights of one population.
+        unit: Of distance, floor and difference.
+        difference: Mean of the flights minus that of the simulator's.
+        q_value: Smallest false-discovery rate at which it would be called.
+        share: Share of the whole gap.
+    """
+
+    quantity: str
+    level_low_fl: float
+    level_high_fl: float
+    regime: str
+    slice: str
+    distance: float
+    floor: float
+    unit: str
+    difference: float
+    q_value: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a simulator loses at one stage on the way from flights to samples.
+
+    Attributes:
+        name: ``measurement``, ``representation``, ``coupling``, ``density``, ``rejection`` or ``decoder``.
+        share: Of all stages.
+        seconds: Mean distance of the times for each 1,500 ft.
+    """
+
+    name: str
+    share: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class LargestDifference:
+    """The largest difference of means that is left once the causes are in the simulator."""
+
+    quantity: str
+    level_low_fl: float
+    level_high_fl: float
+    difference: float
+    in_negligible_shifts: float
+
+
+@dataclass(frozen=True)
+class Block:
+    """The neighbouring bands whose mean rate differs most from the rest."""
+
+    quantity: str
+    level_low_fl: float
+    level_high_fl: float
+    difference: float
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """What is left once the causes are in the simulator.
+
+    Attributes:
+        gap: Above the noise floor, in spreads between flights.
+        share_unexplained: Of what effects and a free discrepancy explain together.
+        largest: Where the largest difference is.
+        block: Where the rate differs most from its own mean; None where no rate is compared.
+    """
+
+    gap: float
+    share_unexplained: float
+    largest: LargestDifference
+    block: Block | None
+
+
+@dataclass(frozen=True)
+class WouldSplit:
+    """What these data cannot tell apart, and channels that would; empty where no channel would."""
+
+    between: list[str]
+    channels: list[str]
+    why: str

@@ -1,0 +1,52 @@
+"""Plain values of typed findings for `gap.json`, and numbers as readers like them."""
+
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+NOT_WRITTEN = {"json": None}
+"""Metadata of fields that are for readers of the objects and pages, and not in `gap.json`."""
+
+
+def primitives(value: Any) -> Any:
+    """Dictionaries, lists and plain values of typed findings: the content of `gap.json`.
+
+    Fields of :data:`NOT_WRITTEN` are left out, others are written under the key in their metadata where it has one.
+
+    Example:
+        >>> from descentflow.diagnosis.findings.cause_found import ClosedShare
+        >>> primitives(ClosedShare(0.78, 0.75, 0.81))
+        {'estimate': 0.78, 'low': 0.75, 'high': 0.81}
+    """
+    if is_dataclass(value):
+        found = {}
+        for one in fields(value):
+            key, content = one.metadata.get("json", one.name), getattr(value, one.name)
+            optional = one.metadata.get("optional", False) and content == one.default
+            if key is not None and not optional:
+                found[key] = primitives(content)
+        return found
+    if isinstance(value, dict):
+        return {key: primitives(content) for key, content in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [primitives(content) for content in value]
+    return value
+
+
+def number(value: float) -> str:
+    """Three digits, without an exponent where a reader can do without.
+
+    Example:
+        >>> number(0.43219), number(27300.4)
+        ('0.432', '27300')
+    """
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def percent(share: float | None) -> str:
+    """A share, or a dash.
+
+    Example:
+        >>> percent(0.784), percent(None)
+        ('78 %', '-')
+    """
+    return "-" if share is None else f"{100 * share:.0f} %"

@@ -1,0 +1,39 @@
+"""How far both sides are apart: Wasserstein distances of every entry, and their mean over quantities."""
+
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.inference.two_sides import Compared
+
+QUANTILES = torch.linspace(0.02, 0.98, 25, dtype=torch.float64)
+"""At which distributions are compared: beyond the outermost, a few flights would decide."""
+
+
+def distances(y: Tensor, real: Tensor, scale: Tensor, counts: Tensor) -> Tensor:
+    """Wasserstein distance (p,) of every entry between both sides, in spreads; against zero where there is one side.
+
+    Of counts and lost times, which are zero for most flights, the difference of means (``counts`` (p,) bool): an effect
+    moves some flights far and most not at all, which no shift of all flights undoes.
+
+    Example:
+        >>> y = torch.cat([torch.linspace(-1, 1, 50), torch.linspace(-1, 1, 50) + 0.5]).double()[:, None]
+        >>> distances(y, torch.arange(100) >= 50, torch.ones(1).double(), torch.tensor([False]))
+        tensor([0.5000], dtype=torch.float64)
+    """
+    mine = torch.nanquantile(y[real], QUANTILES, dim=0)
+    if bool(real.all()):
+        return (mine.mean(0).abs() / scale).nan_to_num(0.0)
+    apart = (mine - torch.nanquantile(y[~real], QUANTILES, dim=0)).abs().mean(0)
+    means = (y[real].nanmean(0) - y[~real].nanmean(0)).abs()
+    return (torch.where(counts, means, apart) / scale).nan_to_num(0.0)
+
+
+def mean_over_quantities(compared: Compared, values: Tensor, chosen: Tensor) -> Tensor:
+    """Mean of the chosen entries' values (..., p) over quantities, each of which counts once."""
+    parts = []
+    for quantity in compared.quantities():
+        at = compared.columns(quantity)
+        at = at[chosen[at]]
+        if len(at):
+            parts.append(values[..., at].mean(-1))
+    return torch.stack(parts).mean(0) if parts else torch.zeros(values.shape[:-1])

@@ -1,0 +1,77 @@
+"""What effects would shift in the compared flights, and how sensitive each flight is to their parameters."""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.inference.whitening import Whitening
+from descentflow.effects import Effect
+
+CAS_RIDGE = 0.05
+"""Share of the variance of CAS that is added to it before the rate is regressed on it: bands of CAS are alike."""
+
+
+class EffectShifts:
+    """Shifts of a catalogue's effects in the flights that are compared.
+
+    An effect states its shift by quantity; here it becomes a vector of each flight's entries, and where the rate
+    follows the CAS (:attr:`~descentflow.effects.effect.Effect.rate_follows_cas`) it is taken along.
+    """
+
+    def __init__(self, compared: Compared, whitening: Whitening, catalogue: Mapping[str, Effect]) -> None:
+        """Prepare.
+
+        Args:
+            compared: Flights of both sides.
+            whitening: Their covariance, by which the rate follows the CAS.
+            catalogue: Effects that may be named.
+        """
+        self.compared, self.whitening, self.catalogue = compared, whitening, catalogue
+        self.y = compared.y.nan_to_num(0.0)
+        self.real = compared.real
+        self.has_reference = bool((~self.real).any())
+        self.cas_to_rate = cas_to_rate_gain(compared, whitening)
+
+    def all_shift(self, name: str, theta: Tensor) -> Tensor:
+        """Shift (n, p) that an effect makes, or would make, in every flight."""
+        effect = self.catalogue[name]
+        return self._with_rate(effect, self.compared.vector(effect.shift(self.compared.state, theta)))
+
+    def shift(self, theta: Mapping[str, Tensor]) -> Tensor:
+        """Shift (n, p) of effects together, zero for the simulator's flights."""
+        total = torch.zeros_like(self.y)
+        for name, value in theta.items():
+            total = total + self.all_shift(name, value)
+        return torch.where(self.real[:, None], total, 0.0)
+
+    def jacobian(self, name: str, theta: Tensor, first: int | None = None) -> Tensor:
+        """Sensitivity (n, p, k) of every flight to one effect's parameters (or the first of them)."""
+        effect = self.catalogue[name]
+        return self._with_rate(effect, self.compared.vector(effect.sensitivity(self.compared.state, theta, first)))
+
+    def starts_of(self, name: str) -> list[Tensor]:
+        """Parameter vectors from which fits of an effect may start."""
+        return self.catalogue[name].starts(self.compared.state)
+
+    def moved(self, theta: Mapping[str, Tensor], step: Tensor) -> dict[str, Tensor]:
+        """Parameters after a step (k,) of all of them together, within their bounds."""
+        parts = dict(zip(theta, torch.split(step, [len(value) for value in theta.values()]), strict=True))
+        return {name: self.catalogue[name].clamp(value + parts[name]) for name, value in theta.items()}
+
+    def _with_rate(self, effect: Effect, vector: Tensor) -> Tensor:
+        if not effect.rate_follows_cas:
+            return vector
+        return vector + torch.einsum("ij,nj...->ni...", self.cas_to_rate, vector)
+
+
+def cas_to_rate_gain(compared: Compared, whitening: Whitening) -> Tensor:
+    """Change of the rate for each of the CAS if flights behave as those that always flew so: (p, p)."""
+    rate, cas = compared.columns("rate"), compared.columns("cas")
+    gain = torch.zeros_like(whitening.covariance)
+    if len(rate) and len(cas):
+        block = whitening.covariance[cas][:, cas]
+        block = block + CAS_RIDGE * torch.diag(block.diagonal())
+        gain[rate[:, None], cas] = torch.linalg.solve(block, whitening.covariance[cas][:, rate]).T
+    return gain

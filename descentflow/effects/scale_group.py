@@ -1,0 +1,29 @@
+"""Effects of which only ratios can be observed: together they may be scaled without a trace."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ScaleGroup:
+    """Names of effects that scale one equation together, and what a reader is told of them.
+
+    Attributes:
+        members: Names of the effects.
+        why: Why no flight can tell them apart, and what would.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> EFFECTS["mass"].scale_group.members
+        ('mass', 'idle_thrust', 'drag_polar')
+    """
+
+    members: tuple[str, ...]
+    why: str
+
+
+THRUST_DRAG_WEIGHT = ScaleGroup(
+    ("mass", "idle_thrust", "drag_polar"),
+    "mass, thrust and drag may all be scaled together without a trace: only a coefficient "
+    "that is known absolutely (a weighed aircraft, a measured thrust) tells which of them is off",
+)
+"""The energy equation holds (thrust minus drag) over weight: a common factor of the three cancels (BADA 3, 3.2)."""

@@ -4,17 +4,13 @@ import sys
 
 import torch
 
-from descentflow.densities.checkpoint import load_model
-from descentflow.generation.rejection import sample_descents
-from descentflow.generation.sample_tables import to_frame
+from descentflow.generation.sample import sample
 
 
 def main(checkpoint: str, n: int = 1000, seed: int = 0) -> None:
-    model = load_model(checkpoint)
-    parts = model.representation
-    samples = sample_descents(model, parts.decoder, parts.plausibility, n, seed)
-    print(samples.report)
-    print(to_frame(samples.trajectories).head())
+    samples = sample(checkpoint, n, seed=seed)
+    print(samples)
+    print(samples.to_polars().head())
 
     flown = samples.trajectories
     whole = flown.entry == len(flown.levels_fl) - 1

@@ -1,6 +1,7 @@
 """Sampled descents as the long table and the NetCDF file that users read, in field units."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -8,6 +9,7 @@ from scipy.io import netcdf_file
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
+from descentflow.core.tabular import optional_library
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.representation.decoder.trajectories import Trajectories
 
@@ -37,11 +39,16 @@ def quantities(flown: Trajectories) -> dict[str, np.ndarray]:
     return {name: tensor.detach().cpu().double().numpy() for name, tensor in tensors.items()}
 
 
-def to_frame(flown: Trajectories, given: pl.DataFrame | None = None) -> pl.DataFrame:
-    """Long table: one row per sample and level, from the entry level downwards.
+def to_frame(flown: Trajectories, context: pl.DataFrame | None = None) -> pl.DataFrame:
+    """Long table: one row for each sample and level, from the entry level downwards.
 
-    Columns: ``sample_id level_fl`` and those of :data:`UNITS`; then, with ``given``, the context of each sample, its
-    columns called ``given_...``: sample i is of row i, beginning again after the last.
+    Args:
+        flown: n descents.
+        context: Contexts in the order of the samples: sample i has row i, beginning again after the last.
+
+    Returns:
+        Columns ``sample_id level_fl`` and those of :data:`UNITS`; then the sample's context, its columns called
+        ``given_...``.
     """
     n, n_levels = flown.time_s.shape
     # Reversed levels put each sample's rows in the order in which they are flown.
@@ -51,19 +58,45 @@ def to_frame(flown: Trajectories, given: pl.DataFrame | None = None) -> pl.DataF
     level_fl = np.broadcast_to(levels, (n, n_levels))[keep]
     columns = {name: values[:, ::-1][keep] for name, values in quantities(flown).items()}
     table = pl.DataFrame({"sample_id": sample_id, "level_fl": level_fl, **columns})
-    if given is None:
+    if context is None:
         return table
-    contexts = given[sample_id % len(given)]
-    return table.with_columns([contexts[name].alias(f"given_{name}") for name in given.columns])
+    rows = context[sample_id % len(context)]
+    return table.with_columns([rows[name].alias(f"given_{name}") for name in context.columns])
 
 
-def write_samples(flown: Trajectories, path: Path, given: pl.DataFrame | None = None) -> None:
+def to_dataset(flown: Trajectories, context: pl.DataFrame | None = None) -> Any:
+    """The descents as an `xarray.Dataset`: dimensions sample and level, NaN above a sample's entry level.
+
+    Args:
+        flown: n descents.
+        context: Contexts of the samples as in :func:`to_frame`: coordinates ``given_...`` of each sample.
+
+    Raises:
+        ConfigError: If xarray is not installed.
+    """
+    mask = flown.mask.cpu().numpy()
+    variables = {
+        name: (("sample", "level"), np.where(mask, values, np.nan), {"units": UNITS[name]})
+        for name, values in quantities(flown).items()
+    }
+    coordinates: dict[str, Any] = {"level_fl": ("level", flown.levels_fl.cpu().numpy().astype(np.int32))}
+    if context is not None:
+        rows = context[np.arange(len(flown)) % len(context)]
+        coordinates |= {f"given_{name}": ("sample", rows[name].to_list()) for name in context.columns}
+    return optional_library("xarray").Dataset(variables, coords=coordinates)
+
+
+def write_samples(flown: Trajectories, path: Path, context: pl.DataFrame | None = None) -> None:
     """Write a table (``.parquet``, ``.csv``) or a NetCDF-3 file (``.nc``), whole or not at all.
 
-    With ``given`` the table holds the context of each sample, see :func:`to_frame`; the NetCDF file holds its row.
+    Args:
+        flown: n descents.
+        path: The file.
+        context: Contexts of the samples: a table holds them as :func:`to_frame` does, a NetCDF file holds their row.
 
     Raises:
         ConfigError: If the extension is none of these.
+        DataError: If the folder does not exist.
     """
     writers = {".parquet": _write_parquet, ".csv": _write_csv, ".nc": _write_netcdf}
     if path.suffix not in writers:
@@ -71,18 +104,18 @@ def write_samples(flown: Trajectories, path: Path, given: pl.DataFrame | None = 
             f"output {path.name}", expected=f"an extension among {', '.join(writers)}", mend="rename the output"
         )
     with whole_file(path) as temporary:
-        writers[path.suffix](flown, temporary, given)
+        writers[path.suffix](flown, temporary, context)
 
 
-def _write_parquet(flown: Trajectories, path: Path, given: pl.DataFrame | None) -> None:
-    to_frame(flown, given).write_parquet(path)
+def _write_parquet(flown: Trajectories, path: Path, context: pl.DataFrame | None) -> None:
+    to_frame(flown, context).write_parquet(path)
 
 
-def _write_csv(flown: Trajectories, path: Path, given: pl.DataFrame | None) -> None:
-    to_frame(flown, given).write_csv(path)
+def _write_csv(flown: Trajectories, path: Path, context: pl.DataFrame | None) -> None:
+    to_frame(flown, context).write_csv(path)
 
 
-def _write_netcdf(flown: Trajectories, path: Path, given: pl.DataFrame | None) -> None:
+def _write_netcdf(flown: Trajectories, path: Path, context: pl.DataFrame | None) -> None:
     """Dimensions sample and level (ascending); NaN above a sample's entry level."""
     n, n_levels = flown.time_s.shape
     with netcdf_file(path, "w") as file:
@@ -91,9 +124,9 @@ def _write_netcdf(flown: Trajectories, path: Path, given: pl.DataFrame | None) -
         file.createDimension("level", n_levels)
         level = file.createVariable("level_fl", "i4", ("level",))
         level[:] = flown.levels_fl.cpu().numpy().astype(np.int32)
-        if given is not None:
+        if context is not None:
             row = file.createVariable("given_row", "i4", ("sample",))
-            row[:] = np.arange(n, dtype=np.int32) % len(given)
+            row[:] = np.arange(n, dtype=np.int32) % len(context)
         mask = flown.mask.cpu().numpy()
         for name, values in quantities(flown).items():
             variable = file.createVariable(name, "f8", ("sample", "level"))

@@ -1,10 +1,15 @@
 """What sampling returns: plausible descents and the account of every draw behind them."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import polars as pl
+import torch
 from torch import Tensor
 
+from descentflow.core.tabular import to_pandas
+from descentflow.generation.sample_tables import to_dataset, to_frame, write_samples
 from descentflow.representation.decoder.trajectories import Trajectories
 
 
@@ -42,10 +47,81 @@ class RejectionReport:
         return f"{self.accepted} samples from {self.drawn} draws ({self.acceptance:.1%} plausible; broken: {reasons})"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Samples:
-    """Accepted descents: weights (n, d), trajectories, and the account of all draws."""
+    """n plausible descents, and the account of every draw behind them.
+
+    Attributes:
+        weights: (n, d) standardised weights.
+        trajectories: The descents, each from its entry level down to the lowest level of the grid.
+        report: What became of every draw.
+        context: The contexts that they were drawn for, a row for each: sample i has row i, beginning again after the
+            last. None for a model without context.
+
+    Example:
+        >>> from descentflow.generation.sample import sample
+        >>> samples = sample("best.ckpt", 100, seed=0)
+        >>> samples.to_polars().columns
+        ['sample_id', 'level_fl', 'time_s', 'altitude_ft', 'CAS', 'Mach', 'TAS', 'vertical_rate', 'drag_n']
+        >>> samples.to_xarray()["CAS"].dims
+        ('sample', 'level')
+        >>> samples.write("samples.nc")
+    """
 
     weights: Tensor
     trajectories: Trajectories
     report: RejectionReport
+    context: pl.DataFrame | None = None
+
+    def __len__(self) -> int:
+        """Number of descents."""
+        return len(self.trajectories)
+
+    def to_polars(self) -> pl.DataFrame:
+        """The long table: one row for each sample and level, see :func:`~.sample_tables.to_frame`."""
+        return to_frame(self.trajectories, self.context)
+
+    def to_pandas(self) -> Any:
+        """The long table as a `pandas.DataFrame`.
+
+        Raises:
+            ConfigError: If pandas is not installed.
+        """
+        return to_pandas(self.to_polars())
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` with dimensions sample and level, NaN above a sample's entry level.
+
+        Raises:
+            ConfigError: If xarray is not installed.
+        """
+        return to_dataset(self.trajectories, self.context)
+
+    def write(self, path: str | Path) -> None:
+        """Write a table (``.parquet``, ``.csv``) or a NetCDF file (``.nc``), whole or not at all.
+
+        Raises:
+            ConfigError: If the extension is none of these.
+            DataError: If the folder does not exist.
+        """
+        write_samples(self.trajectories, Path(path), self.context)
+
+    def __str__(self) -> str:
+        """The account of the draws, the grid, and how long the descents take."""
+        flown = self.trajectories
+        levels = f"FL{flown.levels_fl[0]:.0f} to FL{flown.levels_fl[-1]:.0f}"
+        if not len(self):
+            return f"{self.report}\nlevels {levels}"
+        entered = flown.levels_fl[flown.entry.cpu()].double().quantile(_ENDS)
+        minutes = (flown.time_s[:, 0].detach().cpu() / 60).double().quantile(_ENDS)
+        return (
+            f"{self.report}\nlevels {levels}; entry FL{entered[1]:.0f} (FL{entered[0]:.0f} to FL{entered[2]:.0f}); "
+            f"time to the lowest level {minutes[1]:.1f} min ({minutes[0]:.1f} to {minutes[2]:.1f}; median, 5 to 95 %)"
+        )
+
+    def __repr__(self) -> str:
+        """As printed."""
+        return str(self)
+
+
+_ENDS = torch.tensor([0.05, 0.5, 0.95], dtype=torch.float64)

@@ -1,0 +1,72 @@
+"""Sample plausible descents from a fitted model: what `descentflow sample` calls."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from descentflow.core.errors import ConfigError
+from descentflow.densities.checkpoint import as_density
+from descentflow.generation.rejection import sample_descents
+from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
+from descentflow.generation.samples import Samples
+
+
+def sample(
+    model: object,
+    n: int = 10_000,
+    *,
+    seed: int = 0,
+    context: Contexts | None = None,
+    entry_fl: float | Sequence[float] | None = None,
+    draw_budget: int | None = None,
+    compiled: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> Samples:
+    """Draw ``n`` descents that keep the bounds of the training flights (paper, section 2.4).
+
+    Args:
+        model: A checkpoint's path, a density, or a fitted model.
+        n: Number of descents.
+        seed: The same seed gives the same descents.
+        context: For a conditional model: values by name for all descents, or a table (in memory or as a path) with a
+            row for each context; sample i has row i, beginning again after the last.
+        entry_fl: Flight level where the descents start: one, several to draw from, or one for each row of
+            ``context``. If absent, the context's ``entry_fl`` where it has one, else as the training flights entered.
+        draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
+        compiled: Decode by compiled arithmetic: pays from millions of descents.
+        progress: Progress callback: called with the number of descents newly accepted.
+
+    Returns:
+        The samples: they print, convert to tables, and write themselves.
+
+    Raises:
+        CheckpointError: If the checkpoint cannot be used.
+        ConfigError: If ``n`` is not positive, or the context or the entry levels do not fit the model.
+        SamplingError: If too few draws are plausible.
+
+    Example:
+        >>> samples = sample("best.ckpt", 200, seed=0, entry_fl=330)
+        >>> len(samples), samples.to_polars()["level_fl"].max()
+        (200, 330)
+        >>> print(samples)
+        200 samples from ... draws (... plausible; broken: ...)
+        levels FL150 to FL...; entry FL330 (FL330 to FL330); time to the lowest level ... min (...)
+    """
+    if n < 1:
+        raise ConfigError(f"{n} descents", expected="at least one", mend="ask for a positive number")
+    density = as_density(model)
+    representation = density.representation
+    contexts = context_rows(context, representation.context)
+    encoded = None if contexts is None or representation.context is None else representation.context.encode(contexts)
+    found = sample_descents(
+        density,
+        representation.decoder,
+        representation.plausibility,
+        n,
+        seed,
+        context=encoded,
+        entry=entry_levels(representation, contexts, entry_fl),
+        draw_budget=draw_budget,
+        compiled=compiled,
+        progress=progress,
+    )
+    return replace(found, context=contexts)

@@ -1,0 +1,99 @@
+"""The contexts that samples are drawn for: one for all of them, or a table with a row for each."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.representation.context import ContextEncoder
+from descentflow.representation.context_columns import read_table
+from descentflow.representation.representation import Representation
+
+Contexts = Mapping[str, Any] | pl.DataFrame | str | Path
+"""Values of one context by name, a table with one context in each row, or the path of such a table."""
+
+
+def context_rows(context: Contexts | None, encoder: ContextEncoder | None) -> pl.DataFrame | None:
+    """The contexts as a table with the encoder's columns; None for a density without context.
+
+    Args:
+        context: Values by name (text is read as the column's kind; None where the model knows missing values), a table,
+            or the path of a CSV or Parquet table.
+        encoder: The density's; None if it has no context.
+
+    Raises:
+        ConfigError: If the density has no context, none is given to one that has, or a name or a value cannot be.
+        DataError: If the table cannot be read or is empty.
+
+    Example:
+        >>> encoder = ContextEncoder.fit(pl.DataFrame({"deviation_k": [0.0, 10.0]}), ["deviation_k"])
+        >>> context_rows({"deviation_k": "7.5"}, encoder)["deviation_k"].to_list()
+        [7.5]
+    """
+    if encoder is None:
+        if context is not None:
+            raise ConfigError(
+                "a context for a model that knows no context",
+                expected="a model that was fitted with data.context",
+                mend="leave the context out, or fit with data.context",
+            )
+        return None
+    if context is None:
+        raise ConfigError(
+            "a conditional model without a context",
+            expected=f"a context with {encoder.describe()}",
+            mend="give its values, or a table with a row for each context",
+        )
+    if isinstance(context, Mapping):
+        return _one_row(context, encoder)
+    table = context if isinstance(context, pl.DataFrame) else read_table(Path(context))
+    if table.is_empty():
+        raise DataError("a table of contexts without a row", expected="a row for each context", mend="add rows")
+    return table.select([name for name in encoder.names if name in table.columns])
+
+
+def _one_row(context: Mapping[str, Any], encoder: ContextEncoder) -> pl.DataFrame:
+    encoder.given(context)  # refuses unknown names and values
+    kinds = {column.name: pl.String if column.kind == "category" else pl.Float64 for column in encoder.columns}
+    return pl.DataFrame([pl.Series(name, [value]).cast(kinds[name]) for name, value in context.items()])
+
+
+def entry_levels(
+    representation: Representation, contexts: pl.DataFrame | None, entry_fl: float | Sequence[float] | None
+) -> Tensor | None:
+    """Indices (m,) of the levels where descents start; None if they are drawn as the training flights entered.
+
+    Args:
+        representation: The model's: its grid, and whether ``entry_fl`` is part of its context.
+        contexts: From :func:`context_rows`; where they hold ``entry_fl``, each descent starts at the level of the grid
+            nearest to it.
+        entry_fl: Flight levels that the caller asks for: one for all, one for each context, or without contexts
+            several to draw from.
+
+    Raises:
+        ConfigError: If the levels are not on the grid, are given twice, or are not as many as the contexts.
+    """
+    own = None if contexts is None or "entry_fl" not in contexts.columns else contexts["entry_fl"]
+    levels = representation.decoder.levels_fl
+    if entry_fl is None:
+        wanted = None if own is None else own.cast(pl.Float64, strict=False)
+        return None if wanted is None or wanted.null_count() else _nearest(levels, wanted.to_list())
+    asked = [float(entry_fl)] if isinstance(entry_fl, int | float) else [float(one) for one in entry_fl]
+    wrong = [one for one in asked if not float(levels[0]) <= one <= float(levels[-1])]
+    n_contexts = None if contexts is None else len(contexts)
+    if own is not None or wrong or not asked or (n_contexts not in (None, len(asked)) and len(asked) != 1):
+        raise ConfigError(
+            f"entry_fl {', '.join(f'{one:g}' for one in asked[:8])}"
+            + (" beside a context that holds entry_fl" if own is not None else ""),
+            expected=f"flight levels from {levels[0]:.0f} to {levels[-1]:.0f}: one, or one for each context",
+            mend="leave entry_fl to the context" if own is not None else "choose levels of the model's grid",
+        )
+    return _nearest(levels, asked if n_contexts is None or len(asked) > 1 else asked * n_contexts)
+
+
+def _nearest(levels_fl: Tensor, wanted: list[float]) -> Tensor:
+    return (torch.tensor(wanted, dtype=torch.float64)[:, None] - levels_fl.cpu()).abs().argmin(1)

@@ -1,80 +1,93 @@
-"""Sample a model and score it against held-out flights: what the callback, `test` and `evaluate` all do."""
+"""Sample a model and score it against held-out flights: what `descentflow evaluate`, `test` and the callback call."""
 
-import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
-from matplotlib.figure import Figure
 from torch import Tensor
 
 from descentflow.core.errors import DataError
-from descentflow.core.files import whole_file
-from descentflow.evaluation.figures.acceptance import acceptance_figure
-from descentflow.evaluation.figures.components import components_figure
-from descentflow.evaluation.figures.distances_by_level import level_scores_figure
-from descentflow.evaluation.figures.level_cuts import cuts_figure
-from descentflow.evaluation.figures.profile_bands import profiles_figure
-from descentflow.evaluation.metrics.bootstrap import score_intervals
+from descentflow.densities.checkpoint import as_density
+from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import ConditionalSampler, sample_descents
-from descentflow.generation.samples import RejectionReport
 from descentflow.physics.nominal_descent import nominal_descent
+from descentflow.representation.comparable_descents import comparable_descents
+from descentflow.representation.encode_flights import encode_flights
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation
 
-
-@dataclass(frozen=True)
-class Evaluation:
-    """Samples beside real flights, their scores, and what was rejected on the way."""
-
-    name: str
-    samples: DescentSet
-    real: DescentSet
-    nominal: DescentSet
-    scores: ScoreTable
-    rejections: RejectionReport
-    representation: Representation
-
-    def figures(self) -> dict[str, Figure]:
-        """Figures by name: samples against flights (paper, figures 4-6), distances, rejections, components."""
-        decoder = self.representation.decoder
-        profiles = profiles_figure(self.real, {self.name: self.samples}, self.nominal, title=decoder.aircraft.typecode)
-        return {
-            "profiles": profiles,
-            "cuts": cuts_figure(self.real, {self.name: self.samples}, self.nominal, self._cut_fl()),
-            "distance_by_level": level_scores_figure(self.scores, decoder.transition_fl),
-            "rejections": acceptance_figure(self.rejections),
-            "components": components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl),
-        }
-
-    def _cut_fl(self) -> float:
-        """The transition, as in the paper's figures 8 and 9; the middle of the grid where the grid has none."""
-        levels, transition = self.real.levels_fl, self.representation.decoder.transition_fl
-        inside = float(levels[0]) < transition < float(levels[-1])
-        return transition if inside else float(levels[len(levels) // 2])
-
-    def intervals(self, n_resamples: int, seed: int = 0) -> pl.DataFrame:
-        """90 % intervals of the scores over held-out flights: columns ``quantity statistic low high``."""
-        transition_fl = self.representation.decoder.transition_fl
-        found = score_intervals(self.samples, self.real, transition_fl, seed, n_resamples)
-        return pl.DataFrame([asdict(one) for one in found]).fill_nan(None)
-
-    def write(self, folder: Path, *, figures: bool = True) -> None:
-        """Write `scores.csv`, `rejections.json` and, unless they are not wanted, the figures as PNG."""
-        folder.mkdir(parents=True, exist_ok=True)
-        self.scores.write_csv(folder / "scores.csv")
-        with whole_file(folder / "rejections.json") as temporary:
-            temporary.write_text(json.dumps(self.rejections.as_dict(), indent=1))
-        for name, figure in self.figures().items() if figures else ():
-            with whole_file(folder / f"{name}.png") as temporary:
-                figure.savefig(temporary, dpi=110)
+N_SPLITS = 20
+"""Random halvings of the flights behind each noise floor."""
 
 
 def evaluate(
+    model: object,
+    real: object,
+    *,
+    n: int = 10_000,
+    seed: int = 0,
+    context_table: Path | pl.DataFrame | None = None,
+    n_splits: int = N_SPLITS,
+    draw_budget: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    score_progress: Callable[[int], None] | None = None,
+) -> Evaluation:
+    """Sample a model and score the samples against flights that it has not seen (paper, section 4).
+
+    Args:
+        model: A checkpoint's path, a density, or a fitted model.
+        real: Path of rows or of prepared descents, or descents in memory. Flights that the model was trained or
+            validated on are left out and counted.
+        n: Number of samples.
+        seed: Of sampling, and of the halvings behind the noise floors.
+        context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model.
+        n_splits: Random halvings of the flights behind each noise floor.
+        draw_budget: Most draws; 100 for each sample (at least 10,000) if absent.
+        progress: Progress callback: called with the number of newly accepted samples.
+        score_progress: Progress callback: called with 1 after each comparison, see
+            :func:`~descentflow.evaluation.metrics.scores.n_comparisons`.
+
+    Returns:
+        The evaluation: it prints, converts, draws and writes itself.
+
+    Raises:
+        CheckpointError: If the checkpoint cannot be used.
+        ConfigError: If the context does not fit the model.
+        DataError: If the descents cannot be read, or the model has seen all of them.
+        SamplingError: If too few draws are plausible.
+
+    Example:
+        >>> found = evaluate("best.ckpt", "descents.parquet", n=500)
+        >>> print(found)
+        24 held-out flights (96 left out: the checkpoint was trained or validated on them)
+        500 samples from ... draws (...)
+        quantity ...
+    """
+    density = as_density(model)
+    representation = density.representation
+    notes: list[str] = []
+    frame = comparable_descents(real, representation).frame
+    parts = encode_flights(frame, representation, context_table, say=notes.append)
+    found = evaluate_profiles(
+        density,
+        representation,
+        parts["test"].profiles,
+        context=parts["test"].context,
+        n=n,
+        seed=seed,
+        name=type(density).__name__,
+        n_splits=n_splits,
+        draw_budget=draw_budget,
+        progress=progress,
+        score_progress=score_progress,
+    )
+    return replace(found, n_seen=len(parts["train"]) + len(parts["validation"]), notes=tuple(notes))
+
+
+def evaluate_profiles(
     model: ConditionalSampler,
     representation: Representation,
     real: Profiles,
@@ -83,26 +96,28 @@ def evaluate(
     n: int = 10_000,
     seed: int = 0,
     name: str = "samples",
-    n_splits: int = 20,
+    n_splits: int = N_SPLITS,
+    draw_budget: int | None = None,
     progress: Callable[[int], None] | None = None,
     score_progress: Callable[[int], None] | None = None,
 ) -> Evaluation:
-    """Sample as many descents as asked and compare them with flights (paper, section 4).
+    """:func:`evaluate` for flights that are on the model's grid already, all of which count as held out.
 
-    Entry levels are drawn from those of the flights (paper, section 4.2); a conditional model is given, for each
-    sample, the entry level and the context of one flight.
+    Entry levels are drawn from those of the flights (paper, section 4.2); with a context, each sample has the entry
+    level and the context of one flight.
 
     Args:
-        model: Latent model.
+        model: Whatever draws standardised weights.
         representation: Its decoder and bounds.
         real: Held-out flights on the decoder's grid.
-        context: (flights, c) encoded context of the flights, where the model takes one.
+        context: (flights, c) encoded context of the flights, for a conditional model.
         n: Number of samples.
-        seed: Of sampling and of the splits behind the floors.
+        seed: Of sampling, and of the halvings behind the noise floors.
         name: The model's name in figures.
-        n_splits: Halvings of the flights behind each floor.
-        progress: Called with the number of newly accepted samples.
-        score_progress: Called with 1 after each of ``3 n_splits`` comparisons.
+        n_splits: Random halvings of the flights behind each noise floor.
+        draw_budget: Most draws; 100 for each sample (at least 10,000) if absent.
+        progress: Progress callback: called with the number of newly accepted samples.
+        score_progress: Progress callback: called with 1 after each comparison.
 
     Raises:
         DataError: If there is no flight to compare with.
@@ -123,6 +138,7 @@ def evaluate(
         seed,
         context=context,
         entry=real.entry_level,
+        draw_budget=draw_budget,
         progress=progress,
     )
     generated, observed = DescentSet.of_trajectories(samples.trajectories), DescentSet.of_profiles(real)

@@ -102,6 +102,11 @@ QUANTITIES = (
 )
 
 
+def n_comparisons(n_splits: int) -> int:
+    """How often :func:`score` calls its progress callback."""
+    return len(QUANTITIES) * n_splits
+
+
 def parts_of(quantity: Quantity, levels_fl: Tensor, transition_fl: float) -> list[tuple[str, Tensor]]:
     """Rows of the table that a quantity has: their names, and which of its levels (K,) each averages."""
     if not quantity.by_level:

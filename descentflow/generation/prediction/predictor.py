@@ -23,7 +23,7 @@ FEWEST_LEVELS = 5
 
 
 @dataclass(frozen=True)
-class Prediction:
+class Continuations:
     """Continuations of one descent, all equally probable.
 
     ``trajectories`` start at the last observed level, at time zero. ``effective`` of the draws are independent (all of
@@ -122,7 +122,7 @@ class DescentPredictor:
 
     def predict(
         self, flight: Profiles, from_fl: float, n: int = 500, seed: int = 0, *, context: Tensor | None = None
-    ) -> Prediction:
+    ) -> Continuations:
         """Continue one flight from a level down to the lowest of the grid.
 
         Args:
@@ -150,7 +150,7 @@ class DescentPredictor:
                 expected="a flight not unlike those trained on",
                 mend="check the flight's rows, or train on flights like it",
             )
-        return Prediction(flight.flight_ids[0], flown.subset(good), effective, int((~good).sum()))
+        return Continuations(flight.flight_ids[0], flown.subset(good), effective, int((~good).sum()))
 
     def _observed(self, flight: Profiles, from_fl: float) -> Tensor:
         levels = self.representation.decoder.levels_fl

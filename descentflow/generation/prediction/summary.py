@@ -1,17 +1,19 @@
 """What controllers' tools ask of a prediction: intervals of the time to each level, and the occupancy of levels."""
 
+from collections.abc import Sequence
+
 import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.generation.prediction.predictor import Prediction
+from descentflow.generation.prediction.predictor import Continuations
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.profiles import Profiles
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
-def time_intervals(predictions: list[Prediction]) -> pl.DataFrame:
+def time_intervals(predictions: Sequence[Continuations]) -> pl.DataFrame:
     """Quantiles of the seconds from the last observed level to each level below.
 
     Returns:
@@ -64,7 +66,7 @@ def level_occupancy(flown: Trajectories, times_s: Tensor) -> Tensor:
     return counts / n
 
 
-def actual_times(predictions: list[Prediction], flights: Profiles) -> pl.DataFrame:
+def actual_times(predictions: Sequence[Continuations], flights: Profiles) -> pl.DataFrame:
     """What came after the last observed level, for flights with every level below it.
 
     A flight with levels missing below may have been held level or at a selected rate there, which is no free descent.
@@ -100,7 +102,7 @@ def coverage(intervals: pl.DataFrame, actual: pl.DataFrame, low: str = "q05_s", 
     return both.group_by("level_fl").agg(flights=pl.len(), covered=inside.mean()).sort("level_fl")
 
 
-def occupancy_table(predictions: list[Prediction], step_s: float) -> pl.DataFrame:
+def occupancy_table(predictions: Sequence[Continuations], step_s: float) -> pl.DataFrame:
     """Occupancy of every prediction as a long table, levels that no continuation is at left out.
 
     Returns:

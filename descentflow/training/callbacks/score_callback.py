@@ -8,7 +8,8 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.utilities import rank_zero_info, rank_zero_warn
 
 from descentflow.core.errors import SamplingError
-from descentflow.evaluation.evaluate import Evaluation, evaluate
+from descentflow.evaluation.evaluate import evaluate_profiles
+from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.training.models.latent_model import LatentModel
 
 
@@ -67,7 +68,9 @@ class ScoreCallback(Callback):
         real = trainer.datamodule.profiles(part)  # type: ignore[attr-defined]
         context = trainer.datamodule.contexts(part)  # type: ignore[attr-defined]
         name, parts = type(module).__name__, module.representation
-        return evaluate(module, parts, real, context=context, n=n, seed=self.seed, name=name, n_splits=n_splits)
+        return evaluate_profiles(
+            module, parts, real, context=context, n=n, seed=self.seed, name=name, n_splits=n_splits
+        )
 
     def _log(self, trainer: Trainer, found: Evaluation, stage: str) -> None:
         values = {f"{stage}/score/{name}": value for name, value in found.scores.scalars().items()}

@@ -1,0 +1,126 @@
+"""What an evaluation returns: scores beside their noise floor, what was rejected, and figures."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+from matplotlib.figure import Figure
+
+from descentflow.core.files import whole_file
+from descentflow.core.tabular import to_pandas
+from descentflow.evaluation.figures.acceptance import acceptance_figure
+from descentflow.evaluation.figures.components import components_figure
+from descentflow.evaluation.figures.distances_by_level import level_scores_figure
+from descentflow.evaluation.figures.level_cuts import cuts_figure
+from descentflow.evaluation.figures.profile_bands import profiles_figure
+from descentflow.evaluation.metrics.bootstrap import score_intervals
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.score_table import ScoreTable
+from descentflow.generation.samples import RejectionReport
+from descentflow.representation.representation import Representation
+
+
+@dataclass(frozen=True, repr=False)
+class Evaluation:
+    """Samples beside held-out flights: their scores, and what was rejected on the way.
+
+    Attributes:
+        name: The model's name in figures.
+        samples: Sampled descents.
+        real: Held-out flights.
+        nominal: The one nominal BADA descent.
+        scores: Every statistic of every quantity, beside its noise floor.
+        rejections: What became of every draw.
+        representation: The model's.
+        n_seen: Flights that were left out because the model was trained or validated on them; None if not known.
+        notes: Other reasons why flights were left out.
+
+    Example:
+        >>> from descentflow.evaluation.evaluate import evaluate
+        >>> found = evaluate("best.ckpt", "descents.parquet", n=500)
+        >>> found.scores.get("cas_below_transition", "wasserstein").unit
+        'kt'
+        >>> found.to_polars().columns[:4]
+        ['quantity', 'statistic', 'unit', 'score']
+        >>> found.write("evaluation", figures=False)
+        >>> sorted(path.name for path in Path("evaluation").iterdir())
+        ['rejections.json', 'scores.csv']
+    """
+
+    name: str
+    samples: DescentSet
+    real: DescentSet
+    nominal: DescentSet
+    scores: ScoreTable
+    rejections: RejectionReport
+    representation: Representation
+    n_seen: int | None = None
+    notes: tuple[str, ...] = ()
+
+    def figures(self) -> dict[str, Figure]:
+        """Figures by name: samples against flights (paper, figures 4-6), distances, rejections, components."""
+        decoder = self.representation.decoder
+        profiles = profiles_figure(self.real, {self.name: self.samples}, self.nominal, title=decoder.aircraft.typecode)
+        return {
+            "profiles": profiles,
+            "cuts": cuts_figure(self.real, {self.name: self.samples}, self.nominal, self._cut_fl()),
+            "distance_by_level": level_scores_figure(self.scores, decoder.transition_fl),
+            "rejections": acceptance_figure(self.rejections),
+            "components": components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl),
+        }
+
+    def _cut_fl(self) -> float:
+        """The transition, as in the paper's figures 8 and 9; the middle of the grid where the grid has none."""
+        levels, transition = self.real.levels_fl, self.representation.decoder.transition_fl
+        inside = float(levels[0]) < transition < float(levels[-1])
+        return transition if inside else float(levels[len(levels) // 2])
+
+    def intervals(self, n_resamples: int = 50, seed: int = 0) -> pl.DataFrame:
+        """90 % bootstrap intervals of the scores over held-out flights: columns ``quantity statistic low high``.
+
+        Args:
+            n_resamples: Resamples of the flights, at least two.
+            seed: Of the resampling.
+
+        Raises:
+            ConfigError: If there are fewer than two resamples.
+        """
+        transition_fl = self.representation.decoder.transition_fl
+        found = score_intervals(self.samples, self.real, transition_fl, seed, n_resamples)
+        return pl.DataFrame([asdict(one) for one in found]).fill_nan(None)
+
+    def to_polars(self) -> pl.DataFrame:
+        """The scores: a row for each quantity and statistic, see :class:`~.metrics.score_table.Score`."""
+        return self.scores.frame()
+
+    def to_pandas(self) -> Any:
+        """The scores as a `pandas.DataFrame`.
+
+        Raises:
+            ConfigError: If pandas is not installed.
+        """
+        return to_pandas(self.scores.frame())
+
+    def write(self, folder: str | Path, *, figures: bool = True) -> None:
+        """Write `scores.csv`, `rejections.json` and, unless they are not wanted, the figures as PNG."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        self.scores.write_csv(folder / "scores.csv")
+        with whole_file(folder / "rejections.json") as temporary:
+            temporary.write_text(json.dumps(self.rejections.as_dict(), indent=1))
+        for name, figure in self.figures().items() if figures else ():
+            with whole_file(folder / f"{name}.png") as temporary:
+                figure.savefig(temporary, dpi=110)
+
+    def __str__(self) -> str:
+        """Flights, what was left out, rejections, and the table of scores."""
+        seen = self.n_seen
+        left_out = "" if seen is None else f" ({seen} left out: the checkpoint was trained or validated on them)"
+        lines = [f"{len(self.real)} held-out flights{left_out}", *self.notes, str(self.rejections), str(self.scores)]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        """As printed."""
+        return str(self)

@@ -1,0 +1,209 @@
+"""Predict the rest of observed descents: what `descentflow predict-descent` calls."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from descentflow.core.errors import ConfigError, DataError, SamplingError
+from descentflow.core.files import whole_file
+from descentflow.core.tabular import to_dataset, to_pandas
+from descentflow.densities.checkpoint import as_density
+from descentflow.generation.prediction.predictor import Continuations, DescentPredictor
+from descentflow.generation.prediction.summary import actual_times, coverage, occupancy_table, time_intervals
+from descentflow.representation.comparable_descents import comparable_descents
+from descentflow.representation.encode_flights import EncodedFlights, encode_flights
+from descentflow.representation.profiles import Profiles
+
+
+@dataclass(frozen=True, repr=False)
+class Prediction:
+    """Predicted descents: intervals of the time to each level, and what was left out.
+
+    Attributes:
+        flights: Continuations of each flight that could be predicted.
+        observed: The flights, also below the last observed level.
+        from_fl: Last flight level that counted as observed.
+        calibration: What the intervals were calibrated on, or why they were not.
+        reasons: Why each of the other flights could not be predicted.
+
+    Example:
+        >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=100)
+        >>> ahead.to_polars().columns
+        ['flight_id', 'level_fl', 'mean_s', 'q05_s', 'q25_s', 'q50_s', 'q75_s', 'q95_s']
+        >>> ahead.coverage().columns
+        ['level_fl', 'flights', 'covered']
+    """
+
+    flights: tuple[Continuations, ...]
+    observed: Profiles
+    from_fl: float
+    calibration: str
+    reasons: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """Number of flights predicted."""
+        return len(self.flights)
+
+    @cached_property
+    def _intervals(self) -> pl.DataFrame:
+        return time_intervals(self.flights)
+
+    def to_polars(self) -> pl.DataFrame:
+        """Time intervals: a row for each flight and level, see :func:`~.summary.time_intervals`."""
+        return self._intervals
+
+    def to_pandas(self) -> Any:
+        """Time intervals as a `pandas.DataFrame`.
+
+        Raises:
+            ConfigError: If pandas is not installed.
+        """
+        return to_pandas(self._intervals)
+
+    def to_xarray(self) -> Any:
+        """Time intervals as an `xarray.Dataset` over flight and level, NaN at and above the last observed level.
+
+        Raises:
+            ConfigError: If xarray is not installed.
+        """
+        names = [name for name in self._intervals.columns if name.endswith("_s")]
+        return to_dataset(self._intervals, ("flight_id", "level_fl"), names, dict.fromkeys(names, "s"))
+
+    def occupancy(self, step_s: float = 10.0) -> pl.DataFrame:
+        """Probability of being at each level over time, see :func:`~.summary.occupancy_table`.
+
+        Args:
+            step_s: Step of the time since the last observed level.
+
+        Raises:
+            ConfigError: If the step is not positive.
+        """
+        if step_s <= 0:
+            raise ConfigError(f"a step of {step_s:g} s", expected="above 0", mend="pass for instance 10")
+        return occupancy_table(self.flights, step_s)
+
+    def coverage(self) -> pl.DataFrame:
+        """Share of flights whose time to a level lay inside its 90 % interval, see :func:`~.summary.coverage`.
+
+        Only flights that were observed at every level below ``from_fl`` are counted; there may be none.
+        """
+        return coverage(self._intervals, actual_times(self.flights, self.observed))
+
+    def write(self, path: str | Path) -> None:
+        """Write the time intervals as Parquet, whole or not at all.
+
+        Raises:
+            DataError: If the folder does not exist.
+        """
+        with whole_file(path) as temporary:
+            self._intervals.write_parquet(temporary)
+
+    def __str__(self) -> str:
+        """Calibration, counts, the first reasons, and how often the intervals held the time observed."""
+        lines = [self.calibration]
+        lines += [f"{len(self)} flights predicted from FL{self.from_fl:.0f}, {len(self.reasons)} not"]
+        lines += [f"  {reason}" for reason in sorted(set(self.reasons))[:3]]
+        compared = self.coverage()
+        if not compared.is_empty():
+            lowest, shares = compared.row(0, named=True), compared["covered"].to_numpy()
+            lines.append(
+                f"90 % intervals hold {shares.mean():.0%} of the times observed (mean over levels), "
+                f"{lowest['covered']:.0%} of {lowest['flights']} at FL{lowest['level_fl']}"
+            )
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        """As printed."""
+        return str(self)
+
+
+def predict(
+    model: object,
+    descents: object,
+    from_fl: float,
+    *,
+    n: int = 500,
+    seed: int = 0,
+    flights: Sequence[str] | None = None,
+    context_table: Path | pl.DataFrame | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Prediction:
+    """Predict the rest of descents from their part at and above a flight level.
+
+    Intervals are calibrated on the model's validation flights where the descents hold at least ten of them.
+
+    Args:
+        model: A checkpoint's path, a density, or a fitted model.
+        descents: Path of rows or of prepared descents, or descents in memory. Flights that the model was trained or
+            validated on are not predicted.
+        from_fl: Last flight level that counts as observed.
+        n: Continuations of each flight.
+        seed: The same seed gives the same predictions.
+        flights: Identifiers of the flights to predict; every unseen flight if absent.
+        context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model.
+        progress: Progress callback: called with 1 after each flight.
+
+    Raises:
+        CheckpointError: If the checkpoint cannot be used.
+        ConfigError: If ``n`` is below two, a flight is not among the unseen ones, or the context does not fit.
+        DataError: If the descents cannot be read, or no flight can be predicted.
+
+    Example:
+        >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=100)
+        >>> print(ahead)
+        not calibrated, ...
+        20 flights predicted from FL290, 4 not
+        ...
+    """
+    if n < 2:
+        raise ConfigError(f"{n} continuations", expected="two or more", mend="pass for instance 500")
+    density = as_density(model)
+    representation = density.representation
+    parts = encode_flights(comparable_descents(descents, representation).frame, representation, context_table)
+    predictor, calibration = _calibrated(DescentPredictor(density, seed), parts["validation"], seed)
+    chosen = _chosen(parts["test"], flights)
+    predicted, reasons = [], []
+    for i in range(len(chosen)):
+        one = chosen.subset([i])
+        try:
+            predicted.append(predictor.predict(one.profiles, from_fl, n, seed, context=one.context))
+        except (DataError, SamplingError) as error:
+            reasons.append(str(error))
+        if progress is not None:
+            progress(1)
+    if not predicted:
+        raise DataError(
+            f"no flight of {len(chosen)} can be predicted; the first: {reasons[0] if reasons else 'none given'}",
+            expected=f"flights with levels at and above FL{from_fl:.0f}",
+            mend="predict from another level, or other flights",
+        )
+    return Prediction(tuple(predicted), chosen.profiles, from_fl, calibration, tuple(reasons))
+
+
+def _calibrated(predictor: DescentPredictor, flights: EncodedFlights, seed: int) -> tuple[DescentPredictor, str]:
+    """The predictor calibrated on validation flights where there are enough, and what was done."""
+    try:
+        found = predictor.calibrated(flights.profiles, seed=seed, context=flights.context)
+    except DataError as error:
+        return predictor, f"not calibrated, intervals are likely to be too narrow: {error}"
+    used = f"noise variance times {found.noise_multiple:g}"
+    return found, f"calibrated on the checkpoint's validation flights: {used}"
+
+
+def _chosen(held_out: EncodedFlights, names: Sequence[str] | None) -> EncodedFlights:
+    if not names:
+        return held_out
+    flight_ids = held_out.profiles.flight_ids
+    position = {name: i for i, name in enumerate(flight_ids)}
+    unknown = [name for name in names if name not in position]
+    if unknown:
+        raise ConfigError(
+            f"flight {', '.join(unknown)}",
+            expected="flights among the descents that the checkpoint was not trained or validated on",
+            mend=f"choose from {', '.join(flight_ids[:3])}, ...",
+        )
+    return held_out.subset([position[name] for name in names])

@@ -1,0 +1,145 @@
+"""Sampling, evaluating and predicting from Python: what each accepts, returns, leaves out and refuses."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+import torch
+import toys
+
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.densities.checkpoint import content_of, load_model
+from descentflow.evaluation.evaluate import evaluate
+from descentflow.generation.prediction.predict import predict
+from descentflow.generation.sample import sample
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.models import Gaussian
+
+
+@pytest.fixture(scope="module")
+def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return toys.write_descents_file(tmp_path_factory.mktemp("front") / "descents.parquet", 240)
+
+
+def fitted(descents: Path, **settings: object) -> Gaussian:
+    data = DescentDataModule(descents, **settings)
+    data.setup()
+    return toys.fit(Gaussian(), data, 1)
+
+
+@pytest.fixture(scope="module")
+def model(descents: Path) -> Gaussian:
+    return fitted(descents)
+
+
+@pytest.fixture(scope="module")
+def conditional(descents: Path) -> Gaussian:
+    return fitted(descents, context=["entry_fl", "hour"])
+
+
+def test_a_path_a_density_and_a_fitted_model_give_the_same_samples(model: Gaussian, tmp_path: Path) -> None:
+    torch.save(content_of(model.density), tmp_path / "model.ckpt")
+    models = [model, model.density, tmp_path / "model.ckpt", load_model(tmp_path / "model.ckpt")]
+    tables = [sample(one, 20, seed=3).to_polars() for one in models]
+    assert all(table.equals(tables[0]) for table in tables)
+
+
+def test_samples_convert_alike(model: Gaussian, tmp_path: Path) -> None:
+    samples = sample(model, 30, seed=1)
+    table, dataset = samples.to_polars(), samples.to_xarray()
+    assert len(samples.to_pandas()) == len(table)
+    one = table.filter(sample_id=4).sort("level_fl")
+    assert dataset["CAS"].attrs["units"] == "kt"
+    assert dataset["CAS"].sel(sample=4).dropna("level").values.tolist() == one["CAS"].to_list()
+    samples.write(tmp_path / "s.parquet")
+    assert pl.read_parquet(tmp_path / "s.parquet").equals(table)
+    assert str(samples).startswith("30 samples from")
+    assert repr(samples) == str(samples)
+
+
+def test_entry_levels_are_those_asked_for(model: Gaussian) -> None:
+    flown = sample(model, 40, entry_fl=[250, 300]).trajectories
+    assert set(flown.levels_fl[flown.entry].tolist()) == {250.0, 300.0}
+    with pytest.raises(ConfigError, match="entry_fl 500"):
+        sample(model, 5, entry_fl=500)
+    with pytest.raises(ConfigError, match="0 descents"):
+        sample(model, 0)
+
+
+def test_contexts_are_values_a_table_or_a_path(conditional: Gaussian, tmp_path: Path) -> None:
+    one = sample(conditional, 4, context={"entry_fl": 300, "hour": "12"})
+    assert one.to_polars()["given_entry_fl"].unique().to_list() == [300.0]
+    assert one.to_xarray()["given_hour"].values.tolist() == [12.0] * 4
+    rows = pl.DataFrame({"entry_fl": [260.0, 340.0], "hour": [3.0, 18.0], "remark": ["a", "b"]})
+    rows.write_csv(tmp_path / "rows.csv")
+    table, path = (sample(conditional, 5, seed=2, context=c) for c in (rows, tmp_path / "rows.csv"))
+    assert table.to_polars().equals(path.to_polars())
+    assert path.trajectories.levels_fl[path.trajectories.entry].tolist() == [260, 340, 260, 340, 260]
+    for wrong, message in (
+        (None, "without a context"),
+        (rows.head(0), "without a row"),
+        ({"entry_fl": 300}, "no value for the context hour"),
+    ):
+        with pytest.raises((ConfigError, DataError), match=message):
+            sample(conditional, 5, context=wrong)
+    with pytest.raises(ConfigError, match="beside a context that holds entry_fl"):
+        sample(conditional, 5, context=rows, entry_fl=300)
+
+
+def test_a_model_without_context_refuses_one(model: Gaussian) -> None:
+    with pytest.raises(ConfigError, match="knows no context"):
+        sample(model, 5, context={"hour": 3})
+
+
+def test_evaluation_leaves_out_what_the_model_has_seen(model: Gaussian, descents: Path, tmp_path: Path) -> None:
+    found = evaluate(model, descents, n=200, n_splits=2)
+    split = model.representation.split
+    assert len(found.real) == len(split.test)
+    assert found.n_seen == len(split.train) + len(split.validation)
+    assert f"{len(split.test)} held-out flights ({found.n_seen} left out" in str(found)
+    in_memory = evaluate(model.density, read_descents(descents), n=200, n_splits=2)
+    assert in_memory.to_polars().equals(found.to_polars())
+    assert len(found.to_pandas()) == len(found.to_polars())
+    found.write(tmp_path / "e", figures=False)
+    assert sorted(path.name for path in (tmp_path / "e").iterdir()) == ["rejections.json", "scores.csv"]
+
+
+def test_flights_with_a_level_too_few_are_named(model: Gaussian, descents: Path) -> None:
+    source = read_descents(descents)
+    flight = model.representation.split.test[0]
+    short = source.frame.filter((pl.col("flight_id") != flight) | (pl.col("level_fl") == 200))
+    found = evaluate(model, Descents(short, source.metadata), n=50, n_splits=1)
+    assert "left out 1 flight(s) with fewer than two levels on the grid" in str(found)
+
+
+def test_nothing_unseen_to_score(model: Gaussian, descents: Path) -> None:
+    source = read_descents(descents)
+    seen = source.frame.filter(pl.col("flight_id").is_in(model.representation.split.train))
+    with pytest.raises(DataError, match="no flight to score against"):
+        evaluate(model, Descents(seen, source.metadata), n=50)
+
+
+def test_predictions_of_unseen_flights(model: Gaussian, descents: Path, tmp_path: Path) -> None:
+    ahead = predict(model, descents, from_fl=250, n=20)
+    assert set(ahead.to_polars()["flight_id"]) <= set(model.representation.split.test)
+    assert len(ahead) + len(ahead.reasons) == len(model.representation.split.test)
+    assert ahead.calibration.startswith("calibrated on")
+    assert ahead.occupancy(60.0).columns == ["flight_id", "time_s", "level_fl", "probability"]
+    assert ahead.coverage()["covered"].is_between(0, 1).all()
+    dataset = ahead.to_xarray()
+    assert dataset["q50_s"].attrs["units"] == "s"
+    assert len(ahead.to_pandas()) == len(ahead.to_polars())
+    ahead.write(tmp_path / "p.parquet")
+    assert pl.read_parquet(tmp_path / "p.parquet").equals(ahead.to_polars())
+    one = predict(model, descents, from_fl=250, n=20, flights=[ahead.flights[3].flight_id])
+    assert one.to_polars().equals(ahead.to_polars().filter(flight_id=ahead.flights[3].flight_id))
+
+
+def test_predictions_refuse_what_cannot_be(model: Gaussian, descents: Path) -> None:
+    with pytest.raises(ConfigError, match="flight nobody"):
+        predict(model, descents, from_fl=290, flights=["nobody"])
+    with pytest.raises(ConfigError, match="1 continuations"):
+        predict(model, descents, from_fl=290, n=1)
+    with pytest.raises(DataError, match="can be predicted"):
+        predict(model, descents, from_fl=369, n=5)

@@ -19,7 +19,7 @@ import polars as pl
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.errors import DescentflowError
 from descentflow.core.workers import DaskEngine, Engine, ProcessEngine
-from descentflow.simulation.scenarios import scenario
+from descentflow.simulation.scenarios import scenario_settings
 from descentflow.studies.paper.study_plan import MODELS, PAPER_FLIGHTS, StudyPlan, begin, paper_plan
 from descentflow.studies.paper.study_report import write_report
 from descentflow.studies.paper.study_run import costs, run_study
@@ -62,7 +62,7 @@ def main() -> None:
     }
     plan = _of_store(args, settings) if args.store else paper_plan(args.share, args.types.split(","), **settings)
     for typecode in plan.flights if plan.store is None else ():
-        scenario(plan.scenario, aircraft(typecode))  # better refused now than when the type's turn comes
+        scenario_settings(plan.scenario, aircraft(typecode))  # better refused now than when the type's turn comes
     begin(plan, args.out)
     start, terminal = time.monotonic(), sys.stdout
 

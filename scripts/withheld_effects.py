@@ -1,6 +1,6 @@
 """Hide effects in flights of the world, diagnose them blind, open the key and score.
 
-python scripts/withheld_effects.py generate FOLDER --sets 400   # plants, seals the key, publishes its hash
+python scripts/withheld_effects.py generate FOLDER --sets 400   # injects, seals the key, publishes its hash
 python scripts/withheld_effects.py diagnose FOLDER              # resumable; seals every diagnosis
 python scripts/withheld_effects.py score FOLDER                 # checks the seals, writes score.json and score.html
 python scripts/withheld_effects.py all FOLDER                   # the three in order

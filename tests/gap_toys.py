@@ -16,12 +16,12 @@ from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian
 
-Plant = Callable[[FlightParameters], FlightParameters]
+Change = Callable[[FlightParameters], FlightParameters]
 
 
-def flights(folder: Path, n: int, seed: int, plant: Plant | None = None, config: WorldConfig | None = None) -> Path:
+def flights(folder: Path, n: int, seed: int, change: Change | None = None, config: WorldConfig | None = None) -> Path:
     """Prepared descents of a world; a seed has its own file."""
-    world = simulate(open_aircraft("A320"), n, seed, config, plant=plant)
+    world = simulate(open_aircraft("A320"), n, seed, config, inject=change)
     rows, path = folder / f"rows{seed}.parquet", folder / f"descents{seed}.parquet"
     world.rows.write_parquet(rows)
     write_descents(prepare(rows), path)

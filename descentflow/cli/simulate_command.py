@@ -32,35 +32,20 @@ def run(args: argparse.Namespace) -> None:
     """Fly, write, and say what there is."""
     from tqdm import tqdm
 
-    from descentflow.aircraft_types.registry import aircraft
-    from descentflow.core.errors import ConfigError
-    from descentflow.core.files import whole_file
-    from descentflow.simulation.scenarios import scenario
     from descentflow.simulation.world import simulate
+    from descentflow.simulation.world_files import WorldFiles
 
-    truth = args.truth or args.out.with_name(f"{args.out.stem}_truth.parquet")
-    flights = args.out.with_name(f"{args.out.stem}_flights.parquet")
-    outputs = (args.out, truth, flights)
-    if any(path.suffix != ".parquet" for path in outputs) or len(set(outputs)) < len(outputs):
-        raise ConfigError(
-            f"outputs {', '.join(map(str, outputs))}",
-            expected="three different names that end in .parquet",
-            mend="choose other names for --out and --truth",
-        )
-    for path in outputs:  # a folder that does not exist is better said before the flight than after it
-        if not path.parent.is_dir():
-            raise ConfigError(
-                f"output {path} in a folder that does not exist", expected="a folder", mend="create the folder"
-            )
-    kind = aircraft(args.typecode, args.bada_dir)
     with tqdm(total=args.flights, desc="flights", delay=2) as bar:
-        world = simulate(kind, args.flights, args.seed, scenario(args.scenario, kind), progress=bar.update)
-    for frame, path in zip((world.rows, world.truth, world.flights), outputs, strict=True):
-        with whole_file(path) as temporary:
-            frame.write_parquet(temporary)
-    level_offs, managed = (int(world.flights[c].is_not_null().sum()) for c in ("level_off_fl", "managed_fl"))
-    print(
-        f"{len(world.flights)} flights of {args.typecode}, scenario {args.scenario}, seed {args.seed}: "
-        f"{len(world.rows)} rows; level-offs planned for {level_offs}, constant-rate stretches for {managed} flights"
-    )
-    print(f"wrote {args.out}, {truth}, {flights}")
+        world = simulate(
+            args.typecode,
+            args.flights,
+            args.seed,
+            args.scenario,
+            bada_dir=args.bada_dir,
+            out=args.out,
+            truth_out=args.truth,
+            progress=bar.update,
+        )
+    print(world)
+    files = WorldFiles.named(args.out, args.truth)
+    print(f"wrote {files.rows}, {files.truth}, {files.flights}")

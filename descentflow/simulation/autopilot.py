@@ -15,12 +15,12 @@ from descentflow.core.units import FPM_MPS
 from descentflow.physics.airspeed import cas_to_tas_mps, mach_to_tas_mps
 from descentflow.physics.atmosphere import geometric_altitude_m, isa_fraction
 from descentflow.physics.forces import max_climb_thrust_n
-from descentflow.simulation.injected import Planted
-from descentflow.simulation.motion import Controls, Motion, Plant
+from descentflow.simulation.injected import Injected
+from descentflow.simulation.motion import Controls, Dynamics, Motion
 
-CRUISE, IDLE, LEVEL, MANAGED, BOTTOM, DONE, HOLD, HELD = range(8)
+CRUISE, IDLE, LEVEL_OFF, MANAGED, BOTTOM, DONE, INJECTED, SEGMENT = range(8)
 """Modes of the autopilot."""
-TRANSIENT_LABEL, IDLE_LABEL, LEVEL_LABEL, MANAGED_LABEL, PATH_LABEL = range(5)
+TRANSIENT_LABEL, IDLE_LABEL, LEVEL_OFF_LABEL, MANAGED_LABEL, PATH_LABEL = range(5)
 LABELS = ("transient", "idle", "level_off", "constant_rate", "constant_path")
 """Names of the labels of truth rows."""
 
@@ -50,7 +50,7 @@ class Pilot:
     mode: Tensor
     age_s: Tensor
     """Since the mode was selected."""
-    held_s: Tensor
+    captured_s: Tensor
     """Since the level was captured."""
     gamma: Tensor
     extra_n: Tensor
@@ -58,35 +58,37 @@ class Pilot:
     """At the last period; NaN before the first."""
     rate_mps: Tensor
     """Rate of pressure altitude to hold in managed mode."""
-    level_done: Tensor
+    level_off_done: Tensor
     managed_done: Tensor
 
 
-def target_tas_mps(plant: Plant, altitude_m: Tensor, time_s: float) -> Tensor:
+def target_tas_mps(dynamics: Dynamics, altitude_m: Tensor, time_s: float) -> Tensor:
     """True airspeed wanted: Mach above the flight's own crossover, CAS below it, with the pilot's slow wander."""
-    p = plant.parameters
+    p = dynamics.parameters
     wander = (p.wander_mps * torch.sin(p.wander_rad_s * time_s + p.wander_phase)).sum(-1)
     cas = p.cas_mps + wander
     by_mach = mach_to_tas_mps(p.mach * (cas / p.cas_mps), altitude_m, p.deviation_k)
     return torch.minimum(by_mach, cas_to_tas_mps(cas, altitude_m, p.deviation_k))
 
 
-def start(plant: Plant) -> tuple[Motion, Pilot]:
+def start(dynamics: Dynamics) -> tuple[Motion, Pilot]:
     """Level cruise at the top, trimmed at the planned speed."""
-    p = plant.parameters
+    p = dynamics.parameters
     zero = torch.zeros_like(p.mass_kg)
-    state = Motion(target_tas_mps(plant, p.top_m, 0.0), p.top_m, geometric_altitude_m(p.top_m, p.deviation_k))
+    state = Motion(target_tas_mps(dynamics, p.top_m, 0.0), p.top_m, geometric_altitude_m(p.top_m, p.deviation_k))
     off = torch.zeros_like(zero, dtype=torch.bool)
     mode = torch.full_like(p.operator, CRUISE)
-    extra = plant.drag_n(state) - plant.idle_n(state)
+    extra = dynamics.drag_n(state) - dynamics.idle_n(state)
     return state, Pilot(mode, zero, zero, zero, extra, zero, zero, off, off)
 
 
-def decide(plant: Plant, state: Motion, pilot: Pilot, time_s: float, period_s: float) -> tuple[Pilot, Controls, Tensor]:
+def decide(
+    dynamics: Dynamics, state: Motion, pilot: Pilot, time_s: float, period_s: float
+) -> tuple[Pilot, Controls, Tensor]:
     """Select modes and set the controls of one period.
 
     Args:
-        plant: The flights.
+        dynamics: The flights.
         state: Where they are.
         pilot: Memory after the last period.
         time_s: Time since the start.
@@ -95,16 +97,16 @@ def decide(plant: Plant, state: Motion, pilot: Pilot, time_s: float, period_s: f
     Returns:
         The memory at the end of the period, the controls within it, and the drag now.
     """
-    p = plant.parameters
+    p = dynamics.parameters
     fraction = isa_fraction(state.altitude_m, p.deviation_k)
     rate = state.tas_mps * torch.sin(pilot.gamma) * fraction
-    pilot = _select_mode(plant, state, pilot, rate, period_s)
-    error = state.tas_mps - target_tas_mps(plant, state.altitude_m, time_s)
-    gamma_rate = _gamma_rate(plant, state, pilot, error, fraction, period_s)
-    drag, idle = plant.drag_n(state), plant.idle_n(state)
-    limit = max_climb_thrust_n(plant.aircraft, state.altitude_m, state.tas_mps, p.deviation_k) - idle
+    pilot = _select_mode(dynamics, state, pilot, rate, period_s)
+    error = state.tas_mps - target_tas_mps(dynamics, state.altitude_m, time_s)
+    gamma_rate = _gamma_rate(dynamics, state, pilot, error, fraction, period_s)
+    drag, idle = dynamics.drag_n(state), dynamics.idle_n(state)
+    limit = max_climb_thrust_n(dynamics.aircraft, state.altitude_m, state.tas_mps, p.deviation_k) - idle
     hold = drag - idle + p.mass_kg * (G0_MPS2 * torch.sin(pilot.gamma) - error / SPEED_LAG_S)
-    idling = 0.0 if p.planted is None else _kept_n(p.planted, pilot, drag - idle)
+    idling = 0.0 if p.injected is None else _kept_n(p.injected, pilot, drag - idle)
     wanted = torch.where(pilot.mode == IDLE, idling, hold.clamp(min=0.0).minimum(limit.clamp(min=0.0)))
     change = wanted - pilot.extra_n
     extra_rate = change * torch.where(change > 0, _lag(SPOOL_UP_S, period_s), _lag(SPOOL_DOWN_S, period_s))
@@ -124,55 +126,55 @@ def _lag(constant_s: float, period_s: float) -> float:
     return -math.expm1(-period_s / constant_s) / period_s
 
 
-def _kept_n(planted: Planted, pilot: Pilot, needed_n: Tensor) -> Tensor:
-    """Thrust above idle that is kept up after the top of descent, not after a level-off or a held rate."""
-    first = ~pilot.level_done & ~pilot.managed_done
-    return torch.where(first, planted.kept_share * needed_n * torch.exp(-pilot.age_s / planted.kept_s), 0.0)
+def _kept_n(injected: Injected, pilot: Pilot, needed_n: Tensor) -> Tensor:
+    """Thrust above idle that is kept up after the top of descent, not after a level-off or a constant rate."""
+    first = ~pilot.level_off_done & ~pilot.managed_done
+    return torch.where(first, injected.kept_share * needed_n * torch.exp(-pilot.age_s / injected.kept_s), 0.0)
 
 
-def labels(pilot: Pilot, drag_n: Tensor, planted: Planted | None = None) -> Tensor:
+def labels(pilot: Pilot, drag_n: Tensor, injected: Injected | None = None) -> Tensor:
     """What the flights are doing, as codes of :data:`LABELS`."""
     settled = (pilot.mode == IDLE) & (pilot.age_s >= SETTLED_S) & (pilot.extra_n < 0.01 * drag_n)
-    level = (pilot.mode == LEVEL) & (pilot.held_s > 0)
-    managed = ((pilot.mode == MANAGED) | (pilot.mode == HELD)) & (pilot.age_s >= SETTLED_S / 2)
+    level = (pilot.mode == LEVEL_OFF) & (pilot.captured_s > 0)
+    managed = ((pilot.mode == MANAGED) | (pilot.mode == SEGMENT)) & (pilot.age_s >= SETTLED_S / 2)
     label = torch.where(settled, IDLE_LABEL, TRANSIENT_LABEL)
-    label = torch.where(level, LEVEL_LABEL, torch.where(managed, MANAGED_LABEL, label))
-    if planted is None:
+    label = torch.where(level, LEVEL_OFF_LABEL, torch.where(managed, MANAGED_LABEL, label))
+    if injected is None:
         return label
-    held = (pilot.mode == HOLD) & (pilot.age_s >= SETTLED_S / 2)
-    kind = torch.where(planted.hold_angle.isnan(), MANAGED_LABEL, PATH_LABEL)
+    held = (pilot.mode == INJECTED) & (pilot.age_s >= SETTLED_S / 2)
+    kind = torch.where(injected.hold_angle.isnan(), MANAGED_LABEL, PATH_LABEL)
     return torch.where(held, kind, label)
 
 
-def _select_mode(plant: Plant, state: Motion, pilot: Pilot, rate: Tensor, period_s: float) -> Pilot:
+def _select_mode(dynamics: Dynamics, state: Motion, pilot: Pilot, rate: Tensor, period_s: float) -> Pilot:
     """Pass from mode to mode; comparisons with the NaN of a missing event are false."""
-    p, mode = plant.parameters, pilot.mode
+    p, mode = dynamics.parameters, pilot.mode
     flare = -CAPTURE_S * rate
-    descends = (mode == IDLE) | (mode == MANAGED) | (mode == HOLD) | (mode == HELD)
-    at_level = descends & ~pilot.level_done & (state.altitude_m - p.level_off_m <= flare)
+    descends = (mode == IDLE) | (mode == MANAGED) | (mode == INJECTED) | (mode == SEGMENT)
+    at_level = descends & ~pilot.level_off_done & (state.altitude_m - p.level_off_m <= flare)
     at_bottom = descends & (state.altitude_m - p.bottom_m <= flare)
     at_managed = (mode == IDLE) & ~pilot.managed_done & (state.altitude_m <= p.managed_m) & (pilot.age_s >= SETTLED_S)
     # The age was counted at the end of the last period, so it is the time in the mode now.
     resumes = (mode == CRUISE) & (pilot.age_s >= p.cruise_s)
-    resumes |= (mode == LEVEL) & (pilot.held_s >= p.level_off_s)
+    resumes |= (mode == LEVEL_OFF) & (pilot.captured_s >= p.level_off_s)
     resumes |= (mode == MANAGED) & (pilot.age_s >= p.managed_s)
-    ends = (mode == BOTTOM) & (pilot.held_s >= BOTTOM_S)
+    ends = (mode == BOTTOM) & (pilot.captured_s >= BOTTOM_S)
     chosen = mode
-    if p.planted is not None:
-        resumes |= (mode == HOLD) & (state.altitude_m <= p.planted.hold_low_m)
-        holds = (state.altitude_m <= p.planted.hold_high_m) & (state.altitude_m > p.planted.hold_low_m)
-        chosen = torch.where((mode == IDLE) & (pilot.age_s >= SETTLED_S) & holds, HOLD, chosen)
+    if p.injected is not None:
+        resumes |= (mode == INJECTED) & (state.altitude_m <= p.injected.hold_low_m)
+        holds = (state.altitude_m <= p.injected.hold_high_m) & (state.altitude_m > p.injected.hold_low_m)
+        chosen = torch.where((mode == IDLE) & (pilot.age_s >= SETTLED_S) & holds, INJECTED, chosen)
     chosen = torch.where(resumes, IDLE, chosen)
-    if p.held is not None:
-        held_here = ~p.held.rate_at_mps(state.altitude_m).isnan()
-        chosen = torch.where((chosen == HELD) & ~held_here, IDLE, chosen)
-        chosen = torch.where((chosen == IDLE) & held_here, HELD, chosen)
+    if p.constant_rates is not None:
+        in_segment = ~p.constant_rates.rate_at_mps(state.altitude_m).isnan()
+        chosen = torch.where((chosen == SEGMENT) & ~in_segment, IDLE, chosen)
+        chosen = torch.where((chosen == IDLE) & in_segment, SEGMENT, chosen)
     chosen = torch.where(at_managed, MANAGED, chosen)
-    chosen = torch.where(at_level, LEVEL, chosen)
+    chosen = torch.where(at_level, LEVEL_OFF, chosen)
     chosen = torch.where(at_bottom, BOTTOM, chosen)
     chosen = torch.where(ends, DONE, chosen)
     new = chosen != mode
-    held = (chosen == LEVEL) & (state.altitude_m - p.level_off_m < CAPTURED_M)
+    held = (chosen == LEVEL_OFF) & (state.altitude_m - p.level_off_m < CAPTURED_M)
     held |= (chosen == BOTTOM) & (state.altitude_m - p.bottom_m < CAPTURED_M)
     hundred = 100 * FPM_MPS
     selected = torch.round(p.managed_rate * rate / hundred) * hundred
@@ -180,29 +182,31 @@ def _select_mode(plant: Plant, state: Motion, pilot: Pilot, rate: Tensor, period
         pilot,
         mode=chosen,
         age_s=torch.where(new, 0.0, pilot.age_s),
-        held_s=torch.where(held, pilot.held_s + period_s, 0.0),
+        captured_s=torch.where(held, pilot.captured_s + period_s, 0.0),
         rate_mps=torch.where(new & (chosen == MANAGED), selected, pilot.rate_mps),
-        level_done=pilot.level_done | (chosen == LEVEL),
+        level_off_done=pilot.level_off_done | (chosen == LEVEL_OFF),
         managed_done=pilot.managed_done | (chosen == MANAGED),
     )
 
 
-def _gamma_rate(plant: Plant, state: Motion, pilot: Pilot, error: Tensor, fraction: Tensor, period_s: float) -> Tensor:
+def _gamma_rate(
+    dynamics: Dynamics, state: Motion, pilot: Pilot, error: Tensor, fraction: Tensor, period_s: float
+) -> Tensor:
     """Turn of the path: a damped second-order law in the speed error, or a lag onto the angle of a wanted rate."""
-    p = plant.parameters
+    p = dynamics.parameters
     growth = (error - pilot.speed_error_mps) / period_s
     by_speed = (FREQUENCY_RAD_S**2 * error + 2 * DAMPING * FREQUENCY_RAD_S * growth) / G0_MPS2
     target = torch.where(pilot.mode == BOTTOM, p.bottom_m, p.level_off_m)
-    captures = (pilot.mode == LEVEL) | (pilot.mode == BOTTOM)
+    captures = (pilot.mode == LEVEL_OFF) | (pilot.mode == BOTTOM)
     wanted = torch.where(captures, (target - state.altitude_m) / CAPTURE_S, 0.0)
     wanted = torch.where(pilot.mode == MANAGED, pilot.rate_mps, wanted)
-    if p.held is not None:
-        wanted = torch.where(pilot.mode == HELD, p.held.rate_at_mps(state.altitude_m), wanted)
+    if p.constant_rates is not None:
+        wanted = torch.where(pilot.mode == SEGMENT, p.constant_rates.rate_at_mps(state.altitude_m), wanted)
     sine = wanted / (state.tas_mps * fraction)
-    if p.planted is not None:
-        by_angle = torch.tan(p.planted.hold_angle) * (1 + plant.wind_mps(state) / state.tas_mps)
-        by_rate = p.planted.hold_rate_mps / (state.tas_mps * fraction)
-        sine = torch.where(pilot.mode == HOLD, torch.where(by_angle.isnan(), by_rate, by_angle), sine)
+    if p.injected is not None:
+        by_angle = torch.tan(p.injected.hold_angle) * (1 + dynamics.wind_mps(state) / state.tas_mps)
+        by_rate = p.injected.hold_rate_mps / (state.tas_mps * fraction)
+        sine = torch.where(pilot.mode == INJECTED, torch.where(by_angle.isnan(), by_rate, by_angle), sine)
     angle = torch.asin(sine.clamp(-0.3, 0.05))
     by_path = (angle - pilot.gamma) / PATH_LAG_S
     turn = torch.where(pilot.mode == IDLE, by_speed, by_path).clamp(-GAMMA_RATE, GAMMA_RATE)

@@ -1,8 +1,8 @@
-"""Vertical rates that are held from the top of descent: slow first stretches, and turboprops' two constant rates.
+"""Constant vertical rates from the top of descent: slow first stretches, and turboprops' two constant rates.
 
 A stretch ends at a pressure altitude, not after a time, and the next begins there; below the last one the flight goes
 on at idle. Rates keep clear of the multiples of 100 ft/min that a vertical-speed selector knows: the paper's cleaning
-left such stretches in its data, and `prepare` drops held rates that were selected.
+left such stretches in its data, and `prepare` drops constant rates that were selected.
 """
 
 from collections.abc import Sequence
@@ -16,18 +16,18 @@ from descentflow.core.units import FL_M, FPM_MPS
 from descentflow.simulation.world_config import WorldConfig
 
 STREAM = 5
-"""Of random numbers: worlds without held rates keep every other draw."""
+"""Of random numbers: worlds without constant rates keep every other draw."""
 CLEAR_FPM = 30.0
-"""Least distance of a held rate from a multiple of 100 ft/min."""
+"""Least distance of a constant rate from a multiple of 100 ft/min."""
 
 
 @dataclass(frozen=True)
-class HeldRates:
+class ConstantRates:
     """Two stretches of each flight, from above, both of shape (n, 2); NaN where there is none.
 
     Example:
-        >>> held = HeldRates(torch.tensor([[-4.0, torch.nan]]), torch.tensor([[9000.0, torch.nan]]))
-        >>> held.rate_at_mps(torch.tensor([10_000.0])), held.rate_at_mps(torch.tensor([8_000.0]))
+        >>> segments = ConstantRates(torch.tensor([[-4.0, torch.nan]]), torch.tensor([[9000.0, torch.nan]]))
+        >>> segments.rate_at_mps(torch.tensor([10_000.0])), segments.rate_at_mps(torch.tensor([8_000.0]))
         (tensor([-4.]), tensor([nan]))
     """
 
@@ -36,21 +36,21 @@ class HeldRates:
     low_m: Tensor
     """Pressure altitude at which the stretch ends; below that of the stretch before it."""
 
-    def rows(self, index: Tensor) -> "HeldRates":
+    def rows(self, index: Tensor) -> "ConstantRates":
         """Return the flights of an index tensor."""
-        return HeldRates(self.rate_mps[index], self.low_m[index])
+        return ConstantRates(self.rate_mps[index], self.low_m[index])
 
     def rate_at_mps(self, altitude_m: Tensor) -> Tensor:
-        """Rate held at a pressure altitude, both of shape (n,); NaN where none is."""
+        """Vertical rate (m/s) flown at a pressure altitude (m), both of shape (n,); NaN outside the segments."""
         inside = altitude_m[:, None] > self.low_m
         first, second = self.rate_mps[:, 0], self.rate_mps[:, 1]
         return torch.where(inside[:, 0], first, torch.where(inside[:, 1], second, torch.nan))
 
 
-def draw_held(
+def draw_constant_rates(
     numbers: Sequence[int], seed: int, config: WorldConfig, top_m: Tensor, bottom_m: Tensor
-) -> HeldRates | None:
-    """Draw the held rates of flights from a stream of their own.
+) -> ConstantRates | None:
+    """Draw the constant-rate segments of flights from a stream of random numbers of their own.
 
     Args:
         numbers: Numbers of the flights in the world.
@@ -63,7 +63,7 @@ def draw_held(
         Stretches; None if the world has no such flights.
 
     Example:
-        >>> draw_held(range(3), 0, WorldConfig(), top_m, bottom_m) is None
+        >>> draw_constant_rates(range(3), 0, WorldConfig(), top_m, bottom_m) is None
         True
     """
     if not (config.slow_start_share or config.two_rates_share) or not numbers:
@@ -81,7 +81,7 @@ def draw_held(
     second = torch.where(two, _rate_mps(config.second_rate_fpm, uniform[:, 6], uniform[:, 7]), missing)
     low = torch.where(two, switch, torch.where(slow, slow_low, missing))
     last = torch.where(two, bottom_m, missing)
-    return HeldRates(torch.stack([first, second], 1), torch.stack([low, last], 1))
+    return ConstantRates(torch.stack([first, second], 1), torch.stack([low, last], 1))
 
 
 def _ranged(limits: tuple[float, float], share: Tensor) -> Tensor:

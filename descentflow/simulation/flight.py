@@ -13,7 +13,7 @@ from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import tas_to_cas_mps, tas_to_mach
 from descentflow.physics.atmosphere import isa_fraction
 from descentflow.simulation.autopilot import DONE, decide, labels, start
-from descentflow.simulation.motion import Motion, Plant
+from descentflow.simulation.motion import Dynamics, Motion
 from descentflow.simulation.parameters import WIDTH, FlightParameters
 from descentflow.simulation.world_config import WorldConfig
 
@@ -71,36 +71,36 @@ def fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig | 
 def _fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig) -> Flown:
     n = len(parameters)
     full = torch.arange(-(-n // WIDTH) * WIDTH).clamp(max=n - 1)
-    plant = Plant(aircraft, parameters.rows(full))
-    state, pilot = start(plant)
+    dynamics = Dynamics(aircraft, parameters.rows(full))
+    state, pilot = start(dynamics)
     times: list[float] = []
     records: list[list[Tensor]] = []
     tick = 0
     while True:
         time_s = tick * config.step_s
         gamma, extra = pilot.gamma, pilot.extra_n
-        pilot, controls, drag = decide(plant, state, pilot, time_s, config.step_s)
+        pilot, controls, drag = decide(dynamics, state, pilot, time_s, config.step_s)
         flying = pilot.mode != DONE
         if not bool(flying.any()):
             break
         if tick % config.interval_s == 0:
-            values = [*_measured(plant, state, gamma), gamma, drag, plant.idle_n(state) + extra]
-            values += [labels(pilot, drag, plant.parameters.planted).to(torch.int8), flying]
+            values = [*_measured(dynamics, state, gamma), gamma, drag, dynamics.idle_n(state) + extra]
+            values += [labels(pilot, drag, dynamics.parameters.injected).to(torch.int8), flying]
             times.append(time_s)
             records.append([v[:n] for v in values])
         if time_s > LONGEST_S:
             _complain(aircraft, state.altitude_m[flying])
-        state = plant.step(state, controls, config.step_s, config.substeps)
+        state = dynamics.step(state, controls, config.step_s, config.substeps)
         tick += 1
     stacked = [torch.stack(column) for column in zip(*records, strict=True)]
     return Flown(torch.tensor(times, dtype=torch.float64), *stacked)
 
 
-def _measured(plant: Plant, state: Motion, gamma: Tensor) -> list[Tensor]:
+def _measured(dynamics: Dynamics, state: Motion, gamma: Tensor) -> list[Tensor]:
     """Altitudes, speeds and rate, in the order of :class:`Flown`."""
-    tas, altitude, deviation = state.tas_mps, state.altitude_m, plant.parameters.deviation_k
+    tas, altitude, deviation = state.tas_mps, state.altitude_m, dynamics.parameters.deviation_k
     cas, mach = tas_to_cas_mps(tas, altitude, deviation), tas_to_mach(tas, altitude, deviation)
-    over_ground = tas * torch.cos(gamma) + plant.wind_mps(state)
+    over_ground = tas * torch.cos(gamma) + dynamics.wind_mps(state)
     rate = tas * torch.sin(gamma) * isa_fraction(altitude, deviation)
     return [altitude, state.height_m, cas, mach, tas, over_ground, rate]
 

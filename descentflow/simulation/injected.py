@@ -1,4 +1,4 @@
-"""What planted effects do in flight and to the instruments, flight by flight; neutral values change nothing."""
+"""What injected effects do in flight and to the instruments, flight by flight; neutral values change nothing."""
 
 from dataclasses import dataclass, fields
 
@@ -12,7 +12,7 @@ REFERENCE_MACH = 0.6
 
 
 @dataclass(frozen=True)
-class Planted:
+class Injected:
     """Effects beyond the parameters that every flight has; all float64 of shape (n,).
 
     Example:
@@ -52,9 +52,9 @@ class Planted:
     noise_factor: Tensor
     """Of the standard deviations of all reported fields."""
 
-    def rows(self, index: Tensor) -> "Planted":
+    def rows(self, index: Tensor) -> "Injected":
         """Return the flights of an index tensor."""
-        return Planted(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+        return Injected(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
     def drag_gain(self, altitude_m: Tensor, mach: Tensor) -> Tensor:
         """Factor of CD0 at an altitude and a Mach number."""
@@ -72,14 +72,14 @@ def inside(altitude_m: Tensor, low_m: Tensor, high_m: Tensor) -> Tensor:
     return (((high_m - altitude_m) / EDGE_M).clamp(0.0, 1.0)) * (((altitude_m - low_m) / EDGE_M).clamp(0.0, 1.0))
 
 
-def neutral(n: int) -> Planted:
-    """Nothing planted on n flights.
+def neutral(n: int) -> Injected:
+    """Nothing injected on n flights.
 
     Example:
         >>> float(neutral(1).noise_factor)
         1.0
     """
     zero, missing = torch.zeros(n, dtype=torch.float64), torch.full((n,), torch.nan, dtype=torch.float64)
-    values = {f.name: zero for f in fields(Planted)}
+    values = {f.name: zero for f in fields(Injected)}
     values |= dict.fromkeys(("hold_high_m", "hold_low_m", "hold_angle", "hold_rate_mps"), missing)
-    return Planted(**values | {"wave_mach": zero + 1, "kept_s": zero + 1, "noise_factor": zero + 1})
+    return Injected(**values | {"wave_mach": zero + 1, "kept_s": zero + 1, "noise_factor": zero + 1})

@@ -45,7 +45,7 @@ class Controls:
     extra_rate: Tensor
 
 
-class Plant:
+class Dynamics:
     """The aircraft of a batch of flights, with their own drag, thrust, mass, air and wind.
 
     Args:
@@ -53,8 +53,8 @@ class Plant:
         parameters: The flights.
 
     Example:
-        >>> plant = Plant(aircraft, parameters)
-        >>> state = plant.step(state, controls, 1.0)
+        >>> dynamics = Dynamics(aircraft, parameters)
+        >>> state = dynamics.step(state, controls, 1.0)
     """
 
     def __init__(self, aircraft: Aircraft, parameters: FlightParameters) -> None:
@@ -62,13 +62,13 @@ class Plant:
         self.parameters = parameters
 
     def drag_n(self, state: Motion) -> Tensor:
-        """Drag in clean configuration, and what planted brakes, compressibility and banks add."""
+        """Drag in clean configuration, and what injected brakes, compressibility and banks add."""
         p = self.parameters
         where = state.tas_mps, state.altitude_m, p.deviation_k
-        if p.planted is None:
+        if p.injected is None:
             return drag_n(self.aircraft, *where, p.mass_kg)
-        gain = p.planted.drag_gain(state.altitude_m, tas_to_mach(*where))
-        load_factor = 1 / torch.cos(p.planted.bank(state.altitude_m))
+        gain = p.injected.drag_gain(state.altitude_m, tas_to_mach(*where))
+        load_factor = 1 / torch.cos(p.injected.bank(state.altitude_m))
         braked = replace(self.aircraft, cd0_cr=self.aircraft.cd0_cr * gain)
         return drag_n(braked, *where, p.mass_kg, load_factor=load_factor)
 

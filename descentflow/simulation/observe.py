@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
-from descentflow.simulation.injected import EDGE_M, REFERENCE_MACH, Planted
+from descentflow.simulation.injected import EDGE_M, REFERENCE_MACH, Injected
 from descentflow.simulation.truth import Flight
 from descentflow.simulation.world_config import WorldConfig
 
@@ -39,7 +39,7 @@ def observe(
     seed: int,
     numbers: Sequence[int],
     config: WorldConfig,
-    planted: Planted | None = None,
+    injected: Injected | None = None,
 ) -> pl.DataFrame:
     """Report flights as Mode S does; a flight's reports depend on the seed and its own number only.
 
@@ -49,7 +49,7 @@ def observe(
         seed: Seed of the world.
         numbers: Numbers of the flights in the world.
         config: Interval, jitter, losses and noise.
-        planted: Instrument errors and turns of the flights, if any.
+        injected: Instrument errors and turns of the flights, if any.
 
     Returns:
         Rows in the package's schema, sorted by flight and time.
@@ -62,7 +62,7 @@ def observe(
     ends = np.cumsum(lengths)
     reports = [
         _report(columns[end - length : end], np.random.default_rng((seed, number, _STREAM)), config, about)
-        for end, length, number, about in zip(ends, lengths, numbers, _instruments(planted, len(named)), strict=True)
+        for end, length, number, about in zip(ends, lengths, numbers, _instruments(injected, len(named)), strict=True)
     ]
     kept = [len(r["time_s"]) for r in reports]
     fields = {name: np.concatenate([r[name] for r in reports]) for name in reports[0]}
@@ -79,7 +79,7 @@ def observe(
 
 @dataclass(frozen=True)
 class _Instrument:
-    """Planted errors of one flight's instruments, and its turn."""
+    """Injected errors of one flight's instruments, and its turn."""
 
     cas_bias_mps: float = 0.0
     cas_bias_slope_mps: float = 0.0
@@ -97,11 +97,11 @@ class _Instrument:
         return np.concatenate([[0.0], np.cumsum(0.5 * (turn[1:] + turn[:-1]) * np.diff(time_s))])
 
 
-def _instruments(planted: Planted | None, n: int) -> list[_Instrument]:
+def _instruments(injected: Injected | None, n: int) -> list[_Instrument]:
     """One a flight."""
-    if planted is None:
+    if injected is None:
         return [_Instrument()] * n
-    columns = [getattr(planted, field.name).tolist() for field in dataclass_fields(_Instrument)]
+    columns = [getattr(injected, field.name).tolist() for field in dataclass_fields(_Instrument)]
     return [_Instrument(*values) for values in zip(*columns, strict=True)]
 
 

@@ -1,4 +1,4 @@
-"""The parameters of every flight, as batched tensors that later work may change to plant an effect."""
+"""The parameters of every flight, as batched tensors that later work may change to inject an effect."""
 
 import math
 from collections.abc import Sequence
@@ -12,8 +12,8 @@ from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.envelope import maximum_altitude_m
-from descentflow.simulation.constant_segments import HeldRates, draw_held
-from descentflow.simulation.injected import Planted
+from descentflow.simulation.constant_segments import ConstantRates, draw_constant_rates
+from descentflow.simulation.injected import Injected
 from descentflow.simulation.world_config import Operator, WorldConfig, default_operators, largest_landing_mass_kg
 
 N_WAVES = 3
@@ -30,7 +30,7 @@ class FlightParameters:
     """What the flights are, one entry a flight; all float64 of shape (n,) unless said otherwise.
 
     Example:
-        >>> planted = dataclasses.replace(parameters, mass_kg=1.1 * parameters.mass_kg)
+        >>> injected = dataclasses.replace(parameters, mass_kg=1.1 * parameters.mass_kg)
     """
 
     mass_kg: Tensor
@@ -65,11 +65,11 @@ class FlightParameters:
     managed_rate: Tensor
     """Rate held in units of the rate when selected."""
     number: Tensor
-    """Number of the flight in its world, int64: what a plant draws from, so that a flight depends on nothing else."""
-    planted: Planted | None = None
+    """Number of the flight in its world, int64: what an effect draws from, so that a flight depends on nothing else."""
+    injected: Injected | None = None
     """Effects beyond these parameters; None for none."""
-    held: HeldRates | None = None
-    """Rates held from the top of descent; None for none."""
+    constant_rates: ConstantRates | None = None
+    """Constant-rate segments from the top of descent; None for none."""
 
     def __len__(self) -> int:
         """Number of flights."""
@@ -77,9 +77,15 @@ class FlightParameters:
 
     def rows(self, index: Tensor) -> "FlightParameters":
         """Return the flights of an index tensor."""
-        own = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in ("planted", "held")}
-        planted = None if self.planted is None else self.planted.rows(index)
-        return FlightParameters(**own, planted=planted, held=None if self.held is None else self.held.rows(index))
+        own = {
+            f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in ("injected", "constant_rates")
+        }
+        injected = None if self.injected is None else self.injected.rows(index)
+        return FlightParameters(
+            **own,
+            injected=injected,
+            constant_rates=None if self.constant_rates is None else self.constant_rates.rows(index),
+        )
 
 
 def draw_parameters(
@@ -151,7 +157,7 @@ def _draw(aircraft: Aircraft, numbers: Sequence[int], seed: int, config: WorldCo
         managed_s=_ranged(config.managed_s, own[:, 17]).round(),
         managed_rate=_ranged(config.managed_rate, own[:, 18]),
         number=torch.tensor(numbers, dtype=torch.int64),
-        held=draw_held(numbers, seed, config, top, bottom),
+        constant_rates=draw_constant_rates(numbers, seed, config, top, bottom),
     )
 
 

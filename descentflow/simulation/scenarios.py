@@ -22,7 +22,7 @@ _OWN = ("operators", "knee_fl", "tops_fl", "low_top_fl", "reason")
 _FIELDS = {field.name for field in fields(WorldConfig)}
 
 
-def scenario(name: str, aircraft: Aircraft) -> WorldConfig:
+def scenario_settings(name: str, aircraft: Aircraft) -> WorldConfig:
     """Settings of a world for a type.
 
     Args:
@@ -37,7 +37,7 @@ def scenario(name: str, aircraft: Aircraft) -> WorldConfig:
 
     Example:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> scenario("london-fir-2019", open_aircraft("DH8D")).two_rates_share
+        >>> scenario_settings("london-fir-2019", open_aircraft("DH8D")).two_rates_share
         0.6
     """
     if name == PLAIN:

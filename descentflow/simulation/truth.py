@@ -100,14 +100,27 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
             "managed_fl": (parameters.managed_m / FL_M).numpy(),
         }
     )
-    already = {"operator", "cas_mps", "top_m", "bottom_m", "level_off_m", "managed_m", "number", "planted", "held"}
+    already = {
+        "operator",
+        "cas_mps",
+        "top_m",
+        "bottom_m",
+        "level_off_m",
+        "managed_m",
+        "number",
+        "injected",
+        "constant_rates",
+    }
     plain = [f.name for f in fields(parameters) if f.name not in already and not f.name.startswith("wander")]
     more = [pl.Series(name, getattr(parameters, name).numpy()) for name in plain]
-    if parameters.planted is not None:
-        planted = parameters.planted
-        more += [pl.Series(f"planted_{f.name}", getattr(planted, f.name).numpy()) for f in fields(planted)]
-    if parameters.held is not None:
-        values = {"rate_fpm": parameters.held.rate_mps / FPM_MPS, "low_fl": parameters.held.low_m / FL_M}
+    if parameters.injected is not None:
+        injected = parameters.injected
+        more += [pl.Series(f"injected_{f.name}", getattr(injected, f.name).numpy()) for f in fields(injected)]
+    if parameters.constant_rates is not None:
+        values = {
+            "rate_fpm": parameters.constant_rates.rate_mps / FPM_MPS,
+            "low_fl": parameters.constant_rates.low_m / FL_M,
+        }
         more += [
             pl.Series(f"{which}_{name}", value[:, k].numpy()).fill_nan(None)
             for name, value in values.items()

@@ -1,17 +1,23 @@
 """A world: flights of known truth, and the surveillance rows that a radar would have of them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import polars as pl
 
 from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError
+from descentflow.core.tabular import to_pandas
 from descentflow.simulation.flight import fly
 from descentflow.simulation.observe import observe
 from descentflow.simulation.parameters import FlightParameters, draw_parameters
+from descentflow.simulation.scenarios import PLAIN, scenario_settings
 from descentflow.simulation.truth import flights_table, name_flights, truth_table
 from descentflow.simulation.world_config import WorldConfig, default_operators
+from descentflow.simulation.world_files import WorldFiles
 
 CHUNK = 2000
 """Flights flown together: fewer waste time on overhead, more on memory and on waiting for the longest."""
@@ -19,35 +25,100 @@ CHUNK = 2000
 
 @dataclass(frozen=True)
 class World:
-    """Rows, and the truth behind them."""
+    """Simulated flights: what a radar reports of them, and the truth behind it.
+
+    Attributes:
+        rows: Surveillance reports in the package's row schema, one row per report.
+        flights: One row per flight: every parameter that was drawn, see
+            :func:`~descentflow.simulation.truth.flights_table`.
+        truth: One row per flight and time step, see :func:`~descentflow.simulation.truth.truth_table`.
+        scenario: Name of the settings.
+        seed: Of all random numbers.
+
+    Example:
+        >>> names = ("rows.parquet", "rows_flights.parquet", "rows_truth.parquet")
+        >>> print(World(*map(pl.read_parquet, names)))
+        120 flights of A320, scenario plain, seed 0: ... rows; level-offs planned for ..., constant-rate stretches for
+        ... flights
+    """
 
     rows: pl.DataFrame
-    """Surveillance reports in the package's row schema."""
     flights: pl.DataFrame
-    """One row a flight: every parameter."""
     truth: pl.DataFrame
-    """One row a flight and time step, see :func:`descentflow.simulation.truth.truth_table`."""
+    scenario: str = PLAIN
+    seed: int = 0
+
+    def __str__(self) -> str:
+        """One line: flights, rows, and how many flights leave idle descent on purpose."""
+        level_offs, managed = (int(self.flights[c].is_not_null().sum()) for c in ("level_off_fl", "managed_fl"))
+        return (
+            f"{len(self.flights)} flights of {', '.join(self.flights['typecode'].unique())}, scenario {self.scenario}, "
+            f"seed {self.seed}: {len(self.rows)} rows; level-offs planned for {level_offs}, constant-rate stretches "
+            f"for {managed} flights"
+        )
+
+    def __repr__(self) -> str:
+        """As printed: the tables are too long for a prompt."""
+        return f"<World of {self}>"
+
+    def to_polars(self) -> pl.DataFrame:
+        """The rows, as ``prepare`` takes them."""
+        return self.rows
+
+    def to_pandas(self) -> Any:
+        """The rows as a pandas DataFrame.
+
+        Raises:
+            ConfigError: If pandas is not installed.
+        """
+        return to_pandas(self.rows)
+
+    def write(self, out: str | Path, truth: str | Path | None = None) -> WorldFiles:
+        """Write rows, truth and flights as Parquet, each file whole or not at all.
+
+        Args:
+            out: The rows, ``NAME.parquet``; the flights go to ``NAME_flights.parquet`` beside it.
+            truth: The truth; ``NAME_truth.parquet`` if not given.
+
+        Returns:
+            The three paths.
+
+        Raises:
+            ConfigError: If a name does not end in .parquet, two are the same, or a folder does not exist.
+        """
+        files = WorldFiles.named(out, truth)
+        files.write(self.rows, self.truth, self.flights)
+        return files
 
 
 def simulate(
-    aircraft: Aircraft,
+    aircraft: Aircraft | str,
     n_flights: int,
-    seed: int,
-    config: WorldConfig | None = None,
+    seed: int = 0,
+    scenario: str | Path | WorldConfig | None = None,
     *,
-    plant: Callable[[FlightParameters], FlightParameters] | None = None,
+    bada_dir: str | Path | None = None,
+    inject: Callable[[FlightParameters], FlightParameters] | None = None,
+    out: str | Path | None = None,
+    truth_out: str | Path | None = None,
     chunk: int = CHUNK,
     progress: Callable[[int], object] | None = None,
 ) -> World:
-    """Fly a world.
+    """Fly descents of one aircraft type by the full equation of motion, and observe them as Mode S does.
 
     Args:
-        aircraft: Coefficients of the type, floats.
+        aircraft: Type designator (``"A320"``), or the coefficients of a type as floats.
         n_flights: Flights wanted, at least one.
-        seed: Not negative; flight number k of a seed is the same in any world that has it.
-        config: Spreads and shares; the defaults are those of :class:`WorldConfig`.
-        plant: Changes the parameters of each chunk of flights before they are flown: the place to plant an effect. It
-            sees flights chunk by chunk, so to keep results free of the chunk it must act on each flight by itself.
+        seed: Not negative; flight number k of a seed is the same in every world that has it.
+        scenario: Spreads and shares from which flights are drawn: ``plain``, ``london-fir-2019``, a TOML file of the
+            same form, or settings of your own; ``plain`` if not given.
+        bada_dir: Folder of BADA 3 files with the type's coefficients; the open aircraft that come with descentflow if
+            not given. Only for a type designator.
+        inject: Changes the parameters of each chunk of flights before they are flown: the place to inject an effect,
+            see :class:`~descentflow.simulation.causes.Injection`. It sees flights chunk by chunk, so to keep results
+            free of the chunk it must act on each flight by itself.
+        out: Write the world there too, see :meth:`World.write`; names are checked before anything is flown.
+        truth_out: Where ``out`` puts the truth.
         chunk: Flights flown together; without effect on the result.
         progress: Called with the number of flights just finished.
 
@@ -55,14 +126,20 @@ def simulate(
         The world.
 
     Raises:
-        ConfigError: If the count or the seed cannot be, or the aircraft does not descend.
+        ConfigError: If the count or the seed cannot be, there is no such scenario, the output cannot be written, or the
+            aircraft does not descend.
+        AircraftError: If there is no such type.
 
     Example:
-        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> simulate(open_aircraft("A320"), n_flights=2, seed=0).flights["flight_id"].to_list()
-        ['A320-0-00000', 'A320-0-00001']
+        >>> world = simulate("A320", 2, seed=0, out="two.parquet")
+        >>> world.flights["flight_id"].to_list(), world.truth["label"].unique(maintain_order=True).to_list()
+        (['A320-0-00000', 'A320-0-00001'], ['transient', 'idle'])
+        >>> pl.read_parquet("two.parquet").equals(world.rows)
+        True
     """
-    config = config or WorldConfig()
+    files = None if out is None else WorldFiles.named(out, truth_out)
+    kind = find_aircraft(aircraft, bada_dir) if isinstance(aircraft, str) else aircraft
+    config = scenario if isinstance(scenario, WorldConfig) else scenario_settings(str(scenario or PLAIN), kind)
     if n_flights < 1 or seed < 0 or chunk < 1:
         raise ConfigError(
             f"{n_flights} flights with seed {seed} in chunks of {chunk}",
@@ -72,10 +149,15 @@ def simulate(
     parts = []
     for first in range(0, n_flights, chunk):
         numbers = range(first, min(first + chunk, n_flights))
-        parts.append(_chunk(aircraft, numbers, seed, config, plant))
+        parts.append(_chunk(kind, numbers, seed, config, inject))
         if progress is not None:
             progress(len(numbers))
-    return World(**{f.name: pl.concat([getattr(part, f.name) for part in parts]) for f in fields(World)})
+    rows, flights, truth = (pl.concat(tables) for tables in zip(*parts, strict=True))
+    name = "of your own" if isinstance(scenario, WorldConfig) else str(scenario or PLAIN)
+    world = World(rows, flights, truth, name, seed)
+    if files is not None:
+        files.write(rows, truth, flights)
+    return world
 
 
 def _chunk(
@@ -83,14 +165,15 @@ def _chunk(
     numbers: range,
     seed: int,
     config: WorldConfig,
-    plant: Callable[[FlightParameters], FlightParameters] | None,
-) -> World:
+    inject: Callable[[FlightParameters], FlightParameters] | None,
+) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
+    """Rows, flights and truth of some flights of a world."""
     operators = config.operators or default_operators(aircraft)
     parameters = draw_parameters(aircraft, numbers, seed, config)
-    if plant is not None:
-        parameters = plant(parameters)
+    if inject is not None:
+        parameters = inject(parameters)
     prefixes = [operators[i].name for i in parameters.operator.tolist()]
     named = name_flights(aircraft.typecode, numbers, seed, config.flights_per_aircraft, prefixes)
     truth = truth_table(named, fly(aircraft, parameters, config))
-    rows = observe(named, truth, seed, numbers, config, parameters.planted)
-    return World(rows, flights_table(named, parameters, operators), truth)
+    rows = observe(named, truth, seed, numbers, config, parameters.injected)
+    return rows, flights_table(named, parameters, operators), truth

@@ -92,7 +92,9 @@ def test_the_corrected_simulator_samples_warm_air(warm: tuple[GapReport, Path], 
 
 
 def test_without_true_airspeed_drag_is_still_found(folder: Path, checkpoint: Path) -> None:
-    path = gap_toys.flights(folder, 120, seed=3, plant=lambda p: dataclasses.replace(p, cd0_factor=1.15 * p.cd0_factor))
+    path = gap_toys.flights(
+        folder, 120, seed=3, change=lambda p: dataclasses.replace(p, cd0_factor=1.15 * p.cd0_factor)
+    )
     report = diagnose(path, checkpoint, channels=BASIC)
     assert report.verdict == "effect"
     cause = report.causes[0]

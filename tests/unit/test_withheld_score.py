@@ -11,7 +11,7 @@ from withheld_toys import study
 from descentflow.core.errors import ConfigError
 from descentflow.simulation.causes import CATALOGUED, CAUSES
 from descentflow.studies.blind_diagnosis.blind_page import blind_page
-from descentflow.studies.blind_diagnosis.blind_plan import HELD, SCALE_GROUP, Plan, draw_plan
+from descentflow.studies.blind_diagnosis.blind_plan import HOLDING, SCALE_GROUP, Plan, draw_plan
 from descentflow.studies.blind_diagnosis.blind_score import score
 from descentflow.studies.blind_diagnosis.outcome import matched, overlap, stands_for
 from descentflow.studies.blind_diagnosis.true_sizes import reported
@@ -44,7 +44,7 @@ def test_a_plan_is_made_up_as_asked() -> None:
     assert min(singles.count(name) for name in NAMES) >= 10
     for one in blind:
         assert len(one.causes) == {"null": 0, "single": 1, "double": 2, "outside": 1}[one.kind]
-        assert not any(len(set(one.causes) & group) > 1 for group in (SCALE_GROUP, HELD))
+        assert not any(len(set(one.causes) & group) > 1 for group in (SCALE_GROUP, HOLDING))
         assert one.kind != "null" or one.size == 0
     seed_of = {simulator.name: simulator.seed for simulator in PLAN.simulators}
     paired = [one for one in PLAN.sets if one.part == "withheld"]

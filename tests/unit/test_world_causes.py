@@ -1,4 +1,4 @@
-"""Every cause that a world can plant, against plain formulas, sensors against their definitions."""
+"""Every cause that a world can inject, against plain formulas, sensors against their definitions."""
 
 import math
 from dataclasses import replace
@@ -12,7 +12,7 @@ from polars.testing import assert_frame_equal
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.simulation.causes import CATALOGUED, CAUSES, OUTSIDE, Planting
+from descentflow.simulation.causes import CATALOGUED, CAUSES, OUTSIDE, Injection
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
 
@@ -26,7 +26,7 @@ QUIET = replace(QUIET, top_range=(0.9, 0.95), mass_range=(0.75, 0.88), bottom_fl
 
 
 def fly(**causes: dict[str, float]) -> World:
-    return simulate(A320, N, SEED, QUIET, plant=Planting(A320, causes, SEED) if causes else None)
+    return simulate(A320, N, SEED, QUIET, inject=Injection(A320, causes, SEED) if causes else None)
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +46,9 @@ def at_level(world: World, level_fl: float, column: str = "rate_mps") -> np.ndar
     return np.array(found)
 
 
-def change(plain: World, planted: World, level_fl: float, column: str = "rate_mps") -> np.ndarray:
+def change(plain: World, injected: World, level_fl: float, column: str = "rate_mps") -> np.ndarray:
     """Relative change of a truth column, flight by flight, of those above (or below) their crossover in both."""
-    before, after = at_level(plain, level_fl, column), at_level(planted, level_fl, column)
+    before, after = at_level(plain, level_fl, column), at_level(injected, level_fl, column)
     return after / before - 1
 
 
@@ -98,7 +98,7 @@ ONE = {
 
 
 @cache
-def planted(name: str) -> World:
+def injected(name: str) -> World:
     """A world with one cause of a table, flown once."""
     return fly(**{name: ONE[name]})
 
@@ -109,7 +109,7 @@ def test_rate_changes_as_the_energy_equation_says(name: str, plain: World) -> No
 
     A few flights are still in the transient of their crossover, and so the middle one counts and not the mean.
     """
-    changed = planted(name)
+    changed = injected(name)
     for level in (330, 200):
         rates = change(plain, changed, level)
         h = by_hand(plain, level)
@@ -123,7 +123,7 @@ def test_rate_changes_as_the_energy_equation_says(name: str, plain: World) -> No
 
 def test_the_notes_table_of_sensitivities_is_met(plain: World) -> None:
     """Where the table does not depend on the aircraft: -2.5 % for 10 K, -8 % for 2 kt/1,000 ft at FL330."""
-    warm, windy = planted("temperature"), planted("wind_gradient")
+    warm, windy = injected("temperature"), injected("wind_gradient")
     assert np.nanmedian(change(plain, warm, 330)) == pytest.approx(-0.025, abs=0.006)
     assert np.nanmedian(change(plain, windy, 330)) == pytest.approx(-0.080, abs=0.012)
     assert np.nanmedian(change(plain, warm, 160)) == pytest.approx(-0.020, abs=0.005)
@@ -134,7 +134,7 @@ def test_brakes_compressibility_and_banks_raise_the_drag_they_should(plain: Worl
     brake = fly(speed_brake={"factor": 1.6, "share": 0.5, "low_fl": 200.0, "high_fl": 240.0})
     h = by_hand(plain, 220)
     drag = change(plain, brake, 220, "drag_n")
-    braked = brake.flights["planted_brake_gain"].to_numpy() > 0
+    braked = brake.flights["injected_brake_gain"].to_numpy() > 0
     assert 0.3 < braked.mean() < 0.7
     np.testing.assert_allclose(drag[braked], (0.6 * h["d0"] / (h["d0"] + h["di"]))[braked], rtol=0.05)
     assert np.nanmax(np.abs(drag[~braked])) < 1e-6
@@ -145,7 +145,7 @@ def test_brakes_compressibility_and_banks_raise_the_drag_they_should(plain: Worl
     seen = np.isfinite(wave)
     assert np.abs(wave - rise)[seen].max() < 0.01
     turn = fly(turn={"bank_deg": 30.0, "share": 1.0, "depth_fl": 40.0})
-    high = turn.flights["planted_turn_high_m"].to_numpy() / FL_M
+    high = turn.flights["injected_turn_high_m"].to_numpy() / FL_M
     one = int(np.flatnonzero((high > 215) & (high < 235))[0])
     h = by_hand(plain, 200)
     rise = h["di"] / (h["d0"] + h["di"]) * (1 / math.cos(math.radians(30)) ** 2 - 1)
@@ -202,7 +202,7 @@ def test_level_offs_and_speeds_are_those_asked_for(plain: World) -> None:
     assert np.nanmedian(high) == pytest.approx(-0.02, abs=1e-3)
 
 
-def test_instruments_err_exactly_as_planted(plain: World) -> None:
+def test_instruments_err_exactly_as_injected(plain: World) -> None:
     biased = fly(airspeed_bias={"bias_kt": 2.0, "slope_kt_per_mach": 25.0})
     assert_frame_equal(biased.truth, plain.truth)
     assert_frame_equal(biased.rows.drop("IAS"), plain.rows.drop("IAS"))
@@ -216,8 +216,8 @@ def test_instruments_err_exactly_as_planted(plain: World) -> None:
         held.append(keep * held[-1] + (1 - keep) * value)
     np.testing.assert_allclose(late.rows["vertical_rate"].to_numpy()[: len(held)], held, atol=16.001)
     noisy, quiet = (
-        simulate(A320, 20, 0, WorldConfig(bottom_fl=220.0, low_top_share=0.0), plant=plant)
-        for plant in (Planting(A320, {"measurement_noise": {"factor": 3.0}}, 0), None)
+        simulate(A320, 20, 0, WorldConfig(bottom_fl=220.0, low_top_share=0.0), inject=inject)
+        for inject in (Injection(A320, {"measurement_noise": {"factor": 3.0}}, 0), None)
     )
     assert_frame_equal(noisy.truth, quiet.truth)
     spread = (noisy.rows["vertical_rate"] - quiet.rows["vertical_rate"]).std()
@@ -228,23 +228,23 @@ def test_instruments_err_exactly_as_planted(plain: World) -> None:
 def test_a_flight_depends_on_its_seed_and_number_alone() -> None:
     causes = {name: cause.values(np.random.default_rng(0), 1.0) for name, cause in CAUSES.items()}
     together = {name: causes[name] for name in ("temperature", "speed_brake", "level_off", "turn")}
-    plant = Planting(A320, together, SEED)
+    inject = Injection(A320, together, SEED)
     config = WorldConfig(bottom_fl=240.0, low_top_share=0.0, step_s=2.0, interval_s=2)
-    whole = simulate(A320, 12, SEED, config, plant=plant)
-    parts = simulate(A320, 12, SEED, config, plant=plant, chunk=7)
+    whole = simulate(A320, 12, SEED, config, inject=inject)
+    parts = simulate(A320, 12, SEED, config, inject=inject, chunk=7)
     assert_frame_equal(whole.rows, parts.rows)
     assert_frame_equal(whole.flights, parts.flights)
 
 
-def test_every_cause_draws_the_values_that_it_plants() -> None:
+def test_every_cause_draws_the_values_that_it_injects() -> None:
     assert len(CATALOGUED) == 13
     assert len(OUTSIDE) == 3
     for name, cause in CAUSES.items():
         for size in (0.5, 1.0):
             values = cause.values(np.random.default_rng(0), size)
             assert set(values) == set(cause.units)
-            Planting(A320, {name: values}, 0)
-    with pytest.raises(ConfigError, match="to plant nonsense"):
-        Planting(A320, {"nonsense": {}}, 0)
+            Injection(A320, {name: values}, 0)
+    with pytest.raises(ConfigError, match="to inject nonsense"):
+        Injection(A320, {"nonsense": {}}, 0)
     with pytest.raises(ConfigError, match="mass with factor"):
-        Planting(A320, {"mass": {"percent": 3.0}}, 0)
+        Injection(A320, {"mass": {"percent": 3.0}}, 0)

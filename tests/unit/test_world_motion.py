@@ -12,7 +12,7 @@ from descentflow.core.constants import G0_MPS2, LAPSE_K_M, P0_PA, R_AIR, T0_K
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.simulation.flight import fly
-from descentflow.simulation.motion import Controls, Motion, Plant
+from descentflow.simulation.motion import Controls, Dynamics, Motion
 from descentflow.simulation.parameters import FlightParameters, draw_parameters
 from descentflow.simulation.world_config import WorldConfig
 
@@ -55,7 +55,7 @@ def test_fixed_path_against_an_ode_solver(deviation: float) -> None:
     state = Motion(*(torch.tensor([x], dtype=torch.float64) for x in begin))
     zero = torch.zeros(1, dtype=torch.float64)
     for _ in range(300):
-        state = Plant(AIRCRAFT, p).step(state, Controls(zero + gamma, zero, zero, zero), 1.0)
+        state = Dynamics(AIRCRAFT, p).step(state, Controls(zero + gamma, zero, zero, zero), 1.0)
     # RK4 at 1 s on motions of minutes: only the kink of temperature at the tropopause costs more than rounding.
     assert state.tas_mps.item() == pytest.approx(exact[0], abs=1e-5)
     assert state.altitude_m.item() == pytest.approx(exact[1], abs=1e-4)

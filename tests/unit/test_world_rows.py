@@ -163,8 +163,8 @@ def test_cas_has_a_mode_for_each_operator() -> None:
         assert near[1] < 0.4 * min(near[0], near[2])
 
 
-def test_effects_are_planted_by_changing_tensors(world: World) -> None:
-    heavy = simulate(AIRCRAFT, N, 4, plant=lambda p: replace(p, mass_kg=p.mass_kg + 5000, operator=p.operator))
+def test_effects_are_injected_by_changing_tensors(world: World) -> None:
+    heavy = simulate(AIRCRAFT, N, 4, inject=lambda p: replace(p, mass_kg=p.mass_kg + 5000, operator=p.operator))
     assert (heavy.flights["mass_kg"] - world.flights["mass_kg"]).to_numpy() == pytest.approx(5000.0)
 
     def rate(w: World) -> float:

@@ -12,7 +12,7 @@ from sklearn.mixture import GaussianMixture
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.simulation.parameters import draw_parameters
-from descentflow.simulation.scenarios import scenario
+from descentflow.simulation.scenarios import scenario_settings
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.studies.paper.study_plan import PAPER_FLIGHTS
@@ -23,7 +23,7 @@ LONDON = "london-fir-2019"
 def fly(typecode: str, n: int = 60, **changes: float) -> World:
     aircraft = open_aircraft(typecode)
     quick = {"level_off_share": 0.0, "managed_share": 0.0, "gap_share": 0.0, "step_s": 2.0, "interval_s": 2}
-    return simulate(aircraft, n, 0, replace(scenario(LONDON, aircraft), **quick, **changes))
+    return simulate(aircraft, n, 0, replace(scenario_settings(LONDON, aircraft), **quick, **changes))
 
 
 def cas_at(world: World, level_fl: float) -> np.ndarray:
@@ -95,35 +95,39 @@ def test_a_business_jets_cas_has_its_knee_near_fl300() -> None:
     assert np.std(knees) < 10
 
 
-def test_held_rates_change_no_other_draw() -> None:
+def test_constant_rates_change_no_other_draw() -> None:
     aircraft = open_aircraft("DH8D")
-    config = scenario(LONDON, aircraft)
-    plain, held = (draw_parameters(aircraft, range(20), 3, c) for c in (replace(config, two_rates_share=0.0), config))
-    assert plain.held is None
-    assert held.held is not None
+    config = scenario_settings(LONDON, aircraft)
+    plain, segments = (
+        draw_parameters(aircraft, range(20), 3, c) for c in (replace(config, two_rates_share=0.0), config)
+    )
+    assert plain.constant_rates is None
+    assert segments.constant_rates is not None
     for field in fields(plain):
-        if field.name not in ("held", "planted"):
-            torch.testing.assert_close(getattr(plain, field.name), getattr(held, field.name), equal_nan=True)
+        if field.name not in ("constant_rates", "injected"):
+            torch.testing.assert_close(getattr(plain, field.name), getattr(segments, field.name), equal_nan=True)
     few = draw_parameters(aircraft, range(5, 9), 3, config)
-    assert few.held is not None
-    torch.testing.assert_close(few.held.rate_mps, held.held.rate_mps[5:9], rtol=0, atol=0, equal_nan=True)
+    assert few.constant_rates is not None
+    torch.testing.assert_close(
+        few.constant_rates.rate_mps, segments.constant_rates.rate_mps[5:9], rtol=0, atol=0, equal_nan=True
+    )
 
 
 def test_every_type_of_the_paper_has_its_settings_and_plain_is_the_default() -> None:
     for typecode in PAPER_FLIGHTS:
         aircraft = open_aircraft(typecode)
-        config = scenario(LONDON, aircraft)
+        config = scenario_settings(LONDON, aircraft)
         assert config.operators
         assert all(o.cas_kt < float(aircraft.vmo_kt) and o.mach < float(aircraft.mmo) for o in config.operators)
-        assert scenario("plain", aircraft) == WorldConfig()
+        assert scenario_settings("plain", aircraft) == WorldConfig()
 
 
 def test_scenarios_that_cannot_be_are_refused(tmp_path: Path) -> None:
     aircraft = open_aircraft("A320")
     with pytest.raises(ConfigError, match="no scenario nowhere"):
-        scenario("nowhere", aircraft)
+        scenario_settings("nowhere", aircraft)
     with pytest.raises(ConfigError, match="A20N"):
-        scenario(LONDON, open_aircraft("A20N"))
+        scenario_settings(LONDON, open_aircraft("A20N"))
     for text, complaint in (
         ("[A320", "not TOML"),
         ("[A320]\nspeed = 3", "speed"),
@@ -134,4 +138,4 @@ def test_scenarios_that_cannot_be_are_refused(tmp_path: Path) -> None:
         path = tmp_path / "own.toml"
         path.write_text(text)
         with pytest.raises(ConfigError, match=complaint):
-            scenario(str(path), aircraft)
+            scenario_settings(str(path), aircraft)

@@ -1,4 +1,4 @@
-"""Causes that a world can plant in its flights, each flown in time: those of the catalogue, and some outside it."""
+"""Causes that a world can inject in its flights, each flown in time: those of the catalogue, and some outside it."""
 
 from descentflow.simulation.causes.aerodynamics import (
     COMPRESSIBILITY,
@@ -10,7 +10,7 @@ from descentflow.simulation.causes.aerodynamics import (
     TURN,
 )
 from descentflow.simulation.causes.air import TEMPERATURE, WIND_GRADIENT
-from descentflow.simulation.causes.cause import Cause, Planting
+from descentflow.simulation.causes.cause import Cause, Injection
 from descentflow.simulation.causes.instruments import AIRSPEED_BIAS, MEASUREMENT_NOISE, VERTICAL_RATE_LAG
 from descentflow.simulation.causes.operation import GEOMETRIC_PATH, LEVEL_OFF, SPEED_SCHEDULE, VERTICAL_SPEED_MODE
 
@@ -37,4 +37,4 @@ OUTSIDE = (COMPRESSIBILITY, KEPT_THRUST, TURN)
 CAUSES: dict[str, Cause] = {cause.name: cause for cause in CATALOGUED + OUTSIDE}
 """Every cause by name."""
 
-__all__ = ["CATALOGUED", "CAUSES", "OUTSIDE", "Cause", "Planting"]
+__all__ = ["CATALOGUED", "CAUSES", "OUTSIDE", "Cause", "Injection"]

@@ -45,7 +45,7 @@ def _brake(generator: np.random.Generator, size: float) -> dict[str, float]:
 def _extend(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
     gain = torch.where(fleet.chosen(values["share"]), values["factor"] - 1, 0.0).double()
     high, low = values["high_fl"] * FL_M, values["low_fl"] * FL_M
-    return fleet.with_planted(brake_gain=gain, brake_high_m=high, brake_low_m=low)
+    return fleet.with_injected(brake_gain=gain, brake_high_m=high, brake_low_m=low)
 
 
 def _wave(generator: np.random.Generator, size: float) -> dict[str, float]:
@@ -54,7 +54,7 @@ def _wave(generator: np.random.Generator, size: float) -> dict[str, float]:
 
 def _compress(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
     planned = float(fleet.aircraft.des_mach)
-    return fleet.with_planted(wave_gain=values["gain"], wave_onset=planned - ONSET, wave_mach=planned)
+    return fleet.with_injected(wave_gain=values["gain"], wave_onset=planned - ONSET, wave_mach=planned)
 
 
 def _kept(generator: np.random.Generator, size: float) -> dict[str, float]:
@@ -62,7 +62,7 @@ def _kept(generator: np.random.Generator, size: float) -> dict[str, float]:
 
 
 def _keep(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    return fleet.with_planted(kept_share=values["share"], kept_s=values["decay_s"])
+    return fleet.with_injected(kept_share=values["share"], kept_s=values["decay_s"])
 
 
 def _bank(generator: np.random.Generator, size: float) -> dict[str, float]:
@@ -75,7 +75,7 @@ def _turn(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
     bank = torch.where(fleet.chosen(values["share"]), math.radians(values["bank_deg"]), 0.0).double()
     side = torch.where(fleet.uniform[:, 1] < 0.5, -1.0, 1.0)
     high = (190 + 110 * fleet.uniform[:, 0]) * FL_M
-    return fleet.with_planted(bank_rad=bank * side, turn_high_m=high, turn_low_m=high - values["depth_fl"] * FL_M)
+    return fleet.with_injected(bank_rad=bank * side, turn_high_m=high, turn_low_m=high - values["depth_fl"] * FL_M)
 
 
 MASS = Cause("mass", {"factor": "1"}, _Factor(0.1), _load)

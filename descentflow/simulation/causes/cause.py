@@ -1,4 +1,4 @@
-"""What a cause is, how its size is drawn, and how one or several are planted in the flights of a world."""
+"""What a cause is, how its size is drawn, and how one or several are injected in the flights of a world."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from torch import Tensor
 
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
-from descentflow.simulation.injected import Planted, neutral
+from descentflow.simulation.injected import Injected, neutral
 from descentflow.simulation.parameters import FlightParameters
 
 _STREAM = 4
@@ -20,7 +20,7 @@ _DRAWS = 6
 
 @dataclass(frozen=True)
 class Fleet:
-    """Flights that a cause is planted in."""
+    """Flights that a cause is injected in."""
 
     aircraft: Aircraft
     parameters: FlightParameters
@@ -42,13 +42,13 @@ class Fleet:
         tensors: dict[str, Any] = dict(changes)
         return replace(self.parameters, **tensors)
 
-    def with_planted(self, **changes: Tensor | float) -> FlightParameters:
-        """The flights with some of :class:`~descentflow.simulation.injected.Planted` changed."""
-        before = self.parameters.planted or neutral(len(self.parameters))
+    def with_injected(self, **changes: Tensor | float) -> FlightParameters:
+        """The flights with some of :class:`~descentflow.simulation.injected.Injected` changed."""
+        before = self.parameters.injected or neutral(len(self.parameters))
         like = before.noise_factor
         tensors: dict[str, Any] = {name: like * 0 + value for name, value in changes.items()}
-        planted: Planted = replace(before, **tensors)
-        return replace(self.parameters, planted=planted)
+        injected: Injected = replace(before, **tensors)
+        return replace(self.parameters, injected=injected)
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Cause:
     """Unit of every value."""
     values: Callable[[np.random.Generator, float], dict[str, float]]
     """Draws the values for a size; 1 is the full size, 0.5 the half size."""
-    plant: Callable[[Fleet, Mapping[str, float]], FlightParameters]
+    inject: Callable[[Fleet, Mapping[str, float]], FlightParameters]
     """Changes flights."""
     channels: tuple[str, ...] = ()
     """Reported fields without which this cause cannot be told from others."""
@@ -77,15 +77,15 @@ def sign(generator: np.random.Generator) -> float:
 
 
 @dataclass(frozen=True)
-class Planting:
-    """Plants causes in the flights of a world: the ``plant`` of :func:`descentflow.simulation.world.simulate`.
+class Injection:
+    """Injects causes in the flights of a world: the ``inject`` of :func:`descentflow.simulation.world.simulate`.
 
     A flight depends on the seed, its own number and the cause alone. Causes act in the order of the registry, so that
-    a held path is planned for the drag and the air that the flight really meets.
+    a constant path is planned for the drag and the air that the flight really meets.
 
     Example:
-        >>> plant = Planting(open_aircraft("A320"), {"mass": {"factor": 0.9}}, seed=3)
-        >>> simulate(open_aircraft("A320"), 100, seed=3, plant=plant)
+        >>> inject = Injection(open_aircraft("A320"), {"mass": {"factor": 0.9}}, seed=3)
+        >>> simulate(open_aircraft("A320"), 100, seed=3, inject=inject)
     """
 
     aircraft: Aircraft
@@ -99,17 +99,17 @@ class Planting:
             known = _registry()
             if name not in known or set(values) != set(known[name].units):
                 raise ConfigError(
-                    f"to plant {name} with {', '.join(values) or 'nothing'}",
+                    f"to inject {name} with {', '.join(values) or 'nothing'}",
                     expected="; ".join(f"{cause.name} with {', '.join(cause.units)}" for cause in known.values()),
                     mend="name a cause and all of its values",
                 )
 
     def __call__(self, parameters: FlightParameters) -> FlightParameters:
-        """Plant every cause."""
+        """Inject every cause."""
         for index, (name, cause) in enumerate(_registry().items()):
             if name in self.causes:
                 uniform = _uniform(self.seed, parameters.number.tolist(), index)
-                parameters = cause.plant(Fleet(self.aircraft, parameters, uniform), self.causes[name])
+                parameters = cause.inject(Fleet(self.aircraft, parameters, uniform), self.causes[name])
         return parameters
 
 

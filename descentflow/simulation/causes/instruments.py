@@ -16,7 +16,7 @@ def _bias(generator: np.random.Generator, size: float) -> dict[str, float]:
 
 def _misread(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
     bias, slope = values["bias_kt"] * KT_MPS, values["slope_kt_per_mach"] * KT_MPS
-    return fleet.with_planted(cas_bias_mps=bias, cas_bias_slope_mps=slope)
+    return fleet.with_injected(cas_bias_mps=bias, cas_bias_slope_mps=slope)
 
 
 def _lag(generator: np.random.Generator, size: float) -> dict[str, float]:
@@ -24,7 +24,7 @@ def _lag(generator: np.random.Generator, size: float) -> dict[str, float]:
 
 
 def _delay(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    return fleet.with_planted(rate_lag_s=values["lag_s"])
+    return fleet.with_injected(rate_lag_s=values["lag_s"])
 
 
 def _noise(generator: np.random.Generator, size: float) -> dict[str, float]:
@@ -32,7 +32,7 @@ def _noise(generator: np.random.Generator, size: float) -> dict[str, float]:
 
 
 def _scatter(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    return fleet.with_planted(noise_factor=values["factor"])
+    return fleet.with_injected(noise_factor=values["factor"])
 
 
 AIRSPEED_BIAS = Cause("airspeed_bias", {"bias_kt": "kt", "slope_kt_per_mach": "kt"}, _bias, _misread)

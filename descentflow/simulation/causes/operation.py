@@ -1,4 +1,4 @@
-"""Descents that are flown otherwise: held paths and rates, level-offs, other speeds."""
+"""Descents that are flown otherwise: constant paths and rates, level-offs, other speeds."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.simulation.autopilot import target_tas_mps
 from descentflow.simulation.causes.cause import Cause, Fleet, sign
-from descentflow.simulation.motion import Motion, Plant
+from descentflow.simulation.motion import Dynamics, Motion
 from descentflow.simulation.parameters import FlightParameters
 
 _POINTS = 8
@@ -31,14 +31,14 @@ def idle_path(fleet: Fleet, high_m: Tensor, low_m: Tensor) -> tuple[Tensor, Tens
     Returns:
         Angle (radians, negative) and vertical speed (m/s, negative) through the air, each of shape (n,).
     """
-    p, plant = fleet.parameters, Plant(fleet.aircraft, fleet.parameters)
+    p, dynamics = fleet.parameters, Dynamics(fleet.aircraft, fleet.parameters)
     angles, rates = [], []
     for share in np.linspace(0, 1, _POINTS):
         altitude = low_m + float(share) * (high_m - low_m)
-        tas = target_tas_mps(plant, altitude, 0.0)
-        slope = (target_tas_mps(plant, altitude + 50, 0.0) - target_tas_mps(plant, altitude - 50, 0.0)) / 100
+        tas = target_tas_mps(dynamics, altitude, 0.0)
+        slope = (target_tas_mps(dynamics, altitude + 50, 0.0) - target_tas_mps(dynamics, altitude - 50, 0.0)) / 100
         state = Motion(tas, altitude, altitude)
-        force = (plant.idle_n(state) - plant.drag_n(state)) / p.mass_kg
+        force = (dynamics.idle_n(state) - dynamics.drag_n(state)) / p.mass_kg
         sine = force / (G0_MPS2 + tas * (slope + p.wind_slope_per_s))
         angles.append(torch.asin(sine))
         rates.append(tas * sine)
@@ -55,7 +55,7 @@ def _hold_path(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
     # Real ones are planned in steps of about a tenth of a degree; the shallower step leaves thrust to hold the speed.
     held = torch.deg2rad(torch.ceil(torch.rad2deg(angle * values["of_idle"]) * 10) / 10)
     chosen = fleet.chosen(values["share"])
-    return fleet.with_planted(
+    return fleet.with_injected(
         hold_high_m=torch.where(chosen, p.top_m, torch.nan),
         hold_low_m=p.bottom_m,
         hold_angle=torch.where(chosen, held, torch.nan),
@@ -75,7 +75,7 @@ def _hold_rate(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
     hundred = 100 * FPM_MPS
     held = torch.ceil(rate * values["of_idle"] / hundred) * hundred
     chosen = fleet.chosen(values["share"])
-    return fleet.with_planted(
+    return fleet.with_injected(
         hold_high_m=torch.where(chosen, high, torch.nan),
         hold_low_m=low,
         hold_rate_mps=torch.where(chosen, held, torch.nan),

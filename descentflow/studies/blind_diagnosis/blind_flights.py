@@ -8,7 +8,7 @@ import polars as pl
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.files import whole_file
-from descentflow.simulation.causes import Planting
+from descentflow.simulation.causes import Injection
 from descentflow.simulation.world import simulate
 from descentflow.studies.blind_diagnosis.blind_plan import REFERENCE_FLIGHTS, SetPlan, SimulatorPlan
 from descentflow.surveillance.descents.prepared_descents import write_descents
@@ -26,7 +26,7 @@ def write_set(one: SetPlan, path: Path, typecode: str = TYPECODE) -> None:
     """Fly the flights of a set and write their rows.
 
     Args:
-        one: What to plant.
+        one: What to inject.
         path: Parquet file of rows.
         typecode: Type flown.
 
@@ -72,5 +72,5 @@ def _write_descents(one: SimulatorPlan, path: Path, typecode: str, flights: int)
 
 
 def _rows(aircraft: Aircraft, n: int, seed: int, causes: dict[str, dict[str, float]]) -> pl.DataFrame:
-    plant = Planting(aircraft, causes, seed) if causes else None
-    return simulate(aircraft, n, seed, plant=plant).rows
+    inject = Injection(aircraft, causes, seed) if causes else None
+    return simulate(aircraft, n, seed, inject=inject).rows

@@ -14,7 +14,7 @@ Kind = Literal["null", "single", "double", "outside"]
 
 SCALE_GROUP = frozenset({"mass", "idle_thrust", "drag_polar"})
 """Only their common scale shows in what is observed, so two of them are one."""
-HELD = frozenset({"geometric_path", "vertical_speed_mode"})
+HOLDING = frozenset({"geometric_path", "vertical_speed_mode"})
 """A flight can hold one of them only."""
 WRONG_POLAR = 1.04
 """Factor of CD0 of the flights that a wrong simulator learnt from."""
@@ -32,7 +32,7 @@ class SimulatorPlan:
     seed: int
     cd0_factor: float
     causes: dict[str, dict[str, float]]
-    """Planted in its training flights too: the refit regime."""
+    """Injected in its training flights too: the refit regime."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ def _pair(generator: np.random.Generator) -> list[str]:
     names = [cause.name for cause in CATALOGUED]
     while True:
         pair = [names[i] for i in generator.choice(len(names), 2, replace=False)]
-        if not any(set(pair) <= group for group in (SCALE_GROUP, HELD)):
+        if not any(set(pair) <= group for group in (SCALE_GROUP, HOLDING)):
             return pair
 
 

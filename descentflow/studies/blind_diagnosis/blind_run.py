@@ -76,7 +76,7 @@ def _publish(folder: Path, plan: Plan) -> None:
 
 
 def _jobs(folder: Path, plan: Plan) -> list[dict[str, Any]]:
-    """What is to be diagnosed: nothing of what was planted but, by their purpose, effects left out of the catalogue."""
+    """What is to be diagnosed: nothing of what was injected, except effects that are left out of the catalogue."""
     jobs = []
     for one in plan.sets:
         rows = folder / "sets" / f"{one.name}.parquet"

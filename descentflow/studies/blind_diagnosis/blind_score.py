@@ -120,7 +120,7 @@ _CONFUSIONS: dict[str, Callable[[Outcome], bool]] = {
 
 
 def _confusion(some: Sequence[Outcome]) -> dict[str, Any]:
-    """Counts of what is named first (columns) for each planted cause (rows); doubles are scored elsewhere."""
+    """Counts of what is named first (columns) for each injected cause (rows); doubles are scored elsewhere."""
     columns = [NONE, *(cause.name for cause in CATALOGUED), UNKNOWN, REFUSED]
     rows = [NONE, *(cause.name for cause in (*CATALOGUED, *OUTSIDE))]
     table = np.zeros((len(rows), len(columns)), dtype=int)
@@ -211,35 +211,35 @@ def closure_of(rival: Any) -> float | None:
 
 
 def _windows(blind: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """Windows planted beside the windows named and the levels where the rate was said to differ most."""
+    """Windows injected beside the windows named and the levels where the rate was said to differ most."""
     rows = []
     for o in blind:
         truth = o.one.causes.get("speed_brake")
         if truth is None or len(o.one.causes) > 1:
             continue
-        planted = truth["low_fl"], truth["high_fl"]
+        injected = truth["low_fl"], truth["high_fl"]
         cause = next((c for c in o.report.get("causes", []) if c["effect"] == "speed_brake"), None)
         named = None if cause is None else [cause["parameters"][end]["estimate"] for end in ("low_fl", "high_fl")]
         cell = next((c for c in o.report.get("where", []) if c["quantity"] == "rate"), None)
         place = None if cell is None else [cell["level_low_fl"], cell["level_high_fl"]]
         row: dict[str, Any] = {
             "job": o.job,
-            "planted": list(planted),
+            "injected": list(injected),
             "found": named,
             "cell": place,
             "overlap": None,
             "cell_in": None,
         }
         if named is not None:
-            row["overlap"] = overlap(*planted, *named)
+            row["overlap"] = overlap(*injected, *named)
         if place is not None:
-            row["cell_in"] = overlap(*planted, *place) > 0
+            row["cell_in"] = overlap(*injected, *place) > 0
         rows.append(row)
     return rows
 
 
 def _withheld(found: Sequence[Outcome], closings: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Each effect planted, diagnosed without it in the catalogue and with it."""
+    """Each effect injected, diagnosed without it in the catalogue and with it."""
     rows = []
     with_it = {o.one.name: o for o in found if o.one.part == "withheld" and o.without is None}
     for o in found:

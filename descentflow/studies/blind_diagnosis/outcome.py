@@ -1,4 +1,4 @@
-"""One diagnosis held against what was planted."""
+"""One diagnosis held against what was injected."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ UNKNOWN, NONE, REFUSED = "unknown", "none", "refused"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was planted, what was found, and whether that is right.
+    """What was injected, what was found, and whether that is right.
 
     Attributes:
         job: Name of the diagnosis.
@@ -24,10 +24,10 @@ class Outcome:
         p_value: As reported.
         named: Effects named, in order, without those that only say that the polar is wrong where it is.
         groups: Of each, itself and what the diagnosis could not tell it from.
-        right_first: The planted cause is named first (any of mass, idle thrust and drag stands for each of them where
+        right_first: The injected cause is named first (any of mass, idle thrust and drag stands for each of them where
             it says so: nothing that is observed tells them apart).
-        in_group: The planted cause is in the group of the first.
-        exact: Neither more nor fewer than the planted causes are named.
+        in_group: The injected cause is in the group of the first.
+        exact: Neither more nor fewer than the injected causes are named.
         report: The whole report.
         seconds: Processor time.
     """
@@ -71,9 +71,9 @@ def _outcome(job: Mapping[str, Any], one: SetPlan, found: Mapping[str, Any], wro
         causes = [cause for cause in causes if cause["effect"] not in SCALE_GROUP]
     named = tuple(cause["effect"] for cause in causes)
     groups = tuple(frozenset({cause["effect"], *cause["group"]}) for cause in causes)
-    planted = list(one.causes)
+    injected = list(one.causes)
     first_group = groups[0] if groups else frozenset()
-    single = planted[0] if len(planted) == 1 else None
+    single = injected[0] if len(injected) == 1 else None
     return Outcome(
         job=job["name"],
         one=one,
@@ -85,24 +85,24 @@ def _outcome(job: Mapping[str, Any], one: SetPlan, found: Mapping[str, Any], wro
         groups=groups,
         right_first=bool(named) and single is not None and stands_for(named[0], first_group, single),
         in_group=single in first_group,
-        exact=matched(named, groups, planted),
+        exact=matched(named, groups, injected),
         report=report,
         seconds=float(found["cpu_s"]),
     )
 
 
-def stands_for(effect: str, group: frozenset[str], planted: str) -> bool:
-    """Whether an effect named with its group is the planted one, up to what cannot be observed at all."""
-    return effect == planted or ({effect, planted} <= SCALE_GROUP and planted in group)
+def stands_for(effect: str, group: frozenset[str], injected: str) -> bool:
+    """Whether an effect named with its group is the injected one, up to what cannot be observed at all."""
+    return effect == injected or ({effect, injected} <= SCALE_GROUP and injected in group)
 
 
-def matched(named: Sequence[str], groups: Sequence[frozenset[str]], planted: Sequence[str]) -> bool:
-    """Whether the named effects are the planted ones, in any order."""
-    if len(named) != len(planted):
+def matched(named: Sequence[str], groups: Sequence[frozenset[str]], injected: Sequence[str]) -> bool:
+    """Whether the named effects are the injected ones, in any order."""
+    if len(named) != len(injected):
         return False
     return any(
         all(stands_for(effect, group, cause) for effect, group, cause in zip(named, groups, order, strict=True))
-        for order in permutations(planted)
+        for order in permutations(injected)
     )
 
 

@@ -1,4 +1,4 @@
-"""What was planted in the units in which a diagnosis reports it, where the two mean the same thing."""
+"""What was injected in the units in which a diagnosis reports it, where the two mean the same thing."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -61,7 +61,7 @@ and a diagnosis reports what cleaning leaves of them."""
 
 
 def reported(cause: str, values: Values) -> dict[str, float]:
-    """Sizes that a diagnosis should report for a planted cause; empty where they are not comparable.
+    """Sizes that a diagnosis should report for a injected cause; empty where they are not comparable.
 
     Example:
         >>> reported("mass", {"factor": 0.9})

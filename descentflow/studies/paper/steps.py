@@ -10,7 +10,6 @@ from typing import TextIO
 
 import polars as pl
 
-from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli import entry as cli
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import DescentflowError
@@ -98,12 +97,10 @@ def draw_type(plan: StudyPlan, typecode: str, folder: Path) -> None:
 
 
 def _simulate(plan: StudyPlan, typecode: str, block: int, number: int, path: Path) -> None:
-    from descentflow.simulation.scenarios import scenario
     from descentflow.simulation.world import simulate
 
     # A seed for each block, so that flights have names of their own and a block can be made again alone.
-    kind = aircraft(typecode)
-    world = simulate(kind, number, 1000 * plan.seed + block, scenario(plan.scenario, kind))
+    world = simulate(typecode, number, 1000 * plan.seed + block, plan.scenario)
     with whole_file(path) as temporary:
         world.rows.write_parquet(temporary)
 

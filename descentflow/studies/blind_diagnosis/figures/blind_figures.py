@@ -1,4 +1,4 @@
-"""Figures of a study of withheld effects: what was named for what was planted, and how well."""
+"""Figures of a study of withheld effects: what was named for what was injected, and how well."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,7 +12,7 @@ Scored = Mapping[str, Any]
 
 
 def confusion_figure(confusion: Mapping[str, Scored]) -> Figure:
-    """Planted cause against effect named first, one panel for each set of channels; numbers are sets.
+    """Injected cause against effect named first, one panel for each set of channels; numbers are sets.
 
     Args:
         confusion: Name of the panel to ``rows``, ``columns`` and ``table``.
@@ -36,7 +36,7 @@ def confusion_figure(confusion: Mapping[str, Scored]) -> Figure:
         ax.set_xticks(range(len(one["columns"])), one["columns"], rotation=90, fontsize=8)
         ax.set_yticks(range(len(one["rows"])), one["rows"], fontsize=8)
         ax.set_xlabel("named first")
-        ax.set_ylabel("planted")
+        ax.set_ylabel("injected")
         ax.set_title(name, fontsize=10)
         outside = len(one["rows"]) - 3.5
         ax.axhline(outside, color=RED, linewidth=1)
@@ -45,7 +45,7 @@ def confusion_figure(confusion: Mapping[str, Scored]) -> Figure:
 
 
 def p_value_figure(false_alarms: Scored) -> Figure:
-    """Distribution of the p-values of sets in which nothing was planted, beside the uniform one.
+    """Distribution of the p-values of sets in which nothing was injected, beside the uniform one.
 
     Example:
         >>> p_value_figure(scored["false_alarms"])
@@ -115,7 +115,7 @@ def strata_figure(rows: Sequence[Scored]) -> Figure:
 
 
 def sizes_figure(estimates: Sequence[Scored], columns: int = 5) -> Figure:
-    """Estimated against planted sizes with their 90 % intervals, a panel for each parameter.
+    """Estimated against injected sizes with their 90 % intervals, a panel for each parameter.
 
     Example:
         >>> sizes_figure(scored["sizes"]["estimates"])
@@ -137,7 +137,7 @@ def sizes_figure(estimates: Sequence[Scored], columns: int = 5) -> Figure:
         ax.plot(ends, ends, color=BLACK, linestyle="--", linewidth=0.8)
         ax.set_title(f"{cause}\n{parameter} ({of[0]['unit']})", fontsize=8)
     tidy(panels)
-    figure.supxlabel("planted", fontsize=9)
+    figure.supxlabel("injected", fontsize=9)
     figure.supylabel("estimated", fontsize=9)
     return figure
 
@@ -167,15 +167,15 @@ def closure_figure(rows: Sequence[Scored]) -> Figure:
 
 
 def windows_figure(rows: Sequence[Scored]) -> Figure:
-    """Windows planted and named, and the levels where the rate differs most, set by set.
+    """Windows injected and named, and the levels where the rate differs most, set by set.
 
     Example:
         >>> windows_figure(scored["windows"])
     """
     figure = Figure(figsize=(max(4.8, 0.45 * len(rows)), 4.2), layout="constrained")
     ax = figure.subplots()
-    shown = (("planted", BLACK, 4.0, -0.2), ("found", BLUE, 4.0, 0.0), ("cell", GREY, 1.5, 0.2))
-    names = {"planted": "planted", "found": "named", "cell": "where the rate differs most"}
+    shown = (("injected", BLACK, 4.0, -0.2), ("found", BLUE, 4.0, 0.0), ("cell", GREY, 1.5, 0.2))
+    names = {"injected": "injected", "found": "named", "cell": "where the rate differs most"}
     for key, colour, width, shift in shown:
         label: str | None = names[key]
         for k, row in enumerate(rows):

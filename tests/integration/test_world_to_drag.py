@@ -18,7 +18,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     """Retarding force (drag less thrust) inferred and true, for each flight and level of constant CAS."""
     aircraft = open_aircraft("A320")
     config = WorldConfig(level_off_share=0.0, managed_share=0.0)
-    world = simulate(aircraft, 60, seed=5, config=config)
+    world = simulate(aircraft, 60, seed=5, scenario=config)
     path = tmp_path_factory.mktemp("world") / "rows.parquet"
     world.rows.write_parquet(path)
     descents = prepare(path)

@@ -1,6 +1,7 @@
 """The trainer's commands and sampling, run as a user runs them, on small prepared descents."""
 
 import importlib.util
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +193,29 @@ def test_resuming_on_other_flights_is_refused(run: Path, tmp_path: Path, capsys)
     where = ["--trainer.logger.init_args.save_dir", str(tmp_path), "--data.descents", str(other)]
     assert main(["fit", *words, *where, "--trainer.max_epochs=2"]) == 2
     assert "trained on other flights" in capsys.readouterr().err
+
+
+def test_a_run_from_before_the_models_moved_is_tested_as_ever(run: Path, tmp_path: Path) -> None:
+    """Its config.yaml and its checkpoint name descentflow.models.Gaussian."""
+    content = torch.load(run / "checkpoints" / "best.ckpt", weights_only=True)
+    assert content["hyper_parameters"]["_class_path"] == "descentflow.training.models.Gaussian"
+    content["hyper_parameters"]["_class_path"] = "descentflow.models.Gaussian"
+    older = tmp_path / "older"
+    (older / "checkpoints").mkdir(parents=True)
+    torch.save(content, older / "checkpoints" / "best.ckpt")
+    text = (run / "config.yaml").read_text()
+    assert text.count("descentflow.training.models") == 1
+    (older / "config.yaml").write_text(text.replace("descentflow.training.models", "descentflow.models"))
+    scores = {}
+    for folder in (run, older):
+        where = ["--trainer.logger.init_args.save_dir", str(tmp_path / f"again_{folder.name}")]
+        words = ["--ckpt_path", str(folder / "checkpoints" / "best.ckpt"), "--scores.n_test_samples=200", *where]
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            assert main(["test", *words]) == 0
+        assert any("is descentflow.training.models.Gaussian now" in str(w.message) for w in said) is (folder is older)
+        scores[folder] = next((tmp_path / f"again_{folder.name}").rglob("scores.csv")).read_text()
+    assert scores[run] == scores[older]
 
 
 def test_typos_and_impossible_settings_are_refused(descents: Path, capsys) -> None:

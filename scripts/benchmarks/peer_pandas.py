@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from descentflow.surveillance.cleaning.constant_rate import FreeRate
+from descentflow.surveillance.cleaning.constant_rate import ConstantRate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.schema import CHANNELS, POSSIBLE, REQUIRED
@@ -38,7 +38,7 @@ def _free(rows: pd.DataFrame) -> pd.DataFrame:
     if rows.empty:
         return rows
     # pandas has no such rule: descentflow's own, on one flight.
-    held = FreeRate().managed(
+    held = ConstantRate().is_constant(
         np.zeros(len(rows), dtype=np.int64), rows["seconds"].to_numpy(), rows["vertical_rate"].to_numpy()
     )
     rows = rows.assign(stretch=rows["stretch"] + np.cumsum(held))[~held]

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from surveillance_toys import START, rows_at
 
-from descentflow.surveillance.cleaning.constant_rate import FreeRate
+from descentflow.surveillance.cleaning.constant_rate import ConstantRate
 from descentflow.surveillance.cleaning.level_grid import to_levels
 
 # Steps of a descent: seconds and feet in the 25 ft of a transponder (whole levels come up often) or anything at all.
@@ -55,6 +55,6 @@ def test_managed_stretches_of_a_flight_do_not_depend_on_other_flights(
 ) -> None:
     rows = rows_at([every_s * i for i in range(len(rates))], vertical_rate=rates)
     other = rows_at([every_s * i for i in range(90)], "b", vertical_rate=[-1000.0] * 90).head(cut)
-    alone = FreeRate().keep(rows)
-    both = FreeRate().keep(pl.concat([rows, other]))
+    alone = ConstantRate().keep(rows)
+    both = ConstantRate().keep(pl.concat([rows, other]))
     assert both.filter(flight_id="a").equals(alone)

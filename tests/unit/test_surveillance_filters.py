@@ -5,9 +5,9 @@ import polars as pl
 import pytest
 from surveillance_toys import rows_at
 
-from descentflow.surveillance.cleaning.constant_rate import FreeRate
+from descentflow.surveillance.cleaning.constant_rate import ConstantRate
 from descentflow.surveillance.cleaning.filters import (
-    STRETCH,
+    SEGMENT,
     AirspeedsAgree,
     Chain,
     Descending,
@@ -68,7 +68,7 @@ def test_descent_begins_at_500_fpm_and_knows_the_distance_to_level_flight() -> N
     assert seconds_left(kept) == [20.0, 30.0, 50.0, 60.0, 80.0]
     assert kept["_since_level"].to_list() == [10.0, 20.0, 10.0, 20.0, 10.0]
     assert kept["_until_level"].to_list() == [20.0, 10.0, 20.0, 10.0, None]
-    assert kept[STRETCH].to_list() == [2, 2, 3, 3, 4]
+    assert kept[SEGMENT].to_list() == [2, 2, 3, 3, 4]
 
 
 def test_transients_go_on_both_sides_of_level_flight() -> None:
@@ -95,7 +95,7 @@ def managed(
 
 def test_a_held_rate_is_found_and_idle_rates_are_free() -> None:
     rows = managed(-1500.0)
-    left = seconds_left(FreeRate().keep(rows))
+    left = seconds_left(ConstantRate().keep(rows))
     # The cut lies where the means of both sides differ most, within a report or two of the truth.
     assert [t for t in left if t < 190 or t > 330] == [t for t in seconds_left(rows) if t < 190 or t > 330]
     assert not [t for t in left if 210 < t < 310]
@@ -112,19 +112,19 @@ def test_a_held_rate_is_found_and_idle_rates_are_free() -> None:
     ],
 )
 def test_what_is_not_taken_for_managed(rows: pl.DataFrame, why: str) -> None:
-    assert len(FreeRate().keep(rows)) == len(rows), why
+    assert len(ConstantRate().keep(rows)) == len(rows), why
 
 
 @pytest.mark.parametrize(("before_s", "after_s"), [(0.0, 200.0), (200.0, 0.0)])
 def test_a_held_rate_at_an_end_of_what_is_seen_has_one_change(before_s: float, after_s: float) -> None:
     rows = managed(-1500.0, before_s=before_s, after_s=after_s)
-    left = FreeRate().keep(rows)
+    left = ConstantRate().keep(rows)
     assert len(rows) - len(left) == pytest.approx(30, abs=3)
 
 
 def test_a_held_rate_without_any_change_must_last() -> None:
-    assert len(FreeRate().keep(managed(-1500.0, seconds=196.0, before_s=0.0, after_s=0.0))) == 49
-    assert len(FreeRate().keep(managed(-1500.0, seconds=208.0, before_s=0.0, after_s=0.0))) == 0
+    assert len(ConstantRate().keep(managed(-1500.0, seconds=196.0, before_s=0.0, after_s=0.0))) == 49
+    assert len(ConstantRate().keep(managed(-1500.0, seconds=208.0, before_s=0.0, after_s=0.0))) == 0
 
 
 def test_a_descent_that_gets_shallower_for_good_is_not_managed() -> None:
@@ -132,19 +132,19 @@ def test_a_descent_that_gets_shallower_for_good_is_not_managed() -> None:
     time = np.arange(0, 400.0, 4.0)
     rate = np.where(time < 100, -3000.0, -2100 + 80 * (time - 100) / 60)
     rows = rows_at(time.tolist(), vertical_rate=(32 * np.round(rate / 32)).tolist())
-    assert len(FreeRate().keep(rows)) == len(rows)
+    assert len(ConstantRate().keep(rows)) == len(rows)
 
 
 def test_held_rates_of_two_flights_do_not_add_up() -> None:
     short = managed(-1500.0, seconds=120.0, before_s=0.0, after_s=0.0)
     two = pl.concat([short, short.with_columns(flight_id=pl.lit("b"))])
-    assert len(FreeRate().keep(two)) == len(two)
-    assert len(FreeRate().keep(two.clear())) == 0
+    assert len(ConstantRate().keep(two)) == len(two)
+    assert len(ConstantRate().keep(two.clear())) == 0
 
 
 def test_a_managed_stretch_parts_what_stands_around_it() -> None:
-    rows = managed(-1500.0).with_columns(pl.lit(0, pl.Int64).alias(STRETCH))
-    assert FreeRate().keep(rows)[STRETCH].n_unique() == 2
+    rows = managed(-1500.0).with_columns(pl.lit(0, pl.Int64).alias(SEGMENT))
+    assert ConstantRate().keep(rows)[SEGMENT].n_unique() == 2
 
 
 def test_of_two_descents_the_larger_is_kept() -> None:

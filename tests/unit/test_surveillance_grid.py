@@ -8,7 +8,7 @@ import pytest
 from surveillance_toys import rows_at
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.cleaning.filters import STRETCH
+from descentflow.surveillance.cleaning.filters import SEGMENT
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, top_levels, write_descents
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -64,7 +64,7 @@ def test_a_gap_in_which_a_level_off_may_hide_stays_open() -> None:
 
 def test_levels_between_two_stretches_stay_open() -> None:
     rows = rows_at([0.0, 10.0, 20.0, 30.0], altitude=[20_050.0, 19_850.0, 19_650.0, 19_450.0], IAS=[1.0] * 4)
-    parted = rows.with_columns(pl.Series(STRETCH, [0, 0, 1, 1]))
+    parted = rows.with_columns(pl.Series(SEGMENT, [0, 0, 1, 1]))
     assert grid(rows)["level_fl"].to_list() == [200, 199, 198, 197, 196, 195]
     assert grid(parted)["level_fl"].to_list() == [200, 199, 196, 195]
 

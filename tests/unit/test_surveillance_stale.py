@@ -7,7 +7,7 @@ from surveillance_toys import fleet, flight, rows_at
 
 from descentflow.surveillance.cleaning.chain import after_rates, before_rates
 from descentflow.surveillance.cleaning.clearances import ClearedLevel, ClearedSpeed, LargestBank
-from descentflow.surveillance.cleaning.filters import STRETCH, Descending
+from descentflow.surveillance.cleaning.filters import SEGMENT, Descending
 from descentflow.surveillance.cleaning.stale import Stale
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import mach_of_cas
@@ -103,7 +103,7 @@ def test_rows_under_a_speed_instruction_go_and_some_after_it() -> None:
     rows = Descending().keep(rows.with_row_index("row"))
     kept = ClearedSpeed(20.0).keep(rows)
     assert kept["row"].to_list() == [0, 1, 6, 7]
-    assert kept[STRETCH].n_unique() == 2  # no level is bridged across what was cut
+    assert kept[SEGMENT].n_unique() == 2  # no level is bridged across what was cut
     other = rows.with_columns(flight_id=pl.when(pl.col("row") < 4).then(pl.lit("a")).otherwise(pl.lit("b")))
     assert ClearedSpeed(20.0).keep(other)["row"].to_list() == [0, 1, 4, 5, 6, 7]
     assert len(ClearedSpeed(20.0).keep(rows.drop("cleared_speed_kt", "cleared_mach"))) == 10
@@ -121,7 +121,7 @@ def test_rows_near_a_cleared_level_go_and_a_level_cleared_further_in_time_is_non
     rows = Descending().keep(rows.with_row_index("row"))
     kept = ClearedLevel(500.0).keep(rows)
     assert kept["row"].to_list() == [0, 1, 2, 3, 4, 9, 10, 11]
-    assert kept[STRETCH].n_unique() == 2  # no level is bridged across what was cut
+    assert kept[SEGMENT].n_unique() == 2  # no level is bridged across what was cut
     assert len(ClearedLevel(500.0).keep(rows.drop("cleared_flight_level"))) == 12
     assert len(ClearedLevel(500.0).keep(rows.with_columns(cleared_flight_level=pl.lit(None, pl.Float64)))) == 12
     assert ClearedLevel(500.0).keep(rows.clear()).is_empty()

@@ -1,4 +1,10 @@
 """From the rows of an aircraft to free descents on flight levels: filters that compose, and their thresholds.
 
-Read :mod:`~descentflow.surveillance.cleaning.chain`, then :mod:`~descentflow.surveillance.cleaning.thresholds`.
+Reading order: :mod:`~descentflow.surveillance.cleaning.thresholds` (every threshold, with its source),
+:mod:`~descentflow.surveillance.cleaning.chain` (the filters in their order),
+:mod:`~descentflow.surveillance.cleaning.flights`, :mod:`~descentflow.surveillance.cleaning.filters`,
+:mod:`~descentflow.surveillance.cleaning.stale`, :mod:`~descentflow.surveillance.cleaning.rates`,
+:mod:`~descentflow.surveillance.cleaning.clearances`, :mod:`~descentflow.surveillance.cleaning.constant_rate`,
+:mod:`~descentflow.surveillance.cleaning.level_grid`; beside them :mod:`~descentflow.surveillance.cleaning.windows`,
+:mod:`~descentflow.surveillance.cleaning.drop_reasons` and :mod:`~descentflow.surveillance.cleaning.kept_settings`.
 """

@@ -1,4 +1,4 @@
-"""Rows of whole aircraft to levels of free descents: the cleaning of any part of the data, whoever runs it."""
+"""Rows of whole aircraft to levels of free descents: the filters in their order, on any part of the data."""
 
 import itertools
 from collections.abc import Callable
@@ -10,7 +10,7 @@ import polars as pl
 
 from descentflow.surveillance.cleaning import filters
 from descentflow.surveillance.cleaning.clearances import ClearedLevel, ClearedSpeed, LargestBank
-from descentflow.surveillance.cleaning.constant_rate import FreeRate
+from descentflow.surveillance.cleaning.constant_rate import ConstantRate
 from descentflow.surveillance.cleaning.drop_reasons import ROW, TracedReport, some_flights
 from descentflow.surveillance.cleaning.flights import in_order, name_flights, of_types, with_types
 from descentflow.surveillance.cleaning.level_grid import to_levels
@@ -22,21 +22,21 @@ from descentflow.surveillance.rows.schema import COLUMNS
 
 BATCH_ROWS = 250_000
 """Rows that are cleaned at a time: their arrays stay in the processor's cache."""
-LOOKED_AT = ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
-"""Columns that filters look at..."""
+USED = ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
+"""Columns that the filters use..."""
 TURNS, CLEARED = ("roll", "track", "groundspeed"), ("cleared_speed_kt", "cleared_mach")
 CLEARED_LEVEL = ("cleared_flight_level",)
-"""...and those that optional filters look at."""
+"""...and those that optional filters use."""
 
 
 @dataclass(frozen=True)
 class Work:
-    """What is to be done with the rows of any aircraft; known when all rows have been read.
+    """What is done with the rows of any aircraft; known when all rows have been read.
 
     Attributes:
         rules: Thresholds.
         columns: Of all rows, in order; rows of some aircraft may lack some.
-        shared: Flight names that several aircraft share.
+        shared: Flight names that several aircraft have.
         typecodes: Types to keep; all if None.
         types: Table `icao24,typecode` for rows that do not name their type.
         shown: Number of random flights whose rows are wanted with the reason for which each was dropped; none if 0.
@@ -52,14 +52,14 @@ class Work:
 
 @dataclass
 class Outcome:
-    """Levels of the descents of some aircraft, sorted by flight and falling level, and the account of the rest."""
+    """Levels of the descents of some aircraft, sorted by flight and falling level, and the drop report."""
 
     levels: pl.DataFrame
     report: DropReport
     present: dict[str, int] = field(default_factory=dict)
-    """Rows of each type, where only some were wanted."""
+    """Number of rows per type, if only some types are kept."""
     dropped_rows: pl.DataFrame | None = None
-    """Rows of some flights and why they were dropped
+    """Rows of some flights with the reason for which each was dropped
     (:func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`)."""
 
 
@@ -70,12 +70,15 @@ def clean(
 
     Args:
         rows: Usable rows (:func:`~descentflow.surveillance.cleaning.flights.usable`) in any order.
-        work: What to do.
-        threads: Batches of flights worked on at once (Polars and NumPy let others run while they compute).
+        work: What is done with them.
+        threads: Number of batches of flights cleaned at the same time (Polars and NumPy release the interpreter).
         progress: Progress callback, called after every batch.
 
     Example:
-        >>> clean(rows, Work(Cleaning(), tuple(rows.columns))).levels
+        >>> from descentflow.surveillance.read_rows import read_rows
+        >>> rows = read_rows(["rows.parquet"], DropReport())
+        >>> clean(rows, Work(Cleaning(), tuple(rows.columns))).levels["flight_id"].n_unique()
+        120
     """
     report = DropReport()
     rows = rows.select(
@@ -105,7 +108,7 @@ def clean(
 
 
 def before_rates(rules: Cleaning) -> filters.Chain:
-    """Filters of altitude, IAS, Mach and reported rate, before rates are derived where none is reported."""
+    """Filters of altitude, IAS, Mach and reported rate, applied before missing rates are computed from altitude."""
     stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
     return (
         filters.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps)
@@ -122,7 +125,7 @@ def before_rates(rules: Cleaning) -> filters.Chain:
 
 
 def after_rates(rules: Cleaning) -> filters.Chain:
-    """Filters that keep free descent, in order."""
+    """Filters that keep free descent, in their order."""
     descent = (
         filters.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps)
         | filters.Descending(rules.slowest_fpm)
@@ -136,7 +139,7 @@ def after_rates(rules: Cleaning) -> filters.Chain:
         descent |= ClearedLevel(rules.cleared_level_within_ft)
     return (
         descent
-        | FreeRate(
+        | ConstantRate(
             seconds=rules.constant_rate_s,
             seconds_alone=rules.constant_rate_alone_s,
             jump_fpm=rules.constant_rate_jump_fpm,
@@ -151,7 +154,7 @@ def after_rates(rules: Cleaning) -> filters.Chain:
 
 
 def _batches(rows: pl.DataFrame) -> list[pl.DataFrame]:
-    """Rows in batches of whole flights, at least one: flights know nothing of one another."""
+    """Rows in batches of whole flights, at least one; no filter compares flights."""
     if rows.is_empty():
         return [rows]
     name = rows["flight_id"]
@@ -187,13 +190,13 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
 
 
 def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
-    """Rows of free descent; only the columns that filters look at go through them, the others follow at the end."""
-    looked_at: tuple[str, ...] = LOOKED_AT
-    looked_at += TURNS if rules.largest_bank_deg is not None else ()
-    looked_at += CLEARED if rules.cleared_speed_after_s is not None else ()
-    looked_at += CLEARED_LEVEL if rules.cleared_level_within_ft is not None else ()
-    needed = [name for name in looked_at if name in rows.columns]
-    # Numbers are compared faster than names.
+    """Rows of free descent; the filters get only the columns that they use, the others are added at the end."""
+    used: tuple[str, ...] = USED
+    used += TURNS if rules.largest_bank_deg is not None else ()
+    used += CLEARED if rules.cleared_speed_after_s is not None else ()
+    used += CLEARED_LEVEL if rules.cleared_level_within_ft is not None else ()
+    needed = [name for name in used if name in rows.columns]
+    # Numbers compare faster than names.
     narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW)
     narrow = before_rates(rules)(narrow, report)
     narrow = after_rates(rules)(with_rate(narrow), report)

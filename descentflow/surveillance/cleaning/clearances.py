@@ -1,4 +1,4 @@
-"""Stretches flown otherwise than a free, straight descent: turns, speeds and levels that a controller assigned."""
+"""Rows in turns, and under clearances of a controller: assigned speeds and cleared flight levels."""
 
 from dataclasses import dataclass
 
@@ -8,26 +8,27 @@ import polars as pl
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import KT_MPS
 from descentflow.surveillance.cleaning.filters import Filter, cut, flights_of
+from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
 from descentflow.surveillance.cleaning.windows import clock_of
 from descentflow.surveillance.rows.air_data import Array
-
-SPAN_S = 20.0
-"""Longest time over which a change of track is taken for one turn."""
 
 
 @dataclass(frozen=True)
 class LargestBank(Filter):
-    """Drop rows banked by more than a limit: lift carries the weight and the turn, so induced drag is larger.
+    """Drop rows banked by more than a limit, where lift also turns the aircraft and induced drag is larger.
 
-    The bank is the reported roll angle, or that of a coordinated turn, tan(bank) = V rate_of_turn / g, with the
-    groundspeed and the change of track between the rows before and after. Rows that say neither stay.
+    The bank is the reported roll angle, else that of a coordinated turn, tan(bank) = V rate_of_turn / g, with the
+    groundspeed and the change of track between the rows before and after. Rows with neither are kept.
+
+    Args:
+        limit_deg: Largest bank.
     """
 
     limit_deg: float
     reason = "banked"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows within the limit; the stretch changes where one stood."""
+        """Rows within the limit; a new segment begins after each dropped row."""
         if rows.is_empty():
             return rows
         bank = self.bank_deg(rows)
@@ -35,7 +36,7 @@ class LargestBank(Filter):
 
     @staticmethod
     def bank_deg(rows: pl.DataFrame) -> Array:
-        """Bank of every row, NaN where nothing tells it."""
+        """(n,) bank of every row in degrees, NaN where it is unknown."""
         bank = np.full(len(rows), np.nan)
         if {"track", "groundspeed"} <= set(rows.columns):
             clock = clock_of(flights_of(rows), rows["timestamp"].dt.epoch("us").to_numpy() / 1e6)
@@ -44,7 +45,7 @@ class LargestBank(Filter):
             change[1:-1] = (track[2:] - track[:-2] + 180.0) % 360.0 - 180.0
             span = np.full(len(rows), np.inf)
             span[1:-1] = clock[2:] - clock[:-2]
-            turn = np.where(span <= SPAN_S, np.radians(change) / span, np.nan)
+            turn = np.where(span <= Fixed.turn_span_s, np.radians(change) / span, np.nan)
             speed = rows["groundspeed"].cast(pl.Float64).to_numpy() * KT_MPS
             bank = np.degrees(np.arctan(speed * turn / G0_MPS2))
         if "roll" in rows.columns:
@@ -55,20 +56,24 @@ class LargestBank(Filter):
 
 @dataclass(frozen=True)
 class ClearedSpeed(Filter):
-    """Drop rows flown under a speed instruction, and for a while after it: the speed is not the aircraft's own choice.
+    """Drop rows under an assigned speed, and for a while after it: the speed is not the aircraft's own choice.
 
-    An instruction holds from its issue to its end, if the aircraft comes within `within_kt` of it (0.002 Mach for each
-    kt) meanwhile. One that it never comes near is no constraint: "280 kt or less" is none to an aircraft that flies
-    260. Only sources with clearances know (:data:`~descentflow.surveillance.rows.schema.INSTRUCTIONS`).
+    An assigned speed counts from its issue to its end if the aircraft comes within `within_kt` of it in this time
+    (0.002 Mach per kt). One that it never comes close to is no constraint: "280 kt or less" is none for an aircraft
+    that flies 260. Only sources with clearances know (:data:`~descentflow.surveillance.rows.schema.INSTRUCTIONS`).
+
+    Args:
+        after_s: Time after the end of an assigned speed in which rows are dropped, too.
+        within_kt: Largest distance from an assigned speed that is flown.
     """
 
     after_s: float
-    within_kt: float = 10.0
+    within_kt: float = Cleaning.cleared_speed_within_kt
     reason = "cleared_speed"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows without an instruction; the stretch changes where one stood."""
-        limits = {"cleared_speed_kt": ("IAS", 1.0), "cleared_mach": ("Mach", 0.002)}
+        """Rows without an assigned speed; a new segment begins after each dropped row."""
+        limits = {"cleared_speed_kt": ("IAS", 1.0), "cleared_mach": ("Mach", Fixed.mach_per_kt)}
         known = {name: limit for name, limit in limits.items() if name in rows.columns and rows[name].count()}
         if rows.is_empty() or not known:
             return rows
@@ -77,7 +82,7 @@ class ClearedSpeed(Filter):
         under = np.zeros(len(rows), dtype=bool)
         for name, (flown, step) in known.items():
             cleared = rows[name].to_numpy()
-            # Missing values differ from each other, and so stand alone.
+            # Missing values differ from each other, so each is a run of its own.
             begins = np.flatnonzero((cleared != np.roll(cleared, 1)) | (np.diff(flight, prepend=-1) != 0))
             near = np.abs(rows[flown].to_numpy() - cleared) <= self.within_kt * step
             under |= np.repeat(np.logical_or.reduceat(near, begins), np.diff(begins, append=len(rows)))
@@ -87,17 +92,20 @@ class ClearedSpeed(Filter):
 
 @dataclass(frozen=True)
 class ClearedLevel(Filter):
-    """Drop rows within a height of the level that is cleared: the aircraft may be taking its rate off to capture it.
+    """Drop rows within a height of the cleared flight level: the aircraft may be reducing its rate to capture it.
 
-    A level that is cleared further before it is near is no constraint. What is level goes without clearances, by
-    :class:`~descentflow.surveillance.cleaning.filters.Descending`. Only sources with clearances know.
+    A clearance that is replaced before its level is near is no constraint. Level flight itself is dropped without
+    clearances, by :class:`~descentflow.surveillance.cleaning.filters.Descending`. Only sources with clearances know.
+
+    Args:
+        within_ft: Height above and below the cleared level.
     """
 
     within_ft: float
     reason = "cleared_level"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows further away; the stretch changes where one stood."""
+        """Rows further away; a new segment begins after each dropped row."""
         if rows.is_empty() or "cleared_flight_level" not in rows.columns:
             return rows
         above_ft = (rows["altitude"] - 100 * rows["cleared_flight_level"]).cast(pl.Float64).to_numpy()

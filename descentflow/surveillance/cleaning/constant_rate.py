@@ -1,4 +1,4 @@
-"""Managed stretches, where an autopilot holds a selected vertical rate."""
+"""Segments of constant vertical rate, where an autopilot holds a selected one."""
 
 from dataclasses import dataclass
 
@@ -7,74 +7,86 @@ import polars as pl
 from numpy.typing import NDArray
 
 from descentflow.surveillance.cleaning.filters import FLIGHT, Filter, cut
+from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
 from descentflow.surveillance.cleaning.windows import Index, clock_of, window_max, window_sum, windows
 from descentflow.surveillance.rows.air_data import Array
 
 Mask = NDArray[np.bool_]
 
-SELECTABLE_FPM = 100.0
-"""Step of the vertical rate that a pilot can select on a flight control unit or mode control panel."""
-SIDE_S = 20.0
-"""Time over which the rate is averaged on either side of a change."""
-TURN_S = 4.0
-"""Left out on either side of a change: the aircraft is turning onto its new path."""
-SETTLE_S = 10.0
-"""Left out at both ends of a stretch before it is judged."""
-FEWEST_BESIDE = 3
-"""Reports needed on either side for a change to be seen."""
-
 
 @dataclass(frozen=True)
-class FreeRate(Filter):
-    """Drop managed stretches, where the vertical rate is held constant (paper, section 3).
+class ConstantRate(Filter):
+    """Drop segments of constant vertical rate, where an autopilot holds a selected one (paper, section 3).
 
-    An idle descent's rate follows altitude and airspeed, but slowly: by some 60 ft/min in 90 s, hardly more than the
-    noise of the reports. So a window of time cannot tell it from a held rate: judged by drift and scatter alone, two
-    thirds of the idle rows of world flights pass for managed. What tells is how a rate begins and ends, for it is
-    selected and given up at once. Flights are cut at gaps, and where the mean rates of the 20 s before and after
-    differ by `jump_fpm` and more; the stretches between are judged whole. One is managed if
+    The rate of an idle descent changes with altitude and airspeed, but slowly: by some 60 ft/min in 90 s, hardly more
+    than the noise of the reports. A window of time cannot tell it from a selected rate: judged by drift and scatter
+    alone, two thirds of the idle rows of simulated flights would be taken for a selected rate. What tells them apart is
+    how a rate begins and ends, because a rate is selected and given up suddenly. Flights are divided at gaps and where
+    the mean rates of the 20 s before and after differ by `jump_fpm` or more; the segments between are judged as a
+    whole. One is dropped if
 
-    - its rate is constant: a line fitted to it changes by at most `drift_fpm` from end to end, and the reports scatter
-      about it by at most `scatter_fpm` (standard deviation; rates are quantised to 32 or 64 ft/min, or differenced
+    - its rate is constant: a line fitted to it changes by at most `drift_fpm` from end to end, and the standard
+      deviation of the reports about it is at most `scatter_fpm` (rates are quantised to 32 or 64 ft/min, or computed
       from altitudes in steps of 25 ft);
-    - its mean is within `offset_fpm` of a rate that can be selected (vertical-speed modes step by 100 ft/min);
-    - and either it lasts `seconds`, and is shallower than a neighbour that it was cut from and steeper than none (less
-      is selected than idle thrust gives; the change from Mach to CAS makes a descent shallower, but is not undone);
-      or it lasts `seconds_alone`, whatever is beside it.
+    - its mean is within `offset_fpm` of a rate that can be selected (in steps of 100 ft/min);
+    - and either it lasts `seconds`, is shallower than a neighbouring segment and steeper than none (less is selected
+      than idle thrust gives; the change from Mach to CAS makes a descent shallower, too, but is not undone), or it
+      lasts `seconds_alone`, whatever its neighbours are.
 
-    On 1,500 world flights (A320, reports 4 s apart) it takes four fifths of the managed rows and 0.9 % of the idle
-    ones (1.3 % where rates are differenced from altitude). In the hour over the Netherlands, held rates average to 987
-    to 1,020 ft/min where 1,000 was clearly selected, drift by up to 79 and scatter by up to 55 ft/min.
+    On 1,500 simulated flights (A320, reports 4 s apart) it drops four fifths of the rows of constant-rate segments and
+    0.9 % of the idle ones (1.3 % where rates are computed from altitude). In the hour over the Netherlands, selected
+    rates average to 987 to 1,020 ft/min where 1,000 was clearly selected, drift by up to 79 and scatter by up to 55
+    ft/min.
 
-    Unseen stay stretches of fewer than `fewest` reports, and managed descents that are not constant, as those that
-    follow the geometry of an arrival.
+    Segments of fewer than `fewest` reports are not found, nor managed descents at other than constant rate, such as
+    those along the geometric path of an arrival.
+
+    Args:
+        seconds: Shortest segment with a sudden change at its begin or end.
+        seconds_alone: Shortest segment without one.
+        jump_fpm: Smallest sudden change.
+        drift_fpm: Largest change of the fitted line.
+        scatter_fpm: Largest standard deviation about it.
+        offset_fpm: Largest distance of the mean from a rate that can be selected.
+        fewest: Fewest reports of a segment.
+        longest_gap_s: Longest time between two reports of a segment.
     """
 
-    seconds: float = 50.0
-    seconds_alone: float = 180.0
-    jump_fpm: float = 150.0
-    drift_fpm: float = 80.0
-    scatter_fpm: float = 64.0
-    offset_fpm: float = 25.0
-    fewest: int = 6
-    longest_gap_s: float = 60.0
+    seconds: float = Cleaning.constant_rate_s
+    seconds_alone: float = Cleaning.constant_rate_alone_s
+    jump_fpm: float = Cleaning.constant_rate_jump_fpm
+    drift_fpm: float = Cleaning.constant_rate_drift_fpm
+    scatter_fpm: float = Cleaning.constant_rate_scatter_fpm
+    offset_fpm: float = Cleaning.constant_rate_offset_fpm
+    fewest: int = Fixed.constant_rate_reports
+    longest_gap_s: float = Cleaning.longest_gap_s
     reason = "constant_rate"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows outside every managed stretch; :data:`STRETCH` changes where one stood."""
+        """Rows outside every constant-rate segment; a new segment of free descent begins after each."""
         if rows.is_empty():
             return rows
         flight = rows[FLIGHT].rle_id().to_numpy().astype(np.int64)
         seconds = (rows["timestamp"] - rows["timestamp"].min()).dt.total_microseconds().to_numpy() / 1e6
-        return cut(rows, self.managed(flight, seconds, rows["vertical_rate"].to_numpy()))
+        return cut(rows, self.is_constant(flight, seconds, rows["vertical_rate"].to_numpy()))
 
-    def managed(self, flight: Index, seconds: Array, rate_fpm: Array) -> Mask:
-        """Which rows lie in a stretch of held rate.
+    def is_constant(self, flight: Index, seconds: Array, rate_fpm: Array) -> Mask:
+        """Which rows are in a segment of constant rate.
 
         Args:
             flight: (n,) ascending number of the flight.
             seconds: (n,) ascending within a flight.
             rate_fpm: (n,).
+
+        Returns:
+            (n,) true in such segments.
+
+        Example:
+            >>> seconds = np.arange(0.0, 400.0, 4.0)
+            >>> rate_fpm = np.where((seconds > 100) & (seconds < 300), -1000.0, -2000.0 + seconds / 2)
+            >>> found = ConstantRate().is_constant(np.zeros(100, dtype=int), seconds, rate_fpm)
+            >>> seconds[found].min(), seconds[found].max()
+            (np.float64(100.0), np.float64(292.0))
         """
         clock = clock_of(flight, seconds)
         change = self._changes(clock, rate_fpm)
@@ -82,26 +94,28 @@ class FreeRate(Filter):
         begins, ends = change[starts], np.append(change[starts][1:], 0.0)
         beside = ((begins > 0) | (ends < 0)) & (begins >= 0) & (ends <= 0)
         constant, lasted = self._constant(clock, rate_fpm, starts, np.append(starts[1:], len(clock)))
-        held = constant & ((lasted >= self.seconds_alone) | (beside & (lasted >= self.seconds)))
-        return np.repeat(held, np.diff(starts, append=len(clock)))
+        selected = constant & ((lasted >= self.seconds_alone) | (beside & (lasted >= self.seconds)))
+        return np.repeat(selected, np.diff(starts, append=len(clock)))
 
     def _changes(self, clock: Array, rate_fpm: Array) -> Array:
         """Change of the mean rate at each row (positive where it gets shallower), zero if a larger one is near."""
-        before = _means(rate_fpm, *windows(clock, -SIDE_S - TURN_S, -TURN_S), FEWEST_BESIDE)
-        after = _means(rate_fpm, *windows(clock, TURN_S, SIDE_S + TURN_S), FEWEST_BESIDE)
+        side_s, turn_s = Fixed.constant_rate_side_s, Fixed.constant_rate_turn_s
+        fewest = Fixed.constant_rate_side_reports
+        before = _means(rate_fpm, *windows(clock, -side_s - turn_s, -turn_s), fewest)
+        after = _means(rate_fpm, *windows(clock, turn_s, side_s + turn_s), fewest)
         change = np.nan_to_num(after - before)
-        largest = window_max(np.abs(change), *windows(clock, -SIDE_S, SIDE_S))
+        largest = window_max(np.abs(change), *windows(clock, -side_s, side_s))
         return np.where((np.abs(change) >= self.jump_fpm) & (np.abs(change) == largest), change, 0.0)
 
     def _constant(self, clock: Array, rate_fpm: Array, first: Index, last: Index) -> tuple[Mask, Array]:
-        """Which stretches hold a selectable rate, and how long each lasts without its ends (s)."""
+        """Which segments have a selectable rate, and how long each lasts without its ends (s)."""
         begin, end = clock[first], clock[last - 1]
         first, last = (
-            np.searchsorted(clock, begin + SETTLE_S),
-            np.searchsorted(clock, end - SETTLE_S, side="right"),
+            np.searchsorted(clock, begin + Fixed.constant_rate_settle_s),
+            np.searchsorted(clock, end - Fixed.constant_rate_settle_s, side="right"),
         )
         last = np.maximum(first, last)
-        # Time since the stretch's begin is small, and so keeps the digits of its squares.
+        # Time since the begin of the segment is small, so that its squares keep their digits.
         time = clock - np.repeat(begin, np.diff(np.append(np.searchsorted(clock, begin), len(clock))))
         n, t, r, tt, tr, rr = (
             window_sum(values, first, last)
@@ -113,7 +127,8 @@ class FreeRate(Filter):
         slope = (tr - t * r / n) / spread
         rest = np.maximum(rr - r * r / n - slope**2 * spread, 0.0) / np.maximum(n - 2, 1)
         lasted = np.where(enough, clock[np.maximum(last, 1) - 1] - clock[np.minimum(first, len(clock) - 1)], 0.0)
-        off = np.abs(r / n - SELECTABLE_FPM * np.round(r / n / SELECTABLE_FPM))
+        step_fpm = Fixed.constant_rate_step_fpm
+        off = np.abs(r / n - step_fpm * np.round(r / n / step_fpm))
         constant = (np.abs(slope) * lasted <= self.drift_fpm) & (rest <= self.scatter_fpm**2)
         return enough & constant & (off <= self.offset_fpm), lasted
 

@@ -9,13 +9,17 @@ from descentflow.surveillance.cleaning.rates import with_rate
 from descentflow.surveillance.rows.drop_report import DropReport
 
 ROW = "_row"
-"""Column that numbers the rows of a batch while filters look at them."""
+"""Column that numbers the rows of a batch while they are filtered."""
 SHOWN = ("flight_id", "typecode", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
 
 
 @dataclass
 class TracedReport(DropReport):
-    """A report that also keeps, for each row of a batch, by which step it was dropped."""
+    """A report that also keeps the step by which each row of a batch was dropped.
+
+    Args:
+        rows: Number of rows of the batch.
+    """
 
     rows: int = 0
 
@@ -23,7 +27,7 @@ class TracedReport(DropReport):
         self.step_of = np.full(self.rows, -1, dtype=np.int16)
 
     def count(self, step: str, before: pl.DataFrame, after: pl.DataFrame) -> pl.DataFrame:
-        """See :meth:`DropReport.count`; rows are told by :data:`ROW`."""
+        """See :meth:`DropReport.count`; rows are identified by :data:`ROW`."""
         kept = super().count(step, before, after)
         if ROW in before.columns and len(after) < len(before):
             gone = np.zeros(self.rows, dtype=bool)
@@ -33,7 +37,7 @@ class TracedReport(DropReport):
         return kept
 
     def with_reasons(self, rows: pl.DataFrame, number: int) -> pl.DataFrame:
-        """Some flights of the batch with the reason for which each row was dropped, null if it was kept.
+        """Some flights of the batch with the reason for which each row was dropped, null for rows that were kept.
 
         Args:
             rows: The batch.
@@ -46,13 +50,18 @@ class TracedReport(DropReport):
 
 
 def some_flights(rows: pl.DataFrame, number: int) -> pl.DataFrame:
-    """All rows of a few flights: some taken at random that have rows kept, and for each reason the one it hit most.
+    """All rows of a few flights: some random ones with rows that were kept, and for each reason the flight it hit most.
 
-    Of some of the flights of each part, it chooses the same as of all flights at once.
+    From the flights chosen in each part of the data it chooses the same as from all flights at once.
 
     Args:
         rows: Columns `flight_id reason` and others, whole flights.
-        number: Flights taken at random (by a hash of their names, so that every run takes the same).
+        number: Number of random flights (by a hash of their names, so that every run chooses the same).
+
+    Example:
+        >>> rows = pl.DataFrame({"flight_id": ["a", "a", "b"], "reason": ["transient", None, "transient"]})
+        >>> some_flights(rows, 0)["flight_id"].unique().to_list()
+        ['a']
     """
     counts = rows.group_by("flight_id", "reason").len()
     hit = counts.drop_nulls("reason").sort("len", "flight_id", descending=[True, False])

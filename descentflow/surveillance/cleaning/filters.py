@@ -1,6 +1,6 @@
-"""Filters of rows: small classes that compose with ``|``, each with its reason and its count.
+"""Filters of rows: small classes that compose with ``|``; each counts what it drops under its reason.
 
-A filter sees rows sorted by flight and time and says which to keep. ``a | b`` applies `a`, then `b`.
+A filter gets rows sorted by flight and time and returns those to keep. ``a | b`` applies `a`, then `b`.
 """
 
 from abc import ABC, abstractmethod
@@ -9,19 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
+from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
 from descentflow.surveillance.cleaning.windows import PAUSE_S, clock_of
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 
 FLIGHT = "flight_id"
-STRETCH = "_stretch"
-"""Column that numbers the stretches of free descent in a flight: levels between two stretches are not bridged, or a
-level-off's time would stand in a free descent."""
+SEGMENT = "_segment"
+"""Column that numbers the segments of uninterrupted free descent in a flight: levels between two segments are not
+bridged, or the time of a level-off would count as free descent."""
 SECONDS = pl.col("timestamp").dt.epoch("us") / 1e6
 
 
 def flights_of(rows: pl.DataFrame) -> np.ndarray:
-    """Ascending number of every row's flight, which the column may hold itself."""
+    """(n,) ascending number of every row's flight (the column may hold such numbers itself)."""
     name = rows[FLIGHT]
     if name.dtype.is_integer():
         return name.cast(pl.Int64).to_numpy()
@@ -29,17 +30,21 @@ def flights_of(rows: pl.DataFrame) -> np.ndarray:
 
 
 def cut(rows: pl.DataFrame, gone: np.ndarray) -> pl.DataFrame:
-    """Drop rows of a descent; :data:`STRETCH` changes where some stood."""
+    """Drop rows of a descent; a new :data:`SEGMENT` begins after each."""
     if not gone.any():
         return rows
     dropped = pl.Series(gone)
-    if STRETCH in rows.columns:
-        rows = rows.with_columns((pl.col(STRETCH) + dropped.cast(pl.Int64).cum_sum()).alias(STRETCH))
+    if SEGMENT in rows.columns:
+        rows = rows.with_columns((pl.col(SEGMENT) + dropped.cast(pl.Int64).cum_sum()).alias(SEGMENT))
     return rows.filter(~dropped)
 
 
 class Filter(ABC):
-    """Keep some rows, count the others under :attr:`reason`."""
+    """Keeps some rows and counts the others under :attr:`reason`.
+
+    A new rule of cleaning is a subclass with `reason` and `keep`, entered in
+    :func:`~descentflow.surveillance.cleaning.chain.after_rates`.
+    """
 
     reason: str
 
@@ -56,13 +61,15 @@ class Filter(ABC):
 
         Example:
             >>> cleaning = Despike("altitude", 300.0) | Descending()
+            >>> [one.reason for one in cleaning.filters]
+            ['spike_altitude', 'not_descending']
         """
         return Chain((self,)) | other
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Filters one after the other."""
+    """Filters applied one after the other."""
 
     filters: tuple[Filter, ...] = ()
 
@@ -79,24 +86,29 @@ class Chain:
 
 @dataclass(frozen=True)
 class Despike(Filter):
-    """Drop rows whose value stands alone: a Hampel filter over five reports (Hampel 1974).
+    """Drop rows with an isolated value: a Hampel filter over five reports (Hampel 1974).
 
-    A value is a spike if it differs from the median of the five around it by more than `floor` and by more than three
-    robust standard deviations (1.4826 times their median absolute deviation). The median of a monotone stretch is its
-    middle, so a steep path is no spike; at the ends of a flight, where there is no middle, the change that `fastest`
-    allows within 5 reports is added to `floor`.
+    A value is a spike if it differs from the median of the five around it by more than `smallest` and by more than
+    three robust standard deviations (1.4826 times their median absolute deviation). The median of monotone values is
+    the middle one, so a steep path is no spike; at the ends of a flight, where there is no middle, the change that
+    `fastest` allows within 5 reports is added to `smallest`.
 
-    Of IAS and Mach, rows in which the two agree are no spikes, however far they stand out: where reports are sparse an
-    aircraft that hurries and slows down looks like one (real flights showed it), and two registers do not err alike.
+    Rows in which IAS and Mach agree are no spikes of either, however far they are from their neighbours: where reports
+    are sparse, an aircraft that accelerates and decelerates looks like one (seen in real flights), and two registers
+    are not wrong in the same way.
+
+    Args:
+        column: The column.
+        smallest: Smallest spike in the column's unit; far above noise and quantisation, so that smooth manoeuvres are
+            no spikes.
+        fastest: Fastest change per second that an aircraft makes.
+        agreeing_kt: IAS and the CAS of Mach and altitude agree within this; None if their agreement does not count.
     """
 
     column: str
-    floor: float
-    """In the column's unit; far above noise and quantisation, so that smooth manoeuvres are never spikes."""
+    smallest: float
     fastest: float = 0.0
-    """Fastest change a second that an aircraft makes."""
     agreeing_kt: float | None = None
-    """IAS and the CAS of Mach and altitude agree within this; none to let them not witness for each other."""
 
     @property
     def reason(self) -> str:  # type: ignore[override]
@@ -104,11 +116,11 @@ class Despike(Filter):
         return f"spike_{self.column}"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows that are no spikes, or miss the value."""
+        """Rows that are no spikes; rows without the value are kept."""
         suspects = self._suspects(rows)
         if not suspects.any():
             return rows
-        # The medians are worked out for the few flights that can hold a spike.
+        # Medians are computed for the few flights that can have a spike.
         spikes = np.zeros(len(rows), dtype=bool)
         some = np.isin(flights_of(rows), np.unique(flights_of(rows)[suspects]))
         spikes[some] = self._spikes(rows.filter(pl.Series(some))).to_numpy()
@@ -117,7 +129,7 @@ class Despike(Filter):
         return rows.filter(pl.Series(~spikes))
 
     def _suspects(self, rows: pl.DataFrame) -> np.ndarray:
-        """Rows that two of the four around them exceed, or fall below, by more than the floor.
+        """(n,) rows that two of the four around them exceed, or fall below, by more than `smallest`.
 
         No other row can be that far from a median of three to five values.
         """
@@ -126,7 +138,7 @@ class Despike(Filter):
         for offset in (1, 2):
             step = value[offset:] - value[:-offset]
             same = flight[offset:] == flight[:-offset]
-            up, down = same & (step > self.floor), same & (step < -self.floor)
+            up, down = same & (step > self.smallest), same & (step < -self.smallest)
             above[:-offset] += up
             below[offset:] += up
             below[:-offset] += down
@@ -141,13 +153,15 @@ class Despike(Filter):
         whole = (SECONDS.max() - SECONDS.min()).over(FLIGHT)
         reach = pl.when((last - first).is_null()).then(pl.min_horizontal(ahead, behind, whole)).otherwise(0.0)
         around = rows.with_columns(
-            value.rolling_median(5, center=True, min_samples=3).over(FLIGHT).alias("_median"),
-            (self.floor + self.fastest * reach).alias("_floor"),
+            value.rolling_median(Fixed.hampel_rows, center=True, min_samples=3).over(FLIGHT).alias("_median"),
+            (self.smallest + self.fastest * reach).alias("_smallest"),
         ).with_columns((value - pl.col("_median")).abs().alias("_off"))
         around = around.with_columns(
-            pl.col("_off").rolling_median(5, center=True, min_samples=3).over(FLIGHT).alias("_mad")
+            pl.col("_off").rolling_median(Fixed.hampel_rows, center=True, min_samples=3).over(FLIGHT).alias("_mad")
         )
-        spike = (pl.col("_off") > pl.col("_floor")) & (pl.col("_off") > 3 * 1.4826 * pl.col("_mad"))
+        spike = (pl.col("_off") > pl.col("_smallest")) & (
+            pl.col("_off") > Fixed.hampel_deviations * 1.4826 * pl.col("_mad")
+        )
         return around.select(spike.fill_null(False)).to_series()
 
 
@@ -155,11 +169,14 @@ class Despike(Filter):
 class AirspeedsAgree(Filter):
     """Drop rows whose IAS is not the CAS of their Mach number and pressure altitude.
 
-    A register decoded as another, or a Mach held over from an earlier report, shows here. Position and instrument
-    error, quantisation (1 kt, 0.004 Mach) and a few seconds between the two registers stay well below the limit.
+    This shows a register decoded as another, or a Mach number kept from an earlier report. Position and instrument
+    error, quantisation (1 kt, 0.004 Mach) and a few seconds between the two registers are well below the limit.
+
+    Args:
+        limit_kt: Largest difference of IAS and CAS.
     """
 
-    limit_kt: float = 25.0
+    limit_kt: float = Cleaning.airspeeds_differ_kt
     reason = "IAS_contradicts_Mach"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
@@ -168,24 +185,27 @@ class AirspeedsAgree(Filter):
         return rows if agree.all() else rows.filter(pl.Series(agree))
 
     def agree(self, rows: pl.DataFrame) -> np.ndarray:
-        """Which rows are within the limit."""
+        """(n,) which rows are within the limit."""
         cas = cas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy())
         return np.asarray(np.abs(rows["IAS"].to_numpy() - cas) <= self.limit_kt)
 
 
 @dataclass(frozen=True)
 class Descending(Filter):
-    """Keep rows that descend at 500 ft/min or more (paper, section 3): level-offs and climbs go.
+    """Keep rows that descend at 500 ft/min or more (paper, section 3): level-offs and climbs are dropped.
 
-    Adds `_since_level` and `_until_level`: seconds from the last, and to the next, row of the flight that did not
-    descend so; and :data:`STRETCH`, which changes where such a row stood.
+    Adds `_since_level` and `_until_level`, seconds from the last and to the next row of the flight that does not
+    descend so, and :data:`SEGMENT`: a new one begins after each dropped row.
+
+    Args:
+        slowest_fpm: Slowest rate of descent.
     """
 
-    slowest_fpm: float = 500.0
+    slowest_fpm: float = Cleaning.slowest_fpm
     reason = "not_descending"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows with a rate of at most -`slowest_fpm`; rows without a rate go too."""
+        """Rows with a rate of at most -`slowest_fpm`; rows without a rate are dropped."""
         descends = rows["vertical_rate"].to_numpy() <= -self.slowest_fpm
         clock = clock_of(flights_of(rows), rows["timestamp"].dt.epoch("us").to_numpy() / 1e6)
         since = clock - np.maximum.accumulate(np.where(descends, -np.inf, clock))
@@ -193,7 +213,7 @@ class Descending(Filter):
         timed = rows.with_columns(
             pl.Series("_since_level", since),
             pl.Series("_until_level", until),
-            pl.Series(STRETCH, np.cumsum(~descends), dtype=pl.Int64),
+            pl.Series(SEGMENT, np.cumsum(~descends), dtype=pl.Int64),
         ).filter(pl.Series(descends))
         # Of another flight, or none at all.
         beyond = pl.col("_since_level", "_until_level")
@@ -204,11 +224,14 @@ class Descending(Filter):
 class SteadyDescent(Filter):
     """Drop the transients at the top and the bottom of a descent, and beside level-offs (paper, section 3).
 
-    A transport aircraft takes some 20 s to settle into, or to leave, its descent (0.05 to 0.1 g); during them its
-    rate says little of thrust and drag.
+    A transport aircraft takes some 20 s to enter or to leave its descent (0.05 to 0.1 g); in this time its rate says
+    little about thrust and drag.
+
+    Args:
+        transient_s: Time dropped.
     """
 
-    transient_s: float = 20.0
+    transient_s: float = Cleaning.transient_s
     reason = "transient"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
@@ -219,14 +242,18 @@ class SteadyDescent(Filter):
 
 @dataclass(frozen=True)
 class LargestDescent(Filter):
-    """Of a flight that climbs back and descends again, keep the descent of the largest span."""
+    """Keep the largest descent of a flight that climbs and descends again.
 
-    climb_back_ft: float = 1000.0
+    Args:
+        climb_back_ft: Climb that separates two descents.
+    """
+
+    climb_back_ft: float = Cleaning.climb_back_ft
     reason = "second_descent"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows of the descent with the largest difference of altitudes."""
-        # Climbing rows are gone by now: a climb is a jump upwards between two descending rows.
+        # Climbing rows have been dropped: a climb is a step upwards between two descending rows.
         altitude, flight = rows["altitude"].to_numpy(), flights_of(rows)
         if not ((np.diff(altitude) > self.climb_back_ft) & (flight[1:] == flight[:-1])).any():
             return rows
@@ -239,13 +266,13 @@ class LargestDescent(Filter):
 
 @dataclass(frozen=True)
 class Falling(Filter):
-    """Drop rows that are not below every earlier row of the descent (25 ft of quantisation make some)."""
+    """Drop rows that are not below every earlier row of the descent (quantisation to 25 ft makes some)."""
 
     reason = "not_below_earlier_row"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows at a new lowest altitude."""
-        # Each flight is put below all before it, so that one running minimum serves them all.
+        # Each flight is shifted below all before it, so that one running minimum serves all of them.
         height = rows["altitude"].to_numpy() - 1e6 * flights_of(rows)
         lowest = np.minimum.accumulate(np.concatenate([[np.inf], height[:-1]])) if len(rows) else height
         return rows.filter(pl.Series(height < lowest))

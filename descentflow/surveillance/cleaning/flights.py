@@ -1,4 +1,4 @@
-"""Rows in order, without duplicates or impossible values, each with the flight it belongs to."""
+"""Rows in order, without duplicates or impossible values, each with its flight and type."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,20 +6,26 @@ import numpy as np
 import polars as pl
 
 from descentflow.core.errors import DataError
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.windows import Index
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED
 
-FLIGHT_GAP_S = 900.0
-"""Silence after which the same address is taken to be another flight (15 min, as OpenSky's and traffic's users do)."""
 MADE_NAME = r"^([0-9a-f]{6})_\d{8}T\d{6}$"
 """:func:`name_flights` makes such names of addresses."""
 
 
 def usable(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
-    """Drop rows that miss a required value or hold an impossible one; each row is judged by itself.
+    """Drop rows in which a required value is missing or impossible; each row is judged by itself.
 
     An impossible value of a channel that is not required is set to missing instead, and noted.
+
+    Example:
+        >>> from descentflow.surveillance.read_rows import read_rows
+        >>> report = DropReport()
+        >>> rows = read_rows(["rows.parquet"], DropReport()).with_columns(Mach=pl.lit(7.8))
+        >>> usable(rows, report).height, report.steps[-1].step
+        (0, 'impossible_Mach')
     """
     report.count("read", rows, rows)
     complete = report.count("missing_value", rows, rows.drop_nulls(list(REQUIRED)))
@@ -38,7 +44,7 @@ def usable(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
 
 
 def in_order(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
-    """Rows by address and time, the first of each time."""
+    """Rows sorted by address and time; of rows with the same address and time the first is kept."""
     names = rows["icao24"].unique().sort()
     address = rows["icao24"].cast(pl.Enum(names)).to_physical().cast(pl.Int64).to_numpy()
     time = rows["timestamp"].dt.epoch("us").to_numpy()
@@ -52,7 +58,7 @@ def in_order(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
 
 
 def _order(address: Index, time: Index) -> Index:
-    """Places of the rows by address, time and place: by one key where both fit in it, several times faster."""
+    """(n,) order by address, time and position; a single key, where both fit in one, is several times faster."""
     span = int(time.max(initial=0)) + 1
     if (int(address.max(initial=0)) + 1) * span >= 2**63:
         return np.lexsort((time, address))
@@ -61,32 +67,41 @@ def _order(address: Index, time: Index) -> Index:
 
 
 def names_given(rows: pl.DataFrame) -> pl.DataFrame:
-    """Pairs `flight_id icao24` that a source gives, each once."""
+    """Pairs `flight_id icao24` of the source, each once."""
     if "flight_id" not in rows.columns:
         return pl.DataFrame(schema={"flight_id": pl.String, "icao24": pl.String})
     return rows.select("flight_id", "icao24").unique().drop_nulls()
 
 
 def names_shared(pairs: pl.DataFrame) -> pl.Series:
-    """Flight names that would braid the rows of two aircraft together (a flight number flown every day, say).
+    """Flight names that would mix the rows of two aircraft (for instance a flight number that is flown every day).
 
-    A name that looks like one that :func:`name_flights` makes for another aircraft counts too.
+    A name that looks like one that :func:`name_flights` makes for another aircraft counts, too.
 
     Args:
-        pairs: As :func:`names_given`, of all rows that there are.
+        pairs: As :func:`names_given`, of all rows.
+
+    Example:
+        >>> names_shared(pl.DataFrame({"flight_id": ["AB12", "AB12"], "icao24": ["4ca001", "4ca002"]})).to_list()
+        ['AB12']
     """
     made = pl.col("flight_id").str.extract(MADE_NAME)
     foreign = (made != pl.col("icao24")).fill_null(False)
     return pairs.unique().filter(pl.col("flight_id").is_duplicated() | foreign)["flight_id"].unique().sort()
 
 
-def name_flights(rows: pl.DataFrame, gap_s: float = FLIGHT_GAP_S, *, shared: pl.Series | None = None) -> pl.DataFrame:
-    """Fill `flight_id` where it is absent: the address and the time of the flight's first row.
+def name_flights(
+    rows: pl.DataFrame, gap_s: float = Cleaning.flight_gap_s, *, shared: pl.Series | None = None
+) -> pl.DataFrame:
+    """Fill `flight_id` where it is missing with the address and the time of the flight's first row.
 
     Args:
-        rows: Sorted by aircraft and time; so they are by time within a flight in what is returned, by flight.
-        gap_s: Silence that separates two flights of one address.
-        shared: Given names to which the address is added; by default those that :func:`names_shared` finds in `rows`.
+        rows: Sorted by aircraft and time.
+        gap_s: Time without a report that separates two flights of one address.
+        shared: Names of the source to which the address is added; those of :func:`names_shared` in `rows` if None.
+
+    Returns:
+        Rows sorted by flight and time.
     """
     shared = names_shared(names_given(rows)) if shared is None else shared
     named = rows
@@ -106,7 +121,7 @@ def name_flights(rows: pl.DataFrame, gap_s: float = FLIGHT_GAP_S, *, shared: pl.
 
 
 def by_flight(rows: pl.DataFrame) -> pl.DataFrame:
-    """Rows sorted by flight, otherwise in the order that they have; much faster than a sort where flights are whole."""
+    """Rows sorted by flight, else in their order; much faster than a sort if the rows of a flight are neighbours."""
     runs = rows.select(pl.col("flight_id").rle()).unnest("flight_id")
     if runs["value"].is_sorted():
         return rows
@@ -119,7 +134,7 @@ def by_flight(rows: pl.DataFrame) -> pl.DataFrame:
 
 
 def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
-    """Join a types table (`icao24,typecode`); a type in the rows themselves goes first.
+    """Join a table of types (`icao24,typecode`); a type in the rows themselves has precedence.
 
     Raises:
         DataError: If the table lacks a column.
@@ -144,7 +159,7 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
 
 
 def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropReport) -> pl.DataFrame:
-    """Keep rows of known type, and of the wanted types if any are named."""
+    """Keep rows of known type, and of the wanted types if there are any."""
     named = rows["typecode"].is_not_null()
     known = report.count("unknown_type", rows, rows if named.all() else rows.filter(named))
     if wanted is None:
@@ -153,12 +168,12 @@ def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropRepor
 
 
 def check_left(report: DropReport, wanted: Sequence[str] | None, present: Mapping[str, int]) -> None:
-    """Refuse rows of which nothing was left before cleaning, and say why.
+    """Refuse rows of which none is left before cleaning, and say why.
 
     Args:
         report: Of all rows.
-        wanted: Types asked for.
-        present: Rows of each known type.
+        wanted: Types to keep.
+        present: Number of rows per known type.
 
     Raises:
         DataError: If no row was usable, or of known type, or of a wanted type.

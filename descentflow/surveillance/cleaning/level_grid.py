@@ -1,16 +1,15 @@
-"""Free descents on flight levels: interpolation between rows, and gaps left open."""
+"""Free descents on flight levels: interpolation between rows; levels in gaps are left out."""
 
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.cleaning.filters import STRETCH, flights_of
+from descentflow.surveillance.cleaning.filters import SEGMENT, flights_of
+from descentflow.surveillance.cleaning.thresholds import Fixed
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import CHANNELS
 
 CIRCULAR = ("track", "heading", "wind_direction")
-"""Angles, interpolated the short way round."""
-QUANTUM_FT = 25.0
-"""Step of reported altitude."""
+"""Angles, interpolated along the shorter arc."""
 
 
 def to_levels(
@@ -26,21 +25,28 @@ def to_levels(
     """Interpolate every descent linearly in altitude to whole flight levels (paper, section 2.2).
 
     Two neighbouring rows bridge the levels between them unless they are further apart than `longest_gap_s` or
-    `highest_gap_ft`, or a level-off or managed stretch stood between them, or one may have hidden there: over a gap of
-    more than `hidden_s` less than `slowest_fpm` was made on average. Then these levels have no row.
+    `highest_gap_ft`, or rows between them were dropped (a new segment begins), or a level-off may be hidden there: over
+    a gap of more than `hidden_s` the mean rate is less than `slowest_fpm`. Then these levels have no row.
 
     Args:
         rows: Sorted by flight and time, altitude falling strictly within a flight.
         bottom_fl: Lowest level.
         longest_gap_s: Longest gap that is bridged.
         highest_gap_ft: Highest gap that is bridged.
-        slowest_fpm: Slowest mean rate that is bridged over more than `hidden_s`.
-        hidden_s: Longest gap in which no level-off can hide.
-        report: Takes the number of gaps left open.
+        slowest_fpm: Slowest mean rate over a bridged gap of more than `hidden_s`.
+        hidden_s: Longest gap in which no level-off can be hidden.
+        report: Takes the number of gaps that are not bridged.
 
     Returns:
-        One row a flight and level, sorted by flight and falling level: `flight_id icao24 typecode callsign level_fl
+        One row per flight and level, sorted by flight and falling level: `flight_id icao24 typecode callsign level_fl
         timestamp time_s` and the channels that the rows have.
+
+    Example:
+        >>> from datetime import datetime
+        >>> times = [datetime(2024, 3, 1, 12, 0, second) for second in (0, 20)]
+        >>> rows = pl.DataFrame({"flight_id": ["a", "a"], "timestamp": times, "altitude": [20_250.0, 19_950.0]})
+        >>> to_levels(rows, 150, longest_gap_s=60.0, highest_gap_ft=3000.0)["level_fl"].to_list()
+        [202, 201, 200]
     """
     flight = flights_of(rows)
     altitude_fl = rows["altitude"].to_numpy() / 100.0
@@ -48,15 +54,15 @@ def to_levels(
     gap_s, gap_fl = np.diff(micros) / 1e6, -np.diff(altitude_fl)
     same = flight[1:] == flight[:-1]
     bridged = same & (gap_s <= longest_gap_s) & (gap_fl * 100 <= highest_gap_ft)
-    # Half a step of quantisation at either end may be missing from the height.
-    bridged &= (gap_s <= hidden_s) | (60 * (gap_fl * 100 + QUANTUM_FT) >= slowest_fpm * gap_s)
-    stretch = np.diff(rows[STRETCH].to_numpy()) if STRETCH in rows.columns else np.zeros(len(same), dtype=np.int64)
+    # Half a step of quantisation may be missing from the height at either end.
+    bridged &= (gap_s <= hidden_s) | (60 * (gap_fl * 100 + Fixed.altitude_step_ft) >= slowest_fpm * gap_s)
+    segment = np.diff(rows[SEGMENT].to_numpy()) if SEGMENT in rows.columns else np.zeros(len(same), dtype=np.int64)
     if report:
-        report.note("gaps of reception left open", int((same & (stretch == 0) & ~bridged).sum()))
-        report.note("level or held stretches left open", int((same & (stretch != 0)).sum()))
-    bridged &= stretch == 0
-    # The interval from a row down to the next: levels above or at the next row and strictly below this one, so that a
-    # level on which a row stands is counted once; the first row of a stretch adds its own level.
+        report.note("gaps of reception left open", int((same & (segment == 0) & ~bridged).sum()))
+        report.note("level or held stretches left open", int((same & (segment != 0)).sum()))
+    bridged &= segment == 0
+    # The interval from a row down to the next: levels above or at the next row and strictly below this one, so that the
+    # level of a row is counted once; the first row of a segment adds its own level.
     top, low = np.ceil(altitude_fl[:-1]) - 1, np.ceil(altitude_fl[1:])
     starts = np.concatenate([[True], ~bridged]) if len(flight) else np.zeros(0, dtype=bool)
     own = starts[:-1] & (altitude_fl[:-1] == np.floor(altitude_fl[:-1]))
@@ -84,7 +90,7 @@ def _interpolated(values: np.ndarray, upper: np.ndarray, share: np.ndarray, *, c
     step = below - above
     if circular:
         step = (step + 180.0) % 360.0 - 180.0
-    # A level on which a row stands has that row's value, whatever its neighbour misses.
+    # The level of a row itself has that row's value, even if its neighbour lacks one.
     found = above + share * step
     if np.isnan(found).any():
         found = np.where(share == 0.0, above, np.where(share == 1.0, below, found))

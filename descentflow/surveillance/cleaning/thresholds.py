@@ -1,4 +1,8 @@
-"""Every threshold of the cleaning with its reason and source: one table for the library, the options and the YAML."""
+"""Every threshold of the cleaning with its meaning and source: one table for the library, the options and the YAML.
+
+:class:`Cleaning` holds what a user sets; :class:`Fixed` holds the numbers of the methods themselves, which are no
+options.
+"""
 
 import dataclasses
 import textwrap
@@ -18,7 +22,7 @@ def threshold(default: Any, meaning: str, source: str) -> Any:
 
 HAMPEL = "a Hampel filter (Hampel 1974, JASA 69) over five reports; "
 ENDS = "the fastest change of a transport aircraft: "
-HELD = "measured on 1,500 world flights and an hour of real ones over the Netherlands; see free_rate.py"
+HELD = "measured on 1,500 simulated flights and an hour of real ones over the Netherlands; see constant_rate.py"
 STALE = "a register that its aircraft, or the receiver, no longer refreshes; "
 
 
@@ -30,7 +34,7 @@ class Cleaning:
         >>> Cleaning(bottom_fl=100).slowest_fpm
         500.0
         >>> describe("transient_s")[0]
-        'what is dropped on either side of level flight, s'
+        'time dropped before and after level flight, s'
     """
 
     bottom_fl: int = threshold(
@@ -53,7 +57,7 @@ class Cleaning:
     )
     fastest_altitude_ftps: float = threshold(
         100.0,
-        "added for each second at the ends of a flight, where no middle shows a spike, ft/s",
+        "added per second at the ends of a flight, where a spike has neighbours on one side only, ft/s",
         ENDS + "6,000 ft/min",
     )
     fastest_ias_ktps: float = threshold(2.0, "the same of IAS, kt/s", ENDS + "0.1 g")
@@ -62,58 +66,60 @@ class Cleaning:
     spike_agreeing_kt: float = threshold(
         8.0,
         "IAS and Mach that agree within this (as CAS) are no spikes, kt",
-        "seen in real flights: sparse reports of an aircraft that hurries and slows down; four steps of 0.004 Mach",
+        "seen in real flights: sparse reports of an aircraft that accelerates and slows down; four steps of 0.004 Mach",
     )
     stale_s: float = threshold(
         20.0,
-        "shortest repetition of one value that is held against the other channels, s",
+        "shortest repetition of one value that is compared with the other channels, s",
         STALE + "receivers drop a register after some 60 s, radars refresh one in 5 to 15 s",
     )
     stale_altitude_ft: float = threshold(
         300.0,
-        "altitude stands still while the rate makes this much, or the rate while the altitude makes this much more or "
-        "less, ft",
+        "altitude is repeated while the rate integrates to this much, or the rate while the altitude changes by this "
+        "much more or less, ft",
         STALE + "three steps of a 100 ft encoder; also 10 % of the height, for rates of inertial height in warm air",
     )
     stale_ias_kt: float = threshold(
         8.0,
-        "IAS stands still while the CAS of Mach and altitude moves by this, kt",
+        "IAS is repeated while the CAS of Mach and altitude changes by this, kt",
         STALE + "four steps of 0.004 Mach at FL150 (2.1 kt each); 1,700 ft at a constant Mach number",
     )
     stale_mach: float = threshold(
         0.02,
-        "Mach stands still while the Mach number of IAS and altitude moves by this",
+        "Mach is repeated while the Mach number of IAS and altitude changes by this",
         STALE + "five steps of 0.004, seven of 1 kt at FL350 (0.0027 each)",
     )
     airspeeds_differ_kt: float = threshold(
         25.0,
         "largest difference of IAS and the CAS of Mach and altitude, kt",
-        "position and instrument error (some 5 kt), quantisation (3 kt) and seconds between two registers stay below; "
+        "position and instrument error (some 5 kt), quantisation (3 kt) and seconds between registers are smaller; "
         "a register decoded as another does not",
     )
     slowest_fpm: float = threshold(
-        500.0, "slowest rate that counts as descent, ft/min", "paper, section 3: level-offs and climbs go"
+        500.0, "slowest rate that counts as descent, ft/min", "paper, section 3: level-offs and climbs are dropped"
     )
     transient_s: float = threshold(
         20.0,
-        "what is dropped on either side of level flight, s",
+        "time dropped before and after level flight, s",
         "paper, section 3 (transients); a transport aircraft settles into a descent within some 20 s at 0.05 to 0.1 g",
     )
     constant_rate_s: float = threshold(
-        50.0, "shortest managed stretch, where a rate is selected at once, held, and given up, s", HELD
+        50.0, "shortest constant-rate segment that begins and ends with a sudden change of rate, s", HELD
     )
-    constant_rate_alone_s: float = threshold(
-        180.0, "shortest managed stretch where the rate is held, but no change to it is seen, s", HELD
-    )
+    constant_rate_alone_s: float = threshold(180.0, "shortest constant-rate segment without such a change, s", HELD)
     constant_rate_jump_fpm: float = threshold(
-        150.0, "smallest change of rate at the begin or end of a managed stretch, ft/min", HELD
+        150.0, "smallest sudden change of rate at the begin or end of a constant-rate segment, ft/min", HELD
     )
-    constant_rate_drift_fpm: float = threshold(80.0, "largest drift of the rate over a managed stretch, ft/min", HELD)
+    constant_rate_drift_fpm: float = threshold(
+        80.0, "largest drift of the rate over a constant-rate segment, ft/min", HELD
+    )
     constant_rate_scatter_fpm: float = threshold(
-        64.0, "largest scatter of the rate in a managed stretch, ft/min", HELD + "; one step of a rate in BDS 6,0 is 32"
+        64.0,
+        "largest standard deviation of the rate in a constant-rate segment, ft/min",
+        HELD + "; one step of a rate in BDS 6,0 is 32",
     )
     constant_rate_offset_fpm: float = threshold(
-        25.0, "largest distance of a managed stretch's mean rate from a multiple of 100 ft/min, ft/min", HELD
+        25.0, "largest distance of a constant-rate segment's mean rate from a multiple of 100 ft/min, ft/min", HELD
     )
     largest_bank_deg: float | None = threshold(
         None,
@@ -128,18 +134,18 @@ class Cleaning:
     )
     cleared_speed_within_kt: float = threshold(
         10.0,
-        "an assigned speed that is never flown to within this is no constraint (`or less`, `or greater`), kt",
+        "an assigned speed that the flight never comes this close to is no constraint (`or less`, `or greater`), kt",
         "ICAO Doc 4444, 4.6.1.4: speeds are instructed in steps of 10 kt; a SCAT flight descends at 260 kt under 280",
     )
     cleared_level_within_ft: float | None = threshold(
         None,
-        "drop rows this near to the level that is cleared, where clearances are known, ft; off by default",
-        "paper, section 3: flights without level constraints; autopilots take the rate off over the last 500 ft or so "
-        "(0.05 g from 2,000 ft/min), which the transients beside level flight hold already",
+        "drop rows within this height of the cleared flight level, where clearances are known, ft; off by default",
+        "paper, section 3: flights without level constraints; autopilots reduce the rate over the last 500 ft or so "
+        "(0.05 g from 2,000 ft/min), which the transients beside level flight contain already",
     )
     climb_back_ft: float = threshold(
         1000.0,
-        "climb that parts two descents of a flight (go-around), of which the larger is kept, ft",
+        "climb that separates two descents of a flight (go-around), of which the larger is kept, ft",
         "a missed approach climbs by thousands of feet, a step of an encoder by 100",
     )
     longest_gap_s: float = threshold(
@@ -158,9 +164,64 @@ class Cleaning:
     )
 
 
+@dataclass(frozen=True)
+class Fixed:
+    """Numbers of the cleaning's methods that are no options; used as `Fixed.hampel_rows`.
+
+    Example:
+        >>> Fixed.altitude_step_ft
+        25.0
+    """
+
+    altitude_step_ft: float = threshold(25.0, "step of reported altitude, ft", "Mode S and ADS-B: ICAO Doc 9871")
+    hampel_rows: int = threshold(5, "reports in the window of a Hampel filter", "Hampel 1974, JASA 69")
+    hampel_deviations: float = threshold(
+        3.0, "robust standard deviations from the median that make a spike", "Hampel 1974, JASA 69"
+    )
+    mach_per_kt: float = threshold(
+        0.002, "Mach number that counts as much as 1 kt of an assigned speed", "266 kt are Mach 0.78 at FL350"
+    )
+    stale_rate_fpm: float = threshold(
+        100.0,
+        "rate by which altitude and reported rate may differ for any time, ft/min",
+        STALE + "steps of 64 ft/min and their bias",
+    )
+    stale_height_share: float = threshold(
+        0.1,
+        "share of the height by which they may differ besides",
+        STALE + "inertial rates in air 25 K off the standard atmosphere differ by a tenth",
+    )
+    rate_windows_s: tuple[float, ...] = threshold(
+        (5.0, 10.0, 20.0, 30.0, 60.0),
+        "half-widths of the windows in which a missing rate is fitted, tried in turn, s",
+        "sources report every second to every 30 s",
+    )
+    rate_error_fpm: float = threshold(
+        50.0, "largest standard error of a fitted rate, ft/min", "below the 64 ft/min in which ADS-B reports rates"
+    )
+    turn_span_s: float = threshold(
+        20.0, "longest time between two reports whose change of track is taken for one turn, s", "rate one: 60 degrees"
+    )
+    constant_rate_step_fpm: float = threshold(
+        100.0, "step of the vertical rate that a pilot can select, ft/min", "flight control units of Airbus and Boeing"
+    )
+    constant_rate_side_s: float = threshold(20.0, "time of the mean rates beside a sudden change, s", HELD)
+    constant_rate_turn_s: float = threshold(
+        4.0, "time left out on either side of a sudden change, s", HELD + "; the aircraft enters its new path"
+    )
+    constant_rate_settle_s: float = threshold(10.0, "time left out at both ends of a judged segment, s", HELD)
+    constant_rate_side_reports: int = threshold(3, "fewest reports on either side of a sudden change", HELD)
+    constant_rate_reports: int = threshold(6, "fewest reports of a segment that is judged", HELD)
+
+
 def describe(name: str) -> tuple[str, str]:
-    """Meaning and source of a threshold."""
-    meta = {field.name: field.metadata for field in dataclasses.fields(Cleaning)}[name]
+    """Meaning and source of a threshold.
+
+    Example:
+        >>> describe("slowest_fpm")
+        ('slowest rate that counts as descent, ft/min', 'paper, section 3: level-offs and climbs are dropped')
+    """
+    meta = {field.name: field.metadata for kind in (Cleaning, Fixed) for field in dataclasses.fields(kind)}[name]
     return meta["meaning"], meta["source"]
 
 
@@ -224,7 +285,7 @@ def read_cleaning(path: Path) -> dict[str, Any]:
 
 def as_yaml(cleaning: Cleaning) -> str:
     """The thresholds as YAML, each with its meaning and source as a comment."""
-    lines = ["# Thresholds of `descentflow prepare --config`; an option of the same name goes before a line here."]
+    lines = ["# Thresholds of `descentflow prepare --config`; an option of the same name overrides a line here."]
     for field in dataclasses.fields(Cleaning):
         value = getattr(cleaning, field.name)
         text = f"{field.metadata['meaning']}. Source: {field.metadata['source']}."

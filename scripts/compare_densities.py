@@ -13,26 +13,23 @@ import logging
 import tempfile
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
 import torch
-import yaml
 
-from descentflow import models
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli.entry import main as command
-from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import DescentflowError
 from descentflow.core.files import check_output, whole_file
-from descentflow.densities.checkpoint import load_model
+from descentflow.densities.density import Density
 from descentflow.evaluation.forecast_scores import forecast_scores
 from descentflow.evaluation.metrics.forecast_metrics import Skill, skill
 from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
+from descentflow.training.training_settings import training_settings
 
 SPREADS = {"deviation_spread_k": 10.0, "wind_slope_spread_per_s": 0.001}
 
@@ -76,16 +73,11 @@ def with_random(table: Path | None, descents: Path, seed: int, folder: Path) -> 
     return folder / "with_random.parquet"
 
 
-def fitted(name: str, data: DescentDataModule, seed: int, folder: Path) -> Any:
-    """A density as `descentflow fit --config configs/model/NAME.yaml` would train it."""
-    config = yaml.safe_load(config_file(name).read_text())
-    kind = getattr(models, config["model"]["class_path"].rsplit(".", 1)[-1])
-    for option, value in {"batch_size": 512, "fewest_batches": 1, **config.get("data", {})}.items():
+def fitted(name: str, data: DescentDataModule, seed: int) -> Density:
+    """A density as `descentflow fit --config configs/model/NAME.yaml` trains it."""
+    for option, value in {"batch_size": 512, "fewest_batches": 1, **training_settings(name).data}.items():
         setattr(data, option, value)
-    torch.manual_seed(seed)
-    model = kind(**config["model"].get("init_args", {}))
-    fit(model, data, folder / "model.ckpt", config["trainer"]["max_epochs"])
-    return load_model(folder / "model.ckpt")
+    return fit(data, name, seed=seed).density
 
 
 def scores_of_seed(args: argparse.Namespace, seed: int, folder: Path) -> list[pl.DataFrame]:
@@ -99,7 +91,7 @@ def scores_of_seed(args: argparse.Namespace, seed: int, folder: Path) -> list[pl
         data.setup()
         flights, weights, known = data.profiles("test"), data.weights("test"), data.contexts("test")
         for name in args.models:
-            density = fitted(name, data, seed, folder)
+            density = fitted(name, data, seed)
             scores = forecast_scores(density, flights, weights, known, args.draws, seed)
             named = {"model": name, "given": ", ".join(context or []), "seed": seed}
             columns = {key: value.numpy() for key, value in scores.items()}

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
@@ -14,8 +13,9 @@ from descentflow.representation.checkpoint import SECTION, read_checkpoint
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.datamodule import DescentDataModule
-from descentflow.training.fit import quiet
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
+from descentflow.training.quiet import quiet
+from descentflow.training.training_settings import CHECKPOINT_DEFAULTS, TRAINER_DEFAULTS, accelerator
 
 MODELS = (Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow)
 """Imported so that `--model NAME` finds them by their short names."""
@@ -33,12 +33,8 @@ class DescentCLI(LightningCLI):
         parser.add_lightning_class_args(ScoreCallback, "scores")
         parser.set_defaults(
             {
-                "checkpoint.monitor": "val/nll",
-                "checkpoint.filename": "best",
-                "checkpoint.auto_insert_metric_name": False,
-                "trainer.max_epochs": 200,
-                "trainer.num_sanity_val_steps": 0,
-                "trainer.log_every_n_steps": 1,
+                **{f"checkpoint.{name}": value for name, value in CHECKPOINT_DEFAULTS.items()},
+                **{f"trainer.{name}": value for name, value in TRAINER_DEFAULTS.items()},
                 "trainer.logger": {
                     "class_path": "lightning.pytorch.loggers.TensorBoardLogger",
                     "init_args": {"save_dir": "runs", "name": UNNAMED},
@@ -103,10 +99,10 @@ def _with_packaged_configs(words: list[str]) -> list[str]:
 
 
 def _with_accelerator(words: list[str]) -> list[str]:
-    """Choose CUDA where there is one; never Apple's MPS, which has no float64."""
+    """Choose the accelerator unless it is named."""
     if _option(words, "--trainer.accelerator") is not None:
         return words
-    return ["--trainer.accelerator", "cuda" if torch.cuda.is_available() else "cpu", *words]
+    return ["--trainer.accelerator", accelerator(), *words]
 
 
 def _with_run_settings(command: str, words: list[str]) -> list[str]:

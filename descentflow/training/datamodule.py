@@ -46,15 +46,17 @@ class DescentDataModule(LightningDataModule):
     the descents, its train and validation flights keep their part, and every other flight is a test flight.
 
     Example:
-        >>> data = DescentDataModule("a320.parquet", aircraft="A320")
+        >>> data = DescentDataModule("descents.parquet", aircraft="A320")
         >>> data.setup()
-        >>> data.weights("train").shape
-        torch.Size([1440, 12])
+        >>> {part: len(data.profiles(part)) for part in ("train", "validation", "test")}
+        {'train': 86, 'validation': 10, 'test': 24}
+        >>> data.weights("train").std(0).round(decimals=6).unique()
+        tensor([1.], dtype=torch.float64)
     """
 
     def __init__(
         self,
-        descents: Path,
+        descents: list[Path] | Path | Descents,
         aircraft: str | None = None,
         bada_dir: Path | None = None,
         typecodes: list[str] | None = None,
@@ -77,7 +79,8 @@ class DescentDataModule(LightningDataModule):
         """Set the options; nothing is read before ``setup``.
 
         Args:
-            descents: Parquet that ``descentflow prepare`` wrote.
+            descents: What ``prepare`` wrote: a file, a store, or a folder of files that were prepared alike; from
+                Python also several such paths, or what it returned.
             aircraft: Type whose coefficients infer and fly the drag; the descents' own type if they have only one.
             bada_dir: Folder of BADA 3 OPF and APF files; the embedded open aircraft if absent.
             typecodes: Keep these types of the descents; all if absent.
@@ -197,13 +200,19 @@ class DescentDataModule(LightningDataModule):
         most = -(-len(tensors[0]) // self.fewest_batches) if shuffle else self.batch_size
         return DataLoader(TensorDataset(*tensors), batch_size=min(self.batch_size, most), shuffle=shuffle)
 
+    def _name(self) -> str:
+        """The descents' file in messages and checkpoints."""
+        if isinstance(self.descents, str | Path):
+            return Path(self.descents).name
+        return ", ".join(Path(one).name for one in self.descents) if isinstance(self.descents, list) else "in memory"
+
     def _chosen(self, source: Descents) -> pl.DataFrame:
         if self.typecodes is None:
             return source.frame
         frame = source.frame.filter(pl.col("typecode").is_in(self.typecodes))
         if frame.is_empty():
             raise DataError(
-                f"no descent of {', '.join(self.typecodes)} in {self.descents}",
+                f"no descent of {', '.join(self.typecodes)} in {self._name()}",
                 expected=f"some of {', '.join(sorted(source.frame['typecode'].unique()))}",
                 mend="change data.typecodes",
             )
@@ -252,7 +261,7 @@ class DescentDataModule(LightningDataModule):
             method=self.fpca,
             margin=self.margin,
             mass_kg=self.mass_kg,
-            provenance={"descents": Path(self.descents).name, "typecodes": sorted(source.frame["typecode"].unique())},
+            provenance={"descents": self._name(), "typecodes": sorted(source.frame["typecode"].unique())},
         )
 
     @staticmethod

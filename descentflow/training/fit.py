@@ -1,57 +1,140 @@
-"""Fit a density from Python."""
+"""Fit a model from Python, as `descentflow fit` does from the command line."""
 
-import logging
-import os
-import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from lightning.pytorch import Trainer
+import torch
+from lightning.pytorch import Trainer, seed_everything
+from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.utilities.seed import isolate_rng
 
-from descentflow.core.files import whole_file
+from descentflow.core.errors import ConfigError
+from descentflow.core.threads import one_thread_unless_told
+from descentflow.representation.checkpoint import read_checkpoint
+from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.training.datamodule import DescentDataModule
-from descentflow.training.models import LatentModel
+from descentflow.training.models.latent_model import LatentModel
+from descentflow.training.quiet import quiet
+from descentflow.training.training_settings import TrainingSettings, accelerator, settings_of, training_settings
 
 
-def fit(model: LatentModel[Any], data: DescentDataModule, checkpoint: Path, max_epochs: int) -> None:
-    """Fit a model from Python, without logs or progress bars, and write its checkpoint, whole or not at all.
+def fit(
+    descents: str | Path | Sequence[str | Path] | Descents | DescentDataModule,
+    model: str | LatentModel[Any] = "flow",
+    *,
+    out: str | Path | None = None,
+    seed: int = 0,
+    max_epochs: int | None = None,
+    aircraft: str | None = None,
+    context: Sequence[str] | None = None,
+    progress_bar: bool = False,
+    device: str | None = None,
+    **data_options: Any,
+) -> LatentModel[Any]:
+    """Train a model on prepared descents and return it as it was in its best epoch (paper, sections 2.2 and 2.3).
+
+    With a name, the model is what ``descentflow fit --config configs/model/...`` trains with the same seed: both take
+    their settings from the same file. Torch's global random numbers are the same before and after.
 
     Args:
-        model: What to fit.
-        data: Descents.
-        checkpoint: File to write.
-        max_epochs: Epochs at most.
+        descents: What :func:`~descentflow.surveillance.prepare.prepare` returned, the path of what it wrote (several
+            that were prepared alike are taken together), or a DataModule with options of its own.
+        model: ``gaussian``, ``mixture``, ``flow`` (masked affine) or ``spline``; a model that is not trained yet, with
+            hyperparameters of its own; or a YAML file as ``descentflow fit --config`` takes it.
+        out: Checkpoint to write too, whole or not at all.
+        seed: Of initial parameters and the order of batches, ``--seed_everything`` of the command line. What splits the
+            flights is the DataModule's own seed.
+        max_epochs: Epochs at most; those of the model's settings if absent.
+        aircraft: Type whose coefficients infer and fly the drag; the descents' own type if they have only one.
+        context: Columns on which the density is conditioned.
+        progress_bar: Whether to show a bar while it trains.
+        device: ``cpu`` or ``cuda``; CUDA where there is one if absent.
+        **data_options: Other options of :class:`~descentflow.training.datamodule.DescentDataModule`, for instance
+            ``split_by="aircraft"``; those of the model's settings if absent.
+
+    Returns:
+        The fitted LightningModule. It prints what it was trained on, and ``save(path)`` writes its checkpoint.
+
+    Raises:
+        DataError: If the descents cannot be read or are too few.
+        ConfigError: If there is no such model, or the options contradict the descents.
 
     Example:
-        >>> fit(Gaussian(), DescentDataModule(Path("a320.parquet")), Path("a320.ckpt"), max_epochs=1)
+        >>> model = fit("descents.parquet", "gaussian", out="fitted.ckpt")
+        >>> print(model)
+        Gaussian of ... weights (... of drag, ... of CAS) on FL150-..., A320
+        86 flights trained it, 10 validated it: val/nll ... in epoch 1
     """
+    if max_epochs is not None and max_epochs < 1:
+        raise ConfigError(f"max_epochs {max_epochs}", expected="1 or more", mend="pass another number")
     quiet()
-    trainer = Trainer(
-        max_epochs=max_epochs,
-        accelerator="cpu",
-        logger=False,
-        enable_progress_bar=False,
-        enable_checkpointing=False,
-        enable_model_summary=False,
-        num_sanity_val_steps=0,
-    )
-    trainer.fit(model, datamodule=data)
-    with whole_file(checkpoint) as temporary:
-        trainer.save_checkpoint(temporary)
+    settings = settings_of(model) if isinstance(model, LatentModel) else training_settings(model)
+    options = {"aircraft": aircraft, "context": None if context is None else list(context), **data_options}
+    data = _data_module(descents, settings.data, {name: value for name, value in options.items() if value is not None})
+    with _own_random_numbers(seed), _own_threads():
+        trained = model if isinstance(model, LatentModel) else settings.new_model()
+        _train(trained, data, settings, max_epochs, progress_bar, device or accelerator())
+    if out is not None:
+        trained.save(out)
+    return trained
 
 
-def quiet() -> None:
-    """Silence advice that does not apply here; everything else that Lightning says still comes through."""
-    # Lightning's own calls of jsonargparse are what is deprecated, not anything a user wrote.
-    os.environ.setdefault("JSONARGPARSE_DEPRECATION_WARNINGS", "off")
-    for advice in (
-        ".*does not have many workers.*",  # the weights are in memory
-        ".*The number of training batches.*",  # a closed form has few
-        ".*LightningCLI's args parameter.*",  # descentflow's own command line calls it
-        ".*treespec, LeafSpec.*",
-        ".*isinstance.treespec.*",
-        ".*The dirpath has changed.*",  # test and predict write into a folder of their own
-    ):
-        warnings.filterwarnings("ignore", message=advice)
-    for handler in logging.getLogger("lightning.pytorch").handlers:
-        handler.addFilter(lambda record: not record.getMessage().startswith(("TPU available", "\U0001f4a1 Tip")))
+def _data_module(source: Any, settings: dict[str, Any], options: dict[str, Any]) -> DescentDataModule:
+    """The DataModule that was passed, or one with the options of the call over those of the settings."""
+    if not isinstance(source, DescentDataModule):
+        return DescentDataModule(source, **(settings | options))
+    if options:
+        raise ConfigError(
+            f"a DataModule and {', '.join(options)}",
+            expected="a DataModule with options of its own, or descents and options",
+            mend="pass the options to DescentDataModule",
+        )
+    return source
+
+
+def _train(
+    model: LatentModel[Any],
+    data: DescentDataModule,
+    settings: TrainingSettings,
+    max_epochs: int | None,
+    progress_bar: bool,
+    device: str,
+) -> None:
+    """Train a model and put it back to its best epoch."""
+    options = settings.trainer | ({} if max_epochs is None else {"max_epochs": max_epochs})
+    with TemporaryDirectory() as folder:
+        best = ModelCheckpoint(folder, **settings.checkpoint)
+        trainer = Trainer(
+            accelerator=device,
+            logger=False,
+            callbacks=[*settings.new_callbacks(), best],
+            enable_progress_bar=progress_bar,
+            enable_model_summary=False,
+            **options,
+        )
+        trainer.fit(model, datamodule=data)
+        content = read_checkpoint(best.best_model_path)
+    model.restore(content)
+    model.outcome = f"{best.monitor} {float(best.best_model_score or torch.nan):.4g} in epoch {content['epoch'] + 1}"
+
+
+@contextmanager
+def _own_random_numbers(seed: int) -> Iterator[None]:
+    """Seed everything inside the block; random numbers outside it go on as if it were not there."""
+    with isolate_rng():
+        seed_everything(seed, workers=True, verbose=False)
+        yield
+
+
+@contextmanager
+def _own_threads() -> Iterator[None]:
+    """One thread for small arrays inside the block, see :mod:`descentflow.core.threads`."""
+    threads = torch.get_num_threads()
+    one_thread_unless_told()
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

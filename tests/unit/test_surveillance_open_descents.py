@@ -20,7 +20,6 @@ from descentflow.surveillance.open_descents import open_descents, open_prepared
 from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
-from descentflow.training.models import Gaussian
 
 STRICT = Cleaning(slowest_fpm=1200.0, transient_s=60.0)
 
@@ -166,5 +165,5 @@ def test_settings_of_another_version_are_unknown() -> None:
 
 def test_a_checkpoint_keeps_the_settings(folder: Path, tmp_path: Path) -> None:
     data = DescentDataModule(folder / "strict.parquet")
-    fit(Gaussian(), data, tmp_path / "strict.ckpt", max_epochs=1)
+    fit(data, "gaussian", out=tmp_path / "strict.ckpt")
     assert load_representation(tmp_path / "strict.ckpt").cleaning == STRICT

@@ -13,7 +13,6 @@ from descentflow.simulation.world import simulate
 from descentflow.studies.blind_diagnosis.blind_plan import REFERENCE_FLIGHTS, SetPlan, SimulatorPlan
 from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
-from descentflow.training.datamodule import DescentDataModule
 
 TYPECODE = "A320"
 NEVER = ("latitude", "longitude")
@@ -52,12 +51,11 @@ def write_simulator(one: SimulatorPlan, path: Path, typecode: str = TYPECODE, fl
         >>> write_simulator(plan.simulators[0], Path("simulator.ckpt"))
     """
     from descentflow.training.fit import fit
-    from descentflow.training.models.gaussian_model import Gaussian
 
     descents = path.with_suffix(".parquet")
     if not descents.is_file():
         _write_descents(one, descents, typecode, flights)
-    fit(Gaussian(), DescentDataModule(descents, aircraft=typecode), path, max_epochs=1)
+    fit(descents, "gaussian", out=path, aircraft=typecode, device="cpu")
 
 
 def _write_descents(one: SimulatorPlan, path: Path, typecode: str, flights: int) -> None:

@@ -1,13 +1,17 @@
 """The base of every model: what training, validation and checkpoints of a latent density have in common."""
 
 from abc import ABC, abstractmethod
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+import lightning
+import torch
 from lightning.pytorch import LightningModule
 from torch import Tensor
 
 from descentflow.core.errors import CheckpointError, ConfigError
-from descentflow.densities.checkpoint import density_of, section_of
+from descentflow.core.files import whole_file
+from descentflow.densities.checkpoint import content_of, density_of, section_of
 from descentflow.densities.density import Density
 from descentflow.representation.checkpoint import SECTION
 from descentflow.representation.representation import Representation
@@ -33,6 +37,8 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         """
         super().__init__()
         self._density: D | None = None
+        self.outcome = ""
+        """What the fit ended with, in words; empty before it."""
 
     @abstractmethod
     def make(self, dimension: int, n_context: int = 0) -> D:
@@ -76,6 +82,48 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         """Take the representation of the DataModule (Lightning calls this)."""
         if self._density is None:
             self.attach(self.trainer.datamodule.representation)  # type: ignore[attr-defined]
+
+    def save(self, path: str | Path) -> None:
+        """Write a checkpoint, whole or not at all; :func:`descentflow.densities.checkpoint.load_model` reads it.
+
+        Raises:
+            ConfigError: If the model has not been fitted.
+
+        Example:
+            >>> from descentflow.densities.checkpoint import load_model
+            >>> from descentflow.training.fit import fit
+            >>> fit("descents.parquet", "gaussian").save("fitted.ckpt")
+            >>> type(load_model("fitted.ckpt")).__name__
+            'GaussianDensity'
+        """
+        content = content_of(self.density.cpu())
+        content["hyper_parameters"] = {name: _primitive(value) for name, value in self.hparams.items()}
+        content["pytorch-lightning_version"] = lightning.__version__
+        with whole_file(Path(path)) as temporary:
+            torch.save(content, temporary)
+
+    def restore(self, content: dict[str, Any]) -> None:
+        """Take density, representation and parameters of a checkpoint's content, ready to sample on the CPU."""
+        self.cpu()
+        self.on_load_checkpoint(content)
+        self.load_state_dict(content["state_dict"])
+        self.eval()
+
+    def __repr__(self) -> str:
+        """What is trained and on what, in two lines; not the tree of modules."""
+        if self._density is None or self._density._representation is None:
+            return f"{type(self).__name__}, not fitted yet"
+        parts, decoder = self.representation, self.representation.decoder
+        lines = [
+            f"{type(self).__name__} of {decoder.dimension} weights ({decoder.drag_basis.n_components} of drag, "
+            f"{decoder.cas_basis.n_components} of CAS) on FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}, "
+            f"{decoder.aircraft.typecode}",
+            f"{len(parts.split.train)} flights trained it, {len(parts.split.validation)} validated it"
+            + (f": {self.outcome}" if self.outcome else ""),
+        ]
+        if parts.context is not None:
+            lines.append(f"conditioned on {parts.context.describe()}")
+        return "\n".join(lines)
 
     def nll(self, batch: tuple[Tensor, ...]) -> Tensor:
         """Mean negative log-likelihood of a batch of standardised weights (and context), in nats a flight."""

@@ -1,0 +1,26 @@
+"""Silence for advice of libraries that does not apply to this package."""
+
+import logging
+import os
+import warnings
+
+
+def quiet() -> None:
+    """Silence advice that does not apply here; everything else that Lightning says still comes through."""
+    # Lightning's own calls of jsonargparse are what is deprecated, not anything a user wrote.
+    os.environ.setdefault("JSONARGPARSE_DEPRECATION_WARNINGS", "off")
+    for advice in (
+        ".*does not have many workers.*",  # the weights are in memory
+        ".*The number of training batches.*",  # a closed form has few
+        ".*LightningCLI's args parameter.*",  # descentflow's own command line calls it
+        ".*treespec, LeafSpec.*",
+        ".*isinstance.treespec.*",
+        ".*The dirpath has changed.*",  # test and predict write into a folder of their own
+    ):
+        warnings.filterwarnings("ignore", message=advice)
+    for handler in logging.getLogger("lightning.pytorch").handlers:
+        handler.addFilter(_is_no_advice)
+
+
+def _is_no_advice(record: logging.LogRecord) -> bool:
+    return not record.getMessage().startswith(("TPU available", "\U0001f4a1 Tip"))

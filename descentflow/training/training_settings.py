@@ -1,0 +1,136 @@
+"""How a model is trained: the settings of its YAML file, over the defaults that the command line has too."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning.pytorch import Callback
+
+from descentflow.configs.packaged_config import config_file
+from descentflow.core.errors import ConfigError
+from descentflow.training.models.latent_model import LatentModel
+
+NAMES = {"gaussian": "gaussian", "mixture": "gmm", "flow": "flow", "spline": "spline"}
+"""Name of a model -> the packaged settings file that trains it."""
+SETTINGS_OF = {"Gaussian": "gaussian", "GaussianMixture": "gmm", "MaskedAffineFlow": "flow", "SplineFlow": "spline"}
+"""Class of a model -> the packaged settings file with which an instance of it is trained."""
+CHECKPOINT_DEFAULTS = {"monitor": "val/nll", "filename": "best", "auto_insert_metric_name": False}
+TRAINER_DEFAULTS = {"max_epochs": 200, "num_sanity_val_steps": 0, "log_every_n_steps": 1}
+EXPONENT = re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$")
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """What a settings file says of a model and of its training.
+
+    Attributes:
+        class_path: Where the model's class is.
+        model: Its hyperparameters; those that are absent keep the class's defaults.
+        data: Options of :class:`~descentflow.training.datamodule.DescentDataModule`.
+        checkpoint: Options of Lightning's ModelCheckpoint: what decides which epoch was the best.
+        trainer: Options of Lightning's Trainer, without callbacks and logger.
+        callbacks: Class path and arguments of each callback.
+    """
+
+    class_path: str = ""
+    model: dict[str, Any] = field(default_factory=dict)
+    data: dict[str, Any] = field(default_factory=dict)
+    checkpoint: dict[str, Any] = field(default_factory=lambda: dict(CHECKPOINT_DEFAULTS))
+    trainer: dict[str, Any] = field(default_factory=lambda: dict(TRAINER_DEFAULTS))
+    callbacks: tuple[tuple[str, dict[str, Any]], ...] = ()
+
+    def new_model(self) -> LatentModel[Any]:
+        """A model of the settings, not trained yet."""
+        made: LatentModel[Any] = _class_at(self.class_path)(**self.model)
+        return made
+
+    def new_callbacks(self) -> list[Callback]:
+        """The callbacks of the settings."""
+        return [_class_at(path)(**arguments) for path, arguments in self.callbacks]
+
+
+def training_settings(name: str | Path) -> TrainingSettings:
+    """Read the settings of a model.
+
+    Args:
+        name: ``gaussian``, ``mixture``, ``flow`` or ``spline``; or a YAML file as ``descentflow fit --config`` takes it
+            (:func:`~descentflow.configs.packaged_config.config_file`).
+
+    Raises:
+        ConfigError: If there are no such settings, or they name no model.
+
+    Example:
+        >>> settings = training_settings("flow")
+        >>> settings.class_path, settings.model["n_flows"], settings.trainer["max_epochs"]
+        ('descentflow.training.models.MaskedAffineFlow', 5, 150)
+    """
+    try:
+        path = config_file(NAMES.get(str(name), name))
+    except ConfigError as error:
+        raise ConfigError(
+            f"a model {str(name)!r}",
+            expected=f"{', '.join(NAMES)}, a model such as Gaussian(), or a YAML file of settings",
+            mend="choose one of them",
+        ) from error
+    found = _read(path)
+    model = found.get("model") if isinstance(found, Mapping) else None
+    if not isinstance(model, Mapping) or "class_path" not in model:
+        raise ConfigError(f"{path} without a model", expected="model: class_path: ...", mend="name the model's class")
+    trainer = dict(found.get("trainer") or {})
+    # A fit from Python writes no logs: where they would go is a matter of the command line.
+    trainer.pop("logger", None)
+    callbacks = trainer.pop("callbacks", None) or []
+    return TrainingSettings(
+        model["class_path"],
+        dict(model.get("init_args") or {}),
+        dict(found.get("data") or {}),
+        CHECKPOINT_DEFAULTS | (found.get("checkpoint") or {}),
+        TRAINER_DEFAULTS | trainer,
+        tuple((one["class_path"], dict(one.get("init_args") or {})) for one in callbacks),
+    )
+
+
+def settings_of(model: LatentModel[Any]) -> TrainingSettings:
+    """The settings with which a model that was made in Python is trained: those of its class, or else the defaults.
+
+    Example:
+        >>> from descentflow.training.models import Gaussian
+        >>> settings_of(Gaussian()).trainer["max_epochs"]
+        1
+    """
+    name = SETTINGS_OF.get(type(model).__name__)
+    return TrainingSettings() if name is None else training_settings(name)
+
+
+def accelerator() -> str:
+    """CUDA where there is one, else the CPU; never Apple's MPS, which has no float64.
+
+    Example:
+        >>> accelerator() in ("cuda", "cpu")
+        True
+    """
+    return "cuda" if torch.cuda.is_available() else "cpu"
+
+
+def _read(path: Path) -> Any:
+    """A YAML file's content; 1e-3 is the number that the command line reads too, though YAML 1.1 wants 1.0e-3."""
+    yaml: Any = import_module("yaml")
+    loader: Any = type("Loader", (yaml.SafeLoader,), {})
+    loader.add_implicit_resolver("tag:yaml.org,2002:float", EXPONENT, list("-+0123456789"))
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), loader)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigError(f"{path}: {reason}", expected="a YAML file of settings", mend="correct it") from error
+
+
+def _class_at(path: str) -> Any:
+    module, _, name = path.rpartition(".")
+    try:
+        return getattr(import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ConfigError(f"class {path}", expected="one that can be imported", mend="correct class_path") from error

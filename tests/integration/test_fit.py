@@ -1,0 +1,154 @@
+"""Fitting from Python trains what the command line trains, whatever holds the descents."""
+
+import re
+from pathlib import Path
+
+import polars as pl
+import pytest
+import torch
+import toys
+
+from descentflow.cli.entry import main
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.densities.checkpoint import load_model
+from descentflow.densities.density import Density
+from descentflow.representation.checkpoint import read_checkpoint
+from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.training import models
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.fit import fit
+from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, SplineFlow
+from descentflow.training.training_settings import NAMES, SETTINGS_OF, settings_of, training_settings
+
+QUICK = ["--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false", "--scores.n_samples=200"]
+
+
+@pytest.fixture(scope="module")
+def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return toys.write_descents_file(tmp_path_factory.mktemp("data") / "a320.parquet", 300)
+
+
+def by_command(folder: Path, descents: Path, config: str, epochs: int, seed: int) -> Density:
+    """What the command line trains."""
+    words = ["fit", "--config", config, "--data.descents", str(descents), "--seed_everything", str(seed)]
+    logger = ["--trainer.logger.init_args.save_dir", str(folder), "--trainer.max_epochs", str(epochs)]
+    assert main([*words, *logger, *QUICK]) == 0
+    (checkpoint,) = folder.rglob("best.ckpt")
+    return load_model(checkpoint)
+
+
+def assert_equal(first: Density, second: Density) -> None:
+    """The same parameters, buffers and representation, to the bit."""
+    assert type(first) is type(second)
+    ours, theirs = first.state_dict(), second.state_dict()
+    assert ours.keys() == theirs.keys()
+    for name, tensor in ours.items():
+        assert torch.equal(tensor, theirs[name]), name
+    ours, theirs = (dict(one.representation.named_buffers()) for one in (first, second))
+    for name, tensor in ours.items():
+        assert torch.equal(tensor, theirs[name]), name
+    assert first.representation.split == second.representation.split
+    assert first.representation.cleaning == second.representation.cleaning
+
+
+@pytest.mark.parametrize(
+    ("model", "config", "epochs", "seed"),
+    [("gaussian", "gaussian", 1, 0), ("mixture", "gmm", 3, 1), ("flow", "flow", 4, 2), ("spline", "spline", 2, 0)],
+)
+def test_fit_trains_what_the_command_line_trains(
+    model: str, config: str, epochs: int, seed: int, tmp_path: Path, descents: Path
+) -> None:
+    expected = by_command(tmp_path, descents, config, epochs, seed)
+    assert_equal(fit(descents, model, max_epochs=epochs, seed=seed).density, expected)
+
+
+def test_a_settings_file_of_ones_own(tmp_path: Path, descents: Path) -> None:
+    own = tmp_path / "own.yaml"
+    own.write_text(
+        "model:\n  class_path: descentflow.training.models.Gaussian\n  init_args:\n    ridge: 2\n    jitter: 1e-4\n"
+        "data:\n  explained_variance: 0.7\n  seed: 5\ntrainer:\n  max_epochs: 1\n"
+    )
+    found = fit(descents, str(own))
+    assert found.hparams["jitter"] == 1e-4
+    assert_equal(found.density, by_command(tmp_path, descents, str(own), 1, 0))
+    other = fit(descents, str(own), explained_variance=0.999)
+    assert other.representation.decoder.dimension > found.representation.decoder.dimension
+
+
+def test_a_path_descents_in_memory_and_a_data_module_give_the_same(descents: Path) -> None:
+    expected = fit(descents, "gaussian").density
+    assert_equal(fit(str(descents), "gaussian").density, expected)
+    in_memory = fit(read_descents(descents), Gaussian())
+    assert_equal(in_memory.density, expected)
+    assert in_memory.representation.provenance["descents"] == "in memory"
+    assert_equal(fit(DescentDataModule(descents), Gaussian()).density, expected)
+    assert_equal(fit([descents], "gaussian", split_by="flight").density, expected)
+
+
+def test_random_numbers_and_threads_outside_go_on_as_before(descents: Path) -> None:
+    threads = torch.get_num_threads()
+    torch.manual_seed(7)
+    expected = torch.rand(3)
+    torch.manual_seed(7)
+    fit(descents, "gaussian", seed=3)
+    assert torch.equal(torch.rand(3), expected)
+    assert torch.get_num_threads() == threads
+
+
+def test_the_checkpoint_written_is_the_model(descents: Path, tmp_path: Path) -> None:
+    model = fit(descents, GaussianMixture(n_clusters=2), out=tmp_path / "fitted.ckpt", context=["entry_fl"])
+    loaded = load_model(tmp_path / "fitted.ckpt")
+    assert_equal(loaded, model.density)
+    model.save(tmp_path / "again.ckpt")
+    assert_equal(load_model(tmp_path / "again.ckpt"), model.density)
+    assert read_checkpoint(tmp_path / "again.ckpt")["hyper_parameters"]["n_clusters"] == 2
+    # Lightning itself reads it too.
+    assert_equal(GaussianMixture.load_from_checkpoint(tmp_path / "again.ckpt").density, model.density)
+    context = torch.zeros(1, loaded.n_context, dtype=torch.float64)
+    assert torch.equal(model.sample(5, 0, context), loaded.sample(5, 0, context))
+
+
+def test_a_model_says_what_it_is(descents: Path) -> None:
+    assert str(Gaussian()) == "Gaussian, not fitted yet"
+    model = fit(descents, "gaussian", context=["entry_fl"])
+    head, trained, given = str(model).splitlines()
+    assert re.fullmatch(r"Gaussian of \d+ weights \(\d+ of drag, \d+ of CAS\) on FL150-\d{3}, A320", head)
+    assert re.fullmatch(r"216 flights trained it, 24 validated it: val/nll -?[\d.]+ in epoch 1", trained)
+    assert "entry_fl" in given
+
+
+def test_an_instance_is_trained_with_the_settings_of_its_class() -> None:
+    assert settings_of(SplineFlow(n_flows=2)).checkpoint["monitor"] == "val/bound"
+
+    class Own(Gaussian):
+        """A model of the user's."""
+
+    settings = settings_of(Own())
+    assert (settings.trainer["max_epochs"], settings.checkpoint["monitor"]) == (200, "val/nll")
+
+
+def test_what_cannot_be_fitted_is_refused(descents: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="gaussian, mixture, flow, spline"):
+        fit(descents, "transformer")
+    with pytest.raises(ConfigError, match="max_epochs 0"):
+        fit(descents, "gaussian", max_epochs=0)
+    with pytest.raises(ConfigError, match="a DataModule and split_by"):
+        fit(DescentDataModule(descents), "gaussian", split_by="aircraft")
+    with pytest.raises(DataError, match="no file"):
+        fit(tmp_path / "absent.parquet", "gaussian")
+    (tmp_path / "bare.yaml").write_text("data:\n  seed: 1\n")
+    with pytest.raises(ConfigError, match="without a model"):
+        training_settings(tmp_path / "bare.yaml")
+    (tmp_path / "odd.yaml").write_text("model:\n  class_path: descentflow.training.models.Nothing\n")
+    with pytest.raises(ConfigError, match=r"class descentflow\.training\.models\.Nothing"):
+        fit(descents, str(tmp_path / "odd.yaml"))
+    pl.DataFrame({"flight_id": ["a"]}).write_parquet(tmp_path / "rows.parquet")
+    with pytest.raises(DataError, match="not prepared descents"):
+        fit(tmp_path / "rows.parquet", "gaussian")
+
+
+def test_every_model_of_the_package_has_settings() -> None:
+    kinds = [getattr(models, name) for name in models.__all__]
+    shipped = {kind.__name__ for kind in kinds if kind is not LatentModel}
+    assert set(SETTINGS_OF) == shipped
+    assert {type(training_settings(name).new_model()).__name__ for name in NAMES} == shipped

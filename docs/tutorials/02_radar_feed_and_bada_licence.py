@@ -1,0 +1,113 @@
+"""
+An in-house radar feed and a BADA licence
+=========================================
+
+A provider's radar feed is a table with column names and units of its own, and the provider holds a BADA 3 licence.
+Both are a few lines: rename and convert the columns once, and name the folder of BADA's files.
+"""
+
+# %%
+# A feed of your own
+# ------------------
+# This one has metres, metres per second and seconds since 1970, as many in-house feeds do.
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import polars as pl
+
+import descentflow as df
+
+kept = TemporaryDirectory()
+folder = Path(kept.name)
+
+feed = df.simulate("A320", 300, seed=2).rows.select(
+    pl.col("timestamp").dt.epoch("ms").truediv(1000).alias("time_of_track"),
+    pl.col("icao24").alias("mode_s_address"),
+    pl.col("typecode").alias("aircraft_type"),
+    pl.col("altitude").mul(0.3048).alias("flight_level_m"),
+    pl.col("vertical_rate").mul(0.3048 / 60).alias("rocd_mps"),
+    pl.col("IAS").mul(1852 / 3600).alias("ias_mps"),
+    pl.col("Mach").alias("mach_number"),
+)
+feed.write_csv(folder / "feed.csv")
+print(feed.head())
+
+# %%
+# Rows are in ft, kt and ft/min and have the names of :data:`~descentflow.surveillance.rows.schema.COLUMNS`. Pass
+# the table itself; no file is needed in between.
+
+rows = pl.read_csv(folder / "feed.csv").select(
+    pl.col("time_of_track").mul(1e6).cast(pl.Int64).cast(pl.Datetime("us", "UTC")).alias("timestamp"),
+    pl.col("mode_s_address").alias("icao24"),
+    pl.col("aircraft_type").alias("typecode"),
+    pl.col("flight_level_m").truediv(0.3048).alias("altitude"),
+    pl.col("rocd_mps").truediv(0.3048 / 60).alias("vertical_rate"),
+    pl.col("ias_mps").truediv(1852 / 3600).alias("IAS"),
+    pl.col("mach_number").alias("Mach"),
+)
+descents = df.prepare(rows, typecode="A320")
+print(descents.report)
+
+# %%
+# Had the units been forgotten, physics would have noticed: at a Mach number and an altitude there is one airspeed.
+
+try:
+    df.prepare(rows.with_columns(pl.col("IAS") * 1852 / 3600), typecode="A320")
+except df.DescentflowError as error:
+    print(error)
+
+# %%
+# A BADA licence
+# --------------
+# EUROCONTROL ships BADA 3 as a folder: ``SYNONYM.NEW``, and OPF and APF files. descentflow reads it as it is. No
+# licensed file can be shown here, so these lines write one in the same form, from the embedded open coefficients;
+# you have the folder already.
+
+from descentflow.aircraft_types.bada3.apf_file import apf_of, write_apf
+from descentflow.aircraft_types.bada3.opf_file import opf_of, write_opf
+
+bada = folder / "bada"
+bada.mkdir()
+write_opf(opf_of(df.aircraft("A320")), bada / "A320__.OPF")
+write_apf(apf_of(df.aircraft("A320")), bada / "A320__.APF")
+print((bada / "A320__.OPF").read_text(encoding="latin-1")[:1400])
+
+# %%
+# From here on the folder's coefficients infer the drag and fly it again. Types are resolved through ``SYNONYM.NEW``
+# where there is one.
+
+licensed = df.aircraft("A320", bada_dir=bada)
+print(licensed.typecode, "reference mass", float(licensed.mass_reference_kg), "kg;", licensed.source)
+model = df.fit(descents, model="gaussian", bada_dir=bada)
+print(model)
+
+# %%
+# A nominal descent by these coefficients, beside samples:
+
+import matplotlib.pyplot as plt
+
+from descentflow.physics.nominal_descent import nominal_descent
+
+samples = df.sample(model, n=200, seed=0).to_polars()
+levels = samples["level_fl"].unique().sort()
+nominal = nominal_descent(licensed, levels.to_torch().double())
+figure, axes = plt.subplots(figsize=(6, 4))
+for (_,), one in samples.group_by("sample"):
+    axes.plot(one["rocd_fpm"], one["level_fl"], color="tab:blue", alpha=0.06, linewidth=1)
+axes.plot(nominal.rate_mps / 0.3048 * 60, levels, color="black", label="nominal BADA")
+axes.set(xlabel="rate of descent, ft/min", ylabel="flight level")
+axes.legend()
+
+# %%
+# The same from a shell:
+#
+# .. code-block:: sh
+#
+#    descentflow prepare feed_in_ft_and_kt.csv --typecode A320 --out descents.parquet
+#    descentflow fit --model Gaussian --data.descents descents.parquet --data.bada_dir bada/
+#    descentflow simulate --typecode A320 --flights 100 --bada-dir bada/ --out rows.parquet
+#
+# The coefficients are kept in the checkpoint: treat it as the licence tells you to treat them.
+
+kept.cleanup()

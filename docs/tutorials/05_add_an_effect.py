@@ -1,0 +1,69 @@
+"""
+Add an effect of your own
+=========================
+
+The catalogue holds 13 effects. When something else makes real flights differ, the verdict is ``unknown``. An effect
+is a class in a file: its words, its parameters with bounds, and the shift that it makes in what is measured. This
+tutorial adds one.
+"""
+
+# %%
+# A gap without a name
+# --------------------
+# These flights meet a drag that no effect of the catalogue has: it grows with the Mach number, as the drag of
+# compressibility does.
+
+import descentflow as df
+from descentflow.simulation.causes.cause import Planting
+
+a320 = df.aircraft("A320")
+model = df.fit(df.prepare(df.simulate(a320, 400, seed=0).rows), model="gaussian")
+compressible = Planting(a320, {"compressibility": {"gain": 0.2}}, seed=1)
+real = df.prepare(df.simulate(a320, 400, seed=1, plant=compressible).rows)
+
+report = df.diagnose(real, model)
+print(report)
+
+# %%
+# The effect
+# ----------
+# Parasitic drag that grows from an onset below the planned Mach number.
+# :func:`~descentflow.effects.flight_state.log_rate` is the rate that the performance equations give each flight at
+# its own speed; the shift is how it answers.
+
+from descentflow.effects import EFFECTS
+from descentflow.effects.effect import Effect, Parameter
+from descentflow.effects.flight_state import log_rate
+
+ONSET, PLANNED = float(a320.des_mach) - 0.06, float(a320.des_mach)
+
+
+class Compressibility(Effect):
+    """More parasitic drag the nearer a flight is to its planned Mach number."""
+
+    name = "compressibility"
+    label = "drag of compressibility"
+    says = "drag that grows with the Mach number"
+    directions = ("more drag at high Mach numbers", "less drag at high Mach numbers")
+    parameters = (
+        Parameter(
+            "gain", -0.5, 1.0, "1", 0.05, label="relative change of the parasitic drag at the planned Mach number"
+        ),
+    )
+
+    def shift(self, state, theta):
+        """Rate by the energy equation."""
+        beyond = ((state.mach() - ONSET) / (PLANNED - ONSET)).clamp(min=0.0)
+        return {"rate": log_rate(state, parasitic=1 + theta[0] * beyond.square()) - state.own_log_rate}
+
+
+# %%
+# With it
+# -------
+# Nothing else has to change: it is fitted, judged, printed and put into the corrected simulator like the others.
+
+report = df.diagnose(real, model, catalogue={**EFFECTS, "compressibility": Compressibility()})
+print(report)
+
+# %%
+# To keep it, put the class into ``descentflow/effects/compressibility.py`` and a line into ``EFFECTS``.

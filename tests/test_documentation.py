@@ -1,0 +1,52 @@
+"""What the documents say of the tree is so: links, the map, the new names of modules, the length of the README."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs").glob("*/*.md"))]
+MOVED = re.compile(r"^\| (.*?) \| (.*?) \|$", re.MULTILINE)
+
+
+def is_module(name: str) -> bool:
+    place = ROOT.joinpath(*name.split("."))
+    return place.with_suffix(".py").is_file() or (place / "__init__.py").is_file()
+
+
+def modules_named(cell: str) -> list[str]:
+    """Modules of a cell of the changelog: `a.b.c`, `.d` are a.b.c and a.b.d."""
+    found: list[str] = []
+    for name in re.findall(r"`([\w.]+)`", cell):
+        found.append(name if not name.startswith(".") else found[-1].rsplit(".", 1)[0] + name)
+    return found
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_relative_links_lead_somewhere(path: Path) -> None:
+    links = re.findall(r"\]\(([^)#\s]+)", path.read_text(encoding="utf-8"))
+    broken = [link for link in links if "://" not in link and not (path.parent / link).exists()]
+    assert broken == []
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 900
+
+
+def test_the_map_of_the_house_names_every_package_once() -> None:
+    named = re.findall(r"^\| `(\w+)/` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(named) == sorted(path.parent.name for path in (ROOT / "descentflow").glob("*/__init__.py"))
+
+
+def test_files_that_contributors_are_sent_to_exist() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    paths = [path for path in re.findall(r"`((?:descentflow|tests|docs|scripts)/[\w./-]+)`", text) if "my_" not in path]
+    assert len(paths) > 8
+    assert [path for path in paths if "XXXX" not in path and not (ROOT / path).exists()] == []
+
+
+def test_the_changelog_maps_old_modules_to_modules_that_there_are() -> None:
+    rows = [row for row in MOVED.findall((ROOT / "CHANGELOG.md").read_text(encoding="utf-8")) if "`" in row[0]]
+    assert len(rows) > 20
+    assert [name for _, now in rows for name in modules_named(now) if not is_module(name)] == []

@@ -1,7 +1,23 @@
-"""Latent densities over the weights: log density, sampling and checkpoints. No trainer is imported here.
+"""Densities over the weights of a flight: log density, sampling and checkpoints; :mod:`descentflow.training` fits them.
 
-Each is imported when it is first asked for: a checkpoint of one need not pay for the libraries of the others.
-:mod:`descentflow.training` trains them.
+Reading order: :mod:`~descentflow.densities.density` (what every density offers),
+:mod:`~descentflow.densities.gaussian`, :mod:`~descentflow.densities.mixture` (with
+:mod:`~descentflow.densities.mixture_parameters`), :mod:`~descentflow.densities.em` (its fit; the steps are in
+:mod:`~descentflow.densities.gaussian_steps` and :mod:`~descentflow.densities.regression_steps`),
+:mod:`~descentflow.densities.component_search` (how many mixture components), :mod:`~descentflow.densities.flow` (with
+:mod:`~descentflow.densities.layers`), :mod:`~descentflow.densities.checkpoint`.
+
+To add a density: write a subclass of :class:`Density` with ``log_prob`` and ``draw`` in a file of its own, enter it in
+``MODULES`` below, and add a LightningModule that fits it to :mod:`descentflow.training.models` (enter it in ``MODULES``
+there and in ``MODELS`` of :mod:`descentflow.cli.trainer`). Sampling, evaluation, prediction, diagnosis and checkpoints
+then work with it.
+
+Each is imported on first use: a checkpoint of one need not pay for the libraries of the others, or for Lightning.
+
+Example:
+    >>> from descentflow.densities import GaussianDensity
+    >>> GaussianDensity(dimension=3).sample(5, seed=0).shape
+    torch.Size([5, 3])
 """
 
 from importlib import import_module

@@ -12,7 +12,7 @@ from descentflow.representation.checkpoint import FORMAT, SECTION, incomplete, r
 from descentflow.representation.representation import Representation
 
 PREFIX = "_density."
-"""What the names of the density's parameters begin with in a checkpoint."""
+"""Prefix of the names of the density's parameters in a checkpoint."""
 
 
 def load_model(path: str | Path) -> Density:
@@ -77,7 +77,13 @@ def as_density(model: object) -> Density:
 
 
 def section_of(density: Density) -> dict[str, Any]:
-    """What a checkpoint says of a density and its representation: tensors and primitives."""
+    """The part of a checkpoint that describes a density and its representation: tensors and primitives.
+
+    Example:
+        >>> section = section_of(load_model("best.ckpt"))
+        >>> section["model"], section["format"]
+        ('GaussianDensity', 2)
+    """
     return {
         "format": FORMAT,
         "version": __version__,
@@ -88,7 +94,13 @@ def section_of(density: Density) -> dict[str, Any]:
 
 
 def content_of(density: Density) -> dict[str, Any]:
-    """A checkpoint of a density alone, from which :func:`load_model` rebuilds it."""
+    """A checkpoint of a density alone, from which :func:`load_model` rebuilds it.
+
+    Example:
+        >>> torch.save(content_of(load_model("best.ckpt")), "copy.ckpt")
+        >>> load_model("copy.ckpt").dimension == load_model("best.ckpt").dimension
+        True
+    """
     return {
         "state_dict": {f"{PREFIX}{name}": value for name, value in density.state_dict().items()},
         SECTION: section_of(density),
@@ -96,10 +108,15 @@ def content_of(density: Density) -> dict[str, Any]:
 
 
 def density_of(section: dict[str, Any]) -> Density:
-    """The density that a checkpoint's section describes, its parameters not yet those of the checkpoint.
+    """The density that a checkpoint's section describes; its parameters are still to be loaded.
 
     Raises:
         CheckpointError: If no such density is known.
+
+    Example:
+        >>> from descentflow.representation.checkpoint import read_checkpoint
+        >>> type(density_of(read_checkpoint("best.ckpt")["descentflow"])).__name__
+        'GaussianDensity'
     """
     name = section["model"]
     if name not in Density.kinds and name not in MODULES:

@@ -16,22 +16,31 @@ from descentflow.representation.representation import Representation
 class Density(nn.Module, ABC):
     """A density over d standardised weights (paper, section 2.3), with the representation that gives them meaning.
 
-    A subclass says its log density and how to draw from it; its constructor takes the number of weights and whatever
+    A subclass defines its log density and how to draw from it; its constructor takes the number of weights and whatever
     :meth:`settings` returns. It knows nothing of training. A density may be conditioned on the c numbers of a flight's
-    context (:class:`descentflow.representation.context.ContextEncoder`): then both take one row of them for each
-    flight.
+    context (:class:`descentflow.representation.context.ContextEncoder`): then both take one row of them per flight.
 
     Example:
-        >>> model = load_model("best.ckpt")
-        >>> weights = model.sample(1000, seed=0)  # (1000, d)
-        >>> model.log_prob(weights).mean()
+        >>> class UniformDensity(Density):  # over the cube from -2 to 2
+        ...     def log_prob(self, weights, context=None):
+        ...         inside = (weights.abs() <= 2).all(1)
+        ...         return torch.where(inside, -self.dimension * torch.log(torch.tensor(4.0)), -torch.inf)
+        ...
+        ...     def draw(self, n, context=None):
+        ...         return 4 * torch.rand(n, self.dimension) - 2
+        ...
+        ...     device = torch.device("cpu")  # it has no parameters of which to ask
+        >>> density = UniformDensity(dimension=2)
+        >>> bool(density.log_prob(density.sample(100, seed=0)).isfinite().all())
+        True
+        >>> _ = Density.kinds.pop("UniformDensity")  # this one shall not be known to checkpoints
     """
 
     kinds: ClassVar[dict[str, type["Density"]]] = {}
     """Every known density by the name that checkpoints carry."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Make the subclass known to checkpoints by its name."""
+        """Register the subclass for checkpoints under its name."""
         super().__init_subclass__(**kwargs)
         Density.kinds[cls.__name__] = cls
 
@@ -48,14 +57,14 @@ class Density(nn.Module, ABC):
 
     @abstractmethod
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        """Log density (n,) of standardised weights (n, d), in nats, given context (n, c) or (1, c)."""
+        """Log density (n,) of standardised weights (n, d), in nats, at context (n, c) or (1, c) if it takes one."""
 
     @abstractmethod
     def draw(self, n: int, context: Tensor | None = None) -> Tensor:
         """Draw (n, d) standardised weights with torch's global generator; call :meth:`sample` instead."""
 
     def settings(self) -> dict[str, Any]:
-        """Primitives that the constructor needs besides the dimension to make parameters of the same shapes."""
+        """Arguments (primitives) besides the dimension with which the constructor makes parameters of the same shapes."""
         return {}
 
     @torch.no_grad()
@@ -68,7 +77,14 @@ class Density(nn.Module, ABC):
             context: (n, c) or (1, c) where the density is conditioned on one.
 
         Raises:
-            ConfigError: If a context is given but not known, or known but not given.
+            ConfigError: If the density needs a context and has none here, or takes none and has one here.
+
+        Example:
+            >>> from descentflow.densities.checkpoint import load_model
+            >>> density = load_model("best.ckpt")
+            >>> weights = density.sample(1000, seed=0)
+            >>> torch.equal(density.sample(1000, seed=0), weights)
+            True
         """
         rows = self.rows_of_context(context, n)
         with seeded(seed, self.device):
@@ -87,10 +103,10 @@ class Density(nn.Module, ABC):
         if context is None and self.n_context == 0:
             return None
         known = self._representation.context if self._representation is not None else None
-        what = known.describe() if known is not None else f"{self.n_context} numbers a flight"
+        what = known.describe() if known is not None else f"{self.n_context} numbers per flight"
         if context is None:
             raise ConfigError(
-                "a conditional density without a context", expected=what, mend="give the context of every flight"
+                "a conditional density without a context", expected=what, mend="pass the context of every flight"
             )
         if self.n_context == 0 or context.shape[1:] != (self.n_context,) or len(context) not in (1, n):
             raise ConfigError(
@@ -102,7 +118,7 @@ class Density(nn.Module, ABC):
 
     @property
     def device(self) -> torch.device:
-        """Where the parameters are."""
+        """Device of the parameters."""
         return next(self.parameters()).device
 
     @property
@@ -110,7 +126,7 @@ class Density(nn.Module, ABC):
         """Bases, scaler, bounds and split.
 
         Raises:
-            ConfigError: If none was given.
+            ConfigError: If none was attached.
         """
         if self._representation is None:
             raise ConfigError(
@@ -121,13 +137,21 @@ class Density(nn.Module, ABC):
         return self._representation
 
     def attach(self, representation: Representation) -> None:
-        """Take the representation that gives the weights their meaning."""
+        """Attach the representation that gives the weights their meaning."""
         self._representation = representation.to(self.device)
 
 
 @contextmanager
 def seeded(seed: int, device: torch.device) -> Iterator[None]:
-    """Seed torch's global generators inside the block and restore them after it."""
+    """Seed torch's global generators inside the block and restore them after it.
+
+    Example:
+        >>> with seeded(0, torch.device("cpu")):
+        ...     first = torch.rand(1)
+        >>> with seeded(0, torch.device("cpu")):
+        ...     torch.equal(torch.rand(1), first)
+        True
+    """
     cuda = [device] if device.type == "cuda" else []
     with torch.random.fork_rng(devices=cuda):
         torch.manual_seed(seed)

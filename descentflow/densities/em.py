@@ -44,7 +44,14 @@ def steps_of(weights: Tensor, context: Tensor | None = None) -> Steps:
 
 
 def expectation(steps: Steps, mixture: Mixture) -> tuple[Tensor, Tensor]:
-    """The E step: responsibilities (n, k) and the mean log-likelihood (nats per flight)."""
+    """The E step: responsibilities (n, k) and the mean log-likelihood (nats per flight).
+
+    Example:
+        >>> steps = steps_of(torch.zeros(1, 1))
+        >>> mixture = Mixture(torch.tensor([0.5, 0.5]).double(), torch.zeros(2, 1).double(), torch.ones(2, 1, 1).double())
+        >>> expectation(steps, mixture)[0].tolist()
+        [[0.5, 0.5]]
+    """
     joint = steps.log_joint(mixture)
     total = joint.logsumexp(1)
     return (joint - total[:, None]).exp(), total.mean()
@@ -55,6 +62,16 @@ def start(steps: Steps, n_components: int, seed: int) -> Mixture:
 
     Neither kind is always better; four of each reached the likelihood of scikit-learn's best of three seeds in every
     one of eight data sets, either kind alone did not (Arthur and Vassilvitskii 2007 for k-means++).
+
+    Args:
+        steps: The flights.
+        n_components: Number of mixture components.
+        seed: Of k-means.
+
+    Example:
+        >>> first = start(steps_of(torch.tensor([[0.0], [1.0], [10.0], [11.0]])), n_components=2, seed=0)
+        >>> sorted(first.locs.flatten().tolist())
+        [0.5, 10.5]
     """
     labels = _k_means_labels(steps.points_to_group(seed), n_components, seed)
     return steps.maximise(torch.nn.functional.one_hot(labels, n_components).to(torch.float64))
@@ -79,14 +96,26 @@ def _k_means_labels(points: Tensor, n_components: int, seed: int) -> Tensor:
 def best_start(
     weights: Tensor, n_components: int, *, context: Tensor | None = None, seed: int, n_restarts: int
 ) -> Mixture:
-    """The first mixture with the highest likelihood among ``n_restarts``."""
+    """The first mixture with the highest likelihood among ``n_restarts``, each as :func:`start` makes it.
+
+    Example:
+        >>> best_start(torch.randn(50, 2), 3, seed=0, n_restarts=2).locs.shape
+        torch.Size([3, 2])
+    """
     steps = steps_of(weights, context)
     starts = [start(steps, n_components, seed + i) for i in range(n_restarts)]
     return max(starts, key=lambda mixture: float(expectation(steps, mixture)[1]))
 
 
 def converge(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: float) -> tuple[Mixture, float]:
-    """EM steps until the mean log-likelihood gains less than ``tolerance`` (nats), and that log-likelihood."""
+    """EM steps until the mean log-likelihood gains less than ``tolerance`` (nats), and that log-likelihood.
+
+    Example:
+        >>> steps = steps_of(torch.randn(200, 2))
+        >>> first = start(steps, n_components=2, seed=0)
+        >>> converge(steps, first, iterations=50, tolerance=1e-6)[1] > float(expectation(steps, first)[1])
+        True
+    """
     previous = -float("inf")
     for _ in range(iterations):
         responsibilities, likelihood = expectation(steps, mixture)

@@ -10,7 +10,13 @@ from descentflow.densities.mixture_parameters import Mixture
 
 
 class GaussianDensity(Density):
-    """``log p(w | c) = log N(w; loc + slope c, scale_tril scale_tril')``, a standard normal until it is fitted."""
+    """``log p(w | c) = log N(w; loc + slope c, scale_tril scale_tril')``, a standard normal until it is fitted.
+
+    Example:
+        >>> density = GaussianDensity(dimension=2)
+        >>> round(float(density.log_prob(torch.zeros(1, 2)).exp()), 4)  # 1 / (2 pi)
+        0.1592
+    """
 
     def __init__(self, dimension: int, n_context: int = 0) -> None:
         """A standard normal of d weights.
@@ -39,7 +45,7 @@ class GaussianDensity(Density):
         return self.loc if context is None else self.loc + context.to(self.loc.dtype) @ self.slope.T
 
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        """Log density (n,) of standardised weights (n, d), given context (n, c)."""
+        """Log density (n,) of standardised weights (n, d), in nats, at context (n, c) if it takes one."""
         locs = self._locs(self.rows_of_context(context, len(weights)))
         normal = torch.distributions.MultivariateNormal(locs, scale_tril=self.scale_tril, validate_args=False)
         log_prob: Tensor = normal.log_prob(weights.to(self.loc.dtype))  # type: ignore[no-untyped-call]

@@ -23,6 +23,10 @@ class MixtureProgram(PyroModule):
 
     ``z ~ Categorical(probs)``, ``w | z ~ N(locs[z], scale_trils[z] scale_trils[z]')``; with a context c the mean is
     ``locs[z] + slopes[z] c`` and the mixing proportions are ``softmax(log probs + gate c)``.
+
+    Example:
+        >>> MixtureProgram(n_components=3, dimension=2)(5).shape
+        torch.Size([5, 2])
     """
 
     probs: Tensor

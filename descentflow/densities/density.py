@@ -64,7 +64,7 @@ class Density(nn.Module, ABC):
         """Draw (n, d) standardised weights with torch's global generator; call :meth:`sample` instead."""
 
     def settings(self) -> dict[str, Any]:
-        """Arguments (primitives) besides the dimension with which the constructor makes parameters of the same shapes."""
+        """Primitive arguments that, after the dimension, make the constructor give parameters of the same shapes."""
         return {}
 
     @torch.no_grad()

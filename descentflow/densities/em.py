@@ -47,9 +47,9 @@ def expectation(steps: Steps, mixture: Mixture) -> tuple[Tensor, Tensor]:
     """The E step: responsibilities (n, k) and the mean log-likelihood (nats per flight).
 
     Example:
-        >>> steps = steps_of(torch.zeros(1, 1))
-        >>> mixture = Mixture(torch.tensor([0.5, 0.5]).double(), torch.zeros(2, 1).double(), torch.ones(2, 1, 1).double())
-        >>> expectation(steps, mixture)[0].tolist()
+        >>> half, zero, one = (torch.full((2, 1, 1), value).double() for value in (0.5, 0.0, 1.0))
+        >>> same = Mixture(half[:, 0, 0], zero[:, 0], one)
+        >>> expectation(steps_of(torch.zeros(1, 1)), same)[0].tolist()
         [[0.5, 0.5]]
     """
     joint = steps.log_joint(mixture)

@@ -231,7 +231,7 @@ class SplineFlowDensity(FlowDensity):
                 nn.init.zeros_(net.made.final_layer.weight)
                 nn.init.constant_(net.made.final_layer.bias, float(start[0]))
                 spline.mprqat.autoregressive_net = net
-            # Random orders serve splines better than two that alternate: 2.3 and not 2.7 nats on separate groups in 3-d.
+            # Random orders serve splines better than two that alternate: 2.3 and not 2.7 nats on groups in 3-d.
             flows += [spline, nf.flows.LULinearPermute(dimension)]
         self.flow = self._assembled(flows)
 

@@ -1,4 +1,4 @@
-"""Building blocks of the flows that normflows lacks: networks with a context, inverted flows with one, bounded scales."""
+"""Blocks of the flows that normflows lacks: networks with a context, inverted flows with one, bounded scales."""
 
 import normflows as nf
 import torch

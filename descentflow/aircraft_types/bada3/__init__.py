@@ -1,4 +1,9 @@
 """EUROCONTROL's BADA 3 files: OPF, APF, GPF and SYNONYM.NEW, read and written as they are shipped.
 
-Read :mod:`~descentflow.aircraft_types.bada3.bada_directory` (a folder of files) first, then a file format.
+Reading order: :mod:`~descentflow.aircraft_types.bada3.bada_directory` (a folder of files), then a file format:
+:mod:`~descentflow.aircraft_types.bada3.opf_file`, :mod:`~descentflow.aircraft_types.bada3.apf_file`,
+:mod:`~descentflow.aircraft_types.bada3.gpf_file`, :mod:`~descentflow.aircraft_types.bada3.synonym_file`, all on
+:mod:`~descentflow.aircraft_types.bada3.fixed_columns`.
+
+BADA 4 is not read; see :mod:`descentflow.aircraft_types` for where a reader goes.
 """

@@ -24,13 +24,18 @@ _PLACES = {
     "approach_2": (83, 86),
     "approach_3": (87, 90),
 }
-"""Columns of the numbers; the descent stands in the order Mach, high, low; the approach is unused."""
+"""Columns of the numbers; those of the descent are in the order Mach, high, low; the approach is unused."""
 _RULER = "===:=======:=======::==::===:===:==:====:==::===:===:==::==:===:===:====:==::===:===:===::======:"
 
 
 @dataclass(frozen=True)
 class Speeds:
-    """One line of procedures: CAS in whole knots, Mach in whole hundredths (0.78); 0 where a phase has none."""
+    """One line of procedures: CAS in whole knots, Mach in whole hundredths (0.78); 0 where a phase has none.
+
+    Example:
+        >>> Speeds(des_mach=0.78).climb_mach
+        0.0
+    """
 
     climb_cas_low_kt: float = 0.0
     climb_cas_high_kt: float = 0.0
@@ -50,7 +55,13 @@ class Speeds:
 
 @dataclass(frozen=True)
 class Company:
-    """The procedures of one company, for low, average and high masses."""
+    """The procedures of one company, for low, average and high masses.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> apf_of(open_aircraft("A320")).default.high.des_mach
+        0.77
+    """
 
     code: str
     letters: str
@@ -63,7 +74,13 @@ class Company:
 
 @dataclass(frozen=True)
 class Apf:
-    """All that an APF file says."""
+    """The content of an APF file.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> apf_of(open_aircraft("A320")).typecode
+        'A320'
+    """
 
     typecode: str
     companies: tuple[Company, ...]
@@ -92,8 +109,10 @@ def read_apf(path: str | Path) -> Apf:
             message names file and line.
 
     Example:
-        >>> read_apf("bada/A320__.APF").default.average.des_mach
-        0.78
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> write_apf(apf_of(open_aircraft("A320")), "A320__.APF")
+        >>> read_apf("A320__.APF").default.average.des_mach
+        0.77
     """
     lines = read_lines(Path(path))
     data = data_lines(lines)
@@ -160,7 +179,11 @@ def write_apf(apf: Apf, path: str | Path) -> None:
         DataError: If the folder does not exist.
 
     Example:
-        >>> write_apf(apf_of(aircraft), "A320__.APF")
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> speeds = apf_of(open_aircraft("A320"))
+        >>> write_apf(speeds, "A320__.APF")
+        >>> read_apf("A320__.APF") == speeds
+        True
     """
     text = "\n".join(_lines(apf))
     with whole_file(path) as temporary:

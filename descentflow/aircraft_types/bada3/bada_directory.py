@@ -45,8 +45,10 @@ def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None) -> Aircraft:
         AircraftError: If the two files belong to different types.
 
     Example:
-        >>> to_aircraft(read_opf("bada/A320__.OPF"), read_apf("bada/A320__.APF")).engine
-        'jet'
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> a320 = open_aircraft("A320")
+        >>> to_aircraft(opf_of(a320), apf_of(a320)).ct1 == a320.ct1
+        True
     """
     if opf.typecode != apf.typecode:
         raise AircraftError(
@@ -86,8 +88,11 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Aircraft:
             near names.
 
     Example:
-        >>> load_aircraft("A320", "bada").typecode
-        'A320'
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")  # a licence holder has these files
+        >>> write_apf(apf_of(open_aircraft("A320")), "A320__.APF")
+        >>> load_aircraft("A320", ".").wing_area_m2
+        122.4
     """
     folder = _folder(bada_dir)
     wanted = typecode.strip().upper()
@@ -116,8 +121,11 @@ def load_directory(bada_dir: str | Path) -> dict[str, Aircraft]:
         AircraftError: As :func:`load_aircraft`, for the first file that fails.
 
     Example:
-        >>> len(load_directory("bada"))
-        1476
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")  # a licence holder has these files
+        >>> write_apf(apf_of(open_aircraft("A320")), "A320__.APF")
+        >>> list(load_directory("."))
+        ['A320']
     """
     folder = _folder(bada_dir)
     _compare_global_parameters(folder / "BADA.GPF")
@@ -130,7 +138,7 @@ def _folder(bada_dir: str | Path) -> Path:
         raise AircraftError(
             f"BADA directory {folder}",
             expected="an existing directory with OPF, APF and SYNONYM.NEW files",
-            mend="give the directory of your BADA 3 release as --bada-dir",
+            mend="pass the directory of your BADA 3 release as --bada-dir",
         )
     return folder
 

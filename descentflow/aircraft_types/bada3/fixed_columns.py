@@ -7,12 +7,17 @@ from typing import NoReturn
 from descentflow.core.errors import AircraftError
 
 _FIELD, _GAP = 10, 3
-"""BADA's numbers stand in ``3X, E10.5``: three blanks, ten columns."""
+"""BADA's numbers are written as ``3X, E10.5``: three blanks, ten columns."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """One line and where it stands."""
+    """One line with its file and number.
+
+    Example:
+        >>> Line(Path("A320__.OPF"), 21, "CD     .12260E+03").real(0, "wing area")
+        122.6
+    """
 
     path: Path
     number: int
@@ -69,6 +74,11 @@ def read_lines(path: Path) -> list[Line]:
 
     Raises:
         AircraftError: If the file cannot be opened.
+
+    Example:
+        >>> _ = Path("A320__.OPF").write_text(chr(10).join(["CC comment", "CD data"]))
+        >>> [line.text for line in read_lines(Path("A320__.OPF"))]
+        ['CC comment', 'CD data']
     """
     try:
         text = path.read_bytes().decode("latin-1")
@@ -86,6 +96,11 @@ def data_lines(lines: list[Line]) -> list[Line]:
 
     Raises:
         AircraftError: If there is none.
+
+    Example:
+        >>> lines = [Line(Path("A320__.OPF"), 1, "CC comment"), Line(Path("A320__.OPF"), 2, "CD data")]
+        >>> [line.number for line in data_lines(lines)]
+        [2]
     """
     kept = [line for line in lines if line.text.startswith("CD")]
     if not kept:
@@ -99,7 +114,12 @@ def data_lines(lines: list[Line]) -> list[Line]:
 
 
 def header(lines: list[Line], key: str) -> str:
-    """Text after ``key:`` in the comment lines, such as a modification date; empty where the file has none."""
+    """Text after ``key:`` in the comment lines, such as a modification date; empty where the file has none.
+
+    Example:
+        >>> header([Line(Path("A320__.OPF"), 1, "CC  Creation_date: Apr 30 2002 /")], "Creation_date")
+        'Apr 30 2002'
+    """
     for line in lines:
         if line.text.startswith("CC") and f"{key}:" in line.text:
             return line.text.split(f"{key}:", 1)[1].rstrip("/ ").strip()

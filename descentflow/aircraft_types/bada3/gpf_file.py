@@ -13,7 +13,13 @@ _PISTON = {"piston", "pst"}
 
 @dataclass(frozen=True)
 class GlobalRow:
-    """One parameter and the flights, engines and phases it holds for."""
+    """One parameter and the flights, engines and phases it holds for.
+
+    Example:
+        >>> _ = Path("BADA.GPF").write_text("CD acc_long_max civ jet,turbo,piston climb,des .20000E+01 /")
+        >>> sorted(read_gpf_rows("BADA.GPF")[0].phases)
+        ['climb', 'des']
+    """
 
     name: str
     flights: frozenset[str]
@@ -35,8 +41,9 @@ def read_gpf_rows(path: str | Path) -> tuple[GlobalRow, ...]:
         AircraftError: If a line is out of its columns or holds no number; the message names file and line.
 
     Example:
-        >>> read_gpf_rows("bada/BADA.GPF")[0].name
-        'acc_long_max'
+        >>> _ = Path("BADA.GPF").write_text("CD acc_long_max civ jet,turbo,piston climb,des .20000E+01 /")
+        >>> [(row.name, row.value) for row in read_gpf_rows("BADA.GPF")]
+        [('acc_long_max', 2.0)]
     """
     return tuple(_row(line) for line in data_lines(read_lines(Path(path))))
 
@@ -67,7 +74,11 @@ def read_gpf(path: str | Path) -> GlobalParameters:
         AircraftError: If a line is malformed or a parameter is missing; the message names the file.
 
     Example:
-        >>> read_gpf("bada/BADA.GPF").min_speed_factor
+        >>> needed = {"C_v_min": 1.3, "H_max_app": 8000, "H_max_ld": 3000, "C_des_exp": 1.6}
+        >>> needed |= {f"V_des_{number}": 5 * number for number in range(1, 8)}
+        >>> lines = [f"CD {name} civ jet,piston des,app,lnd {value} /" for name, value in needed.items()]
+        >>> _ = Path("BADA.GPF").write_text(chr(10).join(lines))
+        >>> read_gpf("BADA.GPF").min_speed_factor
         1.3
     """
     rows = read_gpf_rows(path)

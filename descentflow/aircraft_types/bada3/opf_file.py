@@ -12,7 +12,7 @@ from descentflow.core.files import whole_file
 PHASES = ("CR", "IC", "TO", "AP", "LD")
 ENGINES: dict[str, Engine] = {"JET": "jet", "TURBOPROP": "turboprop", "PISTON": "piston"}
 TONNES = ("mass_reference_kg", "mass_minimum_kg", "mass_maximum_kg", "mass_payload_kg")
-"""Masses stand in tonnes in the file."""
+"""Masses are in tonnes in the file."""
 
 Place = tuple[str | None, ...]
 """Names of the numbers in a line; None for a blank field."""
@@ -50,10 +50,15 @@ NAMES = tuple(name for place in PLACES for name in place if name)
 
 @dataclass(frozen=True)
 class Opf:
-    """All that an OPF file says, in the units of :class:`~descentflow.aircraft_types.aircraft.Aircraft`.
+    """The content of an OPF file, in the units of :class:`~descentflow.aircraft_types.aircraft.Aircraft`.
 
     ``numbers`` is keyed by the names of the Aircraft's fields, and by names of their own for what a descent does not
     use (ground dimensions, the unused fields), so that writing a file back gives the same file.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> opf_of(open_aircraft("A320")).numbers["mass_reference_kg"]
+        61300.0
     """
 
     typecode: str
@@ -81,8 +86,10 @@ def read_opf(path: str | Path) -> Opf:
         AircraftError: If a line is missing, out of its columns or not a number; the message names file and line.
 
     Example:
-        >>> read_opf("bada/A320__.OPF").numbers["wing_area_m2"]
-        122.6
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")
+        >>> read_opf("A320__.OPF").numbers["wing_area_m2"]
+        122.4
     """
     lines = read_lines(Path(path))
     data = data_lines(lines)
@@ -164,7 +171,10 @@ def write_opf(opf: Opf, path: str | Path) -> None:
         DataError: If the folder does not exist.
 
     Example:
-        >>> write_opf(opf_of(aircraft), "A320__.OPF")
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")
+        >>> Path("A320__.OPF").read_text().splitlines()[-1].rstrip("/ ")
+        'FI'
     """
     text = "".join(f"{line:<70}/\n" for line in _lines(opf))
     with whole_file(path) as temporary:

@@ -8,7 +8,12 @@ from descentflow.aircraft_types.bada3.fixed_columns import Line, data_lines, rea
 
 @dataclass(frozen=True)
 class Synonym:
-    """One type: ``file`` is the name of its OPF and APF files without the suffix, underscores kept."""
+    """One type: ``file`` is the name of its OPF and APF files without the suffix, underscores kept.
+
+    Example:
+        >>> Synonym("A20N", "AIRBUS", "A320 neo", "A320__", is_icao=True, direct=False).file
+        'A320__'
+    """
 
     typecode: str
     manufacturer: str
@@ -33,7 +38,8 @@ def read_synonym(path: str | Path) -> dict[str, Synonym]:
         AircraftError: If a line is out of its columns or a type stands twice; the message names file and line.
 
     Example:
-        >>> read_synonym("bada/SYNONYM.NEW")["A320"].file
+        >>> _ = Path("SYNONYM.NEW").write_text(f"CD * {'A20N':<6} {'AIRBUS':<19} {'A320 neo':<24} {'A320__':<6}  Y /")
+        >>> read_synonym("SYNONYM.NEW")["A20N"].file
         'A320__'
     """
     found: dict[str, Synonym] = {}

@@ -1,7 +1,7 @@
 """Open aircraft in BADA 3 form: coefficients from open sources, none of them EUROCONTROL's.
 
-One readable file per type in ``open_types/``; every coefficient carries its source and a confidence. Types read on
-demand, so that importing this module costs nothing.
+One readable file per type in ``coefficients/``; every coefficient carries its source and a confidence. A type is read
+on demand, so that importing this module costs nothing.
 """
 
 import tomllib
@@ -27,7 +27,13 @@ _ENTRY = {"value", "unit", "source", "confidence"}
 
 @dataclass(frozen=True)
 class CoefficientSource:
-    """Where one number of an open aircraft comes from."""
+    """Where one number of an open aircraft comes from.
+
+    Example:
+        >>> area = next(s for s in open_sources("A320") if s.name == "wing_area_m2")
+        >>> area.value, area.unit
+        (122.4, 'm2')
+    """
 
     name: str
     """Field of :class:`Aircraft`, or the name of a fact or a published range."""
@@ -40,7 +46,12 @@ class CoefficientSource:
 
 @dataclass(frozen=True)
 class OpenType:
-    """All that the data file of a type says."""
+    """The content of a type's data file.
+
+    Example:
+        >>> open_type("A320").typecode, len(open_type("A320").coefficients)
+        ('A320', 50)
+    """
 
     typecode: str
     summary: str

@@ -1,0 +1,287 @@
+"""Flights of JSBSim's models: physics that nobody here wrote, so what holds is measured and not assumed."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import polars as pl
+import pytest
+import torch
+from numpy.typing import NDArray
+
+pytest.importorskip("jsbsim", reason="JSBSim is not installed: pip install 'descentflow[jsbsim]'")
+
+from descentflow.core.errors import DataError
+from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.physics.airspeed import tas_to_cas_mps
+from descentflow.physics.atmosphere import isa_temperature_k, pressure_altitude_m
+from descentflow.simulation.causes.air import KT_PER_KFT
+from descentflow.simulation.jsbsim_world.airframes import AIRFRAMES, airframe_of
+from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig
+from descentflow.simulation.jsbsim_world.fly_models import JsbsimWorld, fly
+from descentflow.simulation.jsbsim_world.model_files import copy_model
+from descentflow.surveillance.prepare import prepare
+from descentflow.surveillance.rows.schema import COLUMNS
+
+Array = NDArray[np.float64]
+STEADY = JsbsimConfig(interval_s=1.0, wander_kt=0.0)
+"""A row a second, and no wander of the speed held: what differs between two worlds is what was planted."""
+
+
+def column(truth: pl.DataFrame, name: str) -> Array:
+    return truth[name].to_numpy().astype(np.float64)
+
+
+def gravity(height_m: Array) -> Array:
+    """Normal gravity at 52 degrees north, with height."""
+    return 9.780327 * (1 + 0.0053024 * np.sin(np.radians(52)) ** 2) / (1 + height_m / 6_371_000) ** 2
+
+
+def at(truth: pl.DataFrame, name: str, altitude_m: Array) -> Array:
+    """A column of one flight's truth at pressure altitudes, in its descent."""
+    own = truth.filter(pl.col("rate_mps") < -1)
+    return np.interp(-altitude_m, -column(own, "altitude_m"), column(own, name))
+
+
+@pytest.fixture(scope="module")
+def plain() -> JsbsimWorld:
+    return fly("MD11", 2, seed=5, config=STEADY)
+
+
+@pytest.mark.parametrize("model", AIRFRAMES)
+@pytest.mark.parametrize("slope", [0.0, 2.0])
+def test_energy_balances(model: str, slope: float) -> None:
+    """Specific excess power (thrust minus drag, times speed, by weight) is the growth of the energy height.
+
+    In air whose wind changes, the air's own acceleration along the path counts as well. Within 2 % at every second of
+    the settled descent (differences over two seconds; brief accelerations are rounded off), 0.1 % on the mean.
+    """
+    wind = {"wind_gradient": {"mean_kt_per_kft": slope, "spread_kt_per_kft": 0.0}}
+    (_, truth), *_ = fly(model, 1, seed=5, effects=wind, config=JsbsimConfig(interval_s=1.0)).truth.group_by(
+        "flight_id"
+    )
+    height, tas, gamma, wind_mps = (column(truth, k) for k in ("height_m", "tas_mps", "gamma", "wind_mps"))
+    g = gravity(height)
+    growth = np.gradient(height) + tas * (np.gradient(tas) + np.cos(gamma) * np.gradient(wind_mps)) / g
+    excess = (column(truth, "thrust_n") - column(truth, "drag_n")) / column(truth, "mass_kg")
+    settled = (truth["label"] == "idle").to_numpy()[2:-2]
+    ratio = (growth / (tas * excess / g))[2:-2][settled]
+    assert len(ratio) > 200
+    assert abs(ratio.mean() - 1) < 0.001
+    assert np.abs(ratio - 1).max() < 0.02
+
+
+@pytest.mark.parametrize("model", AIRFRAMES)
+def test_speed_is_held(model: str) -> None:
+    world = fly(model, 3, seed=1)
+    assert len(world.flights) == 3
+    idle = world.truth.filter(pl.col("label") == "idle")
+    error = column(idle, "speed_error_mps")
+    assert np.abs(error).max() < 2.0
+    assert np.sqrt((error**2).mean()) < 0.5
+    for (name,), own in idle.group_by("flight_id"):
+        plan = world.flights.row(by_predicate=pl.col("flight_id") == name, named=True)
+        fast, slow = own.filter(pl.col("cas_mps") < (plan["cas_kt"] - 6) * KT_MPS), own.tail(100)
+        # The wander is some 1 kt, 0.003 of Mach.
+        assert np.abs(column(fast, "mach") - plan["mach"]).max(initial=0.0) < 0.015
+        assert np.abs(column(slow, "cas_mps") / KT_MPS - plan["cas_kt"]).max() < 5
+
+
+def test_the_atmosphere_is_ours(plain: JsbsimWorld) -> None:
+    truth = plain.truth
+    altitude = torch.from_numpy(column(truth, "altitude_m"))
+    isa = isa_temperature_k(altitude).numpy()
+    assert np.abs(column(truth, "temperature_k") - isa).max() < 0.01
+    # In standard air the pressure altitude is the geopotential height.
+    height = column(truth, "height_m")
+    assert np.abs(6_356_766 * height / (6_356_766 + height) - altitude.numpy()).max() < 20
+    cas = tas_to_cas_mps(torch.from_numpy(column(truth, "tas_mps")), altitude)
+    assert np.abs(cas.numpy() - column(truth, "cas_mps")).max() < 0.01
+    assert float(pressure_altitude_m(22_632.04)) == pytest.approx(11_000, abs=1)
+
+
+def test_warm_air_raises_the_true_airspeed_at_a_mach_number(plain: JsbsimWorld) -> None:
+    warm = fly("MD11", 2, seed=5, effects={"temperature": {"mean_k": 10.0, "spread_k": 0.0}}, config=STEADY)
+    levels = np.array([340, 320, 240, 180]) * FL_M
+    for (name,), own in plain.truth.group_by("flight_id"):
+        hot = warm.truth.filter(pl.col("flight_id") == name)
+        deviation = at(hot, "deviation_k", levels)
+        # delta-T is added at geometric heights: at a pressure altitude less is left of it.
+        assert ((deviation > 7.5) & (deviation < 10.0)).all()
+        isa = isa_temperature_k(torch.from_numpy(levels)).numpy()
+        ratio = at(hot, "tas_mps", levels) / at(own, "tas_mps", levels)
+        by_mach = at(hot, "mach", levels) / at(own, "mach", levels)
+        np.testing.assert_allclose(ratio / by_mach, np.sqrt(1 + deviation / isa), rtol=1e-4)
+        np.testing.assert_allclose(by_mach, 1, atol=0.003)
+
+
+def test_a_tailwind_gradient_slows_the_descent_by_the_closed_form(plain: JsbsimWorld) -> None:
+    """Rate times ``(1 + G)`` is the same, ``G = (V/g)(dV/dh + dw/dh)``: -8 % at FL330 and -5 % at FL150 for 2 kt."""
+    wind = {"wind_gradient": {"mean_kt_per_kft": 2.0, "spread_kt_per_kft": 0.0}}
+    windy = fly("MD11", 2, seed=5, effects=wind, config=STEADY)
+    levels = np.arange(160, 250, 5) * FL_M
+    for (name,), own in plain.truth.group_by("flight_id"):
+        blown = windy.truth.filter(pl.col("flight_id") == name)
+        height, tas = at(own, "height_m", levels), at(own, "tas_mps", levels)
+        slope = np.gradient(tas, height)
+        g = gravity(height)
+        expected = (1 + tas / g * slope) / (1 + tas / g * (slope + 2 * KT_PER_KFT)) - 1
+        change = at(blown, "rate_mps", levels) / at(own, "rate_mps", levels) - 1
+        assert (expected < -0.04).all()
+        assert change.mean() == pytest.approx(expected.mean(), rel=0.05)
+        np.testing.assert_allclose(change, expected, atol=0.006)
+
+
+def test_brakes_raise_the_rate_in_their_window_alone(plain: JsbsimWorld) -> None:
+    values = {"factor": 1.5, "share": 1.0, "low_fl": 200.0, "high_fl": 240.0}
+    braked = fly("MD11", 2, seed=5, effects={"speed_brake": values}, config=STEADY)
+    for (name,), own in plain.truth.group_by("flight_id"):
+        out = braked.truth.filter(pl.col("flight_id") == name)
+
+        def change(low: int, high: int, own: pl.DataFrame = own, out: pl.DataFrame = out) -> Array:
+            levels = np.arange(low, high, 2) * FL_M
+            return at(out, "rate_mps", levels) / at(own, "rate_mps", levels) - 1
+
+        assert np.abs(change(242, 320)).max() < 0.002
+        assert change(203, 228).min() > 0.2
+        assert np.abs(change(100, 180)).max() < 0.02
+        # The model's own brakes take a second to move from end to end.
+        inside = (column(out, "altitude_m") < 239 * FL_M) & (column(out, "altitude_m") > 200 * FL_M)
+        outside = (column(out, "altitude_m") > 240 * FL_M) | (column(out, "altitude_m") < 199 * FL_M)
+        assert (column(out, "brake")[inside] == 0.5).all()
+        assert (column(out, "brake")[outside] == 0.0).all()
+    assert column(plain.truth, "brake").max() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "sign"),
+    [
+        ("drag_polar", {"factor": 1.1}, -1),
+        ("induced_drag", {"factor": 1.2}, -1),
+        ("wave_drag", {"factor": 2.0}, -1),
+        ("idle_thrust", {"factor": 1.8}, 1),
+        ("kept_thrust", {"share": 0.4, "decay_s": 150.0}, 1),
+        ("idle_setting", {"lever": 0.15}, 1),
+        ("speed_schedule", {"cas_kt": -20.0, "mach": -0.02}, 1),
+    ],
+)
+def test_effects_move_the_time_of_descent(plain: JsbsimWorld, effect: str, values: dict[str, float], sign: int) -> None:
+    planted = fly("MD11", 2, seed=5, effects={effect: values}, config=STEADY)
+    change = time_to_fl150(planted.truth) / time_to_fl150(plain.truth) - 1
+    assert (sign * change > 0.003).all()
+
+
+def time_to_fl150(truth: pl.DataFrame) -> Array:
+    own = truth.group_by("flight_id", maintain_order=True)
+    return np.array([at(t, "time_s", np.array([150 * FL_M]))[0] for _, t in own])
+
+
+def test_a_factor_of_drag_and_a_factor_of_mass_are_what_they_say(plain: JsbsimWorld) -> None:
+    heavy = fly("MD11", 2, seed=5, effects={"mass": {"factor": 1.1}}, config=STEADY)
+    ratio = column(heavy.truth.filter(pl.col("time_s") == 0), "mass_kg")
+    ratio /= column(plain.truth.filter(pl.col("time_s") == 0), "mass_kg")
+    np.testing.assert_allclose(ratio, 1.1, rtol=1e-3)
+    draggy = fly("MD11", 2, seed=5, effects={"drag_polar": {"factor": 1.1}}, config=STEADY)
+    levels = np.array([200 * FL_M])
+    for (name,), own in plain.truth.group_by("flight_id"):
+        more = draggy.truth.filter(pl.col("flight_id") == name)
+        # At 290 kt seven tenths of the MD-11's drag or more are drag at no lift.
+        assert 1.06 < (at(more, "drag_n", levels) / at(own, "drag_n", levels))[0] < 1.1
+
+
+@pytest.mark.parametrize("kind", ["geometric_path", "vertical_speed_mode"])
+def test_paths_and_rates_are_held(kind: str) -> None:
+    values = {"share": 1.0, "of_idle": 0.9} | ({"depth_fl": 80.0} if kind == "vertical_speed_mode" else {})
+    wind = {"wind_gradient": {"mean_kt_per_kft": 1.0, "spread_kt_per_kft": 0.0}}
+    world = fly("MD11", 2, seed=2, effects={kind: values, **wind}, config=STEADY)
+    for (name,), own in world.truth.group_by("flight_id"):
+        plan = world.flights.row(by_predicate=pl.col("flight_id") == name, named=True)
+        held = own.filter(pl.col("label").is_in(["constant_path", "constant_rate"]))
+        assert len(held) > 60
+        if kind == "geometric_path":
+            climb = column(held, "tas_mps") * np.sin(column(held, "gamma"))
+            angle = np.degrees(np.arctan(climb / column(held, "groundspeed_mps")))
+            assert np.degrees(plan["hold_angle"]) * 10 == pytest.approx(round(np.degrees(plan["hold_angle"]) * 10))
+            off = np.abs(angle - np.degrees(plan["hold_angle"]))
+            assert off.max() < 0.1
+            assert (off < 0.02).mean() > 0.9
+        else:
+            assert plan["hold_rate_fpm"] % 100 == pytest.approx(0, abs=1e-6) or plan["hold_rate_fpm"] % 100 > 99.999
+            np.testing.assert_allclose(column(held, "rate_mps") / FPM_MPS, plan["hold_rate_fpm"], atol=40)
+        assert np.abs(column(held, "speed_error_mps")).max() < 2.5
+
+
+def test_half_the_step_changes_next_to_nothing() -> None:
+    times = [time_to_fl150(fly("787-8", 1, seed=0, config=JsbsimConfig(step_s=s)).truth)[0] for s in (0.1, 0.05)]
+    assert times[0] == pytest.approx(times[1], rel=1e-4)
+
+
+def test_rows_are_the_same_to_the_bit_for_the_same_seed() -> None:
+    effects = {"speed_brake": {"factor": 1.5, "share": 0.5, "low_fl": 230, "high_fl": 280, "spread_fl": 10.0}}
+    first, again = (fly("global5000", 3, seed=4, effects=effects) for _ in range(2))
+    assert first.rows.equals(again.rows)
+    assert first.truth.equals(again.truth)
+    fewer = fly("global5000", 2, seed=4, effects=effects)
+    names = fewer.flights["flight_id"].to_list()
+    assert first.rows.filter(pl.col("flight_id").is_in(names)).equals(fewer.rows)
+    assert not first.rows["vertical_rate"].equals(fly("global5000", 3, seed=5).rows["vertical_rate"])
+
+
+@pytest.mark.slow
+def test_rows_do_not_depend_on_the_processes() -> None:
+    assert fly("MD11", 12, seed=4, workers=2).rows.equals(fly("MD11", 12, seed=4).rows)
+
+
+def test_instruments_report_what_is_planted(plain: JsbsimWorld) -> None:
+    biased = fly("MD11", 2, 5, {"airspeed_bias": {"bias_kt": 5.0, "slope_kt_per_mach": 0.0}}, config=STEADY)
+    assert biased.truth.equals(plain.truth)
+    assert float((biased.rows["IAS"] - plain.rows["IAS"]).mean()) == pytest.approx(5.0, abs=0.1)
+    late = fly("MD11", 2, 5, {"vertical_rate_lag": {"lag_s": 12.0}}, config=STEADY)
+    assert late.rows.drop("vertical_rate").equals(plain.rows.drop("vertical_rate"))
+    assert float((late.rows["vertical_rate"] - plain.rows["vertical_rate"]).abs().max()) > 300
+
+
+@pytest.mark.parametrize("model", AIRFRAMES)
+def test_prepare_keeps_most_flights(model: str, tmp_path: Path) -> None:
+    """Of 12 flights of each model at least 11 become descents."""
+    world = fly(model, 12, seed=9, typecode=airframe_of(model).reference)
+    assert set(world.rows.columns) <= set(COLUMNS)
+    assert all(world.rows.schema[name] == COLUMNS[name] for name in world.rows.columns)
+    world.rows.write_parquet(tmp_path / "rows.parquet")
+    descents, _ = prepare([tmp_path / "rows.parquet"])
+    assert descents.levels["flight_id"].n_unique() >= 11
+    assert descents.levels["typecode"].unique().to_list() == [airframe_of(model).reference]
+
+
+def test_flights_that_fail_are_counted_and_not_kept() -> None:
+    # Some of these ask for speeds that the wing cannot fly.
+    world = fly("MD11", 6, seed=0, config=JsbsimConfig(cas_spread_kt=80.0))
+    assert 0 < len(world.failures) < 6
+    assert len(world.flights) + len(world.failures) == 6
+    assert set(world.failures["flight_id"]).isdisjoint(world.rows["flight_id"])
+    assert world.failures["reason"].null_count() == 0
+    assert f"{len(world.flights)} flights" in str(world)
+    assert "failed" in str(world)
+
+
+def test_where_all_flights_fail_it_is_an_error() -> None:
+    with pytest.raises(DataError, match="all 2 flights of the MD11 failed"):
+        fly("MD11", 2, seed=0, effects={"mass": {"factor": 4.0}})
+
+
+def test_nothing_is_printed_and_no_file_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    fly("global5000", 1, seed=0)
+    assert capfd.readouterr() == ("", "")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("model", AIRFRAMES)
+def test_copies_read_and_write_nothing(model: str, tmp_path: Path) -> None:
+    copy_model(airframe_of(model), tmp_path)
+    text = (tmp_path / "aircraft" / model / f"{model}.xml").read_text()
+    assert {child.tag for child in ElementTree.fromstring(text)}.isdisjoint({"input", "output", "system", "autopilot"})
+    assert "port=" not in text
+    assert text.count("planted/") == 3

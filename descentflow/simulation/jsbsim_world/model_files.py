@@ -66,6 +66,7 @@ def copy_model(airframe: Airframe, folder: Path) -> int:
         ConfigError: If JSBSim is not installed.
 
     Example:
+        >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
         >>> copy_model(airframe_of("MD11"), Path("."))
         0
         >>> Path("aircraft/MD11/MD11.xml").is_file()

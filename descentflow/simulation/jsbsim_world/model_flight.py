@@ -54,7 +54,18 @@ class Record:
 
 
 class ModelFleet:
-    """Flies plans with one model; its files are copied into a folder once."""
+    """Flies plans with one model; its files are copied into a folder once.
+
+    Example:
+        >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
+        >>> from descentflow.simulation.jsbsim_world.flight_plans import draw_plans
+        >>> config = JsbsimConfig()
+        >>> record = ModelFleet(airframe_of("MD11"), Path("."), config).fly(
+        ...     draw_plans(airframe_of("MD11"), [0], seed=0, config=config)[0]
+        ... )
+        >>> bool((record.column("mach") < 0.84).all())
+        True
+    """
 
     def __init__(self, airframe: Airframe, folder: Path, config: JsbsimConfig) -> None:
         self.airframe, self.config, self._folder = airframe, config, folder

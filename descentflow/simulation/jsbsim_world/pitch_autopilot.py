@@ -79,7 +79,24 @@ class PitchResponse:
 
 
 class Autopilot:
-    """Flies one plan; holds the memory of its loops."""
+    """Flies one plan; holds the memory of its loops.
+
+    Example:
+        An aircraft that is 2 m/s too fast in the cruise has its thrust taken back.
+
+        >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
+        >>> from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
+        >>> plan = draw_plans(airframe_of("MD11"), [0], seed=0, config=JsbsimConfig(wander_kt=0.0))[0]
+        >>> seen = Seen(
+        ...     pressure_pa=21_663.0, temperature_k=216.65, sound_mps=295.1, mach=plan.mach + 0.007, height_m=11_300.0,
+        ...     climb_mps=0.0, groundspeed_mps=244.0, pitch=0.05, pitch_rate=0.0, roll=0.0, roll_rate=0.0, heading=0.0,
+        ...     dynamic_pa=10_400.0, drag_n=140e3, thrust_n=140e3, idle_n=40e3, full_n=260e3, mass_kg=180e3,
+        ... )
+        >>> trim = Commands(elevator_rad=-0.1, aileron=0.0, lever=0.6, brake=0.0)
+        >>> pilot = Autopilot(plan, PitchResponse(10_400.0, 0.3, 0.4), trim, seen, step_s=0.1)
+        >>> pilot.step(seen, time_s=0.0).lever < 0.6
+        True
+    """
 
     def __init__(self, plan: FlightPlan, response: PitchResponse, trim: Commands, seen: Seen, step_s: float) -> None:
         self.plan, self._response, self._trim, self._step_s = plan, response, trim, step_s

@@ -21,7 +21,7 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=150)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
-        "--plant", action="append", default=[], type=effect, help="for instance temperature:mean_k=10,spread_k=4"
+        "--inject", action="append", default=[], type=effect, help="for instance temperature:mean_k=10,spread_k=4"
     )
     parser.add_argument("--typecode", help="type that the rows name (default: the one to diagnose the model with)")
     parser.add_argument("--workers", type=int, default=1)
@@ -35,7 +35,7 @@ def main() -> None:
                 args.model,
                 args.flights,
                 args.seed,
-                dict(args.plant),
+                dict(args.inject),
                 typecode=typecode,
                 workers=args.workers,
                 progress=bar.update,

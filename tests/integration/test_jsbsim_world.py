@@ -25,7 +25,7 @@ from descentflow.surveillance.rows.schema import COLUMNS
 
 Array = NDArray[np.float64]
 STEADY = JsbsimConfig(interval_s=1.0, wander_kt=0.0)
-"""A row a second, and no wander of the speed held: what differs between two worlds is what was planted."""
+"""A row a second, and no wander of the speed held: what differs between two worlds is what was injected."""
 
 
 def column(truth: pl.DataFrame, name: str) -> Array:
@@ -166,8 +166,8 @@ def test_brakes_raise_the_rate_in_their_window_alone(plain: JsbsimWorld) -> None
     ],
 )
 def test_effects_move_the_time_of_descent(plain: JsbsimWorld, effect: str, values: dict[str, float], sign: int) -> None:
-    planted = fly("MD11", 2, seed=5, effects={effect: values}, config=STEADY)
-    change = time_to_fl150(planted.truth) / time_to_fl150(plain.truth) - 1
+    injected = fly("MD11", 2, seed=5, effects={effect: values}, config=STEADY)
+    change = time_to_fl150(injected.truth) / time_to_fl150(plain.truth) - 1
     assert (sign * change > 0.003).all()
 
 
@@ -283,4 +283,4 @@ def test_copies_read_and_write_nothing(model: str, tmp_path: Path) -> None:
     text = (tmp_path / "aircraft" / model / f"{model}.xml").read_text()
     assert {child.tag for child in ElementTree.fromstring(text)}.isdisjoint({"input", "output", "system", "autopilot"})
     assert "port=" not in text
-    assert text.count("planted/") == 3
+    assert text.count("injected/") == 3

@@ -15,7 +15,7 @@ from descentflow.simulation.jsbsim_world import model_files, scalar_air
 from descentflow.simulation.jsbsim_world.airframes import AIRFRAMES, WITHHELD, airframe_of
 from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
 from descentflow.simulation.jsbsim_world.fly_models import fly
-from descentflow.simulation.jsbsim_world.model_effects import EFFECTS, plant
+from descentflow.simulation.jsbsim_world.model_effects import EFFECTS, inject
 
 MD11 = AIRFRAMES["MD11"]
 
@@ -65,7 +65,7 @@ def test_effects_have_the_values_of_the_causes_of_the_same_name(name: str) -> No
 def test_a_share_of_the_flights_is_taken_and_each_at_its_own_levels() -> None:
     plans = draw_plans(MD11, range(300), 0, JsbsimConfig())
     values = {"factor": 1.5, "share": 0.6, "low_fl": 230.0, "high_fl": 280.0, "spread_fl": 12.0}
-    taken = [p for p in plant(MD11, plans, {"speed_brake": values}, seed=0) if p.brake > 0]
+    taken = [p for p in inject(MD11, plans, {"speed_brake": values}, seed=0) if p.brake > 0]
     assert 0.5 * 300 < len(taken) < 0.7 * 300
     assert {p.brake for p in taken} == {0.5}
     middles = torch.tensor([(p.brake_high_m + p.brake_low_m) / 2 / FL_M for p in taken])
@@ -86,7 +86,7 @@ def test_a_share_of_the_flights_is_taken_and_each_at_its_own_levels() -> None:
 )
 def test_effects_that_cannot_be_are_refused(effects: dict[str, dict[str, float]], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        plant(MD11, draw_plans(MD11, range(1), 0, JsbsimConfig()), effects, seed=0)
+        inject(MD11, draw_plans(MD11, range(1), 0, JsbsimConfig()), effects, seed=0)
 
 
 @pytest.mark.parametrize("values", [{"step_s": 0.0}, {"step_s": 0.3}, {"cd0_spread": -0.1}, {"bottom_fl": math.inf}])

@@ -1,7 +1,7 @@
 """Flights of JSBSim's aircraft in six degrees of freedom, under an autopilot of ours, reported as a radar would.
 
 Equations of motion, aerodynamics, engines and atmosphere are JSBSim's and its models' (extra ``jsbsim``); of ours are
-the autopilot, the effects that are planted and the radar. So `prepare` and `diagnose` can be tried on physics that
+the autopilot, the effects that are injected and the radar. So `prepare` and `diagnose` can be tried on physics that
 share nothing with the decoder.
 
 Reading order: :mod:`~descentflow.simulation.jsbsim_world.fly_models`,

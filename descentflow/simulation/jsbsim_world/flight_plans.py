@@ -76,7 +76,7 @@ class JsbsimConfig:
 
 @dataclass(frozen=True)
 class FlightPlan:
-    """One flight; the fields below ``wander`` are neutral unless an effect is planted."""
+    """One flight; the fields below ``wander`` are neutral unless an effect is injected."""
 
     number: int
     operator: int

@@ -16,11 +16,11 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.simulation.autopilot import LABELS
-from descentflow.simulation.injected import Planted, neutral
+from descentflow.simulation.injected import Injected, neutral
 from descentflow.simulation.jsbsim_world.airframes import Airframe, airframe_of
 from descentflow.simulation.jsbsim_world.flight_plans import OPERATORS, FlightPlan, JsbsimConfig, draw_plans
 from descentflow.simulation.jsbsim_world.model_aircraft import FlightFailed
-from descentflow.simulation.jsbsim_world.model_effects import plant
+from descentflow.simulation.jsbsim_world.model_effects import inject
 from descentflow.simulation.jsbsim_world.model_files import jsbsim
 from descentflow.simulation.jsbsim_world.model_flight import COLUMNS, ModelFleet, Record
 from descentflow.simulation.observe import observe
@@ -36,7 +36,7 @@ class JsbsimWorld:
     rows: pl.DataFrame
     """Surveillance reports in the package's row schema."""
     flights: pl.DataFrame
-    """One row a flight: everything drawn and planted."""
+    """One row a flight: everything drawn and injected."""
     truth: pl.DataFrame
     """One row a flight and time, see :func:`fly`."""
     failures: pl.DataFrame
@@ -76,7 +76,7 @@ def fly(
         n_flights: Flights wanted, at least one; those that fail are not replaced.
         seed: Not negative; flight number k of a seed is the same in any world that has it.
         effects: Values by the name of an effect of
-            :data:`descentflow.simulation.jsbsim_world.model_effects.EFFECTS`; nothing is planted if absent.
+            :data:`descentflow.simulation.jsbsim_world.model_effects.EFFECTS`; nothing is injected if absent.
         config: Spreads, steps and the radar's noise.
         typecode: Type that the rows name; the model's own if absent.
         workers: Processes; without effect on the result.
@@ -105,7 +105,7 @@ def fly(
             mend="pass positive numbers",
         )
     jsbsim()
-    plans = plant(airframe, draw_plans(airframe, range(n_flights), seed, config), effects or {}, seed)
+    plans = inject(airframe, draw_plans(airframe, range(n_flights), seed, config), effects or {}, seed)
     prefixes = [OPERATORS[p.operator] for p in plans]
     named = name_flights(typecode or airframe.typecode, range(n_flights), seed, config.flights_per_aircraft, prefixes)
     outcomes = _flown(airframe, plans, config, workers, progress)
@@ -121,7 +121,7 @@ def fly(
         raise DataError(
             f"all {n_flights} flights of the {model} failed: {', '.join(f'{n} {why}' for why, n in counts.items())}",
             expected="flights that the model can fly",
-            mend="plant smaller effects or choose other speeds and levels",
+            mend="inject smaller effects or choose other speeds and levels",
         )
     return _world([f for f, _ in kept], [one for _, one in kept], seed, config, failures)
 
@@ -174,7 +174,7 @@ def _world(
     return JsbsimWorld(rows, _flights_table(named, plans), truth, failures)
 
 
-def _instruments(plans: Sequence[FlightPlan]) -> Planted:
+def _instruments(plans: Sequence[FlightPlan]) -> Injected:
     columns = {name: torch.tensor([getattr(p, name) for p in plans], dtype=torch.float64) for name in _INSTRUMENTS}
     return replace(neutral(len(plans)), **columns)
 

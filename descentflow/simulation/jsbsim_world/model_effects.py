@@ -1,4 +1,4 @@
-"""Effects that are planted in flights of JSBSim's models, in JSBSim's own terms.
+"""Effects that are injected in flights of JSBSim's models, in JSBSim's own terms.
 
 Names and values are those of :mod:`descentflow.simulation.causes` where the meaning is the same. Of some the size
 differs a little from what the same number means there:
@@ -30,7 +30,7 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Case:
-    """One flight that an effect is planted in."""
+    """One flight that an effect is injected in."""
 
     airframe: Airframe
     plan: FlightPlan
@@ -57,7 +57,7 @@ class ModelEffect:
 
     name: str
     units: Mapping[str, str]
-    plant: Callable[[Case, Values], FlightPlan]
+    inject: Callable[[Case, Values], FlightPlan]
     optional: Mapping[str, float] = field(default_factory=dict)
     """Value -> what it is if left out."""
 
@@ -174,7 +174,7 @@ EFFECTS = {
         ModelEffect("wave_drag", _FACTOR, _wave),
     )
 }
-"""Effects by name, in the order in which they are planted. The last four have no entry in the diagnosis's catalogue:
+"""Effects by name, in the order in which they are injected. The last four have no entry in the diagnosis's catalogue:
 thrust kept up after the top of descent, a thrust lever left at a setting (0 to 1), and factors of the model's induced
 drag and of its drag due to Mach. ``spread_fl`` of the speed brakes shifts each flight's window by its own amount."""
 
@@ -198,7 +198,7 @@ def checked(effects: Mapping[str, Values]) -> dict[str, dict[str, float]]:
         given = {**effect.optional, **values} if effect else {}
         if effect is None or set(given) != set(effect.units) or not all(map(math.isfinite, given.values())):
             raise ConfigError(
-                f"to plant {name} with {', '.join(f'{k}={v}' for k, v in values.items()) or 'nothing'}",
+                f"to inject {name} with {', '.join(f'{k}={v}' for k, v in values.items()) or 'nothing'}",
                 expected="; ".join(f"{one.name} with {', '.join(one.units)}" for one in EFFECTS.values()),
                 mend="name an effect and all of its values, each a finite number",
             )
@@ -206,7 +206,7 @@ def checked(effects: Mapping[str, Values]) -> dict[str, dict[str, float]]:
     return complete
 
 
-def plant(
+def inject(
     airframe: Airframe, plans: Sequence[FlightPlan], effects: Mapping[str, Values], seed: int
 ) -> list[FlightPlan]:
     """Plant effects; what a flight gets depends on the seed, its number and the effect alone.
@@ -227,7 +227,7 @@ def plant(
         >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
         >>> from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
         >>> plans = draw_plans(airframe_of("MD11"), range(1), 0, JsbsimConfig())
-        >>> heavier = plant(airframe_of("MD11"), plans, {"mass": {"factor": 1.1}}, seed=0)
+        >>> heavier = inject(airframe_of("MD11"), plans, {"mass": {"factor": 1.1}}, seed=0)
         >>> round(heavier[0].mass_kg / plans[0].mass_kg, 6)
         1.1
     """
@@ -236,6 +236,6 @@ def plant(
         if name in complete:
             uniform = [np.random.default_rng((seed, p.number, _STREAM, index)).random(_DRAWS).tolist() for p in changed]
             changed = [
-                effect.plant(Case(airframe, p, u), complete[name]) for p, u in zip(changed, uniform, strict=True)
+                effect.inject(Case(airframe, p, u), complete[name]) for p, u in zip(changed, uniform, strict=True)
             ]
     return changed

@@ -15,7 +15,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.simulation.jsbsim_world.airframes import Airframe
 
 CD0_FACTOR, CDI_FACTOR, WAVE_FACTOR, IDLE_FACTOR = (
-    f"planted/{name}" for name in ("cd0-factor", "cdi-factor", "wave-factor", "idle-factor")
+    f"injected/{name}" for name in ("cd0-factor", "cdi-factor", "wave-factor", "idle-factor")
 )
 FACTORS = (CD0_FACTOR, CDI_FACTOR, WAVE_FACTOR, IDLE_FACTOR)
 """Properties that the copies know and the originals do not."""

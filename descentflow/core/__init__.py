@@ -1,5 +1,6 @@
-"""What every other package stands on: errors, units, constants, whole files, workers and threads.
+"""What every other package uses and none of it knows of aircraft or flights.
 
-Nothing here knows of aircraft or flights. Read :mod:`~descentflow.core.errors` and :mod:`~descentflow.core.units`
-first.
+Reading order: :mod:`~descentflow.core.errors`, :mod:`~descentflow.core.units`, :mod:`~descentflow.core.constants` (of
+the standard atmosphere), :mod:`~descentflow.core.tensors`, :mod:`~descentflow.core.files` (written whole or not at
+all), :mod:`~descentflow.core.counter_random`, :mod:`~descentflow.core.workers`, :mod:`~descentflow.core.threads`.
 """

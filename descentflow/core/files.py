@@ -17,8 +17,12 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         DataError: As :func:`check_output`.
 
     Example:
-        >>> with whole_file("samples.parquet") as temporary:
-        ...     frame.write_parquet(temporary)
+        >>> with whole_file("note.txt") as temporary:
+        ...     _ = temporary.write_text("all of it")
+        ...     Path("note.txt").exists()
+        False
+        >>> Path("note.txt").read_text()
+        'all of it'
     """
     target = check_output(path)
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.stem}-", suffix=target.suffix)
@@ -41,6 +45,12 @@ def check_output(path: str | Path) -> Path:
 
     Raises:
         DataError: If its folder does not exist or it is itself a folder.
+
+    Example:
+        >>> check_output("nowhere/samples.parquet")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: output nowhere/samples.parquet in a folder that does not exist; ...
     """
     target = Path(path)
     if not target.parent.is_dir():

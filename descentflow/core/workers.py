@@ -1,4 +1,4 @@
-"""Where tasks are worked on: this process, processes of this machine, or a Dask cluster; the code is the same."""
+"""Where tasks run: in this process, in processes of this machine, or on a Dask cluster; the code is the same."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
@@ -17,19 +17,25 @@ Task = TypeVar("Task")
 
 
 class Engine(ABC):
-    """Runs a function on tasks."""
+    """Runs a function on tasks.
+
+    Example:
+        >>> engine: Engine = LocalEngine(workers=2)
+        >>> engine.workers
+        2
+    """
 
     workers: int
 
     @abstractmethod
     def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
-        """Yield as often as a task is done; the first error ends it."""
+        """Yield once per finished task; the first error ends the run."""
 
 
 def _each(
     pool: Executor, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object
 ) -> Iterator[None]:
-    """Yield as tasks finish; what has not begun is cancelled when one fails or nobody waits any more."""
+    """Yield as tasks finish; tasks that have not begun are cancelled when one fails or the caller stops."""
     with pool:
         waiting = [pool.submit(function, task, common) for task in tasks]
         try:
@@ -42,7 +48,15 @@ def _each(
 
 @dataclass
 class LocalEngine(Engine):
-    """Threads of this process: Polars and NumPy let others run while they compute."""
+    """Threads of this process: Polars and NumPy let others run while they compute.
+
+    Example:
+        >>> done = []
+        >>> for _ in LocalEngine(workers=2).run(lambda task, common: done.append(task * common), [1, 2, 3], 10):
+        ...     pass
+        >>> sorted(done)
+        [10, 20, 30]
+    """
 
     workers: int
 
@@ -55,7 +69,14 @@ class LocalEngine(Engine):
 class ProcessEngine(Engine):
     """Processes of this machine, begun afresh; with one worker this process itself, one task after another.
 
-    For work that draws, trains or prints, which threads of one process cannot do beside each other.
+    For work that draws, trains or prints, which threads of one process cannot do at the same time.
+
+    Example:
+        >>> done = []
+        >>> for _ in ProcessEngine(workers=1).run(lambda task, common: done.append(task), ["a", "b"], None):
+        ...     pass
+        >>> done
+        ['a', 'b']
     """
 
     workers: int
@@ -77,6 +98,10 @@ class DaskEngine(Engine):
 
     All must see the same files under the same names, and have this version of descentflow. A task whose worker dies
     is run again by another.
+
+    Example:
+        >>> DaskEngine(scheduler="tcp://host:8786").scheduler  # it connects when it runs
+        'tcp://host:8786'
     """
 
     workers: int = 2
@@ -108,7 +133,7 @@ class DaskEngine(Engine):
             shared = client.scatter(common, broadcast=True, hash=False)
             futures = client.map(function, tasks, [shared] * len(tasks), pure=False, key=function.__name__)
             for future in distributed.as_completed(futures):
-                # What tasks return is of no use, and might be asked of a worker that is dead by now.
+                # Results are not fetched: nothing needs them, and their worker may be dead by now.
                 if future.status != "finished":
                     future.result()
                 yield
@@ -119,7 +144,7 @@ class DaskEngine(Engine):
 
 
 def _check_versions(client: Any) -> None:
-    """Refuse workers that would work by other rules."""
+    """Refuse workers with other versions."""
     client.wait_for_workers(1, timeout=60)
     found = set(client.run(version).values())
     if found != {version()}:
@@ -131,5 +156,10 @@ def _check_versions(client: Any) -> None:
 
 
 def version() -> str:
-    """What all workers must have alike."""
+    """Versions that all workers must share.
+
+    Example:
+        >>> version().startswith("descentflow ")
+        True
+    """
     return f"descentflow {__version__}, Polars {pl.__version__}"

@@ -1,5 +1,18 @@
 """The equations of descent: atmosphere, airspeeds, forces and BADA 3's total-energy equation.
 
 Reading order: :mod:`~descentflow.physics.atmosphere`, :mod:`~descentflow.physics.airspeed`,
-:mod:`~descentflow.physics.forces`, :mod:`~descentflow.physics.energy`, :mod:`~descentflow.physics.nominal_descent`.
+:mod:`~descentflow.physics.forces` (drag and idle thrust, with :mod:`~descentflow.physics.configuration`,
+:mod:`~descentflow.physics.envelope` and :mod:`~descentflow.physics.fuel`), :mod:`~descentflow.physics.energy` (rate
+from drag, and drag from the rate), :mod:`~descentflow.physics.speed_schedule` and
+:mod:`~descentflow.physics.transition` (Mach, then CAS), :mod:`~descentflow.physics.nominal_descent` (BADA's own
+descent). The decoder uses :mod:`~descentflow.physics.idle_state` and, where speed counts,
+:mod:`~descentflow.physics.fused_table`.
+
+To fly climbs: :mod:`~descentflow.physics.energy` holds for them too; they need a thrust for climb beside the one for
+descent in :mod:`~descentflow.physics.forces`, climb speeds beside those in :mod:`~descentflow.physics.speed_schedule`
+and in :class:`~descentflow.aircraft_types.aircraft.Aircraft` (the APF file has them), and times that grow upwards in
+:mod:`descentflow.representation.decoder.trajectories`.
+
+To fly another performance model, BADA 4 for instance: its drag and thrust go into
+:mod:`~descentflow.physics.forces`, its coefficients into :mod:`descentflow.aircraft_types`.
 """

@@ -34,7 +34,12 @@ def impact_pressure_ratio(mach: Tensor) -> Tensor:
 
 
 def mach_of_impact(ratio: Tensor) -> Tensor:
-    """Mach number that makes an impact pressure ratio, the inverse of :func:`impact_pressure_ratio` (manual 3.1-23)."""
+    """Mach number that makes an impact pressure ratio, the inverse of :func:`impact_pressure_ratio` (manual 3.1-23).
+
+    Example:
+        >>> round(mach_of_impact(impact_pressure_ratio(torch.tensor(0.8))).item(), 4)
+        0.8
+    """
     return safe_sqrt(2 / (KAPPA - 1) * torch.expm1(torch.log1p(ratio) / IMPACT_EXPONENT))
 
 

@@ -1,8 +1,8 @@
 """Comparison of altitudes with BADA's thresholds, which are whole feet.
 
-``15 * 30.48`` is less than ``1500 * 0.3048`` in floating point, by one unit in the last place: a flight level that
-stands exactly on a threshold must not fall off it for that. Altitudes within five millimetres of a threshold are
-taken to be on it.
+``15 * 30.48`` is smaller than ``1500 * 0.3048`` in floating point, by one unit in the last place: a flight level that
+is exactly a threshold must not count as below it for that. Altitudes within five millimetres of a threshold are taken
+to be equal to it.
 """
 
 from torch import Tensor

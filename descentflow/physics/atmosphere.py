@@ -114,8 +114,8 @@ def pressure_altitude_m(pressure: Number) -> Tensor:
         >>> round(pressure_altitude_m(pressure_pa(9144.0)).item(), 6)
         9144.0
     """
-    (given,) = as_tensors(pressure)
-    delta = given / P0_PA
+    (pressure_tensor,) = as_tensors(pressure)
+    delta = pressure_tensor / P0_PA
     low = T0_K / LAPSE_K_M * (delta ** (1 / PRESSURE_EXPONENT) - 1)
     high = TROPOPAUSE_M - SCALE_HEIGHT_M * torch.log(delta / DELTA_TROPOPAUSE)
     return torch.where(delta >= DELTA_TROPOPAUSE, low, high)
@@ -158,7 +158,7 @@ def speed_of_sound_mps(altitude_m: Number, deviation_k: Number = 0.0) -> Tensor:
 def geometric_altitude_m(altitude_m: Number, deviation_k: Number = 0.0) -> Tensor:
     """Altitude above the level where pressure is p0, from ``dh = T / (T - dT) dHp`` integrated (manual 3.1.1).
 
-    ``h = Hp + dT / beta ln(T_isa / T0)``, and above the tropopause ``dT / T_11 (Hp - 11,000)`` more. Gravity is
+    ``h = Hp + dT / beta ln(T_isa / T0)``; above the tropopause ``dT / T_11 (Hp - 11,000)`` is added. Gravity is
     constant in BADA, so geopotential and geometric altitude are one (they differ by 23 m at 40,000 ft).
 
     Args:

@@ -24,16 +24,26 @@ ESF_ACCELERATING_DESCENT: Final = 1.7
 
 
 def lapse_share(mach: Tensor, altitude_m: Tensor, deviation_k: Tensor) -> Tensor:
-    """``(V/g0) dV/dh`` at constant Mach: the sound speed falls with height, not above the tropopause (manual 3.2-9)."""
+    """``(V/g0) dV/dh`` at constant Mach: the speed of sound falls with height up to the tropopause (manual 3.2-9).
+
+    Example:
+        >>> mach, still = torch.tensor([0.78, 0.78]), torch.zeros(2)
+        >>> lapse_share(mach, torch.tensor([9000.0, 12000.0]), still)  # below and above the tropopause
+        tensor([-0.0810, 0.0000])
+    """
     slope = KAPPA * R_AIR * LAPSE_K_M / (2 * G0_MPS2)
     below = slope * mach * mach * isa_fraction(altitude_m, deviation_k)
     return torch.where(below_tropopause(altitude_m), below, 0.0)
 
 
 def compression_share(mach: Tensor) -> Tensor:
-    """``(V/g0) dV/dh`` at constant CAS, beyond the lapse's part (manual 3.2-10): ``y - y^(-5/2)``, ``y = 1 + 0.2 M^2``.
+    """``(V/g0) dV/dh`` at constant CAS, without the lapse's (manual 3.2-10): ``y - y^(-5/2)``, ``y = 1 + 0.2 M^2``.
 
     The manual writes ``y^(-1/(kappa-1)) (y^(kappa/(kappa-1)) - 1)``, which is the same without the cancelled power.
+
+    Example:
+        >>> compression_share(torch.tensor([0.0, 0.78]))
+        tensor([0.0000, 0.3712])
     """
     y = 1 + (KAPPA - 1) / 2 * mach * mach
     return y - y ** (-1 / (KAPPA - 1))
@@ -50,7 +60,7 @@ def energy_share_factor(
 
     The four cases are one expression, ``1 / (1 + lapse + compression)``: the lapse term holds up to the tropopause,
     the compression term at constant CAS. The constants of the remaining cases (constant TAS, level acceleration and
-    deceleration) stand beside it as ``ESF_CONSTANT_TAS``, ``ESF_DECELERATING_DESCENT`` and
+    deceleration) are ``ESF_CONSTANT_TAS``, ``ESF_DECELERATING_DESCENT`` and
     ``ESF_ACCELERATING_DESCENT``.
 
     Args:
@@ -75,7 +85,13 @@ def energy_share_factor(
 
 
 def wind_share(mach: Tensor, altitude_m: Tensor, deviation_k: Tensor, gradient_per_s: Tensor) -> Tensor:
-    """``(V/g0) dw/dh``: the along-track wind's change, ``dw/dHp (T - dT)/T`` with height; not in the manual's 3.2."""
+    """``(V/g0) dw/dh``: change of the along-track wind, ``dw/dHp (T - dT)/T`` with height; not in the manual's 3.2.
+
+    Example:
+        >>> knot_per_1000_ft = torch.tensor(0.514444 / 304.8)
+        >>> round(wind_share(torch.tensor(0.78), torch.tensor(9000.0), torch.tensor(0.0), knot_per_1000_ft).item(), 3)
+        0.041
+    """
     tas = mach_to_tas_mps(mach, altitude_m, deviation_k)
     return tas / G0_MPS2 * isa_fraction(altitude_m, deviation_k) * gradient_per_s
 
@@ -159,7 +175,13 @@ def energy_share_factor_exact(
 
 
 def slope_per_m(values: Tensor, altitude_m: Tensor) -> Tensor:
-    """Slope of profiles (..., L) against the altitude (L,), of second order, one-sided at the ends."""
+    """Slope of profiles (..., L) against the altitude (L,), of second order, one-sided at the ends.
+
+    Example:
+        >>> altitude_m = torch.tensor([0.0, 1.0, 2.0, 3.0])
+        >>> slope_per_m(altitude_m**2, altitude_m)
+        tensor([0., 2., 4., 6.])
+    """
     (slope,) = torch.gradient(values, spacing=(altitude_m,), dim=-1, edge_order=2)
     return slope
 

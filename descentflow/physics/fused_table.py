@@ -27,14 +27,14 @@ INVERSE_EXPONENT = (KAPPA - 1) / KAPPA
 
 @dataclass(frozen=True)
 class LevelTable:
-    """Constants of each level (L,) for one aircraft, mass and temperature deviation."""
+    """Constants of each level (L,) for one aircraft, mass and temperature deviation; :func:`level_table` fills it."""
 
     pressure_ratio: Tensor
-    """Sea-level pressure over the level's."""
+    """Sea-level pressure over the pressure of the level."""
     pressure_rest: Tensor
-    """One less that."""
+    """One minus ``pressure_ratio``."""
     mach_scale: Tensor
-    """True airspeed of ``sqrt(y - 1)``."""
+    """True airspeed per ``sqrt(y - 1)``."""
     lapse: Tensor
     """Weight of ``y - 1`` in the energy share: zero above the tropopause."""
     compression: Tensor
@@ -56,13 +56,18 @@ def level_table(
         altitude_m: (L,) pressure altitude.
         mass_kg: Mass; the reference mass if absent.
         deviation_k: ISA temperature deviation.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> level_table(open_aircraft("A320"), torch.tensor([9000.0, 12000.0])).compression  # Mach is held at both
+        tensor([1., 0.])
     """
     # Filled in float64 and rounded once.
     altitude = altitude_m.double()
     one, deviation = torch.ones_like(altitude), as_tensors(deviation_k)[0].to(altitude)
     ratio = P0_PA / pressure_pa(altitude)
     slow, fast = (descent_thrust_n(aircraft, altitude, speed * one, deviation) for speed in (100.0, 200.0))
-    # Every engine's thrust is a constant plus a term in 1/V: two speeds tell both.
+    # Every engine's thrust is a constant plus a term in 1/V: two speeds determine both.
     falling = (slow - fast) * 200.0
     mass = aircraft.mass_reference_kg if mass_kg is None else mass_kg
     columns = (
@@ -86,6 +91,14 @@ def fused_rate(table: LevelTable, drag_n: Tensor, cas_mps: Tensor, out: tuple[Te
         drag_n: (n, L).
         cas_mps: (n, L).
         out: Mach, TAS, rate and slowness (s/m, negative in descent), each (n, L).
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> table = level_table(open_aircraft("A320"), torch.tensor([6000.0, 6100.0]))
+        >>> out = tuple(torch.empty(1, 2) for _ in range(4))
+        >>> fused_rate(table, torch.full((1, 2), 40e3), torch.full((1, 2), 150.0), out)
+        >>> bool((out[2] < 0).all())  # it descends
+        True
     """
     mach, tas, rate, scratch = out
     torch.mul(cas_mps, cas_mps, out=rate)

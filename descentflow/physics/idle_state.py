@@ -1,4 +1,4 @@
-"""What BADA says of an aircraft descending at a given CAS and pressure altitude: used by inference and by decoding."""
+"""State of an aircraft that descends at idle, by CAS and pressure altitude: used by inference and by decoding alike."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from descentflow.physics.speed_schedule import holds_mach
 
 
 class IdleState(NamedTuple):
-    """Mach, true airspeed, idle thrust and energy share factor, each broadcast to the batch."""
+    """Mach, true airspeed, idle thrust and energy share factor, each broadcast to the batch; see :func:`idle_state`."""
 
     mach: Tensor
     tas_mps: Tensor
@@ -33,8 +33,8 @@ def idle_state(
     """State of a clean descent at idle (paper, section 2.1: BADA's formulae unchanged but for drag and CAS).
 
     Above the type's transition altitude the energy share factor is BADA's for constant Mach, below it the one
-    for constant CAS (BADA 3 user manual, section 3.2), whatever the given CAS does between levels. With the slope of
-    the CAS given it is the exact one.
+    for constant CAS (BADA 3 user manual, section 3.2), whatever the CAS does between levels; with
+    the slope of the CAS it is the exact one.
 
     Args:
         aircraft: Coefficients.
@@ -43,6 +43,15 @@ def idle_state(
         deviation_k: ISA temperature deviation.
         wind_gradient_per_s: dw/dHp of the along-track wind, positive from behind; broadcasts against the CAS.
         cas_gradient_per_s: (..., L) dCAS/dHp for the exact energy share factor; BADA's if absent.
+
+    Returns:
+        Each (..., L).
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> state = idle_state(open_aircraft("A320"), torch.tensor([150.0]), torch.tensor([6000.0]))
+        >>> round(state.mach.item(), 2), round(state.tas_mps.item())
+        (0.63, 199)
     """
     mach = cas_to_mach(cas_mps, altitude_m)
     tas_mps = mach_to_tas_mps(mach, altitude_m, deviation_k)

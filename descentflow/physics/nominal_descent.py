@@ -27,7 +27,7 @@ _CELL_M = 1000 * FT_M
 
 @dataclass(frozen=True)
 class NominalState:
-    """What the nominal model says at pressure altitudes; every field has the shape ``(..., n)``."""
+    """State of the nominal descent at n altitudes, see :func:`nominal_state`; every field is ``(..., n)``."""
 
     cas_mps: Tensor
     mach: Tensor
@@ -43,7 +43,7 @@ class NominalState:
 
 @dataclass(frozen=True)
 class NominalDescent:
-    """A nominal descent on the level grid; ``level_fl`` is ``(n_levels,)`` ascending, all else ``(..., n_levels)``."""
+    """A nominal descent, see :func:`nominal_descent`: ``level_fl`` (L,) ascending flight levels, all else (..., L)."""
 
     level_fl: Tensor
     time_s: Tensor
@@ -121,8 +121,8 @@ def nominal_descent(
     of the grid.
 
     Args:
-        aircraft: Coefficients of the type; tensor coefficients must broadcast against ``(..., n_levels)``, so give them
-            a last dimension of one.
+        aircraft: Coefficients of the type; tensor coefficients must broadcast against ``(..., n_levels)``, so they
+            need a last dimension of one.
         levels_fl: Flight levels, ``(n_levels,)``, strictly ascending.
         mass_kg: One mass per descent, ``(...)`` (a dimension for the levels is added); the reference mass when None.
         deviation_k: One temperature deviation per descent, ``(...)``.

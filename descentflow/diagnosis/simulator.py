@@ -12,9 +12,9 @@ from descentflow.core.errors import DataError
 from descentflow.generation.rejection import Sampler
 from descentflow.measurements.quantities import Quantities
 from descentflow.representation.representation import Representation
-from descentflow.surveillance.prepare import Cleaning
 
-FEWEST_FLIGHTS = 20
+MIN_FLIGHTS = 20
+"""Fewer flights say nothing of any effect; hundreds are needed to tell effects apart."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +27,6 @@ class Simulator:
     content: Callable[[], dict[str, Any]] | None = None
     """Reads the checkpoint again, to write a corrected one."""
     name: str = "nominal"
-
-    def cleaning(self) -> Cleaning:
-        """How rows are prepared for it: down to its own lowest level."""
-        if self.representation is None:
-            return Cleaning()
-        return Cleaning(bottom_fl=int(self.representation.decoder.levels_fl[0]))
 
     def levels(self, frame: pl.DataFrame) -> tuple[float, float]:
         """Lowest and highest level of its grid."""
@@ -61,11 +55,11 @@ def check_type(frame: pl.DataFrame, simulator: Simulator) -> None:
 
 def check_count(real: Quantities, frame: pl.DataFrame, low: float, high: float) -> None:
     """Refuse too few flights on the grid (DataError)."""
-    if len(real) < FEWEST_FLIGHTS:
+    if len(real) < MIN_FLIGHTS:
         raise DataError(
             f"{len(real)} flights with levels between FL{low:.0f} and FL{high:.0f} "
             f"(of {frame['flight_id'].n_unique()} given)",
-            expected=f"at least {FEWEST_FLIGHTS}, and hundreds to tell effects apart",
+            expected=f"at least {MIN_FLIGHTS}, and hundreds to tell effects apart",
             mend="give more flights, or a simulator of their levels",
         )
 

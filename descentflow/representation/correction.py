@@ -1,6 +1,6 @@
 """Effects that a diagnosis found, applied to decoded descents: what `corrected.ckpt` adds to a simulator."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -11,6 +11,7 @@ from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 if TYPE_CHECKING:
     from descentflow.effects.flight_state import FlightState
@@ -42,6 +43,8 @@ class Correction:
     mass_kg: float
     inherited: bool = False
     """Whether the simulator's own flights had the effects: its inferred drag then gives the right rates already."""
+    cleaning: Cleaning = field(default_factory=Cleaning)
+    """Settings with which the simulator's own flights were cleaned: they say where descents begin."""
 
     def apply(self, aircraft: Aircraft, flown: Trajectories, draws: DrawNumbers = FIRST_DRAWS) -> Trajectories:
         """The descents as they are with the effects.
@@ -78,7 +81,7 @@ class Correction:
         """Sums of shifts that are flown, and that are reported only: ``rate`` (ln), ``cas`` (m/s), ``tas`` (ln)."""
         from descentflow.effects.flight_state import log_rate
 
-        state = _state(aircraft, self.mass_kg, altitude_m, cas_mps, mask)
+        state = _state(aircraft, self, altitude_m, cas_mps, mask)
         flies, reports = self._sums(state, draws)
         if self.inherited:
             zero = torch.zeros_like(state.cas_mps)
@@ -113,8 +116,12 @@ class Correction:
         return {"effects": dict(self.effects), "mass_kg": self.mass_kg, "inherited": self.inherited}
 
     @classmethod
-    def from_state(cls, state: dict[str, Any]) -> "Correction":
+    def from_state(cls, state: dict[str, Any], cleaning: Cleaning | None = None) -> "Correction":
         """Rebuild from :meth:`to_state`.
+
+        Args:
+            state: As :meth:`to_state` gave it.
+            cleaning: Settings with which the simulator's own flights were cleaned; the defaults if unknown.
 
         Raises:
             KeyError: If it names an effect that this version does not have.
@@ -125,10 +132,12 @@ class Correction:
         if strange:
             raise KeyError(f"effect {strange[0]}")
         effects = {name: [float(v) for v in theta] for name, theta in state["effects"].items()}
-        return cls(effects, state["mass_kg"], state["inherited"])
+        return cls(effects, state["mass_kg"], state["inherited"], cleaning or Cleaning())
 
 
-def _state(aircraft: Aircraft, mass_kg: float, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor) -> "FlightState":
+def _state(
+    aircraft: Aircraft, correction: Correction, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor
+) -> "FlightState":
     """Decoded descents as effects look at them, each level a band."""
     from descentflow.effects.flight_state import FlightState
 
@@ -137,7 +146,19 @@ def _state(aircraft: Aircraft, mass_kg: float, altitude_m: Tensor, cas_mps: Tens
     top = torch.where(mask, altitude, -torch.inf).amax(1, keepdim=True)
     depth = (top - altitude).clamp(min=0.0)
     slope, still = _slope(cas, spacing), torch.zeros_like(cas)
-    return FlightState(aircraft, mass_kg, altitude, spacing, cas, slope, still, mask, depth, affected=False)
+    return FlightState(
+        aircraft,
+        correction.mass_kg,
+        altitude,
+        spacing,
+        cas,
+        slope,
+        still,
+        mask,
+        depth,
+        affected=False,
+        cleaning=correction.cleaning,
+    )
 
 
 def _slope(cas_mps: Tensor, spacing_m: float) -> Tensor:

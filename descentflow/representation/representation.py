@@ -93,15 +93,17 @@ class Representation(nn.Module):
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Representation":
         """Rebuild from :meth:`to_state`."""
-        told = state["decoder"].get("correction")
+        told, cleaning = state["decoder"].get("correction"), kept_cleaning(state.get("cleaning"))
         return cls(
-            DescentDecoder.from_state(state["decoder"], None if told is None else Correction.from_state(told)),
+            DescentDecoder.from_state(
+                state["decoder"], None if told is None else Correction.from_state(told, cleaning)
+            ),
             Plausibility.from_state(state["plausibility"]),
             Split.from_state(state["split"]),
             state["provenance"],
             state.get("reference"),
             ContextEncoder.from_state(state["context"]) if "context" in state else None,
-            kept_cleaning(state.get("cleaning")),
+            cleaning,
         )
 
 

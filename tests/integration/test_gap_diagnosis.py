@@ -119,6 +119,7 @@ def test_nominal_bada_shows_the_mass_that_flew(plain: Path, checkpoint: Path) ->
     assert report.stages == []
 
 
+@pytest.mark.filterwarnings("ignore:the cleaning settings:descentflow.core.errors.DescentflowWarning")
 def test_bad_input_gets_a_clear_error(plain: Path, folder: Path, checkpoint: Path) -> None:
     frame = read_descents(plain).frame
     few = frame.filter(pl.col("flight_id").is_in(frame["flight_id"].unique().sort().head(5).implode()))

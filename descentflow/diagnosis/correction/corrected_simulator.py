@@ -12,6 +12,7 @@ from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS, Effect
 from descentflow.representation.correction import Correction
 from descentflow.representation.plausibility import Plausibility
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 SECTION = "descentflow"
 """Key of a checkpoint under which the representation stands."""
@@ -42,7 +43,8 @@ def corrected(
                 mend="write the report without a checkpoint, or add the effect to descentflow.effects",
             )
         content = read()
-        correction = Correction({n: v.tolist() for n, v in theta.items()}, mass_kg, inherited)
+        sizes = {name: value.tolist() for name, value in theta.items()}
+        correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning())
         state: dict[str, Any] = content[SECTION]["representation"]
         before = state["decoder"].get("correction")
         if before is not None:

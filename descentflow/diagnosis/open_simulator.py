@@ -1,0 +1,67 @@
+"""The simulator that a caller means: a checkpoint, a density, a fitted model, or nominal BADA of a type."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.registry import aircraft as find_aircraft
+from descentflow.core.errors import ConfigError
+from descentflow.densities.checkpoint import as_density, content_of
+from descentflow.diagnosis.simulator import Simulator
+from descentflow.representation.checkpoint import read_checkpoint
+
+DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
+"""Type designators of ICAO Doc 8643: two to four letters and digits, a letter first."""
+
+
+def open_simulator(simulator: object, bada_dir: Path | None = None) -> Simulator:
+    """The simulator that is diagnosed.
+
+    Args:
+        simulator: Path of a checkpoint; a density; a fitted model of :mod:`descentflow.training.models`; the designator
+            of a type, or its coefficients, for nominal BADA at each flight's own speed. A text that is both the name of
+            a file and a designator is taken as the file.
+        bada_dir: Folder of BADA files for a designator; the embedded open aircraft if absent.
+
+    Raises:
+        AircraftError: If the type is not known.
+        CheckpointError: If the path is no checkpoint that can be used.
+        ConfigError: If it is none of these, has not been fitted, or its density needs a context.
+
+    Example:
+        >>> open_simulator("A320").name, open_simulator("best.ckpt").name
+        ('nominal', 'best.ckpt')
+    """
+    if isinstance(simulator, Aircraft):
+        return Simulator(simulator)
+    if is_designator(simulator):
+        return Simulator(find_aircraft(str(simulator), bada_dir))
+    if bada_dir is not None:
+        raise ConfigError(
+            "BADA files for a simulator that has its own coefficients",
+            expected="them with the designator of a type",
+            mend="name the type, or leave the folder out",
+        )
+    density = as_density(simulator)
+    parts = density.representation
+    if parts.context is not None:
+        # What flights were given is not among what is compared.
+        raise ConfigError(
+            "a simulator that is given a context", expected="one that is not", mend="fit it without data.context"
+        )
+    found = Simulator(parts.decoder.aircraft, density, parts, lambda: content_of(density), type(density).__name__)
+    if isinstance(simulator, str | Path):
+        path = Path(simulator)
+        return replace(found, content=lambda: read_checkpoint(path), name=path.name)
+    return found
+
+
+def is_designator(simulator: object) -> bool:
+    """Whether a text is the designator of a type, and not the name of a file.
+
+    Example:
+        >>> is_designator("A320"), is_designator("best.ckpt"), is_designator(Path("A320"))
+        (True, False, False)
+    """
+    return isinstance(simulator, str) and DESIGNATOR.fullmatch(simulator) is not None and not Path(simulator).exists()

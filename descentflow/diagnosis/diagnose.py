@@ -62,7 +62,7 @@ def diagnose(
 
     Example:
         >>> print(diagnose("rows.parquet", "best.ckpt"))
-        The flights do not differ from the simulator's by more than chance would (p = 1).
+        The flights do not differ from the simulator's by more than chance would (p = ...).
         No effect is named.
         The gap of 0.0... spreads is what two samples of one population show (0.1...).
         >>> diagnose("descents.parquet", "A320").causes[0].parameters["relative_change"].unit  # lighter than nominal

@@ -123,7 +123,7 @@ class Diagnosis:
         weights = whiten(
             compared.y,
             compared.real,
-            compared.cluster,
+            compared.airframe,
             compared.nugget(),
             compared.of_flight(),
             learn=normal_flights(compared),
@@ -179,7 +179,7 @@ class Diagnosis:
         self.settings.progress("asking whether there is a gap")
         c, settings = self.compared, self.settings
         everyone = torch.ones_like(c.real)
-        blind = whiten(c.y, everyone, c.cluster, c.nugget(), c.of_flight(), c.real)
+        blind = whiten(c.y, everyone, c.airframe, c.nugget(), c.of_flight(), c.real)
         unsided = EffectsLikelihood(c, blind, settings.catalogue, settings.seed, self.likelihood)
         return null_test(unsided, self.discrepancy, settings.seed)
 
@@ -264,6 +264,11 @@ def normal_flights(compared: Compared) -> Tensor | None:
     """Flights that the spread is learnt from: the simulator's where they are enough, else all.
 
     An effect that takes some flights and leaves others would widen the spread in its own direction, and so hide itself.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> int(normal_flights(example_sides(n=120)).sum()), normal_flights(example_sides(n=50)) is None
+        (120, True)
     """
     known = ~compared.real
     enough = int(known.sum()) >= max(MIN_NORMAL_FLIGHTS, compared.y.shape[1])

@@ -15,6 +15,7 @@ from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.profiles import Profiles, infer_drag_n
 
 SAMPLES = 1000
+"""Drawn where a checkpoint keeps no flights: means to a thirtieth of the spread between flights."""
 SAMPLED = ("cas",)
 """Quantities besides the rate that samples say something about; the rest is what physics claims."""
 
@@ -55,26 +56,26 @@ def _by_components(decoder: DescentDecoder, grid: LevelGrid, real: Quantities) -
     profiles = Profiles(grid.flight_ids, grid.levels_fl, blank, cas, rate, drag, seen)
     with torch.no_grad():
         flown = decoder(decoder.encode(profiles), profiles.entry_level)
-    smooth = measured(_shown(grid, flown, seen, grid.cluster, grid.flight_ids))
+    smooth = measured(_shown(grid, flown, seen, grid.airframe, grid.flight_ids))
     if len(smooth) != len(real):
         raise DataError(
             "flights that lose their bands in the simulator's components",
             expected="descents that the simulator can represent",
-            mend="use a checkpoint of this version, which carries its own flights",
+            mend="use a checkpoint of this version, which keeps its own flights",
         )
     values = {**real.values, **{name: smooth.values[name] for name in SAMPLED}}
     physics = {**smooth.physics, "tailwind_mps": real.physics["tailwind_mps"]}
-    return Quantities(real.levels_fl, real.band_fl, values, physics, real.cluster)
+    return Quantities(real.levels_fl, real.band_fl, values, physics, real.airframe)
 
 
-def _shown(like: LevelGrid, flown: Trajectories, seen: Tensor, cluster: Tensor, names: tuple[str, ...]) -> LevelGrid:
+def _shown(like: LevelGrid, flown: Trajectories, seen: Tensor, airframe: Tensor, names: tuple[str, ...]) -> LevelGrid:
     """Decoded descents where they are seen."""
 
     def shown(values: Tensor) -> Tensor:
         return torch.where(seen, values.detach().double().cpu(), torch.nan)
 
     channels = {"IAS": shown(flown.cas_mps / KT_MPS), "vertical_rate": shown(flown.rate_mps / FPM_MPS)}
-    return LevelGrid(like.levels_fl, shown(flown.time_s), channels, cluster, names)
+    return LevelGrid(like.levels_fl, shown(flown.time_s), channels, airframe, names)
 
 
 def _samples(simulator: Simulator, real: LevelGrid, seed: int) -> Quantities:
@@ -96,5 +97,5 @@ def _samples(simulator: Simulator, real: LevelGrid, seed: int) -> Quantities:
         found.band_fl,
         {name: value for name, value in found.values.items() if name in SAMPLED},
         found.physics,
-        found.cluster,
+        found.airframe,
     )

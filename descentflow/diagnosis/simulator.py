@@ -19,7 +19,13 @@ MIN_FLIGHTS = 20
 
 @dataclass(frozen=True)
 class Simulator:
-    """What is diagnosed: a sampler with its representation, or nominal BADA where there is none."""
+    """What is diagnosed: a sampler with its representation, or nominal BADA where there is none.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> Simulator(aircraft("A320")).name
+        'nominal'
+    """
 
     aircraft: Aircraft
     sampler: Sampler | None = None
@@ -71,4 +77,4 @@ def kept_channels(reference: Quantities, real: Quantities) -> Quantities:
     physics = dict(reference.physics)
     if "wind" not in names:
         physics["tailwind_mps"] = torch.zeros_like(physics["tailwind_mps"])
-    return Quantities(reference.levels_fl, reference.band_fl, values, physics, reference.cluster)
+    return Quantities(reference.levels_fl, reference.band_fl, values, physics, reference.airframe)

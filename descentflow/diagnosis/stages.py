@@ -10,7 +10,9 @@ from descentflow.generation.rejection import sample_descents
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 
 SAMPLES = 2000
+"""Drawn for the stages of density and rejection."""
 LEVELS_IN_LEG = 15
+"""Levels over which times are compared: 1,500 ft, most of a minute of descent."""
 
 
 def stages_of(simulator: Simulator, frame: pl.DataFrame, seed: int) -> list[Stage]:

@@ -8,7 +8,14 @@ from descentflow.effects.scale_group import THRUST_DRAG_WEIGHT
 
 
 class DragPolar(Effect):
-    """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed."""
+    """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> shift = DragPolar().shift(example_flights(), torch.tensor([0.1]))
+        >>> round(float(shift["rate"].mean()), 2)  # a tenth more parasitic drag: ln of the rate
+        0.07
+    """
 
     name = "drag_polar"
     says = "more or less drag of the airframe"

@@ -66,6 +66,11 @@ class FlightChange:
     Attributes:
         flown: Change of the flight itself: ``rate`` (ln of the rate), ``cas`` (kt), ``tas`` (ln of the TAS).
         reported: Change of what is reported of it alone, which takes no time.
+
+    Example:
+        >>> late = FlightChange(reported={"rate": torch.zeros(3, 11)})
+        >>> list(late.flown), list(late.reported)
+        ([], ['rate'])
     """
 
     flown: Shift = field(default_factory=dict)
@@ -80,7 +85,6 @@ class Effect(ABC):
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
-        >>> from descentflow.effects import EFFECTS
         >>> class GustierAir(Effect):
         ...     name, says = "gustier_air", "air with more or fewer gusts"
         ...     directions = ("gustier air", "calmer air")
@@ -89,8 +93,7 @@ class Effect(ABC):
         ...         return {"noise_rate": theta[0].expand(len(state.cas_mps))}
         >>> GustierAir().in_words(0.3)
         'gustier air'
-        >>> report = diagnose("descents.parquet", "best.ckpt", catalogue={**EFFECTS, "gustier_air": GustierAir()})
-        >>> report.verdict
+        >>> diagnose("descents.parquet", "best.ckpt", catalogue={"gustier_air": GustierAir()}).verdict
         'none'
     """
 
@@ -157,7 +160,7 @@ class Effect(ABC):
 
         Example:
             >>> from descentflow.effects import EFFECTS
-            >>> from descentflow.effects.flight_state import example_flights
+            >>> from descentflow.effects.example_flights import example_flights
             >>> warmer = EFFECTS["temperature"].change(example_flights(), torch.tensor([10.0]))
             >>> sorted(warmer.flown), sorted(warmer.reported)
             (['rate', 'tas'], [])

@@ -20,10 +20,10 @@ SLOWEST_MPS = 0.5
 """Rates are kept this fast before their logarithm is taken: drag that falls to the thrust is no descent."""
 
 CHANGING = 0.3
-"""Slopes of CAS between this share of that at constant Mach number and one less it belong to neither phase."""
+"""Slopes of CAS between this share of that at constant Mach number and one minus it belong to neither phase."""
 NEAR_MACH = 0.02
 """Bands at constant Mach number are within so much of the fastest; slower ones only look like it."""
-FEWEST_SHOWN = 10
+MIN_SHOWN = 10
 """Flights that show their Mach number, for the line that gives it to others."""
 
 
@@ -33,6 +33,12 @@ class FlightState:
 
     Shapes: ``altitude_m`` (K,), ``width_m`` () the height of the bands around them, all else (n, K). ``mass_kg`` is the
     one mass at which the polar explains the simulator's drag on average (:func:`implied_mass_kg`).
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> state = example_flights()
+        >>> state.cas_mps.shape, bool((state.mach().amax(1) < 0.79).all())
+        (torch.Size([6, 11]), True)
     """
 
     aircraft: Aircraft
@@ -84,7 +90,7 @@ class FlightState:
         held = _mean_where(holds_mach, mach, fastest)
         # Part of a band at constant Mach number is enough to have reached it.
         shows = ((ratio > CHANGING) & self.mask & (mach > fastest - NEAR_MACH)).any(1, keepdim=True)
-        usual = _line_through(cas[shows], held[shows], cas) if int(shows.sum()) >= FEWEST_SHOWN else fastest
+        usual = _line_through(cas[shows], held[shows], cas) if int(shows.sum()) >= MIN_SHOWN else fastest
         return Schedule(torch.where(shows, held, torch.maximum(fastest, usual)), cas)
 
     @cached_property
@@ -105,7 +111,7 @@ class FlightState:
         return log_rate(replace(self, altitude_m=altitude_m, cas_mps=cas, cas_slope_per_s=slope))
 
     def centred(self, values: Tensor) -> Tensor:
-        """Values (n, K) less each flight's mean over its observed bands."""
+        """Values (n, K) minus each flight's mean over its observed bands."""
         count = self.mask.sum(1, keepdim=True).clamp(min=1)
         return values - (values * self.mask).sum(1, keepdim=True) / count
 
@@ -130,7 +136,14 @@ def _line_through(x: Tensor, y: Tensor, at: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Schedule:
-    """Mach number and CAS held, (n, 1) each."""
+    """Mach number and CAS held, (n, 1) each.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> plan = example_flights().schedule
+        >>> round(float(plan.mach.mean()), 2), round(float(plan.cas_mps.mean()), 1)
+        (0.78, 149.2)
+    """
 
     mach: Tensor
     cas_mps: Tensor
@@ -142,7 +155,13 @@ class Schedule:
 
 
 def constant_mach_slope(mach: Tensor, altitude_m: Tensor) -> Tensor:
-    """dCAS/dHp at constant Mach number, negative."""
+    """dCAS/dHp at constant Mach number, negative.
+
+    Example:
+        >>> slope = constant_mach_slope(torch.tensor(0.78).double(), torch.tensor(10_000.0).double())
+        >>> round(float(slope), 4)  # m/s of CAS for each metre
+        -0.0105
+    """
     return (mach_to_cas_mps(mach, altitude_m + 50.0) - mach_to_cas_mps(mach, altitude_m - 50.0)) / 100.0
 
 
@@ -171,8 +190,10 @@ def log_rate(
         (n, K).
 
     Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> state = example_flights()
         >>> (log_rate(state, mass=0.9) - log_rate(state)).mean()  # a lighter aircraft falls faster
-        tensor(0.06, dtype=torch.float64)
+        tensor(0.0..., dtype=torch.float64)
     """
     cas = state.cas_mps if cas_mps is None else cas_mps
     aircraft = replace(state.aircraft, cd0_cr=state.aircraft.cd0_cr * parasitic)
@@ -198,6 +219,12 @@ def implied_mass_kg(state: FlightState, log_rate_seen: Tensor, mask: Tensor) -> 
 
     Returns:
         Mass in kg, at a limit of the type if the polar cannot explain the rate.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> state = example_flights()
+        >>> round(implied_mass_kg(state, log_rate(state, mass=1.05), state.mask) / state.mass_kg, 3)
+        1.05
     """
     low, high = float(state.aircraft.mass_minimum_kg), float(state.aircraft.mass_maximum_kg)
     weight = mask.double()

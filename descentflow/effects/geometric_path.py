@@ -12,7 +12,14 @@ LEAST_SHALLOWER = 0.005
 
 
 class GeometricPath(Effect):
-    """A share of the flights holds a path angle; idle thrust must not be needed below it, so it is a shallow one."""
+    """A share of the flights holds a path angle; idle thrust must not be needed below it, so it is a shallow one.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> shift = GeometricPath().shift(example_flights(), torch.tensor([0.5, 0.1]))
+        >>> bool((shift["rate"] < 0).all())  # a shallower path than idle thrust allows
+        True
+    """
 
     name = "geometric_path"
     says = "a fixed path over the ground instead of an idle descent"

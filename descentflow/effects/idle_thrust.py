@@ -8,7 +8,14 @@ from descentflow.effects.scale_group import THRUST_DRAG_WEIGHT
 
 
 class IdleThrust(Effect):
-    """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed."""
+    """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> shift = IdleThrust().shift(example_flights(), torch.tensor([0.5]))
+        >>> round(float(shift["rate"].mean()), 2)  # half as much idle thrust again: ln of the rate
+        -0.02
+    """
 
     name = "idle_thrust"
     says = "more or less thrust at idle"

@@ -8,7 +8,14 @@ from descentflow.effects.flight_state import FlightState
 
 
 class LevelOff(Effect):
-    """More (or longer) level segments than the simulator's flights had, as mean time in them for each flight."""
+    """More (or longer) level segments than the simulator's flights had, as mean time in them for each flight.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> shift = LevelOff().shift(example_flights(), torch.tensor([20.0, 0.3]))
+        >>> float(shift["level"].mean())  # s for each flight
+        20.0
+    """
 
     name = "level_off"
     says = "more level-offs or longer ones"

@@ -8,7 +8,14 @@ from descentflow.effects.scale_group import THRUST_DRAG_WEIGHT
 
 
 class Mass(Effect):
-    """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed."""
+    """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> shift = Mass().shift(example_flights(), torch.tensor([-0.1]))
+        >>> round(float(shift["rate"].mean()), 2)  # a tenth lighter: ln of the rate
+        0.05
+    """
 
     name = "mass"
     says = "heavier or lighter aircraft"

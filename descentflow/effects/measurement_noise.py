@@ -18,7 +18,15 @@ CHANNELS = {
 
 
 class MeasurementNoise(Effect):
-    """Logarithm of the ratio of short-scale standard deviations, channel by channel."""
+    """Logarithm of the ratio of short-scale standard deviations, channel by channel.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> noisier = MeasurementNoise()
+        >>> shift = noisier.shift(example_flights(), torch.full((len(noisier.parameters),), 0.7))
+        >>> round(float(shift["noise_cas"].exp().mean()), 2)  # twice the noise of IAS
+        2.01
+    """
 
     name = "measurement_noise"
     says = "noisier or coarser reports"

@@ -9,8 +9,6 @@ from descentflow.effects.flight_state import FlightState, log_rate
 
 LENGTHS_FL = (20.0, 40.0, 70.0)
 """Lengths of the windows from which a fit starts."""
-
-
 NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
 ANSWERS_FL = 0.6
@@ -18,18 +16,29 @@ ANSWERS_FL = 0.6
 LEAST_DRAG = 0.1
 """Share of CD0 below which nothing is out: small drag over a wide band is something else, of no fixed altitude."""
 MOVES_FL = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+"""By which ends of a window are moved in the neighbour search."""
 RUN_OUT_M = 90.0
 """Height over which brakes run out and in: some 8 s of descent. Half of it at either end counts as without."""
 FROM_TOP_FL = 5.0
 """A window that is open to the top is a matter of how descents begin."""
-FEWEST = 20
+MIN_FLIGHTS = 20
 """Flights from which a share is learnt."""
 APART = 2.0
 """Two groups are told apart if their means are so many spreads within them apart; else all flights are one."""
 
 
 class SpeedBrake(Effect):
-    """CD0 higher between two altitudes on a share of the flights; ``extra_cd0`` is the mean over all flights."""
+    """CD0 higher between two altitudes on a share of the flights; ``extra_cd0`` is the mean over all flights.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> shift = SpeedBrake().shift(example_flights(), torch.tensor([0.3, 200.0, 240.0, 1.0, 0.0]))
+        >>> (shift["rate"].mean(0) > 0.01).nonzero()[:, 0]  # bands of 2,000 ft from FL150
+        tensor([2, 3, 4])
+        >>> share, whole = SpeedBrake().mixture(torch.tensor([0.3, 200.0, 240.0, 0.6, 0.0]))
+        >>> round(share, 1), round(float(whole[0]), 1)  # six flights in ten, each with half as much drag again
+        (0.6, 0.5)
+    """
 
     name = "speed_brake"
     says = "speed brakes, or as much drag, within a band of altitude"
@@ -61,14 +70,14 @@ class SpeedBrake(Effect):
         return {"rate": rate, "noise_rate": theta[4] * each}
 
     def learn_heterogeneity(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
-        """Share of the flights in the upper of two groups of mean excess within the window, less that outside."""
+        """Share of the flights in the upper of two groups of mean excess within the window, minus that outside."""
         within = state.share_between(theta[1] * FL_M, theta[2] * FL_M)
         inside, outside = excess[:, within > 0.7], excess[:, within == 0]
         if not inside.shape[1] or not outside.shape[1]:
             return theta
         height = inside.nanmean(1) - outside.nanmean(1)
         height = height[height.isfinite()]
-        if len(height) < FEWEST:
+        if len(height) < MIN_FLIGHTS:
             return theta
         found = theta.clone()
         found[3] = two_groups(height)

@@ -8,7 +8,14 @@ from descentflow.effects.flight_state import FlightState
 
 
 class SpeedSchedule(Effect):
-    """CAS shifted on the constant-CAS leg, Mach shifted on the constant-Mach leg; the rate follows the speed."""
+    """CAS shifted on the constant-CAS leg, Mach shifted on the constant-Mach leg; the rate follows the speed.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> shift = SpeedSchedule().shift(example_flights(), torch.tensor([10.0, 0.0]))
+        >>> round(float(shift["cas"][:, 0].mean()), 3)  # kt at the lowest band
+        10.0
+    """
 
     name = "speed_schedule"
     says = "other descent speeds"
@@ -22,7 +29,7 @@ class SpeedSchedule(Effect):
     rate_follows_cas = True
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
-        """CAS of the schedule with the change less that without: the slower of Mach and CAS decides."""
+        """CAS of the schedule with the change minus that without: the slower of Mach and CAS decides."""
         plan, altitude = state.schedule, state.altitude_m
         # Flights that have the change in them already are moved back.
         sign = -1.0 if state.affected else 1.0

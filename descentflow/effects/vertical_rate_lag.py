@@ -18,6 +18,12 @@ class VerticalRateLag(Effect):
 
     Just below the top it is that of level flight: those levels are not compared. Smoothing, which makes it late, makes
     it less noisy too.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> shift = VerticalRateLag().shift(example_flights(), torch.tensor([8.0, 0.0]))
+        >>> bool(torch.equal(shift["rate"], shift["lag"]))  # reported late, and not flown otherwise
+        True
     """
 
     name = "vertical_rate_lag"

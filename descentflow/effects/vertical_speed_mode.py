@@ -11,7 +11,14 @@ LEAST_CUT_OUT = 0.05
 
 
 class VerticalSpeedMode(Effect):
-    """A rate is held for a while; cleaning cuts the clearest stretches out and leaves gaps, the rest stays."""
+    """A rate is held for a while; cleaning cuts the clearest stretches out and leaves gaps, the rest stays.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> shift = VerticalSpeedMode().shift(example_flights(), torch.tensor([0.2, 5.0, 0.4, 0.1]))
+        >>> round(float(shift["missing"].mean()), 3)  # share of the levels that cleaning cuts out
+        0.2
+    """
 
     name = "vertical_speed_mode"
     says = "a selected vertical rate instead of an idle descent"

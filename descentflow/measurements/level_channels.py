@@ -12,27 +12,35 @@ from descentflow.core.units import FL_M, FT_M
 
 STENCIL = 5
 """Levels on either side whose mean is held against the level between: noise is shorter, flight is longer."""
-FEWEST_STENCILS = 15
+MIN_STENCILS = 15
+"""Whole stencils that a flight must show for its noise to be measured."""
 SHORT_GAP_LEVELS = 30
 """A level-off and the turns onto and off it take at most 3,000 ft out of a descent; a managed stretch mostly more."""
 LOST_S = 15.0
 """Time lost in a gap from which it counts as one."""
-FEWEST_IN_BAND = 0.4
+MIN_IN_BAND = 0.4
 """Share of a band's levels that a flight must show there."""
 EDGE_LEVELS = 3
 """Levels on either side of the edge of a band whose mean counts as the value there..."""
-FEWEST_AT_EDGE = 3
+MIN_AT_EDGE = 3
 """...if at least so many are seen."""
 
 
 @dataclass(frozen=True)
 class LevelGrid:
-    """n flights on L ascending levels: ``values`` (n, L) by channel in field units, NaN where not seen."""
+    """n flights on L ascending levels: ``values`` (n, L) by channel in field units, NaN where not seen.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = LevelGrid.of_frame(read_descents("descents.parquet").frame, 150, 340, ["IAS", "vertical_rate"])
+        >>> grid.values["IAS"].shape, bool((grid.altitude_m.diff() > 0).all())
+        (torch.Size([120, 191]), True)
+    """
 
     levels_fl: Tensor
     time_s: Tensor
     values: dict[str, Tensor]
-    cluster: Tensor
+    airframe: Tensor
     flight_ids: tuple[str, ...]
 
     @property
@@ -82,7 +90,14 @@ class LevelGrid:
 
 @dataclass(frozen=True)
 class Bands:
-    """Sums over bands: ``inside`` (L, K) levels of each band, ``around`` (L, K) the same with half a band more."""
+    """Sums over bands: ``inside`` (L, K) levels of each band, ``around`` (L, K) the same with half a band more.
+
+    Example:
+        >>> levels = torch.arange(150.0, 181.0).double()
+        >>> grid = LevelGrid(levels, -levels[None], {"IAS": levels[None]}, torch.zeros(1), ("one",))
+        >>> grid.bands(15.0).mean(grid.values["IAS"])
+        tensor([[157.5000, 172.5000]], dtype=torch.float64)
+    """
 
     grid: LevelGrid
     altitude_m: Tensor
@@ -95,7 +110,7 @@ class Bands:
         seen = values.isfinite().double()
         count = seen @ self.inside
         total = values.nan_to_num(0.0) @ self.inside
-        return torch.where(count >= FEWEST_IN_BAND * self.inside.sum(0), total / count.clamp(min=1), torch.nan)
+        return torch.where(count >= MIN_IN_BAND * self.inside.sum(0), total / count.clamp(min=1), torch.nan)
 
     def slope(self, values: Tensor) -> Tensor:
         """Slope (n, K) per metre of the line through the values in and around each band; zero where unknown."""
@@ -108,14 +123,14 @@ class Bands:
         return torch.where(n >= 5, (xv - x * v / n.clamp(min=1)) / spread.clamp(min=1e-6), 0.0)
 
     def change(self, values: Tensor) -> Tensor:
-        """Value (n, K) at the upper edge of each band less that at its lower edge; NaN where either is not seen."""
+        """Value (n, K) at the upper edge of each band minus that at its lower edge; NaN where either is not seen."""
         half = self.height_fl / 2
         middle = self.altitude_m / FL_M
         edges = torch.cat([middle[:1] - half, middle + half])
         near = ((self.grid.levels_fl[:, None] - edges).abs() <= EDGE_LEVELS).double()
         seen = values.isfinite().double() @ near
         at_edge = values.nan_to_num(0.0) @ near / seen.clamp(min=1)
-        return torch.where(seen >= FEWEST_AT_EDGE, at_edge, torch.nan).diff(dim=1)
+        return torch.where(seen >= MIN_AT_EDGE, at_edge, torch.nan).diff(dim=1)
 
     def rates_mps(self, fall_mps: Tensor) -> tuple[Tensor, Tensor]:
         """Rate of descent (n, K) as reported, and from the times at levels; both as means over time.
@@ -134,7 +149,7 @@ class Bands:
         count = seen.double() @ pairs
         elapsed = torch.where(seen, step, 0.0) @ pairs
         fallen = torch.where(seen, reported * step, 0.0) @ pairs
-        enough = count >= FEWEST_IN_BAND * pairs.sum(0)
+        enough = count >= MIN_IN_BAND * pairs.sum(0)
         by_report = torch.where(enough, fallen / elapsed.clamp(min=1e-3), torch.nan)
         return by_report.clamp(min=0.5), torch.where(enough, count * FL_M / elapsed.clamp(min=1e-3), torch.nan)
 
@@ -146,7 +161,14 @@ class Bands:
 
 
 def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
-    """Logarithm (n,) of what is left of each channel after the mean of the levels around is taken off."""
+    """Logarithm (n,) of what is left of each channel after the mean of the levels around is taken off.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = LevelGrid.of_frame(read_descents("descents.parquet").frame, 150, 340, ["IAS", "vertical_rate"])
+        >>> round(float(short_scale_noise(grid)["noise_cas"].nanmedian().exp()), 1)  # kt
+        0.5
+    """
     named = {"rate": "vertical_rate", "cas": "IAS", "mach": "Mach", "tas": "TAS", "groundspeed": "groundspeed"}
     series = {name: grid.values[channel] for name, channel in named.items() if channel in grid.values}
     # The noise of an altitude is that of the time at which it is crossed, times the rate.
@@ -161,14 +183,20 @@ def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
         seen = whole & left.isfinite()
         count = seen.sum(1)
         mean_square = torch.where(seen, left, 0.0).square().sum(1) / count.clamp(min=1)
-        found[f"noise_{name}"] = torch.where(
-            count >= FEWEST_STENCILS, 0.5 * mean_square.clamp(min=1e-12).log(), torch.nan
-        )
+        found[f"noise_{name}"] = torch.where(count >= MIN_STENCILS, 0.5 * mean_square.clamp(min=1e-12).log(), torch.nan)
     return found
 
 
 def gaps_of(grid: LevelGrid) -> dict[str, Tensor]:
-    """Time lost and levels missing (n,) in the gaps of each flight, short gaps of altitude apart from longer ones."""
+    """Time lost and levels missing (n,) in the gaps of each flight, short gaps of altitude apart from longer ones.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = LevelGrid.of_frame(read_descents("descents.parquet").frame, 150, 340, ["IAS", "vertical_rate"])
+        >>> gaps = gaps_of(grid)
+        >>> sorted(gaps), len(gaps["level"])
+        (['level', 'level_gaps', 'missing', 'slow'], 120)
+    """
     mask = grid.mask
     n, n_levels = mask.shape
     number = torch.arange(n_levels).expand(n, -1)

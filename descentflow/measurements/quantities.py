@@ -22,9 +22,7 @@ VERSION = 2
 """Of the state that checkpoints carry."""
 N_BANDS = 15
 """About this many bands cover the grid; each is a multiple of 500 ft high."""
-FEWEST_LEVELS = 0.4
-"""Share of a band's levels that a flight must show there."""
-LARGEST = 2000
+MAX_REFERENCE = 2000
 """Flights of a reference that a checkpoint carries at most."""
 
 
@@ -35,7 +33,15 @@ class Quantities:
     ``log_rate`` is the logarithm of the reported rate (m/s), of which `rate` will be what the polar does not explain;
     ``cas_mps``, ``cas_slope_per_s``, ``tailwind_mps`` (n, K); ``rate_slope_per_m`` (n, K) d ln(reported rate)/dHp
     between the edges of a band, NaN where they are not seen; ``depth_m`` (n, K) below the flight's own highest level;
-    ``cluster`` (n,) number of the aircraft.
+    ``airframe`` (n,) number of the aircraft.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = quantities_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> len(flights), flights.band_fl, flights.values["cas"].shape
+        (120, 15.0, torch.Size([120, 13]))
+        >>> len(flights.rows(flights.airframe == 0))  # of one aircraft
+        5
     """
 
     levels_fl: tuple[float, float]
@@ -44,11 +50,11 @@ class Quantities:
     """Height of a band."""
     values: dict[str, Tensor]
     physics: dict[str, Tensor]
-    cluster: Tensor
+    airframe: Tensor
 
     def __len__(self) -> int:
         """Number of flights."""
-        return len(self.cluster)
+        return len(self.airframe)
 
     @property
     def altitude_m(self) -> Tensor:
@@ -63,7 +69,7 @@ class Quantities:
             self,
             values={name: value[index] for name, value in self.values.items()},
             physics={name: value[index] for name, value in self.physics.items()},
-            cluster=self.cluster[index],
+            airframe=self.airframe[index],
         )
 
     def to_state(self) -> dict[str, Any]:
@@ -74,7 +80,7 @@ class Quantities:
             "band_fl": self.band_fl,
             "values": {name: value.float() for name, value in self.values.items()},
             "physics": {name: value.float() for name, value in self.physics.items()},
-            "cluster": self.cluster.int(),
+            "cluster": self.airframe.int(),
         }
 
     @classmethod
@@ -96,12 +102,23 @@ class Quantities:
 
 
 def band_height_fl(low_fl: float, high_fl: float) -> float:
-    """Height of the bands of a grid, in flight levels, a multiple of 5."""
+    """Height of the bands of a grid, in flight levels, a multiple of 5.
+
+    Example:
+        >>> band_height_fl(150, 370)
+        15.0
+    """
     return max(5.0, 5.0 * round((high_fl - low_fl) / N_BANDS / 5.0))
 
 
 def quantities_of(frame: pl.DataFrame, low_fl: float, high_fl: float, channels: Sequence[str]) -> Quantities:
-    """Measure every flight of a prepared table, see :func:`grid_of`."""
+    """Measure every flight of a prepared table, see :func:`grid_of`.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> quantities_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS).values["tas"].shape
+        torch.Size([120, 13])
+    """
     return checked(measured(grid_of(frame, low_fl, high_fl, channels)))
 
 
@@ -118,8 +135,10 @@ def grid_of(frame: pl.DataFrame, low_fl: float, high_fl: float, channels: Sequen
         DataError: If no flight has a level on the grid.
 
     Example:
-        >>> quantities_of(descents.frame, 150, 370, CHANNELS).values["tas"].shape
-        torch.Size([400, 15])
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> grid.mask.shape, len(grid.flight_ids)
+        (torch.Size([120, 191]), 120)
     """
     grid = LevelGrid.of_frame(frame, low_fl, high_fl, [c for c in channels if c in frame.columns])
     if grid is None:
@@ -136,6 +155,11 @@ def checked(found: Quantities) -> Quantities:
 
     Raises:
         DataError: If none is.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> len(checked(quantities_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)))
+        120
     """
     if not len(found):
         raise DataError(
@@ -147,7 +171,14 @@ def checked(found: Quantities) -> Quantities:
 
 
 def measured(grid: LevelGrid) -> Quantities:
-    """Quantities of flights on levels; those without a band are left out."""
+    """Quantities of flights on levels; those without a band are left out.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, ["IAS", "vertical_rate"])
+        >>> "tas" in measured(grid).values  # needs true airspeed and Mach number
+        False
+    """
     low_fl, high_fl = float(grid.levels_fl[0]), float(grid.levels_fl[-1])
     band = band_height_fl(low_fl, high_fl)
     bands = grid.bands(band)
@@ -180,7 +211,7 @@ def measured(grid: LevelGrid) -> Quantities:
     physics["tailwind_mps"] = tailwind.nan_to_num(0.0)
     values |= short_scale_noise(grid) | gaps_of(grid)
     good = log_rate.isfinite().any(1)
-    return Quantities((low_fl, high_fl), band, values, physics, grid.cluster).rows(good)
+    return Quantities((low_fl, high_fl), band, values, physics, grid.airframe).rows(good)
 
 
 def reference_state(
@@ -188,17 +219,24 @@ def reference_state(
 ) -> dict[str, Any] | None:
     """State of the flights that a simulator was trained on, for its checkpoint; None if they show no band.
 
-    Flights beyond :data:`LARGEST` are left out before anything is measured, by whole aircraft, by a draw that depends
-    on nothing but which aircraft there are.
+    Flights beyond :data:`MAX_REFERENCE` are left out before anything is measured, by whole aircraft, by a draw that
+    depends on nothing but which aircraft there are.
 
     Args:
         frame: Prepared descents.
         low_fl: Lowest level of the simulator's grid.
         high_fl: Highest level of it.
         flights: Those of the table that it was trained on.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> frame = read_descents("descents.parquet").frame
+        >>> state = reference_state(frame, 150, 340, frame["flight_id"].unique().to_list())
+        >>> len(Quantities.from_state(state))
+        120
     """
     try:
-        return quantities_of(_of_some_aircraft(frame, flights, LARGEST), low_fl, high_fl, CHANNELS).to_state()
+        return quantities_of(_of_some_aircraft(frame, flights, MAX_REFERENCE), low_fl, high_fl, CHANNELS).to_state()
     except DataError:
         return None
 
@@ -230,5 +268,5 @@ def _drift_cosine(seen: dict[str, Tensor]) -> Tensor:
 
 
 def _centred(values: Tensor) -> Tensor:
-    """Values (n, K) less each flight's mean over what is seen."""
+    """Values (n, K) minus each flight's mean over what is seen."""
     return values - values.nanmean(1, keepdim=True)

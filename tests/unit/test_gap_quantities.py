@@ -14,7 +14,7 @@ from descentflow.surveillance.descents.prepared_descents import read_descents
 
 def test_a_reference_takes_whole_aircraft(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     frame = read_descents(gap_toys.flights(tmp_path, 60, seed=5)).frame
-    monkeypatch.setattr("descentflow.measurements.quantities.LARGEST", 22)
+    monkeypatch.setattr("descentflow.measurements.quantities.MAX_REFERENCE", 22)
     everyone = frame["flight_id"].unique().to_list()
     kept = _of_some_aircraft(frame, everyone, 22)
     assert kept["flight_id"].n_unique() == 22

@@ -61,7 +61,7 @@ def halves(tmp_path_factory: pytest.TempPathFactory) -> tuple[Quantities, Quanti
     """Two halves of one world's aircraft."""
     path = gap_toys.flights(tmp_path_factory.mktemp("gap"), 200, seed=3)
     every = quantities_of(read_descents(path).frame, 150, 360, CHANNELS)
-    first = every.cluster % 2 == 0
+    first = every.airframe % 2 == 0
     return every.rows(first), every.rows(~first)
 
 
@@ -76,7 +76,7 @@ def planted(halves: tuple[Quantities, Quantities], name: str, theta: list[float]
 
 def likelihood(compared: Compared, *, blind: bool = False) -> EffectsLikelihood:
     groups = torch.ones_like(compared.real) if blind else compared.real
-    weights = whiten(compared.y, groups, compared.cluster, compared.nugget(), compared.of_flight(), compared.real)
+    weights = whiten(compared.y, groups, compared.airframe, compared.nugget(), compared.of_flight(), compared.real)
     return EffectsLikelihood(compared, weights, EFFECTS, seed=0)
 
 
@@ -114,7 +114,7 @@ def test_a_state_survives_its_checkpoint(halves: tuple[Quantities, Quantities], 
     torch.save(halves[0].to_state(), tmp_path / "state.pt")
     again = Quantities.from_state(torch.load(tmp_path / "state.pt", weights_only=True))
     torch.testing.assert_close(again.values["cas"], halves[0].values["cas"], rtol=1e-6, atol=1e-5, equal_nan=True)
-    assert torch.equal(again.cluster, halves[0].cluster)
+    assert torch.equal(again.airframe, halves[0].airframe)
 
 
 def test_a_share_is_known_as_well_as_a_count(halves: tuple[Quantities, Quantities]) -> None:

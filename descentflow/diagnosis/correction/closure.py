@@ -25,7 +25,12 @@ CONFIDENCE = (0.05, 0.95)
 
 @dataclass(frozen=True)
 class Gap:
-    """Mean distance in spreads between flights, before and after the causes are added, and the floor."""
+    """Mean distance in spreads between flights, before and after the causes are added, and the floor.
+
+    Example:
+        >>> Gap(before=0.67, after=0.2, floor=0.08).after
+        0.2
+    """
 
     before: float
     after: float
@@ -33,7 +38,18 @@ class Gap:
 
 
 class GapMeasure:
-    """Distances between both sides over the entries that differ, before and after causes are added."""
+    """Distances between both sides over the entries that differ, before and after causes are added.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> measure = GapMeasure(likelihood, likelihood.compared.of("tas"), seed=0)
+        >>> gap = measure.gap(fit_effects(likelihood, ["temperature"]).shift)
+        >>> gap.before > 3 * gap.after
+        True
+    """
 
     def __init__(self, likelihood: EffectsLikelihood, affected: Tensor, seed: int) -> None:
         """Prepare.
@@ -45,8 +61,8 @@ class GapMeasure:
         """
         self.likelihood, self.affected, self.seed = likelihood, affected, seed
         self.y, self.real, self.scale = likelihood.compared.y, likelihood.real, likelihood.compared.scale
-        names, self.index = torch.unique(likelihood.compared.cluster, return_inverse=True)
-        self.n_clusters = len(names)
+        names, self.index = torch.unique(likelihood.compared.airframe, return_inverse=True)
+        self.n_airframes = len(names)
 
     def gap(self, shift: Tensor) -> Gap:
         """Distances before and after a shift (n, p) is taken off the real flights."""
@@ -96,7 +112,7 @@ class GapMeasure:
         """The same with parameters learnt from slow flights and scored on fast ones, and the other way about."""
         c = self.likelihood
         cas = c.compared.state.cas_mps.mean(1)
-        mean = torch.zeros(self.n_clusters, dtype=cas.dtype).index_add_(0, self.index, cas)
+        mean = torch.zeros(self.n_airframes, dtype=cas.dtype).index_add_(0, self.index, cas)
         mean = mean / torch.bincount(self.index).clamp(min=1)
         slow = (mean <= mean.median())[self.index]
         shift = torch.zeros_like(self.y)
@@ -147,9 +163,9 @@ class GapMeasure:
     def _fleets(self) -> list[Tensor]:
         """Positions of flights in fleets of aircraft drawn with replacement, side by side."""
         generator = torch.Generator().manual_seed(self.seed + 1)
-        owner = torch.zeros(self.n_clusters, dtype=torch.bool)
+        owner = torch.zeros(self.n_airframes, dtype=torch.bool)
         owner[self.index] = self.real
-        members = [torch.nonzero(self.index == c)[:, 0] for c in range(self.n_clusters)]
+        members = [torch.nonzero(self.index == c)[:, 0] for c in range(self.n_airframes)]
         found = []
         for _ in range(REPLICATES):
             drawn = []
@@ -184,6 +200,17 @@ def _with_interval(estimate: float | None, drawn: list[float | None]) -> ClosedS
 
 
 def rivals_closure(measure: GapMeasure, shifts: Mapping[str, Tensor], floor: float) -> list[RivalClosure]:
-    """Marginal closure that each effect alone would reach, largest first."""
+    """Marginal closure that each effect alone would reach, largest first.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> measure = GapMeasure(likelihood, likelihood.compared.of("tas"), seed=0)
+        >>> shift = {name: fit_effects(likelihood, [name]).shift for name in ("temperature", "mass")}
+        >>> [rival.effect for rival in rivals_closure(measure, shift, measure.floor(shift["temperature"]))]
+        ['temperature', 'mass']
+    """
     rows = [RivalClosure(name, measure.claimed(shift, floor)) for name, shift in shifts.items()]
     return sorted(rows, key=lambda row: -9.0 if row.closure is None else -row.closure)

@@ -33,6 +33,10 @@ class Closure:
         marginal: In the distributions of what is compared.
         conditional: In the mean at each flight's own speed.
         transfer: The same with parameters learnt from slow flights and tried on fast ones, and the other way about.
+
+    Example:
+        >>> print(Closure(*[ClosedShare(0.8, 0.7, 0.9)] * 3).marginal)
+        80 % (70 % to 90 %)
     """
 
     marginal: ClosedShare
@@ -72,7 +76,12 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class ScoreGain:
-    """Gain in held-out log score over the same effects without this one, with its 90 % interval."""
+    """Gain in held-out log score over the same effects without this one, with its 90 % interval.
+
+    Example:
+        >>> ScoreGain(210.0, 180.0, 240.0).unit
+        'nats'
+    """
 
     estimate: float
     low: float
@@ -120,11 +129,12 @@ class Cause:
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
-        >>> cause = diagnose("descents.parquet", typecode="A320").causes[0]
-        >>> print(cause)
-        mass: relative change of the mass -0.1... (-0.1... to -0.1...)
-        >>> cause.closure.marginal.estimate > 0.5
-        True
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> print(report.causes[0])
+        mass: relative change of the mass -0.0... (-0.0... to -0.0...)
+        >>> print("closed:", report.causes[0].closure.marginal)
+        closed: ... % (... % to ... %)
     """
 
     effect: str

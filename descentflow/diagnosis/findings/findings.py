@@ -34,6 +34,11 @@ class Discrepancy:
         rest_error: Its standard error.
         share_explained: Of what both explain together.
         named: Whether the rest is so large that the cause lies outside the catalogue.
+
+    Example:
+        >>> from descentflow.diagnosis.findings.plain_values import primitives
+        >>> list(primitives(Discrepancy(300.0, 12.0, 9.0, 0.96, False)))[:2]
+        ['explained_nats', 'rest_nats']
     """
 
     explained: float = field(metadata={"json": "explained_nats"})

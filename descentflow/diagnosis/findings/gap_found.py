@@ -89,7 +89,12 @@ class Remaining:
 
 @dataclass(frozen=True)
 class WouldSplit:
-    """What these data cannot tell apart, and channels that would; empty where no channel would."""
+    """What these data cannot tell apart, and channels that would; empty where no channel would.
+
+    Example:
+        >>> WouldSplit(["mass", "drag_polar"], [], "they look alike in the channels given").channels
+        []
+    """
 
     between: list[str]
     channels: list[str]

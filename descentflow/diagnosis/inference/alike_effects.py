@@ -53,16 +53,24 @@ def alike(
         chosen: The named effects.
         others: Fits with another in the place of one of them, by its name.
         without: Fit without that one.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> null, fit = fit_effects(likelihood, ()), fit_effects(likelihood, ["temperature"])
+        >>> alike(likelihood, fit, {"mass": fit_effects(likelihood, ["mass"])}, null)
+        ((), 1.0)
     """
     least = MIN_GAIN_SHARE * likelihood.gain(chosen.log_score, without.log_score)[0]
     same = []
-    totals = [by_aircraft(chosen.log_score, likelihood.compared.cluster)]
+    totals = [by_aircraft(chosen.log_score, likelihood.compared.airframe)]
     for name, fit in others.items():
         lead, error = likelihood.gain(chosen.log_score, fit.log_score)
         gain = likelihood.gain(fit.log_score, without.log_score)[0]
         if is_credible(likelihood, fit, name) and gain >= least and (lead < TIE_Z * error or lead < TIE_GAIN):
             same.append(name)
-        totals.append(by_aircraft(fit.log_score, likelihood.compared.cluster))
+        totals.append(by_aircraft(fit.log_score, likelihood.compared.airframe))
     scores = torch.stack(totals)
     generator = torch.Generator().manual_seed(0)
     # Rubin's Bayesian bootstrap over aircraft.

@@ -10,7 +10,9 @@ from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.measurements.quantity_registry import BY_BAND
 
 KNOTS = {"rate": 7, "cas": 4}
+"""Bumps over altitude of the quantities that have many bands of detail..."""
 OTHER_KNOTS = 3
+"""...and of the others. Set by hand."""
 SPREAD = 10.0
 """Prior spread of a bump, in negligible shifts of its quantity."""
 TOP_M = 1200.0
@@ -22,6 +24,14 @@ def discrepancy_columns(compared: Compared) -> tuple[Tensor, tuple[str, ...]]:
 
     Args:
         compared: Flights of both sides.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> columns, names = discrepancy_columns(sides)
+        >>> columns.shape[2] == len(names), names[0]
+        (True, 'rate 0')
     """
     n, p = compared.y.shape
     negligible = compared.negligible()

@@ -29,7 +29,16 @@ def distances(y: Tensor, real: Tensor, scale: Tensor, counts: Tensor) -> Tensor:
 
 
 def mean_over_quantities(compared: Compared, values: Tensor, chosen: Tensor) -> Tensor:
-    """Mean of the chosen entries' values (..., p) over quantities, each of which counts once."""
+    """Mean of the chosen entries' values (..., p) over quantities, each of which counts once.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> ones = torch.ones(len(sides.entries)).double()
+        >>> mean_over_quantities(sides, ones, sides.of("tas") | sides.of("rate"))
+        tensor(1., dtype=torch.float64)
+    """
     parts = []
     for quantity in compared.quantities():
         at = compared.columns(quantity)

@@ -18,6 +18,16 @@ class EffectShifts:
 
     An effect states its shift by quantity; here it becomes a vector of each flight's entries, and where the rate
     follows the CAS (:attr:`~descentflow.effects.effect.Effect.rate_follows_cas`) it is taken along.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> from descentflow.diagnosis.inference.whitening import whiten
+        >>> weights = whiten(sides.y, sides.real, sides.airframe, sides.nugget(), sides.of_flight())
+        >>> shifts = EffectShifts(sides, weights, EFFECTS)
+        >>> bool((shifts.shift({"temperature": torch.tensor([10.0])})[~sides.real] == 0).all())
+        True
     """
 
     def __init__(self, compared: Compared, whitening: Whitening, catalogue: Mapping[str, Effect]) -> None:
@@ -67,7 +77,15 @@ class EffectShifts:
 
 
 def cas_to_rate_gain(compared: Compared, whitening: Whitening) -> Tensor:
-    """Change of the rate for each of the CAS if flights behave as those that always flew so: (p, p)."""
+    """Change of the rate for each of the CAS if flights behave as those that always flew so: (p, p).
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> cas_to_rate_gain(likelihood.compared, likelihood.whitening).shape
+        torch.Size([33, 33])
+    """
     rate, cas = compared.columns("rate"), compared.columns("cas")
     gain = torch.zeros_like(whitening.covariance)
     if len(rate) and len(cas):

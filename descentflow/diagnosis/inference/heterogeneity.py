@@ -14,7 +14,15 @@ KURTOSIS = 5.0
 
 
 def with_heterogeneity(likelihood: EffectsLikelihood, theta: Mapping[str, Tensor]) -> dict[str, Tensor] | None:
-    """Parameters with those set that say how flights differ; None where no effect has any."""
+    """Parameters with those set that say how flights differ; None where no effect has any.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> with_heterogeneity(likelihood, {"temperature": torch.tensor([10.0]).double()}) is None  # alike for all
+        True
+    """
     having = [n for n in theta if any(p.from_heterogeneity for p in likelihood.catalogue[n].parameters)]
     at = likelihood.compared.columns("rate")
     if not having or not len(at):
@@ -41,6 +49,15 @@ def heterogeneous_shift(likelihood: EffectsLikelihood, fit: Fit) -> tuple[Tensor
 
     A flight's share is what it shows of the effect's own shape, drawn towards one by as much as shares differ no
     more between real flights than such shapes differ between the simulator's anyway.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> shift, spreads = heterogeneous_shift(likelihood, fit_effects(likelihood, ["temperature"]))
+        >>> shift.shape, sorted(spreads)
+        (torch.Size([160, 33]), ['temperature'])
     """
     spreads: dict[str, float] = {}
     total = torch.zeros_like(likelihood.y)
@@ -59,6 +76,14 @@ def spreads_as_claimed(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bo
 
     Of what takes the share s whole, shares are 1/s or zero: their variance is (1 - s)/s more than without it. A cause
     that takes all flights alike may imitate the mean of such an effect, and not that.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> spreads_as_claimed(likelihood, fit_effects(likelihood, ["temperature"]), "temperature")
+        True
     """
     share, _ = likelihood.catalogue[name].mixture(fit.theta[name])
     if share >= 1.0 or not likelihood.has_reference:

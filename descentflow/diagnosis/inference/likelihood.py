@@ -33,6 +33,15 @@ class Fit:
 
     ``theta`` by effect; ``shift`` (n, p) at theta, zero for the simulator's flights; ``design`` what else is linear;
     ``log_score`` (n,) of each flight, held out, up to a constant that all fits share.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> fit = fit_effects(likelihood, ["temperature"])
+        >>> fit.effects, fit.log_score.shape
+        (('temperature',), torch.Size([160]))
     """
 
     effects: tuple[str, ...]
@@ -43,7 +52,16 @@ class Fit:
 
 
 class EffectsLikelihood(EffectShifts):
-    """Flights, their precision, and folds of whole aircraft."""
+    """Flights, their precision, and folds of whole aircraft.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> warm, cold = (likelihood.shift({"temperature": torch.tensor([k])}) for k in (10.0, -10.0))
+        >>> likelihood.log_likelihood(warm) > likelihood.log_likelihood(cold)
+        True
+    """
 
     def __init__(
         self,
@@ -65,7 +83,7 @@ class EffectsLikelihood(EffectShifts):
             nuisance: (n, p, q) columns that all flights may have in any size, in place of the simulator's own habits.
         """
         super().__init__(compared, whitening, catalogue)
-        self.fold = folds_of(compared.cluster, compared.real, seed)
+        self.fold = folds_of(compared.airframe, compared.real, seed)
         self.qy = whitening.apply(self.y)
         if nuisance is not None:
             free = torch.zeros(nuisance.shape[2], dtype=self.y.dtype)
@@ -186,6 +204,6 @@ class EffectsLikelihood(EffectShifts):
 
     def gain(self, first: Tensor, second: Tensor) -> tuple[float, float]:
         """Sum of paired differences of log scores (n,) and its standard error, whole aircraft counted as one."""
-        total = by_aircraft(first - second, self.compared.cluster)
+        total = by_aircraft(first - second, self.compared.airframe)
         spread = float(total.var()) * len(total) if len(total) > 1 else float("inf")
         return float(total.sum()), spread**0.5

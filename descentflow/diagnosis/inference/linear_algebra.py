@@ -16,6 +16,11 @@ class Design:
 
     The first q belong to all flights: what flights that answer more to a cause show more of anyway, effect or not (a
     transponder's usual lag shows most where the rate changes most). The k after them belong to real flights alone.
+
+    Example:
+        >>> columns = torch.ones(4, 2, 3)
+        >>> Design(columns, columns, n_common=1, ridge=torch.zeros(3)).common().columns.shape
+        torch.Size([4, 2, 1])
     """
 
     columns: Tensor
@@ -31,7 +36,16 @@ class Design:
 
 @dataclass(frozen=True)
 class Moments:
-    """Sums over some flights: precision (f, f) of the free mean, its product with the columns (f, q + k), and so on."""
+    """Sums over some flights: precision (f, f) of the free mean, its product with the columns (f, q + k), and so on.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> moments = likelihood.moments(likelihood.qy, likelihood.design({"temperature": torch.zeros(1).double()}))
+        >>> round(float(moments.solved()[1][-1]))  # K
+        10
+    """
 
     mean: Tensor
     cross: Tensor
@@ -57,7 +71,13 @@ class Moments:
 
 
 def solve(matrix: Tensor, vector: Tensor, raw: Tensor) -> Tensor:
-    """Solve, leaving alone what the data say nothing about: an absent channel, or a column that the mean contains."""
+    """Solve, leaving alone what the data say nothing about: an absent channel, or a column that the mean contains.
+
+    Example:
+        >>> matrix = torch.tensor([[2.0, 0.0], [0.0, 0.0]]).double()
+        >>> solve(matrix, torch.tensor([4.0, 1.0]).double(), matrix.diagonal())  # of the second nothing is known
+        tensor([2.0000, 0.0000], dtype=torch.float64)
+    """
     known = matrix.diagonal() > 1e-9 + 1e-7 * raw
     step = torch.zeros_like(vector)
     if bool(known.any()):
@@ -69,7 +89,17 @@ def solve(matrix: Tensor, vector: Tensor, raw: Tensor) -> Tensor:
 
 
 def sum_of(parts: Sequence[Moments]) -> Moments:
-    """Moments of all flights from those of parts of them."""
+    """Moments of all flights from those of parts of them.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> halves = [likelihood.moments(likelihood.qy, likelihood.common, torch.arange(160) % 2 == k) for k in (0, 1)]
+        >>> whole = likelihood.moments(likelihood.qy, likelihood.common)
+        >>> torch.allclose(sum_of(halves).curvature, whole.curvature)
+        True
+    """
     first, *rest = parts
     names = ("mean", "cross", "curvature", "mean_gradient", "gradient")
     totals = {name: sum((getattr(p, name) for p in rest), getattr(first, name)) for name in names}

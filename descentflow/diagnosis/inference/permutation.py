@@ -11,9 +11,18 @@ PERMUTATIONS = 299
 
 
 def permuted_labels(likelihood: EffectsLikelihood, count: int, seed: int) -> Tensor:
-    """Labels (1 + count, n): the true ones first, then permuted by aircraft; signs where there is one side only."""
-    cluster, real = likelihood.compared.cluster, likelihood.real
-    names, index = torch.unique(cluster, return_inverse=True)
+    """Labels (1 + count, n): the true ones first, then permuted by aircraft; signs where there is one side only.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> labels = permuted_labels(likelihood, 9, seed=0)
+        >>> labels.shape, bool((labels.sum(1) == 80).all())
+        (torch.Size([10, 160]), True)
+    """
+    airframe, real = likelihood.compared.airframe, likelihood.real
+    names, index = torch.unique(airframe, return_inverse=True)
     generator = torch.Generator().manual_seed(seed)
     if not likelihood.has_reference:
         signs = torch.randint(0, 2, (count, len(names)), generator=generator).double() * 2 - 1
@@ -32,6 +41,15 @@ def null_test(likelihood: EffectsLikelihood, discrepancy: Tensor, seed: int, cou
         discrepancy: (n, p, e) columns of a shift of any shape, with unit prior spread.
         seed: Of the permutations.
         count: Number of permutations; the p-value is at least ``1 / (1 + count)``.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> null_test(likelihood, columns, seed=0, count=19).p_value
+        0.05
     """
     columns, own = _sensitivities(likelihood)
     every = torch.cat([columns, discrepancy], 2)

@@ -33,6 +33,14 @@ def fit_effects(
         effects: Their names; none for the fit of mean and habits alone.
         start: Parameters to start from; where an effect has several starts, the one of the largest score-test gain is
             taken.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> fit = fit_effects(likelihood, ["temperature"])
+        >>> fit.theta["temperature"].round()
+        tensor([10.], dtype=torch.float64)
     """
     theta: dict[str, Tensor] = {name: start[name] for name in effects if start and name in start}
     for name in effects:
@@ -50,6 +58,14 @@ def score_test_gain(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, f
     """Gain (nats) in likelihood by effect that its sensitivity alone lets expect beside a shift (Rao's score test).
 
     It is not held out, and costs no fit: effects that gain nothing by it are not fitted at all.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> gain = score_test_gain(likelihood, torch.zeros_like(likelihood.y))
+        >>> max(gain, key=gain.get)
+        'temperature'
     """
     rest, found = likelihood.weighted_rest(shift), {}
     for name, design in likelihood.starts.items():
@@ -68,7 +84,15 @@ def score_test_gain(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, f
 
 
 def best_start(likelihood: EffectsLikelihood, name: str, known: Mapping[str, Tensor]) -> Tensor:
-    """Where a fit of an effect starts beside known ones: of several starts, that of the largest score-test gain."""
+    """Where a fit of an effect starts beside known ones: of several starts, that of the largest score-test gain.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> best_start(likelihood, "temperature", {})
+        tensor([0.], dtype=torch.float64)
+    """
     starts = likelihood.starts_of(name)
     if len(starts) == 1:
         return starts[0]
@@ -84,7 +108,15 @@ def best_start(likelihood: EffectsLikelihood, name: str, known: Mapping[str, Ten
 
 
 def ascend(likelihood: EffectsLikelihood, theta: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Parameters after Gauss-Newton steps uphill, each shortened until it leads higher."""
+    """Parameters after Gauss-Newton steps uphill, each shortened until it leads higher.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> ascend(likelihood, {"temperature": torch.tensor([0.0]).double()})["temperature"].round()
+        tensor([10.], dtype=torch.float64)
+    """
     value = likelihood.log_likelihood(likelihood.shift(theta))
     for _ in range(MAX_STEPS if theta else 0):
         step = gauss_newton_step(likelihood, theta)
@@ -101,14 +133,31 @@ def ascend(likelihood: EffectsLikelihood, theta: dict[str, Tensor]) -> dict[str,
 
 
 def gauss_newton_step(likelihood: EffectsLikelihood, theta: Mapping[str, Tensor]) -> Tensor:
-    """Step (k,) of all parameters together to the best of the likelihood, were it quadratic."""
+    """Step (k,) of all parameters together to the best of the likelihood, were it quadratic.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> gauss_newton_step(likelihood, {"temperature": torch.tensor([0.0]).double()}).round()
+        tensor([10.], dtype=torch.float64)
+    """
     design = likelihood.design(theta)
     rest = likelihood.weighted_rest(likelihood.shift(theta))
     return likelihood.moments(rest, design).solved()[1][design.n_common :]
 
 
 def neighbour_search(likelihood: EffectsLikelihood, theta: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Go on from the best neighbour where that leads higher, until none does."""
+    """Go on from the best neighbour where that leads higher, until none does.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> theta = {"temperature": torch.tensor([10.0]).double()}
+        >>> neighbour_search(likelihood, theta) == theta  # an effect without windows has no neighbours
+        True
+    """
     for name in theta:
         better = True
         while better:
@@ -125,6 +174,15 @@ def neighbour_search(likelihood: EffectsLikelihood, theta: dict[str, Tensor]) ->
 
 
 def parameters_of_part(likelihood: EffectsLikelihood, fit: Fit, keep: Tensor) -> dict[str, Tensor]:
-    """Parameters that the flights to keep (n,) alone would give, one step from the fit."""
+    """Parameters that the flights to keep (n,) alone would give, one step from the fit.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> fit = fit_effects(likelihood, ["temperature"])
+        >>> parameters_of_part(likelihood, fit, torch.arange(160) % 2 == 0)["temperature"].round()
+        tensor([10.], dtype=torch.float64)
+    """
     moments = likelihood.moments(likelihood.weighted_rest(fit.shift), fit.design, keep)
     return likelihood.moved(fit.theta, moments.solved()[1][fit.design.n_common :])

@@ -28,7 +28,12 @@ Set by hand, to save half the time of a diagnosis."""
 
 @dataclass(frozen=True)
 class Outside:
-    """What a free discrepancy explains beyond the named effects (nats), and whether the cause lies outside them."""
+    """What a free discrepancy explains beyond the named effects (nats), and whether the cause lies outside them.
+
+    Example:
+        >>> Outside(explained=300.0, rest=100.0, error=20.0, named=True).share_explained
+        0.75
+    """
 
     explained: float
     rest: float
@@ -67,6 +72,16 @@ def select(likelihood: EffectsLikelihood, discrepancy: Tensor, progress: Callabl
         likelihood: Flights and catalogue.
         discrepancy: (n, p, e) its columns, with unit prior spread.
         progress: Called with what is being fitted.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> chosen = select(likelihood, columns, lambda stage: None)
+        >>> chosen.fit.effects, chosen.outside.named
+        (('temperature',), False)
     """
     null = fit_effects(likelihood, ())
     singles = every_single(likelihood, null, progress)
@@ -86,7 +101,16 @@ def select(likelihood: EffectsLikelihood, discrepancy: Tensor, progress: Callabl
 
 
 def every_single(likelihood: EffectsLikelihood, null: Fit, progress: Callable[[str], None]) -> dict[str, Candidate]:
-    """Every effect alone; those without a score-test gain are not fitted, and gain nothing."""
+    """Every effect alone; those without a score-test gain are not fitted, and gain nothing.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> singles = every_single(likelihood, fit_effects(likelihood, ()), lambda stage: None)
+        >>> max(singles, key=lambda name: singles[name].gain)
+        'temperature'
+    """
     found: dict[str, Candidate] = {}
     expected = score_test_gain(likelihood, null.shift)
     for name in likelihood.catalogue:
@@ -101,7 +125,19 @@ def every_single(likelihood: EffectsLikelihood, null: Fit, progress: Callable[[s
 
 
 def discrepancy_gain(likelihood: EffectsLikelihood, chosen: Fit, discrepancy: Tensor) -> tuple[float, float]:
-    """Held-out gain of a free discrepancy beside the chosen effects, and its standard error."""
+    """Held-out gain of a free discrepancy beside the chosen effects, and its standard error.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> fit = fit_effects(likelihood, ["temperature"])
+        >>> before, after = (discrepancy_gain(likelihood, f, columns)[0] for f in (fit_effects(likelihood, ()), fit))
+        >>> after < before
+        True
+    """
     free = likelihood.log_score(chosen.shift, likelihood.design(chosen.theta, discrepancy, 1.0))
     return likelihood.gain(free, chosen.log_score)
 

@@ -69,7 +69,18 @@ Set by hand: it must matter in practice, and not only be certain."""
 
 @dataclass(frozen=True)
 class Candidate:
-    """What an effect adds to those already chosen: the fit with it, the gain (nats) and its standard error."""
+    """What an effect adds to those already chosen: the fit with it, the gain (nats) and its standard error.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> null, fit = fit_effects(likelihood, ()), fit_effects(likelihood, ["temperature"])
+        >>> candidate = Candidate(fit, *likelihood.gain(fit.log_score, null.log_score))
+        >>> candidate.gain > 3 * candidate.error
+        True
+    """
 
     fit: Fit
     gain: float
@@ -86,6 +97,16 @@ def best_candidate(
         candidates: By effect.
         chosen: Effects that are named so far.
         so_far: Nats that those gain over no effect.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> null, fit = fit_effects(likelihood, ()), fit_effects(likelihood, ["temperature"])
+        >>> candidate = Candidate(fit, *likelihood.gain(fit.log_score, null.log_score))
+        >>> best_candidate(likelihood, {"temperature": candidate}, null, 0.0) is candidate
+        True
     """
     for candidate in sorted(candidates.values(), key=lambda c: -c.gain):
         if candidate.gain < MIN_GAIN:
@@ -104,13 +125,35 @@ def best_candidate(
 
 
 def is_credible(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bool:
-    """Whether parameters and spread between flights can be what the effect says."""
+    """Whether parameters and spread between flights can be what the effect says.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> null, fit = fit_effects(likelihood, ()), fit_effects(likelihood, ["temperature"])
+        >>> candidate = Candidate(fit, *likelihood.gain(fit.log_score, null.log_score))
+        >>> is_credible(likelihood, fit, "temperature")
+        True
+    """
     plausible = likelihood.catalogue[name].plausible(likelihood.compared.state, fit.theta[name])
     return plausible and spreads_as_claimed(likelihood, fit, name)
 
 
 def counts_as_first(likelihood: EffectsLikelihood, candidate: Candidate) -> bool:
-    """Whether a first effect gains enough."""
+    """Whether a first effect gains enough.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> null, fit = fit_effects(likelihood, ()), fit_effects(likelihood, ["temperature"])
+        >>> candidate = Candidate(fit, *likelihood.gain(fit.log_score, null.log_score))
+        >>> counts_as_first(likelihood, candidate)
+        True
+    """
     # Against samples, which are coarser than flights, a first effect has to show as much as a further one.
     least = MIN_GAIN if likelihood.compared.slack == 1.0 else MIN_FURTHER_GAIN
     return candidate.gain >= least and candidate.gain >= MIN_GAIN_Z * candidate.error
@@ -172,13 +215,33 @@ def stands_out(rest: float, error: float, explained: float) -> bool:
 
 
 def share_needed(likelihood: EffectsLikelihood, fit: Fit) -> float:
-    """Share of what a free discrepancy explains in its place that the last effect of a fit must explain."""
+    """Share of what a free discrepancy explains in its place that the last effect of a fit must explain.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> null, fit = fit_effects(likelihood, ()), fit_effects(likelihood, ["temperature"])
+        >>> candidate = Candidate(fit, *likelihood.gain(fit.log_score, null.log_score))
+        >>> share_needed(likelihood, fit)
+        0.3
+    """
     further = len(fit.effects) > 1 and overlaps(likelihood, fit)
     return MIN_FURTHER_OUTSIDE_SHARE if further else MIN_OUTSIDE_SHARE
 
 
 def overlaps(likelihood: EffectsLikelihood, fit: Fit) -> bool:
-    """Whether the last effect moves a quantity that the others move."""
+    """Whether the last effect moves a quantity that the others move.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> overlaps(likelihood, fit_effects(likelihood, ["temperature", "mass"]))  # both move the rate
+        True
+    """
     *others, last = (_quantities_moved(likelihood, fit, name) for name in fit.effects)
     return any(last & other for other in others)
 
@@ -189,13 +252,33 @@ def _quantities_moved(likelihood: EffectsLikelihood, fit: Fit, name: str) -> set
 
 
 def acts_on(likelihood: EffectsLikelihood, fit: Fit, name: str) -> Tensor:
-    """Entries (p,) whose mean an effect moves by something that matters."""
+    """Entries (p,) whose mean an effect moves by something that matters.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> null, fit = fit_effects(likelihood, ()), fit_effects(likelihood, ["temperature"])
+        >>> candidate = Candidate(fit, *likelihood.gain(fit.log_score, null.log_score))
+        >>> entries = acts_on(likelihood, fit, "temperature")
+        >>> sorted({e.quantity for e, acts in zip(likelihood.compared.entries, entries, strict=True) if acts})
+        ['rate', 'tas']
+    """
     shift = likelihood.all_shift(name, fit.theta[name])[likelihood.real].mean(0)
     return shift.abs() > likelihood.compared.negligible()
 
 
 def mean_shift(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> float:
-    """Largest mean shift over the entries, in negligible shifts."""
+    """Largest mean shift over the entries, in negligible shifts.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> mean_shift(likelihood, "temperature", torch.tensor([10.0]).double()) > 10  # times what is negligible
+        True
+    """
     shift = likelihood.all_shift(name, theta)[likelihood.real]
     seen = likelihood.compared.y[likelihood.real].isfinite()
     mean = torch.where(seen, shift, 0.0).sum(0) / seen.sum(0).clamp(min=1)

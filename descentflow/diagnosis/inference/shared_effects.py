@@ -65,7 +65,7 @@ def shared_effects(
     if not able:
         return None
     compared = compare(None, real, aircraft)
-    weights = whiten(compared.y, compared.real, compared.cluster, compared.nugget(), compared.of_flight())
+    weights = whiten(compared.y, compared.real, compared.airframe, compared.nugget(), compared.of_flight())
     likelihood = EffectsLikelihood(compared, weights, able, seed, nuisance=_smooth_rates(compared))
     null = fit_effects(likelihood, ())
     singles: dict[str, Candidate] = {}

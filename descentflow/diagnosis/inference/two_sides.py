@@ -44,7 +44,12 @@ EXTREME = 6.0
 
 @dataclass(frozen=True)
 class Entry:
-    """One number of the vector: a quantity, and its band (-1 for a quantity of the whole flight)."""
+    """One number of the vector: a quantity, and its band (-1 for a quantity of the whole flight).
+
+    Example:
+        >>> Entry("rate", 3) == Entry("rate", 3)
+        True
+    """
 
     quantity: str
     band: int
@@ -56,7 +61,16 @@ class Compared:
 
     Shapes: ``y`` (n, p) with NaN where not seen, simulator's flights first; ``real`` (n,) bool; ``free`` (p,) bool,
     true where the simulator's own flights say what is normal and false where physics claims zero; ``scale`` (p,)
-    spread between flights; ``cluster`` (n,).
+    spread between flights; ``airframe`` (n,).
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> sides.quantities(), len(sides.entries)
+        (('rate', 'cas', 'tas'), 33)
+        >>> sides.level_range(sides.entries[0])
+        (150.0, 170.0)
     """
 
     entries: tuple[Entry, ...]
@@ -64,7 +78,7 @@ class Compared:
     real: Tensor
     free: Tensor
     scale: Tensor
-    cluster: Tensor
+    airframe: Tensor
     state: FlightState
     band_fl: float
     slack: float = 1.0
@@ -140,7 +154,16 @@ class Compared:
 
 
 def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightState:
-    """What effects may look at; bands without a report have the column's mean speed, and no mask."""
+    """What effects may look at; bands without a report have the column's mean speed, and no mask.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = quantities_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> state_of(flights, aircraft("A320"), 60e3).cas_mps.shape
+        torch.Size([120, 13])
+    """
     physics = flights.physics
     cas = physics["cas_mps"]
     filled = torch.where(cas.isfinite(), cas, cas.nanmean(0).nan_to_num(140.0))
@@ -184,6 +207,15 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
         real: Real flights, on the same bands.
         aircraft: Coefficients of the simulator.
         slack: How much larger negligible shifts of rate and CAS are than between flights.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = quantities_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> first = flights.airframe % 2 == 0
+        >>> compare(flights.rows(first), flights.rows(~first), aircraft("A320")).quantities()[:4]
+        ('rate', 'lag', 'cas', 'mismatch')
     """
     both = real if reference is None else _joined(reference, real)
     n_before = 0 if reference is None else len(reference)
@@ -199,7 +231,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
     values["lag"] = torch.where(settled, values["lag"], torch.nan)
     is_real = torch.arange(len(both)) >= n_before
     entries, columns, free = [], [], []
-    # Where the simulator's flights measured nothing, flights of mean zero with the real spread stand for its claim.
+    # Where the simulator's flights measured nothing, flights of mean zero with the real spread are its claim.
     stand_in = torch.arange(n_before) % len(real)
     for name in (*BY_BAND, *OF_FLIGHT):
         if name not in values or (reference is None and name not in CLAIMED_ZERO):
@@ -225,7 +257,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
         is_real,
         torch.tensor(free),
         scale,
-        both.cluster,
+        both.airframe,
         state,
         real.band_fl,
         slack,
@@ -271,7 +303,7 @@ def _joined(first: Quantities, second: Quantities) -> Quantities:
             found[name] = torch.cat([a.get(name, blank[0]), b.get(name, blank[1])])
         return found
 
-    cluster = torch.cat([first.cluster, second.cluster + first.cluster.max() + 1])
+    airframe = torch.cat([first.airframe, second.airframe + first.airframe.max() + 1])
     return Quantities(
-        second.levels_fl, second.band_fl, cat(first.values, second.values), cat(first.physics, second.physics), cluster
+        second.levels_fl, second.band_fl, cat(first.values, second.values), cat(first.physics, second.physics), airframe
     )

@@ -16,6 +16,14 @@ def covariance(likelihood: EffectsLikelihood, fit: Fit) -> Tensor:
 
     Robust to what flights of one aircraft have in common, and with what a model that is off by negligible shifts,
     half of them alike in all bands of a quantity, would add: more flights do not make equations more exact.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> covariance(likelihood, fit_effects(likelihood, ["temperature"])).sqrt() < 1.0  # K
+        tensor([[True]])
     """
     design = fit.design
     moments = likelihood.moments(likelihood.weighted_rest(fit.shift), design)
@@ -27,7 +35,7 @@ def covariance(likelihood: EffectsLikelihood, fit: Fit) -> Tensor:
     gradient = torch.einsum("npk,np->nk", design.columns, q)
     if len(mean):
         gradient -= q[:, free] @ torch.linalg.solve(moments.mean, moments.cross)
-    total = by_aircraft(gradient * likelihood.whitening.optimism[:, None], likelihood.compared.cluster)
+    total = by_aircraft(gradient * likelihood.whitening.optimism[:, None], likelihood.compared.airframe)
     scatter = total.T @ total + _by_misfit(likelihood, fit, moments)
     information, _ = moments.profiled()
     known = information.diagonal() > 1e-9 + 1e-7 * moments.curvature.diagonal()

@@ -28,7 +28,13 @@ MATTERS = 0.5
 
 @dataclass(frozen=True)
 class Cell:
-    """Entries (k,) of one quantity in neighbouring bands on one side of the transition."""
+    """Entries (k,) of one quantity in neighbouring bands on one side of the transition.
+
+    Example:
+        >>> cell = Cell("tas", torch.tensor([22, 23, 24]), 150.0, 210.0, "below")
+        >>> len(cell.at)
+        3
+    """
 
     quantity: str
     at: Tensor
@@ -38,7 +44,15 @@ class Cell:
 
 
 def cells(compared: Compared, transition_fl: float) -> list[Cell]:
-    """Cut the entries into cells."""
+    """Cut the entries into cells.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> [(c.low_fl, c.high_fl, c.regime) for c in cells(sides, transition_fl=290.0) if c.quantity == "tas"][:2]
+        [(150.0, 210.0, 'below'), (210.0, 270.0, 'below')]
+    """
     found: list[Cell] = []
     for quantity in compared.quantities():
         run: list[int] = []
@@ -70,6 +84,14 @@ def where(likelihood: EffectsLikelihood, transition_fl: float, seed: int) -> tup
 
     Labels are permuted by whole aircraft; the statistic of a cell is its standardised difference of means and of
     spreads. Slices: all flights, and the slower and faster half (by the aircraft's mean CAS) for the rate.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> found, affected = where(likelihood, transition_fl=290.0, seed=0)
+        >>> found[0].quantity, bool(affected.any())
+        ('tas', True)
     """
     compared = likelihood.compared
     labels = permuted_labels(likelihood, PERMUTATIONS, seed)
@@ -172,6 +194,13 @@ def strongest_block(likelihood: EffectsLikelihood, residual: Tensor) -> Block | 
     Args:
         likelihood: Flights.
         residual: (n, p) what is left of each flight.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> strongest_block(likelihood, likelihood.compared.y).quantity
+        'rate'
     """
     compared = likelihood.compared
     at = compared.columns("rate")

@@ -15,6 +15,14 @@ class Whitening:
 
     Shapes: ``pattern`` (n,) index of each flight's pattern, ``precision`` (patterns, p, p) zero where an entry is
     missing, ``covariance`` (p, p).
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> weights = whiten(sides.y, sides.real, sides.airframe, sides.nugget(), sides.of_flight())
+        >>> weights.apply(sides.y).shape, weights.covariance.shape
+        (torch.Size([160, 33]), torch.Size([33, 33]))
     """
 
     pattern: Tensor
@@ -55,7 +63,7 @@ class Whitening:
 def whiten(
     y: Tensor,
     groups: Tensor,
-    cluster: Tensor,
+    airframe: Tensor,
     nugget: Tensor,
     apart: Tensor,
     sides: Tensor | None = None,
@@ -74,12 +82,20 @@ def whiten(
     Args:
         y: (n, p), NaN where missing.
         groups: (n,) bool: both groups have a mean of their own, which is taken off.
-        cluster: (n,) aircraft.
+        airframe: (n,) aircraft.
         nugget: (p,) variance to add.
         apart: (p,) bool: entries that are taken as independent of the others.
         sides: (n,) bool: both sides' means are taken off before asking what flights of one aircraft share, or a
             difference between sides would pass for it; the groups if absent.
         learn: (n,) bool: flights that it is estimated from; all if absent.
+
+    Example:
+        >>> noise = torch.randn(500, 2, generator=torch.Generator().manual_seed(0))
+        >>> y = (noise @ torch.tensor([[1.0, 0.8], [0.0, 0.6]])).double()
+        >>> alone, none, everyone = torch.arange(500), torch.zeros(2).double(), torch.ones(500, dtype=torch.bool)
+        >>> whiten(y, everyone, alone, none, none.bool()).covariance.round(decimals=1)
+        tensor([[1.0000, 0.8000],
+                [0.8000, 1.0000]], dtype=torch.float64)
     """
     seen = y.isfinite()
     patterns, pattern = torch.unique(seen, dim=0, return_inverse=True)
@@ -119,7 +135,7 @@ def whiten(
     for side in () if sides is None else (sides, ~sides):
         if bool(side.any()):
             completed[side] -= completed[side].mean(0)
-    shared = _shared(completed[used], cluster[used], covariance)
+    shared = _shared(completed[used], airframe[used], covariance)
     within = covariance
     covariance = covariance + shared + torch.diag(nugget / scale**2)
     covariance = torch.where(apart[:, None] == apart, covariance, 0.0)
@@ -166,13 +182,13 @@ def _completed(z: Tensor, patterns: Tensor, members: list[Tensor], covariance: T
     return filled
 
 
-def _shared(z: Tensor, cluster: Tensor, covariance: Tensor) -> Tensor:
+def _shared(z: Tensor, airframe: Tensor, covariance: Tensor) -> Tensor:
     """What flights of one aircraft share, (p, p) positive semidefinite, of few dimensions.
 
     The cross-products of different flights of an aircraft, where they stand out from what chance would give.
     """
     n, p = z.shape
-    names, index = torch.unique(cluster, return_inverse=True)
+    names, index = torch.unique(airframe, return_inverse=True)
     total = torch.zeros(len(names), p, dtype=z.dtype).index_add_(0, index, z)
     counts = torch.bincount(index).double()
     pairs = float((counts * (counts - 1)).sum())

@@ -101,7 +101,15 @@ def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> di
 
 
 def would_split(likelihood: EffectsLikelihood, causes: Sequence[Cause]) -> list[WouldSplit]:
-    """Channels that are not there and would separate a cause from its group, or help an unknown one to a name."""
+    """Channels that are not there and would separate a cause from its group, or help an unknown one to a name.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> [row.channels for row in would_split(likelihood, [])]  # of an unknown cause
+        [['geoaltitude'], ['groundspeed'], ['Mach']]
+    """
     there, catalogue = set(likelihood.compared.quantities()), likelihood.catalogue
     found = []
     for cause in causes:

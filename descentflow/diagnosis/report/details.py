@@ -16,7 +16,18 @@ def discrepancy_of(outside: Outside) -> Discrepancy:
 
 
 def singles_of(likelihood: EffectsLikelihood, chosen: Chosen) -> list[SingleEffect]:
-    """Every effect of the catalogue alone, best first."""
+    """Every effect of the catalogue alone, best first.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> from descentflow.diagnosis.inference.selection import select
+        >>> singles_of(likelihood, select(likelihood, columns, lambda stage: None))[0].effect
+        'temperature'
+    """
     found = []
     for name, c in sorted(chosen.singles.items(), key=lambda item: -item[1].gain):
         parameters = likelihood.catalogue[name].parameters
@@ -48,7 +59,16 @@ def remaining_of(likelihood: EffectsLikelihood, shift: Tensor, gap: float, outsi
 
 
 def curves(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, Curve]:
-    """Mean difference by band with its error, before and after, for the figures."""
+    """Mean difference by band with its error, before and after, for the figures.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> curve = curves(likelihood, torch.zeros_like(likelihood.y))["tas"]
+        >>> curve.before == curve.after, len(curve.level_fl)
+        (True, 11)
+    """
     compared, real = likelihood.compared, likelihood.real
     levels = compared.middles_fl()
     found: dict[str, Curve] = {}

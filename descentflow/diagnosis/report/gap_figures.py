@@ -12,7 +12,7 @@ from descentflow.diagnosis.findings.findings import Curve, SingleEffect
 from descentflow.measurements.quantity_registry import label_of
 from descentflow.reporting.figure_style import BLUE, GREY, RED, legend_below, tidy
 
-CAP = 12.0
+COLOUR_END = 12.0
 """Standard errors at which the colours of the map end."""
 
 
@@ -32,7 +32,9 @@ def where_figure(curves: Mapping[str, Curve]) -> Figure:
         for level, value, error in zip(curves[q].level_fl, curves[q].before, curves[q].error, strict=True):
             if level is not None:
                 table[i, levels.index(level)] = value / error
-    image = upper.imshow(np.clip(table, -CAP, CAP), cmap="RdBu_r", vmin=-CAP, vmax=CAP, aspect="auto")
+    image = upper.imshow(
+        np.clip(table, -COLOUR_END, COLOUR_END), cmap="RdBu_r", vmin=-COLOUR_END, vmax=COLOUR_END, aspect="auto"
+    )
     upper.set_yticks(range(len(banded)), [label_of(q) for q in banded], fontsize=9)
     every = -(-len(levels) // 7)
     upper.set_xticks(range(0, len(levels), every), [f"FL{levels[i]:.0f}" for i in range(0, len(levels), every)])
@@ -40,11 +42,13 @@ def where_figure(curves: Mapping[str, Curve]) -> Figure:
     bar = figure.colorbar(image, ax=upper, pad=0.01)
     bar.set_label("difference in\nstandard errors", fontsize=9)
     values = [curves[q].before[0] / curves[q].error[0] for q in single]
-    lower.barh(range(len(single)), np.clip(values, -CAP, CAP), color=[RED if v > 0 else BLUE for v in values])
+    lower.barh(
+        range(len(single)), np.clip(values, -COLOUR_END, COLOUR_END), color=[RED if v > 0 else BLUE for v in values]
+    )
     lower.axvspan(-2, 2, color="#eeeeee", zorder=0)
     lower.set_yticks(range(len(single)), [label_of(q) for q in single], fontsize=9)
     lower.invert_yaxis()
-    lower.set_xlim(-CAP, CAP)
+    lower.set_xlim(-COLOUR_END, COLOUR_END)
     lower.set_xlabel("difference in standard errors (grey: what chance often gives)", fontsize=9)
     tidy([lower])
     return figure
@@ -106,7 +110,7 @@ def curves_figure(curves: Mapping[str, Curve], shown: Sequence[str]) -> Figure:
 def closure_figure(
     before: float, after: float, floor: float, rivals: Sequence[RivalClosure], names: str, label: Callable[[str], str]
 ) -> Figure:
-    """Gap before and after beside the floor, and the closure that each rival would have claimed.
+    """Gap before and after beside the floor, and what each other effect would close.
 
     Args:
         before: Gap before.
@@ -127,6 +131,6 @@ def closure_figure(
     right.barh(range(len(rows)), [max(100 * closure, -20.0) for _, closure in rows], color=GREY)
     right.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=8)
     right.set_xlim(-22, 105)
-    right.set_xlabel("share of the gap that a wrong effect, fitted in its place, would claim (%)", fontsize=9)
+    right.set_xlabel("share of the gap that a wrong effect, fitted in its place, would close (%)", fontsize=9)
     tidy([left, right])
     return figure

@@ -30,8 +30,9 @@ class GapReport(Findings):
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
-        >>> report = diagnose("descents.parquet", typecode="A320")
-        >>> report.verdict, [cause.effect for cause in report.causes][:1]
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> report.verdict, [cause.effect for cause in report.causes]
         ('effect', ['mass'])
         >>> report.to_polars().columns[:3]
         ['quantity', 'level_low_fl', 'level_high_fl']

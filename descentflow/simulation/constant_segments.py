@@ -63,6 +63,9 @@ def draw_constant_rates(
         Stretches; None if the world has no such flights.
 
     Example:
+        >>> top_m, bottom_m = torch.full((3,), 11_000.0), torch.full((3,), 2_700.0)
+        >>> draw_constant_rates(range(3), 0, WorldConfig(two_rates_share=1.0), top_m, bottom_m).rate_mps.shape
+        torch.Size([3, 2])
         >>> draw_constant_rates(range(3), 0, WorldConfig(), top_m, bottom_m) is None
         True
     """

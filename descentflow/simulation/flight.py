@@ -1,7 +1,5 @@
 """Fly a batch of flights from cruise to the bottom of descent and keep what they did."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import torch
@@ -9,6 +7,7 @@ from torch import Tensor
 
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
+from descentflow.core.threads import one_thread
 from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import tas_to_cas_mps, tas_to_mach
 from descentflow.physics.atmosphere import isa_fraction
@@ -62,7 +61,12 @@ def fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig | 
         ConfigError: If a flight does not come down within two hours: idle thrust that exceeds drag.
 
     Example:
-        >>> flown = fly(aircraft, draw_parameters(aircraft, range(10), seed=0))
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> aircraft, config = open_aircraft("A320"), WorldConfig(bottom_fl=250.0)
+        >>> flown = fly(aircraft, draw_parameters(aircraft, range(2), 0, config), config)
+        >>> flown.altitude_m.shape == flown.rate_mps.shape, float(flown.altitude_m[flown.flying].min()) < 7_700
+        (True, True)
     """
     with one_thread():
         return _fly(aircraft, parameters, config or WorldConfig())
@@ -103,17 +107,6 @@ def _measured(dynamics: Dynamics, state: Motion, gamma: Tensor) -> list[Tensor]:
     over_ground = tas * torch.cos(gamma) + dynamics.wind_mps(state)
     rate = tas * torch.sin(gamma) * isa_fraction(altitude, deviation)
     return [altitude, state.height_m, cas, mach, tas, over_ground, rate]
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Keep torch to one thread: on a few thousand numbers a second one costs ten times what it saves."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _complain(aircraft: Aircraft, altitude_m: Tensor) -> None:

@@ -16,6 +16,7 @@ class Injected:
     """Effects beyond the parameters that every flight has; all float64 of shape (n,).
 
     Example:
+        >>> from dataclasses import replace
         >>> replace(neutral(3), rate_lag_s=torch.full((3,), 12.0, dtype=torch.float64)).rate_lag_s
         tensor([12., 12., 12.], dtype=torch.float64)
     """

@@ -20,7 +20,7 @@ from descentflow.simulation.parameters import FlightParameters
 
 @dataclass(frozen=True)
 class Motion:
-    """Where the flights are: true airspeed, pressure altitude, geometric altitude, each of shape (n,)."""
+    """Where the flights are: true airspeed (m/s), pressure altitude (m), geometric altitude (m), each of shape (n,)."""
 
     tas_mps: Tensor
     altitude_m: Tensor
@@ -37,7 +37,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Controls:
-    """What the autopilot sets for one period: path angle and thrust above idle now, and their rates."""
+    """What the autopilot sets for one period, (n,): path angle (rad), thrust above idle (N), their rates (per s)."""
 
     gamma: Tensor
     gamma_rate: Tensor
@@ -53,8 +53,15 @@ class Dynamics:
         parameters: The flights.
 
     Example:
-        >>> dynamics = Dynamics(aircraft, parameters)
-        >>> state = dynamics.step(state, controls, 1.0)
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> aircraft = open_aircraft("A320")
+        >>> dynamics = Dynamics(aircraft, draw_parameters(aircraft, [0], seed=0))
+        >>> one = torch.ones(1, dtype=torch.float64)
+        >>> cruise, level = Motion(230 * one, 10_000 * one, 10_000 * one), 0 * one
+        >>> slower = dynamics.step(cruise, Controls(level, level, level, level), time_s=1.0)  # level at idle thrust
+        >>> float(slower.tas_mps - cruise.tas_mps) < 0
+        True
     """
 
     def __init__(self, aircraft: Aircraft, parameters: FlightParameters) -> None:

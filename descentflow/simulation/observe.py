@@ -55,7 +55,13 @@ def observe(
         Rows in the package's schema, sorted by flight and time.
 
     Example:
-        >>> observe(named, truth, 0, range(len(named)), WorldConfig())["altitude"] % 25
+        >>> from descentflow.simulation.truth import name_flights
+        >>> named = name_flights("A320", range(2), 0, 5, ["SLO", "SLO"])
+        >>> names = [flight.flight_id for flight in named]
+        >>> truth = pl.read_parquet("rows_truth.parquet").filter(pl.col("flight_id").is_in(names))
+        >>> rows = observe(named, truth, 0, range(2), WorldConfig())
+        >>> (rows["altitude"] % 25).unique().to_list()  # reported in steps of 25 ft
+        [0.0]
     """
     lengths = truth.group_by("flight_id", maintain_order=True).len()["len"].to_numpy()
     columns = truth.select(_TRUTH).to_numpy()

@@ -30,7 +30,12 @@ class FlightParameters:
     """What the flights are, one entry a flight; all float64 of shape (n,) unless said otherwise.
 
     Example:
-        >>> injected = dataclasses.replace(parameters, mass_kg=1.1 * parameters.mass_kg)
+        >>> from dataclasses import replace
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> parameters = draw_parameters(open_aircraft("A320"), range(3), seed=0)
+        >>> heavier = replace(parameters, mass_kg=1.1 * parameters.mass_kg)
+        >>> len(heavier.rows(torch.tensor([0, 2])))
+        2
     """
 
     mass_kg: Tensor

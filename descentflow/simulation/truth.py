@@ -82,7 +82,12 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
     """One row a flight: names and parameters, in field units for levels and speeds.
 
     Example:
-        >>> flights_table(named, parameters, operators).columns[:3]
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> from descentflow.simulation.world_config import default_operators
+        >>> aircraft = open_aircraft("A320")
+        >>> parameters, named = draw_parameters(aircraft, [0], seed=0), name_flights("A320", [0], 0, 5, ["SLO"])
+        >>> flights_table(named, parameters, default_operators(aircraft)).columns[:3]
         ['flight_id', 'icao24', 'callsign']
     """
     table = pl.DataFrame(
@@ -144,7 +149,14 @@ def truth_table(named: Sequence[Flight], flown: Flown) -> pl.DataFrame:
         The table.
 
     Example:
-        >>> truth_table(named, flown).filter(pl.col("label") == "idle")
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.flight import fly
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> from descentflow.simulation.world_config import WorldConfig
+        >>> aircraft, config = open_aircraft("A320"), WorldConfig(bottom_fl=250.0)
+        >>> flown = fly(aircraft, draw_parameters(aircraft, [0], 0, config), config)
+        >>> truth_table(name_flights("A320", [0], 0, 5, ["SLO"]), flown)["label"].unique(maintain_order=True).to_list()
+        ['transient', 'idle']
     """
     flying = flown.flying.T
     flight, step = flying.nonzero(as_tuple=True)

@@ -56,7 +56,8 @@ class Cause:
     """Something that makes real flights differ from a simulator's.
 
     Example:
-        >>> CAUSES["mass"].values(np.random.default_rng(0), size=1.0)
+        >>> from descentflow.simulation.causes import CAUSES
+        >>> CAUSES["mass"].values(np.random.default_rng(0), 1.0)
         {'factor': 1.1}
     """
 
@@ -84,8 +85,13 @@ class Injection:
     a constant path is planned for the drag and the air that the flight really meets.
 
     Example:
-        >>> inject = Injection(open_aircraft("A320"), {"mass": {"factor": 0.9}}, seed=3)
-        >>> simulate(open_aircraft("A320"), 100, seed=3, inject=inject)
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> aircraft = open_aircraft("A320")
+        >>> inject = Injection(aircraft, {"mass": {"factor": 0.9}}, seed=3)
+        >>> plain = draw_parameters(aircraft, range(4), seed=3)
+        >>> inject(plain).mass_kg / plain.mass_kg
+        tensor([0.9000, 0.9000, 0.9000, 0.9000], dtype=torch.float64)
     """
 
     aircraft: Aircraft

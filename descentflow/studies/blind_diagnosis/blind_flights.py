@@ -1,4 +1,4 @@
-"""Flights of a study and the simulators that they are held against, flown, trained and kept in its folder."""
+"""Flights of a study and the simulators that they are compared with, flown, trained and kept in its folder."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,9 +28,6 @@ def write_set(one: SetPlan, path: Path, typecode: str = TYPECODE) -> None:
         one: What to inject.
         path: Parquet file of rows.
         typecode: Type flown.
-
-    Example:
-        >>> write_set(plan.sets[0], Path("rows.parquet"))
     """
     aircraft = find_aircraft(typecode)
     rows = _rows(aircraft, one.flights, one.seed, one.causes)
@@ -47,8 +44,8 @@ def write_simulator(one: SimulatorPlan, path: Path, typecode: str = TYPECODE, fl
         typecode: Type flown.
         flights: Flights flown; 72 % of them train.
 
-    Example:
-        >>> write_simulator(plan.simulators[0], Path("simulator.ckpt"))
+    Raises:
+        DescentflowError: If the flights cannot be prepared or the model cannot be fitted.
     """
     from descentflow.training.fit import fit
 

@@ -39,10 +39,10 @@ def generate(
         typecode: Type flown.
         reference_flights: Flights flown for each simulator.
         processes: How many work at once.
-        say: Told how far it is.
+        say: Progress callback, called with a line of text.
 
-    Example:
-        >>> generate(Path("study"), draw_plan(400, seed=1), processes=2)
+    Raises:
+        ConfigError: If the folder holds a study of another key.
     """
     for name in ("sets", "simulators", "diagnoses"):
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -107,13 +107,10 @@ def diagnose_all(
         until: Time (s since 1970) after which no further diagnosis is begun; sets come in random order, so that those
             done by then are a random sample.
         parts: Beginnings of the names of jobs to do first; all the others follow.
-        say: Told how far it is.
+        say: Progress callback, called with a line of text.
 
     Returns:
         How many diagnoses are recorded.
-
-    Example:
-        >>> diagnose_all(Path("study"), processes=2)
     """
     jobs = list(read_json(folder / MANIFEST)["jobs"])
     jobs.sort(key=lambda job: not job["name"].startswith(tuple(parts)))

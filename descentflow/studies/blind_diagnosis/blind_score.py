@@ -31,9 +31,6 @@ def score(
 
     Returns:
         Primitives for ``score.json``.
-
-    Example:
-        >>> score(*open_key(Path("study")))["false_alarms"]["share"]
     """
     found = outcomes(plan, manifest, diagnoses)
     blind = [o for o in found if o.one.part == "blind"]
@@ -59,7 +56,12 @@ def score(
 
 
 def share(flags: Sequence[bool]) -> dict[str, Any]:
-    """Share of true flags with its 95 % interval (Wilson); nothing where there is none."""
+    """Share of true flags with its 95 % interval (Wilson); None where there is no flag.
+
+    Example:
+        >>> share([True, True, True, False])
+        {'n': 4, 'share': 0.75, 'low': 0.30..., 'high': 0.95...}
+    """
     if not flags:
         return {"n": 0, "share": None, "low": None, "high": None}
     interval = stats.binomtest(sum(flags), len(flags)).proportion_ci(0.95, "wilson")

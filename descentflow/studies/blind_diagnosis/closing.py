@@ -41,7 +41,9 @@ def closing(rows: Path, simulator: Path, corrected: Path, true: Path) -> dict[st
         effect acts, and ``of_true``: the share of what it closes there (None where it acts hardly anywhere).
 
     Example:
-        >>> closing(rows, Path("sim.ckpt"), Path("corrected.ckpt"), Path("refit.ckpt"))["of_true"]
+        >>> same = Path("best.ckpt")  # a correction that changes nothing closes nothing
+        >>> closing(Path("rows.parquet"), same, same, same)["cells"]
+        0
     """
     models = {"before": load_model(simulator), "after": load_model(corrected), "true": load_model(true)}
     decoders = [model.representation.decoder for model in models.values()]

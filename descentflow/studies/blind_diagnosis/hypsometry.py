@@ -25,7 +25,7 @@ def isa_k(altitude_m: Array) -> Array:
 
 
 def gravity_mps2(latitude_deg: Array, height_m: Array) -> Array:
-    """Gravity by the formula of 1980 at sea level (Moritz 2000), less the free-air gradient."""
+    """Gravity (m/s2) by the formula of 1980 at sea level (Moritz 2000), minus the free-air gradient."""
     square = np.sin(np.radians(latitude_deg)) ** 2
     surface = 9.7803267715 * (1 + 0.0052790414 * square + 0.0000232718 * square**2)
     return np.asarray(surface * (1 - 2 * height_m / EARTH_RADIUS_M))
@@ -51,7 +51,7 @@ def hypsometric_deviation(frame: pl.DataFrame, *, latitude_deg: float | None = N
 
     Hydrostatics: ``dh / dHp = T / T_isa g0 / g``, hence ``dh g / g0 - dHp = dT dHp / T_isa``. One
     deviation is fitted to each flight, with its own offset, which takes the receiver's datum with it, as the median of
-    the slopes between its levels (Theil and Sen): a geometric altitude held over from an earlier report would turn a
+    the slopes between its levels (Theil and Sen): a geometric altitude repeated from an earlier report would turn a
     least-squares line by tens of kelvins. Moist air counts with its virtual temperature, 1 to 2 K above its own at
     10,000 ft in the tropics.
 
@@ -66,7 +66,10 @@ def hypsometric_deviation(frame: pl.DataFrame, *, latitude_deg: float | None = N
         DataError: If no flight spans 3,000 ft with a geometric altitude.
 
     Example:
-        >>> hypsometric_deviation(descents.frame, latitude_deg=13.0).mean_k
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> found = hypsometric_deviation(read_descents("descents.parquet").frame)  # flown in standard air
+        >>> abs(found.mean_k) < 0.5
+        True
     """
     if "geoaltitude" not in frame.columns:
         raise DataError("descents without geometric altitude", expected="a geoaltitude column", mend="use other rows")
@@ -112,7 +115,9 @@ def speed_deviation(frame: pl.DataFrame) -> Deviation:
     """Deviation from ISA by TAS and Mach number: ``T = (TAS / Mach)^2 / (kappa R)``, by flight.
 
     Example:
-        >>> speed_deviation(descents.frame).mean_k
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> abs(speed_deviation(read_descents("descents.parquet").frame).mean_k) < 2
+        True
     """
     known = frame.drop_nulls(["TAS", "Mach"])
     sound = known["TAS"].to_numpy() * KT_MPS / known["Mach"].to_numpy()
@@ -132,7 +137,12 @@ def speed_deviation(frame: pl.DataFrame) -> Deviation:
 
 
 def weighted_mean(values: Array, weights: Array) -> tuple[float, float]:
-    """Weighted mean and its standard error from the scatter (infinite for one value)."""
+    """Weighted mean and its standard error from the scatter (infinite for one value).
+
+    Example:
+        >>> weighted_mean(np.array([1.0, 3.0]), np.array([1.0, 1.0]))
+        (2.0, 1.0)
+    """
     share = weights / weights.sum()
     mean = float(share @ values)
     if len(values) < 2:

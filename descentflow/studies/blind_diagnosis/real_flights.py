@@ -54,9 +54,6 @@ def check_temperature(diagnose: Diagnose, bottom_fl: int = 60) -> TemperatureChe
     Args:
         diagnose: The diagnosis under test.
         bottom_fl: Lowest level: most of these arrivals start below FL220.
-
-    Example:
-        >>> check_temperature(package_diagnosis).by_height.mean_k
     """
     descents = prepare(embedded_rows(), types=embedded_types(), typecode=["A20N", "A21N"], bottom_fl=bottom_fl)
     hidden = Descents(descents.frame.drop("geoaltitude"), descents.metadata)
@@ -77,9 +74,6 @@ def check_wind(rows: pl.DataFrame, folder: Path, diagnose: Diagnose, bottom_fl: 
         folder: For a file of rows with gaps filled.
         diagnose: The diagnosis under test.
         bottom_fl: Lowest level.
-
-    Example:
-        >>> check_wind(pl.read_parquet("ehs.parquet"), Path("out"), package_diagnosis).by_others.mean_per_s
     """
     path = folder / "filled.parquet"
     filled(rows, WIND).write_parquet(path)
@@ -108,7 +102,10 @@ def filled(rows: pl.DataFrame, columns: Sequence[str]) -> pl.DataFrame:
         The rows sorted by aircraft and time.
 
     Example:
-        >>> filled(rows, ["TAS"])["TAS"].null_count()
+        >>> rows = pl.read_parquet("rows.parquet").with_row_index("k")
+        >>> gappy = rows.with_columns(pl.when(pl.col("k") % 2 == 0).then("TAS").alias("TAS"))
+        >>> filled(gappy, ["TAS"])["TAS"].null_count() < gappy["TAS"].null_count() / 10
+        True
     """
     rows = rows.sort("icao24", "timestamp").with_columns((pl.col("timestamp").dt.epoch("us") / 1e6).alias("_s"))
     aircraft = "icao24"
@@ -132,7 +129,9 @@ def found(report: dict[str, Any], effect: str, parameter: str) -> dict[str, Any]
     """Estimate of an effect's parameter, None where the effect is not named.
 
     Example:
-        >>> found(report, "temperature", "deviation_k")["estimate"]
+        >>> cause = {"effect": "temperature", "parameters": {"deviation_k": {"estimate": 9.8}}}
+        >>> found({"causes": [cause]}, "temperature", "deviation_k")
+        {'estimate': 9.8}
     """
     named = next((cause for cause in report["causes"] if cause["effect"] == effect), None)
     return None if named is None else named["parameters"].get(parameter)

@@ -19,7 +19,7 @@ FASTEST_MPS = 100.0
 
 
 def wind_profile(rows: pl.DataFrame, declination_deg: float) -> pl.DataFrame:
-    """Median wind by layers of 2,000 ft: groundspeed along the track less TAS along the heading.
+    """Median wind by layers of 2,000 ft: groundspeed along the track minus TAS along the heading.
 
     Args:
         rows: Rows with ``altitude TAS groundspeed track heading``.
@@ -32,7 +32,9 @@ def wind_profile(rows: pl.DataFrame, declination_deg: float) -> pl.DataFrame:
         DataError: If fewer than two layers have reports enough.
 
     Example:
-        >>> wind_profile(rows.filter(~pl.col("icao24").is_in(diagnosed)), declination_deg=1.0)
+        >>> profile = wind_profile(pl.read_parquet("rows.parquet"), declination_deg=0.0)  # flown in still air
+        >>> profile["north_mps"].abs().max() < 2
+        True
     """
     known = rows.drop_nulls(["altitude", "TAS", "groundspeed", "track", "heading"])
     track, heading = pl.col("track").radians(), (pl.col("heading") + declination_deg).radians()
@@ -91,7 +93,11 @@ def tailwind_gradient(frame: pl.DataFrame, profile: pl.DataFrame) -> Gradient:
         DataError: If no flight has a track at three levels within the profile.
 
     Example:
-        >>> tailwind_gradient(descents.frame, profile).mean_per_s
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> profile = wind_profile(pl.read_parquet("rows.parquet"), declination_deg=0.0)
+        >>> found = tailwind_gradient(read_descents("descents.parquet").frame, profile)
+        >>> abs(found.mean_per_s) < 0.001
+        True
     """
     layers = profile["altitude_ft"].to_numpy()
     inside = pl.col("level_fl").is_between(layers[0] / 100, layers[-1] / 100)

@@ -33,7 +33,9 @@ MODELS = {
     "flow": "Masked affine flow",
     "spline": "Neural spline flow",
 }
-"""Config of `configs/model/` -> name in tables."""
+"""Settings file of `configs/model/` -> name in tables."""
+LAST = "flights.json"
+"""The last file of a type's folder: where it is, the type is done."""
 
 
 @dataclass(frozen=True)

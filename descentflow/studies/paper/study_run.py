@@ -11,10 +11,10 @@ from pathlib import Path
 import polars as pl
 
 from descentflow.core.files import whole_file
+from descentflow.core.threads import one_thread
 from descentflow.core.workers import Engine
-from descentflow.simulation.flight import one_thread
-from descentflow.studies.paper.steps import LAST, draw_type, fit_and_score, make_descents
-from descentflow.studies.paper.study_plan import StudyPlan
+from descentflow.studies.paper.steps import draw_type, fit_and_score, make_descents
+from descentflow.studies.paper.study_plan import LAST, StudyPlan
 
 Say = Callable[[str], None]
 
@@ -53,13 +53,10 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, say: Say) -> None:
         plan: The study, already begun in the folder.
         folder: The study's folder.
         engine: Who does the jobs.
-        say: Called with what has been done.
+        say: Progress callback, called with a line of text on what has been done.
 
     Raises:
-        DescentflowError: If a command fails; the message names its log.
-
-    Example:
-        >>> run_study(plan, folder, ProcessEngine(2), print)
+        DescentflowError: If a step fails; its log in the type's folder has the message too.
     """
     place = Place(plan, folder.resolve())
     # The largest first: a worker that ends with it would keep the others waiting.
@@ -86,6 +83,10 @@ def costs(folder: Path) -> pl.DataFrame:
     """What the jobs of a study cost: columns ``stage typecode model cpu_s wall_s peak_mb``, from `cost_*.json`.
 
     ``peak_mb`` is the largest memory that the job's process ever had, so that of the jobs before it as well.
+
+    Example:
+        >>> costs(Path("nothing_yet")).columns
+        ['stage', 'typecode', 'model', 'cpu_s', 'wall_s', 'peak_mb']
     """
     found = [json.loads(path.read_text()) for path in sorted(folder.glob("*/cost_*.json"))]
     return pl.DataFrame(found, schema={"stage": pl.String, "typecode": pl.String, "model": pl.String, **_NUMBERS})

@@ -5,21 +5,19 @@ sweep goes on with the files that are missing.
 """
 
 import json
-import shutil
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import polars as pl
 import torch
 
-from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
+from descentflow.core.threads import one_thread
 from descentflow.core.workers import Engine
-from descentflow.simulation.flight import one_thread
-from descentflow.studies.paper.steps import CSV_LOGGER, command, into
+from descentflow.studies.paper.job_log import logged_to
 from descentflow.studies.paper.study_plan import StudyPlan, begin
 
 if TYPE_CHECKING:
@@ -141,7 +139,7 @@ def jobs_of(name: str, typecode: str, sweep: SweepPlan) -> list[SweepJob]:
 
 def do_job(job: SweepJob, common: Sweeps) -> None:
     """Do one job, with one thread; what it says goes into a log beside its file."""
-    with one_thread(), into(job.product(common.own).with_suffix(".log")):
+    with one_thread(), logged_to(job.product(common.own).with_suffix(".log")):
         {"variance": _variance, "gappy": _gappy, "flow": _flow}[job.sweep](job, common)
 
 
@@ -215,23 +213,17 @@ def _completed(real: "Profiles", curves: "dict[str, Tensor]") -> "Figure":
 
 
 def _flow(job: SweepJob, common: Sweeps) -> None:
-    """Fit a flow of one size by the command line, and keep its likelihood alone."""
+    """Fit a flow of one size, and keep its likelihood alone."""
     from descentflow.densities.checkpoint import load_model
     from descentflow.training.datamodule import DescentDataModule
+    from descentflow.training.fit import fit
+    from descentflow.training.training_settings import training_settings
 
-    runs = common.own / "runs" / f"{job.typecode}-{job.flows}-{job.hidden}"
-    shutil.rmtree(runs, ignore_errors=True)
-    runs.mkdir(parents=True)
-    descents = common.own / f"{job.typecode}.parquet"
-    words = ["fit", "--config", str(config_file("flow")), "--data.descents", str(descents)]
-    words += ["--seed_everything", str(common.study.seed), *CSV_LOGGER, str(runs)]
-    words += ["--model.init_args.n_flows", str(job.flows), "--model.init_args.hidden_per_weight", str(job.hidden)]
-    words += ["--trainer.enable_progress_bar", "false", "--trainer.enable_model_summary", "false"]
-    words += ["--scores.n_samples", "200"]
-    if common.sweep.max_epochs is not None:
-        words += ["--trainer.max_epochs", str(common.sweep.max_epochs)]
-    command(words, runs.with_suffix(".log"))
-    checkpoint = next(runs.rglob("best.ckpt"))
+    settings = training_settings("flow")
+    sized = replace(settings, model={**settings.model, "n_flows": job.flows, "hidden_per_weight": job.hidden})
+    descents, checkpoint = common.own / f"{job.typecode}.parquet", job.product(common.own).with_suffix(".ckpt")
+    options = {"seed": common.study.seed, "max_epochs": common.sweep.max_epochs, "device": "cpu"}
+    print(fit(descents, sized.new_model(), out=checkpoint, **options))
     data = DescentDataModule(descents, checkpoint=checkpoint)
     data.setup()
     model = load_model(checkpoint)
@@ -241,7 +233,7 @@ def _flow(job: SweepJob, common: Sweeps) -> None:
     told |= {"error": float(nll.std() / len(nll) ** 0.5), "parameters": sum(p.numel() for p in model.parameters())}
     with whole_file(job.product(common.own)) as temporary:
         temporary.write_text(json.dumps(told))
-    shutil.rmtree(runs)
+    checkpoint.unlink()
 
 
 def _write_csv(frame: pl.DataFrame, path: Path) -> None:

@@ -24,7 +24,7 @@ from descentflow.representation.representation import Representation, Split
 
 SAMPLES = 1_000
 RESTARTS = 2
-"""k-means++ starts of each mixture: 65 mixtures a share stand beside each other, and none is kept."""
+"""k-means++ starts of each mixture: 65 mixtures per share are compared, and none is kept."""
 QUANTITIES = ("rocd_above_transition", "rocd_below_transition")
 
 
@@ -56,11 +56,7 @@ def fold_scores(
         shares: Shares of variance to be explained.
 
     Returns:
-        A row a share, quantity and statistic, with the columns of :class:`FoldScore`.
-
-    Example:
-        >>> fold_scores(data.profiles("train"), aircraft, 315.0, 0, 5, (0.8,)).columns[:4]
-        ['share', 'fold', 'components', 'clusters']
+        One row per share, quantity and statistic, with the columns of :class:`FoldScore`.
     """
     order = torch.randperm(len(profiles), generator=torch.Generator().manual_seed(0))
     held_out = order[fold::folds]
@@ -75,7 +71,14 @@ def fold_scores(
 
 
 def truncated(basis: FunctionalBasis, share: float) -> FunctionalBasis:
-    """The leading components of a basis that explain a smaller share."""
+    """The leading components of a basis that explain a smaller share of its variance.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> basis = load_model("best.ckpt").representation.decoder.drag_basis
+        >>> truncated(basis, 0.5).n_components < basis.n_components
+        True
+    """
     cumulative = basis.explained_variance.cumsum(0)
     k = min(int((cumulative < share - 1e-12).sum()) + 1, basis.n_components)
     return FunctionalBasis(

@@ -21,7 +21,11 @@ def confusion_figure(confusion: Mapping[str, Scored]) -> Figure:
         A figure.
 
     Example:
-        >>> confusion_figure(scored["confusion"]).savefig("confusion.png")
+        >>> names = ["none", "mass", "turn", "kept_thrust", "unknown"]
+        >>> table = [[4, 0, 0, 0, 0], [0, 3, 0, 0, 1], [0, 0, 0, 0, 2], [0, 0, 0, 0, 2]]
+        >>> one = {"rows": names[:4], "columns": names, "table": table}
+        >>> len(confusion_figure({"all channels": one}).axes)
+        1
     """
     figure = Figure(figsize=(7.2 * len(confusion), 6.8), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1, len(confusion)))
@@ -48,7 +52,8 @@ def p_value_figure(false_alarms: Scored) -> Figure:
     """Distribution of the p-values of sets in which nothing was injected, beside the uniform one.
 
     Example:
-        >>> p_value_figure(scored["false_alarms"])
+        >>> p_value_figure({"p_values": [0.2, 0.5, 0.9], "uniform_p": 0.8}).axes[0].get_title()
+        'KS against uniform: p = 0.8'
     """
     figure = Figure(figsize=(4.8, 4.2), layout="constrained")
     ax = figure.subplots()
@@ -75,7 +80,11 @@ def strata_figure(rows: Sequence[Scored]) -> Figure:
     """Detection, right answers and abstention by what makes a set easy or hard, with 95 % intervals.
 
     Example:
-        >>> strata_figure(scored["by_stratum"])
+        >>> share = {"share": 0.9, "low": 0.7, "high": 1.0}
+        >>> row = {"kind": "single", "by": "size", "value": "half", "n": 24}
+        >>> figure = strata_figure([row | {"detected": share, "first": share, "in_group": share}])
+        >>> figure.axes[0].get_title()
+        'one effect'
     """
     shown = {
         "single": ("detected", "first", "in_group"),
@@ -118,7 +127,10 @@ def sizes_figure(estimates: Sequence[Scored], columns: int = 5) -> Figure:
     """Estimated against injected sizes with their 90 % intervals, a panel for each parameter.
 
     Example:
-        >>> sizes_figure(scored["sizes"]["estimates"])
+        >>> row = {"cause": "mass", "parameter": "factor", "unit": "1", "covered": True}
+        >>> figure = sizes_figure([row | {"true": 0.9, "estimate": 0.91, "low": 0.88, "high": 0.94}])
+        >>> figure.axes[0].get_title().split()
+        ['mass', 'factor', '(1)']
     """
     names = sorted({(e["cause"], e["parameter"]) for e in estimates})
     rows = max(-(-len(names) // columns), 1)
@@ -146,7 +158,9 @@ def closure_figure(rows: Sequence[Scored]) -> Figure:
     """Share of the gap that the right effect removes, beside the best of the wrong ones.
 
     Example:
-        >>> closure_figure(scored["closure"])
+        >>> figure = closure_figure([{"cause": "mass", "marginal": 0.9, "conditional": 0.8, "best_rival": 0.3}])
+        >>> len(figure.axes[0].lines)
+        4
     """
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     ax = figure.subplots()
@@ -170,7 +184,9 @@ def windows_figure(rows: Sequence[Scored]) -> Figure:
     """Windows injected and named, and the levels where the rate differs most, set by set.
 
     Example:
-        >>> windows_figure(scored["windows"])
+        >>> row = {"injected": [180.0, 240.0], "found": [170.0, 240.0], "cell": None}
+        >>> len(windows_figure([row]).axes)
+        1
     """
     figure = Figure(figsize=(max(4.8, 0.45 * len(rows)), 4.2), layout="constrained")
     ax = figure.subplots()

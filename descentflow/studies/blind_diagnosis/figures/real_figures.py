@@ -21,9 +21,6 @@ def real_figure(temperature: TemperatureCheck, wind: WindCheck | None) -> Figure
 
     Returns:
         A figure of two panels, or of one.
-
-    Example:
-        >>> real_figure(check_temperature(package_diagnosis), None).savefig("real_withheld.png")
     """
     figure = Figure(figsize=(11.0 if wind else 6.0, 5.2), layout="constrained")
     panels = figure.subplots(1, 2 if wind else 1, squeeze=False).ravel()

@@ -25,15 +25,18 @@ def boxes_figure(scores: pl.DataFrame, models: Mapping[str, str]) -> Figure:
     two halves of the held-out flights; nominal BADA has only an error of the mean, drawn on a logarithmic axis.
 
     Args:
-        scores: Columns ``quantity statistic unit model score floor nominal``, a row a type, quantity, statistic and
-            model.
+        scores: Columns ``quantity statistic unit model score floor nominal``, one row per type, quantity, statistic
+            and model.
         models: Model -> its name in the figure, in order.
 
     Returns:
         A figure of three rows (time, CAS, rate) and three columns (KS, Wasserstein, error of the mean).
 
     Example:
-        >>> boxes_figure(all_scores(plan, folder), {"gaussian": "Gaussian"})
+        >>> row = {"quantity": "time_to_bottom_of_descent", "statistic": "ks", "unit": "1", "model": "gaussian"}
+        >>> scores = pl.DataFrame([row | {"score": s, "floor": 0.1, "nominal": None} for s in (0.2, 0.3)])
+        >>> len(boxes_figure(scores, {"gaussian": "Gaussian"}).axes)
+        9
     """
     figure = Figure(figsize=(11.5, 9.6), layout="constrained")
     axes = figure.subplots(len(ROWS), len(COLUMNS))

@@ -10,14 +10,16 @@ from descentflow.studies.paper.hidden_levels import METHODS, HiddenError
 
 
 def gappy_figure(found: Mapping[str, Sequence[HiddenError]], units: Mapping[str, str]) -> Figure:
-    """Bars of the root mean square error: a panel a quantity, a group a pattern of gaps, a bar a method.
+    """Bars of the root mean square error: a panel per quantity, a group per pattern of gaps, a bar per method.
 
     Args:
         found: Quantity (``drag``, ``CAS``) -> errors of every method and pattern.
         units: Quantity -> its unit.
 
     Example:
-        >>> gappy_figure({"CAS": hidden_errors(cas_kt, mask, "top")}, {"CAS": "kt"})
+        >>> errors = [HiddenError(method, "top", 3.0, n_flights=40, n_levels=900) for method in METHODS]
+        >>> len(gappy_figure({"CAS": errors}, {"CAS": "kt"}).axes)
+        1
     """
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     axes = figure.subplots(1, len(found), squeeze=False)[0]

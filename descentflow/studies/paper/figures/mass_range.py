@@ -60,8 +60,14 @@ def mass_range(flights: DescentSet, aircraft: Aircraft, reached_by: float = 0.5)
         DataError: If no flight is observed on every level below the common one.
 
     Example:
-        >>> mass_range(real, open_aircraft("B738")).explained
-        0.31
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> aircraft = open_aircraft("A320")
+        >>> profiles = profiles_from_frame(read_descents("descents.parquet").frame, aircraft, 150)
+        >>> flights = DescentSet.of_profiles(profiles)
+        >>> 0 < mass_range(flights, aircraft).explained < 1
+        True
     """
     reached = flights.mask.double().mean(0) >= reached_by * flights.mask[:, 0].double().mean()
     start = max(int(reached.nonzero().max()) if bool(reached.any()) else 0, 1)
@@ -99,7 +105,14 @@ def mass_range_figure(
         DataError: See :func:`mass_range`.
 
     Example:
-        >>> figure = mass_range_figure(real, open_aircraft("B738"), title="B738")
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> aircraft = open_aircraft("A320")
+        >>> profiles = profiles_from_frame(read_descents("descents.parquet").frame, aircraft, 150)
+        >>> flights = DescentSet.of_profiles(profiles)
+        >>> len(mass_range_figure(flights, aircraft, title="A320").axes)
+        3
     """
     found = mass_range(flights, aircraft)
     figure = Figure(figsize=(11.5, 4.6), layout="constrained")

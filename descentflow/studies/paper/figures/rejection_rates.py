@@ -8,13 +8,15 @@ from descentflow.reporting.figure_style import MODELS, tidy
 
 
 def rejection_rates_figure(rates: Mapping[str, Mapping[str, float]]) -> Figure:
-    """Bars of the share of draws that were rejected: a group a type, a bar a model.
+    """Bars of the share of draws that were rejected: a group per type, a bar per model.
 
     Args:
         rates: Type -> model's name -> share of its draws that were not plausible.
 
     Example:
-        >>> rejection_rates_figure({"B738": {"Gaussian": 0.05, "Masked affine flow": 0.04}})
+        >>> figure = rejection_rates_figure({"B738": {"Gaussian": 0.05, "Masked affine flow": 0.04}})
+        >>> len(figure.axes[0].patches)
+        2
     """
     models = list(dict.fromkeys(name for by_model in rates.values() for name in by_model))
     figure = Figure(figsize=(max(7.5, 2.2 + 0.75 * len(rates)), 3.4), layout="constrained")

@@ -19,7 +19,10 @@ def variance_figure(scores: pl.DataFrame) -> Figure:
             of above and below the transition.
 
     Example:
-        >>> variance_figure(pl.DataFrame(rows))
+        >>> row = {"typecode": "A320", "share": 0.8, "statistic": "ks", "unit": "1"}
+        >>> scores = pl.DataFrame([row | {"fold": k, "score": 0.1 + 0.01 * k} for k in range(5)])
+        >>> [ax.get_ylabel() for ax in variance_figure(scores).axes][0]
+        'KS distance of rate'
     """
     figure = Figure(figsize=(11.5, 3.8), layout="constrained")
     axes = figure.subplots(1, len(STATISTICS))
@@ -54,7 +57,10 @@ def completed_figure(
         completed: Quantity -> method -> whole profiles (n, L).
 
     Example:
-        >>> completed_figure(levels, {"CAS (kt)": (values, mask)}, {"CAS (kt)": {"probabilistic PCA": whole}})
+        >>> levels, whole = torch.arange(100, 300), torch.full((2, 200), 280.0)
+        >>> seen = {"CAS (kt)": (whole, torch.rand(2, 200) > 0.3)}
+        >>> len(completed_figure(levels, seen, {"CAS (kt)": {"probabilistic PCA": whole}}).axes)
+        1
     """
     figure = Figure(figsize=(5.2 * len(seen), 4.6), layout="constrained")
     axes = figure.subplots(1, len(seen), squeeze=False, sharey=True)[0]
@@ -75,13 +81,14 @@ def completed_figure(
 
 
 def flow_sizes_figure(gains: Mapping[int, Mapping[int, Sequence[float]]]) -> Figure:
-    """Held-out NLL of flows of several sizes less that of the paper's size, a dot a type and a line of means.
+    """Held-out NLL of flows of several sizes minus that of the paper's size, a dot per type and a line of means.
 
     Args:
-        gains: Number of flows -> hidden units a weight -> differences of the types, nats.
+        gains: Number of flows -> hidden units per weight -> differences of the types, nats.
 
     Example:
-        >>> flow_sizes_figure({5: {2: [0.0, 0.0], 4: [-0.1, 0.05]}})
+        >>> flow_sizes_figure({5: {2: [0.0, 0.0], 4: [-0.1, 0.05]}}).axes[0].get_xlabel()
+        'Hidden units per weight'
     """
     figure = Figure(figsize=(7.5, 3.8), layout="constrained")
     ax = figure.subplots()
@@ -97,6 +104,6 @@ def flow_sizes_figure(gains: Mapping[int, Mapping[int, Sequence[float]]]) -> Fig
             ax.plot([x] * len(values), values, ".", color=colour, alpha=0.45, markersize=4)
     ax.axhline(0, color=GREY, linewidth=1)
     ax.set_xticks(list(places.values()), [str(h) for h in places])
-    ax.set(xlabel="Hidden units a weight", ylabel="NLL less that of the paper's size (nats)")
+    ax.set(xlabel="Hidden units per weight", ylabel="NLL minus that of the paper's size (nats)")
     legend_below(figure, [ax])
     return figure

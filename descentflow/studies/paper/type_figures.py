@@ -15,16 +15,15 @@ from descentflow.generation.rejection import sample_descents
 from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.representation.representation import Representation
 from descentflow.studies.paper.figures.mass_range import mass_range, mass_range_figure
-from descentflow.studies.paper.steps import LAST
-from descentflow.studies.paper.study_plan import MODELS, StudyPlan
+from descentflow.studies.paper.study_plan import LAST, MODELS, StudyPlan
 from descentflow.training.datamodule import DescentDataModule
 
 DRAWN = 2_000
 """Samples behind a figure; the scores' own are more, and not kept."""
 
 
-def type_pictures(plan: StudyPlan, folder: Path, typecode: str) -> None:
-    """Write the type's figures, the models' likelihoods, and what is known of the flights.
+def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
+    """Write a type's figures, the models' likelihoods, and what is known of the flights.
 
     ``nll.csv`` has the columns ``model nll error n`` (nats, standard error, flights); ``flights.json``, which is
     written last, says what BADA's mass explains of the held-out flights.
@@ -33,6 +32,9 @@ def type_pictures(plan: StudyPlan, folder: Path, typecode: str) -> None:
         plan: The study.
         folder: The type's folder, with a checkpoint of every model.
         typecode: For titles.
+
+    Raises:
+        DescentflowError: If a checkpoint cannot be used, or too few of its draws are plausible.
     """
     checkpoints = {name: folder / name / "model.ckpt" for name in plan.models}
     data = DescentDataModule(folder / "descents.parquet", checkpoint=next(iter(checkpoints.values())))

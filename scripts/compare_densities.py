@@ -81,7 +81,7 @@ def fitted(name: str, data: DescentDataModule, seed: int) -> Density:
 
 
 def scores_of_seed(args: argparse.Namespace, seed: int, folder: Path) -> list[pl.DataFrame]:
-    """A row a model and held-out flight."""
+    """One row per model and held-out flight."""
     descents, table = (args.descents, args.context_table) if args.descents else world(args, seed, folder)
     if "random" in args.context:
         table = with_random(table, descents, seed, folder)

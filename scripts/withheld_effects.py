@@ -37,13 +37,13 @@ def do_generate(args: argparse.Namespace) -> None:
         # A seed that anyone could guess would be no seal; it is in the key and repeats the study once that is open.
         seed = secrets.randbits(32) if args.seed is None else args.seed
         plan = draw_plan(args.sets, seed, n_simulators=args.simulators, more_null=args.more_null)
-    generate(args.folder, plan, processes=args.processes, say=say)
+    generate(args.folder, plan, processes=args.processes, progress=say)
     say(f"key sealed: SHA-256 {read_json(args.folder / MANIFEST)['key_sha256']}")
 
 
 def do_diagnose(args: argparse.Namespace) -> None:
     until = None if args.minutes is None else time.time() + 60 * args.minutes
-    done = diagnose_all(args.folder, processes=args.processes, until=until, parts=args.first, say=say)
+    done = diagnose_all(args.folder, processes=args.processes, until=until, parts=args.first, progress=say)
     say(f"{done} diagnoses sealed")
 
 

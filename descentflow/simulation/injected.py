@@ -30,7 +30,7 @@ class Injected:
     wave_onset: Tensor
     wave_mach: Tensor
     kept_share: Tensor
-    """Share of drag less idle thrust that thrust keeps at the top of descent..."""
+    """Share of drag minus idle thrust that thrust keeps at the top of descent..."""
     kept_s: Tensor
     """...and the time in which that decays."""
     bank_rad: Tensor
@@ -45,7 +45,7 @@ class Injected:
     hold_rate_mps: Tensor
     """Rate of pressure altitude held; NaN where an angle is held."""
     cas_bias_mps: Tensor
-    """Reported less true CAS at :data:`REFERENCE_MACH`..."""
+    """Reported minus true CAS at :data:`REFERENCE_MACH`..."""
     cas_bias_slope_mps: Tensor
     """...and its growth for one Mach."""
     rate_lag_s: Tensor

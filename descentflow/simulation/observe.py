@@ -104,7 +104,7 @@ class _Instrument:
 
 
 def _instruments(injected: Injected | None, n: int) -> list[_Instrument]:
-    """One a flight."""
+    """One per flight."""
     if injected is None:
         return [_Instrument()] * n
     columns = [getattr(injected, field.name).tolist() for field in dataclass_fields(_Instrument)]

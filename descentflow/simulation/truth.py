@@ -1,4 +1,4 @@
-"""Truth as tables: a row a flight with everything drawn, a row a time step with everything that happened."""
+"""Truth as tables: one row per flight with everything drawn, one row per time step with everything that happened."""
 
 import zlib
 from collections.abc import Sequence
@@ -59,7 +59,7 @@ def name_flights(
         prefixes: First letters of each flight's callsign.
 
     Returns:
-        One entry a flight.
+        One entry per flight.
 
     Example:
         >>> name_flights("A320", [12], 0, 5, ["SLO"])[0].flight_id
@@ -79,7 +79,7 @@ def name_flights(
 
 
 def flights_table(named: Sequence[Flight], parameters: FlightParameters, operators: Sequence[Operator]) -> pl.DataFrame:
-    """One row a flight: names and parameters, in field units for levels and speeds.
+    """One row per flight: names and parameters, in field units for levels and speeds.
 
     Example:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
@@ -135,7 +135,7 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
 
 
 def truth_table(named: Sequence[Flight], flown: Flown) -> pl.DataFrame:
-    """One row a flight and time step, sorted by flight and time.
+    """One row per flight and time step, sorted by flight and time.
 
     Columns: ``flight_id``, ``timestamp``, ``time_s``, ``altitude_m`` (pressure), ``height_m`` (geometric), ``cas_mps``,
     ``mach``, ``tas_mps``, ``groundspeed_mps``, ``rate_mps`` (of pressure altitude), ``gamma`` (radians), ``drag_n``,

@@ -53,7 +53,7 @@ def knows(rows: Path, simulator: Path, without: str | None, out: Path | None = N
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("study")
-    generate(made, PLAN, reference_flights=140, say=quiet)
+    generate(made, PLAN, reference_flights=140, progress=quiet)
     return made
 
 
@@ -75,7 +75,7 @@ def test_what_is_public_before_diagnosis_tells_nothing(folder: Path) -> None:
 def test_it_is_resumed_sealed_and_scored(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert diagnose_all(folder, diagnose=knows, until=0.0, say=quiet) == 0
+    assert diagnose_all(folder, diagnose=knows, until=0.0, progress=quiet) == 0
     calls = []
 
     def counted(rows: Path, simulator: Path, without: str | None, out: Path | None) -> dict[str, Any]:
@@ -84,8 +84,8 @@ def test_it_is_resumed_sealed_and_scored(
             raise DataError("nothing in common", expected="common levels", mend="use another simulator")
         return knows(rows, simulator, without, out)
 
-    assert diagnose_all(folder, diagnose=counted, parts=["blind_0002"], say=quiet) == 3
-    assert diagnose_all(folder, diagnose=counted, say=quiet) == 3
+    assert diagnose_all(folder, diagnose=counted, parts=["blind_0002"], progress=quiet) == 3
+    assert diagnose_all(folder, diagnose=counted, progress=quiet) == 3
     assert calls == ["blind_0002", "blind_0000", "blind_0001"]
     monkeypatch.setattr("sys.argv", ["withheld_effects.py", "score", str(folder)])
     assert SCRIPT["main"]() == 0
@@ -100,14 +100,14 @@ def test_it_is_resumed_sealed_and_scored(
 
 
 def test_broken_seals_are_refused(folder: Path) -> None:
-    diagnose_all(folder, diagnose=knows, say=quiet)
+    diagnose_all(folder, diagnose=knows, progress=quiet)
     file = folder / "diagnoses" / "blind_0001.json"
     before = file.read_text()
     file.write_text(before.replace('"verdict"', '"Verdict"'))
     with pytest.raises(DataError, match=r"blind_0001.* is not the diagnosis"):
         open_key(folder)
     with pytest.raises(DataError, match="not the diagnosis that was sealed"):
-        diagnose_all(folder, diagnose=knows, say=quiet)
+        diagnose_all(folder, diagnose=knows, progress=quiet)
     file.write_text(before)
     key = (folder / KEY).read_text()
     (folder / KEY).write_text(key.replace("nonce", "once"))
@@ -125,7 +125,7 @@ def test_the_package_finds_what_is_hidden(folder: Path, tmp_path: Path) -> None:
     for name in ("sets", "simulators", MANIFEST, KEY):
         (tmp_path / name).symlink_to(folder / name)
     (tmp_path / "diagnoses").mkdir()
-    assert diagnose_all(tmp_path, say=quiet) == 3
+    assert diagnose_all(tmp_path, progress=quiet) == 3
     scored = score(*open_key(tmp_path))
     assert scored["refused"] == []
     assert scored["false_alarms"]["share"] == 0

@@ -89,6 +89,6 @@ SPEED_BRAKE = Cause("speed_brake", {"factor": "1", "share": "1", "low_fl": "FL",
 COMPRESSIBILITY = Cause("compressibility", {"gain": "1"}, _wave, _compress)
 """Wave drag near M_MO: 20 % of CD0 at the planned Mach number at full size, as the square from 0.06 below."""
 KEPT_THRUST = Cause("kept_thrust", {"share": "1", "decay_s": "s"}, _kept, _keep)
-"""Thrust kept up at the top of descent: 40 % of drag less idle thrust at full size, decaying in some 150 s."""
+"""Thrust kept up at the top of descent: 40 % of drag minus idle thrust at full size, decaying in some 150 s."""
 TURN = Cause("turn", {"bank_deg": "deg", "share": "1", "depth_fl": "FL"}, _bank, _turn)
 """A turn of 30 degrees of bank at full size, over 3,000 to 5,000 ft at a height of each flight's own."""

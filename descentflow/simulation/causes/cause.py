@@ -69,7 +69,7 @@ class Cause:
     inject: Callable[[Fleet, Mapping[str, float]], FlightParameters]
     """Changes flights."""
     channels: tuple[str, ...] = ()
-    """Reported fields without which this cause cannot be told from others."""
+    """Reported fields without which this cause cannot be distinguished from others."""
 
 
 def sign(generator: np.random.Generator) -> float:

@@ -40,7 +40,7 @@ def write_simulator(one: SimulatorPlan, path: Path, typecode: str = TYPECODE, fl
 
     Args:
         one: Seed, polar and causes of its flights.
-        path: Checkpoint; the prepared descents stand beside it.
+        path: Checkpoint; the prepared descents are kept beside it.
         typecode: Type flown.
         flights: Flights flown; 72 % of them train.
 

@@ -172,7 +172,7 @@ def draw_plan(
             held = str(generator.choice(right))
             sets.append(_full(f"withheld_{cause.name}", "withheld", causes, held, next(seeds)))
             # The same aircraft and crews as the one that is corrected, so that nothing but the cause is between them:
-            # what a correction closes is held against this one.
+            # what a correction closes is compared with this one.
             refit = SimulatorPlan(f"refit_{cause.name}", seed_of[held], 1.0, causes)
             simulators.append(refit)
             sets.append(_full(f"refit_{cause.name}", "refit", causes, refit.name, next(seeds)))

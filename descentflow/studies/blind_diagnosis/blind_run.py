@@ -13,7 +13,7 @@ from descentflow.studies.blind_diagnosis.blind_flights import TYPECODE, write_se
 from descentflow.studies.blind_diagnosis.blind_plan import REFERENCE_FLIGHTS, Plan
 from descentflow.studies.blind_diagnosis.seal import MANIFEST, digest, read_json, seal_diagnoses, seal_key, write_json
 
-Say = Callable[[str], None]
+Progress = Callable[[str], None]
 Diagnose = Callable[[Path, Path, str | None, Path | None], dict[str, Any]]
 """Rows, checkpoint, effect to leave out of the catalogue and folder for the report, to the content of gap.json."""
 
@@ -29,7 +29,7 @@ def generate(
     typecode: str = TYPECODE,
     reference_flights: int = REFERENCE_FLIGHTS,
     processes: int = 1,
-    say: Say = print,
+    progress: Progress = print,
 ) -> None:
     """Seal the key, then fly every set and train every simulator that is not there yet, and publish the manifest.
 
@@ -39,7 +39,7 @@ def generate(
         typecode: Type flown.
         reference_flights: Flights flown for each simulator.
         processes: How many work at once.
-        say: Progress callback, called with a line of text.
+        progress: Progress callback, called with a line of text.
 
     Raises:
         ConfigError: If the folder holds a study of another key.
@@ -60,12 +60,12 @@ def generate(
         if not path.is_file():
             work.append((write_set, one, path, typecode))
 
-    def told(done: int) -> None:
-        say(f"flown and trained: {done} of {len(work)}")
+    def count(done: int) -> None:
+        progress(f"flown and trained: {done} of {len(work)}")
         if done % PUBLISH_EVERY == 0:
             _publish(folder, plan)
 
-    _spread(work, processes, told)
+    _spread(work, processes, count)
     _publish(folder, plan)
 
 
@@ -96,7 +96,7 @@ def diagnose_all(
     processes: int = 1,
     until: float | None = None,
     parts: Sequence[str] = (),
-    say: Say = print,
+    progress: Progress = print,
 ) -> int:
     """Diagnose every job of the manifest that has no diagnosis yet, and record the hashes of all.
 
@@ -107,7 +107,7 @@ def diagnose_all(
         until: Time (s since 1970) after which no further diagnosis is begun; sets come in random order, so that those
             done by then are a random sample.
         parts: Beginnings of the names of jobs to do first; all the others follow.
-        say: Progress callback, called with a line of text.
+        progress: Progress callback, called with a line of text.
 
     Returns:
         How many diagnoses are recorded.
@@ -118,11 +118,11 @@ def diagnose_all(
     work = [(_one, folder, job, diagnose or package_diagnosis, until) for job in left]
     begun = time.monotonic()
 
-    def told(done: int) -> None:
+    def count(done: int) -> None:
         pace = (time.monotonic() - begun) / done
-        say(f"diagnosed: {done} of {len(left)}, {pace:.1f} s each, {pace * (len(left) - done) / 60:.0f} min to go")
+        progress(f"diagnosed: {done} of {len(left)}, {pace:.1f} s each, {pace * (len(left) - done) / 60:.0f} min to go")
 
-    _spread(work, processes, told)
+    _spread(work, processes, count)
     return seal_diagnoses(folder, [job["name"] for job in jobs])
 
 
@@ -151,12 +151,12 @@ def _one(folder: Path, job: dict[str, Any], diagnose: Diagnose, until: float | N
     write_json(folder / "diagnoses" / f"{job['name']}.json", result)
 
 
-def _spread(work: Sequence[tuple[Any, ...]], processes: int, told: Callable[[int], None]) -> None:
-    """Call functions with their arguments, in this process or in several, telling how many are done."""
+def _spread(work: Sequence[tuple[Any, ...]], processes: int, count: Callable[[int], None]) -> None:
+    """Call functions with their arguments, in this process or in several, and count those that are done."""
     if processes == 1:
         for done, (function, *arguments) in enumerate(work, start=1):
             function(*arguments)
-            told(done)
+            count(done)
         return
     # Spawned, for a forked process inherits torch's threads in whatever state they are.
     context = multiprocessing.get_context("spawn")
@@ -164,7 +164,7 @@ def _spread(work: Sequence[tuple[Any, ...]], processes: int, told: Callable[[int
         futures: list[Future[Any]] = [pool.submit(function, *arguments) for function, *arguments in work]
         for done, future in enumerate(_finished(futures), start=1):
             future.result()
-            told(done)
+            count(done)
 
 
 def _finished(futures: list[Future[Any]]) -> Iterable[Future[Any]]:

@@ -1,4 +1,4 @@
-"""One diagnosis held against what was injected."""
+"""One diagnosis compared with what was injected."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

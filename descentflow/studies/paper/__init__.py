@@ -1,4 +1,12 @@
 """The paper's study: thirteen types, four densities, tables, figures, sweeps and one page.
 
-Read :mod:`~descentflow.studies.paper.study_plan`, then :mod:`~descentflow.studies.paper.steps`.
+Reading order: :mod:`~descentflow.studies.paper.study_plan` (what is studied),
+:mod:`~descentflow.studies.paper.steps` (the work of one type), :mod:`~descentflow.studies.paper.study_run` (all types,
+resumed and spread over workers), :mod:`~descentflow.studies.paper.study_tables`,
+:mod:`~descentflow.studies.paper.study_report` (the page, of :mod:`~descentflow.studies.paper.study_sections`), and
+:mod:`~descentflow.studies.paper.sweeps` for the appendices.
+
+A study's folder holds ``plan.json``, and for each type ``descents.parquet``, a folder per model (``model.ckpt``,
+``scores.csv``, ``intervals.csv``, ``rejections.json``, logs and, last, ``done``), figures, ``nll.csv`` and, last,
+``flights.json``; the tables as CSV and ``report.html`` lie beside the types.
 """

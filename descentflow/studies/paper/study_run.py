@@ -16,7 +16,7 @@ from descentflow.core.workers import Engine
 from descentflow.studies.paper.steps import draw_type, fit_and_score, make_descents
 from descentflow.studies.paper.study_plan import LAST, StudyPlan
 
-Say = Callable[[str], None]
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Place:
         return self.folder / job.typecode
 
 
-def run_study(plan: StudyPlan, folder: Path, engine: Engine, say: Say) -> None:
+def run_study(plan: StudyPlan, folder: Path, engine: Engine, progress: Progress) -> None:
     """Do what is missing of a study, in stages of jobs that do not need each other.
 
     Results do not depend on the engine (every job keeps to one thread: a sum's last bits depend on their number), and a
@@ -53,7 +53,7 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, say: Say) -> None:
         plan: The study, already begun in the folder.
         folder: The study's folder.
         engine: Who does the jobs.
-        say: Progress callback, called with a line of text on what has been done.
+        progress: Progress callback, called with a line of text on what has been done.
 
     Raises:
         DescentflowError: If a step fails; its log in the type's folder has the message too.
@@ -76,7 +76,9 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, say: Say) -> None:
             continue
         for done, _ in enumerate(engine.run(work, missing, place), 1):
             finished = [job for job in missing if product(job).exists()]
-            say(f"{name}: {done} of {len(missing)} done ({len(jobs) - len(missing)} were there); last {finished[-1]}")
+            progress(
+                f"{name}: {done} of {len(missing)} done ({len(jobs) - len(missing)} were there); last {finished[-1]}"
+            )
 
 
 def costs(folder: Path) -> pl.DataFrame:

@@ -35,15 +35,15 @@ def flights(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> list[
     """
     rows: list[Row] = []
     for typecode, n in plan.flights.items():
-        told = json.loads((folder / typecode / "flights.json").read_text())
-        low, high = told["bada_range_s"]
-        five, half, ninety_five = told["time_s"]
+        facts = json.loads((folder / typecode / "flights.json").read_text())
+        low, high = facts["bada_range_s"]
+        five, half, ninety_five = facts["time_s"]
         rows.append(
             [
-                *(typecode, number(n), number(told["prepared"]), f"FL{told['bottom_fl']}-{told['top_fl']}"),
-                *(f"{told['spanning']:.0%}", f"FL{told['from_fl']}", f"{five:.0f}", f"{half:.0f}"),
-                *(f"{ninety_five:.0f}", f"{told['bada_s']:.0f}", f"{low:.0f} to {high:.0f}"),
-                f"{told['explained']:.0%}",
+                *(typecode, number(n), number(facts["prepared"]), f"FL{facts['bottom_fl']}-{facts['top_fl']}"),
+                *(f"{facts['spanning']:.0%}", f"FL{facts['from_fl']}", f"{five:.0f}", f"{half:.0f}"),
+                *(f"{ninety_five:.0f}", f"{facts['bada_s']:.0f}", f"{low:.0f} to {high:.0f}"),
+                f"{facts['explained']:.0%}",
                 *_paper(theirs, typecode, ("n_trajectories", "max_fl")),
             ]
         )
@@ -149,8 +149,8 @@ def rejections(plan: StudyPlan, folder: Path) -> Html:
     """Share of draws that were rejected, by type and model, from ``rejections.json``."""
     rates: dict[str, dict[str, float]] = {}
     for typecode in plan.flights:
-        told = {m: json.loads((folder / typecode / m / "rejections.json").read_text()) for m in plan.models}
-        rates[typecode] = {MODELS[m]: 1 - told[m]["acceptance"] for m in plan.models}
+        facts = {m: json.loads((folder / typecode / m / "rejections.json").read_text()) for m in plan.models}
+        rates[typecode] = {MODELS[m]: 1 - facts[m]["acceptance"] for m in plan.models}
     caption = "Share of draws with a drag or CAS outside the training flights' range at some flight level."
     return figure(rejection_rates_figure(rates), "Share of rejected draws of each type and model", caption)
 

@@ -22,7 +22,7 @@ WITHIN = 1.05
 
 
 def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
-    """Scores of every type and model, one row a quantity and statistic.
+    """Scores of every type and model, one row per quantity and statistic.
 
     Returns:
         Columns ``typecode model``, those of :class:`descentflow.evaluation.metrics.score_table.Score`, and ``low
@@ -48,7 +48,7 @@ def with_best(scores: pl.DataFrame) -> pl.DataFrame:
 
 
 def table(scores: pl.DataFrame, quantity: str, published: pl.DataFrame | None = None) -> pl.DataFrame:
-    """One of the five tables: a row a type and statistic.
+    """One of the five tables: one row per type and statistic.
 
     Columns: ``typecode statistic unit``, each model's score, ``<model>_equal_size _low _high``, the ``floor``,
     ``nominal`` BADA's error of the mean, ``best`` (names of the models within 5 %), and, where published figures are
@@ -82,7 +82,7 @@ def table(scores: pl.DataFrame, quantity: str, published: pl.DataFrame | None = 
 
 
 def means(scores: pl.DataFrame) -> pl.DataFrame:
-    """Means over types: a row a quantity, statistic and model, with the floor and the number of types behind it."""
+    """Means over types: one row per quantity, statistic and model, with the floor and the number of types behind it."""
     by_quantity = scores.group_by("quantity", "statistic", "unit", "model", maintain_order=True).agg(
         types=pl.col("score").is_not_null().sum(),
         score=pl.col("score").mean(),

@@ -1,6 +1,6 @@
 """Sweeps beside a study: explained variance, gappy reconstruction, flow sizes (paper, appendices B, A and C).
 
-They look at training flights of a finished study alone, at most so many of a type, and leave a file a job: a killed
+They look at training flights of a finished study alone, at most so many of a type, and leave one file per job: a killed
 sweep goes on with the files that are missing.
 """
 
@@ -33,7 +33,7 @@ SHOWN = 5
 COMPLETED = ("probabilistic PCA", "iteration (paper)")
 """Methods in that figure."""
 PAPER_SIZE = (5, 2)
-"""Flows, and hidden units a weight, that the paper settled on."""
+"""Flows, and hidden units per weight, that the paper settled on."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class SweepPlan:
         shares: Shares of variance to be explained.
         folds: Folds of the cross-validation.
         flows: Numbers of flows.
-        hidden: Hidden units a weight.
+        hidden: Hidden units per weight.
         max_epochs: Bound on the epochs of every flow; its config's own if absent.
     """
 
@@ -97,7 +97,7 @@ def run_sweeps(
     folder: Path,
     names: tuple[str, ...],
     engine: Engine,
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
 ) -> None:
     """Do what is missing of the sweeps of a finished study.
 
@@ -107,7 +107,7 @@ def run_sweeps(
         folder: The study's folder.
         names: Some of :data:`NAMES`.
         engine: Who does the jobs.
-        say: Called with what has been done.
+        progress: Progress callback, called with a line of text.
 
     Raises:
         ConfigError: If a name is not among them, or the folder holds sweeps of another plan.
@@ -125,7 +125,7 @@ def run_sweeps(
         if missing:
             (common.own / name).mkdir(exist_ok=True)
             for done, _ in enumerate(engine.run(do_job, missing, common), 1):
-                say(f"sweep {name}: {done} of {len(missing)} done ({len(jobs) - len(missing)} were there)")
+                progress(f"sweep {name}: {done} of {len(missing)} done ({len(jobs) - len(missing)} were there)")
 
 
 def jobs_of(name: str, typecode: str, sweep: SweepPlan) -> list[SweepJob]:
@@ -229,10 +229,10 @@ def _flow(job: SweepJob, common: Sweeps) -> None:
     model = load_model(checkpoint)
     with torch.no_grad():
         nll = -model.log_prob(data.weights("test")).double()
-    told = {"flows": job.flows, "hidden": job.hidden, "nll": float(nll.mean()), "n": len(nll)}
-    told |= {"error": float(nll.std() / len(nll) ** 0.5), "parameters": sum(p.numel() for p in model.parameters())}
+    result = {"flows": job.flows, "hidden": job.hidden, "nll": float(nll.mean()), "n": len(nll)}
+    result |= {"error": float(nll.std() / len(nll) ** 0.5), "parameters": sum(p.numel() for p in model.parameters())}
     with whole_file(job.product(common.own)) as temporary:
-        temporary.write_text(json.dumps(told))
+        temporary.write_text(json.dumps(result))
     checkpoint.unlink()
 
 

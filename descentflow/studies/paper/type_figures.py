@@ -1,4 +1,4 @@
-"""Figures of one type in which all models stand beside each other, and their NLL on the held-out flights."""
+"""Figures of one type that show all models together, and their NLL on the held-out flights."""
 
 import json
 from pathlib import Path
@@ -64,10 +64,10 @@ def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
     with whole_file(folder / "nll.csv") as temporary:
         pl.DataFrame(likelihoods, schema=["model", "nll", "error", "n"], orient="row").write_csv(temporary)
     with whole_file(folder / LAST) as temporary:
-        temporary.write_text(json.dumps(_told(real, data.representation), indent=1))
+        temporary.write_text(json.dumps(_facts(real, data.representation), indent=1))
 
 
-def _told(real: DescentSet, parts: Representation) -> dict[str, object]:
+def _facts(real: DescentSet, parts: Representation) -> dict[str, object]:
     found = mass_range(real, parts.decoder.aircraft)
     quantiles = torch.tensor([0.05, 0.5, 0.95], dtype=found.time_s.dtype)
     return {

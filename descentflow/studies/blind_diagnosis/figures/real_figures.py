@@ -32,7 +32,7 @@ def real_figure(temperature: TemperatureCheck, wind: WindCheck | None) -> Figure
 
 
 def _temperature(ax: Axes, check: TemperatureCheck) -> None:
-    """One line a flight by heights, over the levels that it spans."""
+    """One line per flight by heights, over the levels that it spans."""
     for low, high, deviation in check.by_height.by_flight.select("low_fl", "high_fl", "deviation_k").iter_rows():
         ax.plot([deviation] * 2, [low, high], color=GREY, linewidth=1.2, label="one flight, by its heights")
     mean, error = check.by_height.mean_k, check.by_height.error_k

@@ -128,8 +128,8 @@ def mass_range_figure(
     axes[1].set_xlabel("Rate (ft/min)")
     axes[2].set_xlabel("CAS (kt)")
     low, high = found.range_s
-    told = f"BADA's masses: {low:.0f} to {high:.0f} s; {found.explained:.0%} of {len(found.time_s):,} flights lie there"
-    axes[0].set_title(told, fontsize=9, loc="left")
+    caption = f"BADA's masses: {low:.0f} to {high:.0f} s; {found.explained:.0%} of {len(found.time_s):,} flights in it"
+    axes[0].set_title(caption, fontsize=9, loc="left")
     legend_below(figure, axes, columns=4)
     if title:
         figure.suptitle(title, fontsize=12, fontweight="bold")

@@ -116,7 +116,7 @@ def _write_slim(descents: Descents, path: Path) -> None:
 def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path, first: Path | None) -> None:
     from descentflow.training.fit import fit
 
-    shared = {} if first is None else {"checkpoint": first}
+    out, epochs = folder / "model.ckpt", plan.max_epochs
     with logged_to(folder / "fit.log"):
-        options = {"seed": plan.seed, "max_epochs": plan.max_epochs, "device": "cpu"}
-        print(fit(descents, name, out=folder / "model.ckpt", **options, **shared))
+        # The checkpoint of the first model brings split, components and bounds.
+        print(fit(descents, name, out=out, seed=plan.seed, max_epochs=epochs, device="cpu", checkpoint=first))

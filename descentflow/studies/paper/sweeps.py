@@ -222,8 +222,8 @@ def _flow(job: SweepJob, common: Sweeps) -> None:
     settings = training_settings("flow")
     sized = replace(settings, model={**settings.model, "n_flows": job.flows, "hidden_per_weight": job.hidden})
     descents, checkpoint = common.own / f"{job.typecode}.parquet", job.product(common.own).with_suffix(".ckpt")
-    options = {"seed": common.study.seed, "max_epochs": common.sweep.max_epochs, "device": "cpu"}
-    print(fit(descents, sized.new_model(), out=checkpoint, **options))
+    seed, epochs = common.study.seed, common.sweep.max_epochs
+    print(fit(descents, sized.new_model(), out=checkpoint, seed=seed, max_epochs=epochs, device="cpu"))
     data = DescentDataModule(descents, checkpoint=checkpoint)
     data.setup()
     model = load_model(checkpoint)

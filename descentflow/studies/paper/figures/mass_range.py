@@ -128,7 +128,8 @@ def mass_range_figure(
     axes[1].set_xlabel("Rate (ft/min)")
     axes[2].set_xlabel("CAS (kt)")
     low, high = found.range_s
-    caption = f"BADA's masses: {low:.0f} to {high:.0f} s; {found.explained:.0%} of {len(found.time_s):,} flights in it"
+    n, share = len(found.time_s), found.explained
+    caption = f"BADA's masses: {low:.0f} to {high:.0f} s; {share:.0%} of {n:,} flights lie there"
     axes[0].set_title(caption, fontsize=9, loc="left")
     legend_below(figure, axes, columns=4)
     if title:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from withheld_toys import study
+from blind_toys import study
 
 from descentflow.core.errors import ConfigError
 from descentflow.simulation.causes import CATALOGUED, CAUSES

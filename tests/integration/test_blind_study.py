@@ -7,7 +7,7 @@ from typing import Any
 
 import polars as pl
 import pytest
-from withheld_toys import perfect_report
+from blind_toys import perfect_report
 
 from descentflow.core.errors import DataError
 from descentflow.densities.checkpoint import load_model

@@ -179,7 +179,9 @@ class Fixed:
         3.0, "robust standard deviations from the median that make a spike", "Hampel 1974, JASA 69"
     )
     mach_per_kt: float = threshold(
-        0.002, "Mach number that counts as much as 1 kt of an assigned speed", "266 kt are Mach 0.78 at FL350"
+        0.002,
+        "Mach number that counts as much as 1 kt of an assigned speed",
+        "1 kt is 0.0019 Mach at FL150, 0.0027 at FL350",
     )
     stale_rate_fpm: float = threshold(
         100.0,

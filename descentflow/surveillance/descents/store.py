@@ -1,4 +1,4 @@
-"""Prepared descents from parts, each sorted by flight: written as one file or as a store by type, and read back.
+"""Prepared descents from parts, each sorted by flight: written as one file or as a store by type, and read again.
 
 A store is a folder: ``typecode=A320/part-00000.parquet`` and so on, as Hive, Spark, DuckDB, Polars and Arrow read it,
 and ``_descentflow.json``, which describes it (schema version, inputs with hashes, settings, report) and lists
@@ -21,13 +21,13 @@ from descentflow.core.files import whole_file
 from descentflow.surveillance.descents.description import KEY, MEND, described
 
 MANIFEST = "_descentflow.json"
-"""Hive and Spark pass over names that begin so."""
+"""Hive and Spark ignore names that begin with an underscore."""
 CHUNK_ROWS = 250_000
 """Levels that are merged at a time, some 45 MB."""
 FILE_ROWS = 2_000_000
 """Levels in a file of a store, to the next flight."""
 ROW_GROUP = 32_768
-"""Rows of a Parquet row group in parts, so that a range of flights is read without reading the whole part."""
+"""Rows of a row group in the files of partitions, so that a range of flights is read without reading all of a file."""
 
 
 @dataclass(frozen=True)

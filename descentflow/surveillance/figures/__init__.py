@@ -1,1 +1,1 @@
-"""What each cleaning rule kept and dropped of some flights, as figures and a page."""
+"""What each filter of the cleaning kept and dropped of some flights, as figures and a page."""

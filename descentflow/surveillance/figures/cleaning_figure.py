@@ -1,4 +1,4 @@
-"""What cleaning kept and dropped of a few flights, so that a person can judge its rules."""
+"""What cleaning kept and dropped of a few flights, so that a person can judge its filters."""
 
 from collections.abc import Sequence
 
@@ -86,7 +86,7 @@ def _draw(axes: Sequence[Axes], rows: pl.DataFrame) -> None:
         name = "kept" if reason is None else reason.replace("_", " ")
         for ax, values in zip(axes, channels, strict=True):
             ax.scatter(minutes[of], values[of], c=colour, marker=marker, s=size, linewidths=0.9, label=name)
-    axes[1].axhline(-500.0, color="#9a9a9a", linewidth=0.7, linestyle=":")
+    axes[1].axhline(-500.0, color="#5a5a5a", linewidth=1.0, linestyle=":")
     # A spike must not squeeze all else into a line.
     rates = channels[1][np.isfinite(channels[1])]
     if len(rates):

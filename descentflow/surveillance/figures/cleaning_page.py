@@ -1,23 +1,26 @@
-"""The page of plots of `descentflow prepare --figures`: a few flights, kept and dropped stretches."""
+"""The page of `descentflow prepare --figures`: some flights with the rows that were kept and dropped."""
 
-import html
 from pathlib import Path
 
 import polars as pl
 
-from descentflow.core.files import whole_file
+from descentflow.reporting.html_elements import figure_beside, preformatted, table
+from descentflow.reporting.html_page import HtmlPage
 from descentflow.surveillance.figures.cleaning_figure import cleaning_figure
 from descentflow.surveillance.rows.drop_report import DropReport
 
-ABREAST = 3
+PER_FIGURE = 3
 """Flights in a figure."""
-INTRODUCTION = """Every dot is a row that was read; its colour says which rule dropped it, blue was kept. The thin grey
-line beside the IAS is the CAS of Mach number and pressure altitude; the dotted one is the slowest rate of a descent.
-For each rule there is the flight that it hit most, and besides these some flights taken at random."""
+DPI = 90
+INTRODUCTION = (
+    "Every dot is a row that was read; its colour names the filter that dropped it, blue rows were kept. The thin grey "
+    "line beside the IAS is the CAS of Mach number and pressure altitude; the dotted line is the slowest rate of a "
+    "descent. For each filter there is the flight of which it dropped most rows, and besides these some random flights."
+)
 
 
 def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport) -> int:
-    """Write figures of flights and `index.html`, each whole; the page last, when all it shows is there.
+    """Write figures of flights and `index.html`, each whole; the page last, when everything that it shows is there.
 
     Args:
         folder: Made if it does not exist.
@@ -26,31 +29,38 @@ def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport) -> 
 
     Returns:
         Number of flights shown.
+
+    Example:
+        >>> from descentflow.surveillance.prepare import prepare
+        >>> descents = prepare("rows.parquet", shown=1)
+        >>> write_page(Path("figures"), descents.dropped_rows, descents.report)
+        4
     """
     folder.mkdir(exist_ok=True)
+    page = HtmlPage("What cleaning kept and dropped", lead=[INTRODUCTION])
     flights = dropped_rows.partition_by("flight_id", maintain_order=True)
-    sections = []
-    for number, first in enumerate(range(0, len(flights), ABREAST), 1):
-        some = flights[first : first + ABREAST]
-        name = f"flights-{number:02d}.png"
-        with whole_file(folder / name) as temporary:
-            cleaning_figure(some).savefig(temporary, dpi=90, metadata={"Software": None})
-        rows = "".join(_row(flight) for flight in some)
-        sections.append(f'<img src="{name}" alt="Flights of figure {number}"><table>{rows}</table>')
-    with whole_file(folder / "index.html") as temporary:
-        temporary.write_text(
-            '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>What cleaning kept</title><style>'
-            "body { font: 15px/1.5 system-ui, sans-serif; max-width: 1400px; margin: 2em auto; padding: 0 1em }"
-            "img { max-width: 100% } td { padding-right: 1em; font-size: 13px }</style></head><body>"
-            f"<h1>What cleaning kept and dropped</h1><p>{INTRODUCTION}</p>{''.join(sections)}"
-            f"<h2>All rows</h2><pre>{html.escape(str(report))}</pre></body></html>\n",
-            encoding="utf-8",
+    for number, first in enumerate(range(0, len(flights), PER_FIGURE), 1):
+        some = flights[first : first + PER_FIGURE]
+        picture = figure_beside(
+            folder / f"flights-{number:02d}.png",
+            cleaning_figure(some),
+            f"Altitude, vertical rate and IAS of {', '.join(_name(flight) for flight in some)} against time",
+            dpi=DPI,
         )
+        counts = table(["flight", "rows"], [[_name(flight), _counts(flight)] for flight in some], align="l")
+        last = first + len(some)
+        heading = f"Flights {first + 1} to {last}" if len(some) > 1 else f"Flight {last}"
+        page.section(heading, picture, counts)
+    page.section("All rows", preformatted(str(report)))
+    page.write(folder / "index.html")
     return len(flights)
 
 
-def _row(flight: pl.DataFrame) -> str:
-    """A flight's name and its rows by reason."""
+def _name(flight: pl.DataFrame) -> str:
+    return str(flight["flight_id"][0])
+
+
+def _counts(flight: pl.DataFrame) -> str:
+    """Number of rows kept, and dropped for each reason."""
     counts = flight["reason"].fill_null("kept").value_counts().sort("count", "reason", descending=[True, False])
-    words = ", ".join(f"{reason.replace('_', ' ')} {number}" for reason, number in counts.iter_rows())
-    return f"<tr><td>{html.escape(flight['flight_id'][0])}</td><td>{html.escape(words)}</td></tr>"
+    return ", ".join(f"{reason.replace('_', ' ')} {number}" for reason, number in counts.iter_rows())

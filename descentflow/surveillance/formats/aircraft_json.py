@@ -34,7 +34,7 @@ FIELDS = {
 """Row column -> field of an aircraft in a snapshot; `heading` is magnetic, `oat` in degrees Celsius."""
 TEXT = {"icao24": "hex", "callsign": "flight", "typecode": "t"}
 MILLISECONDS = 1e11
-"""Numbers above cannot be seconds since 1970 before the year 5138."""
+"""Larger numbers cannot be seconds since 1970 before the year 5138."""
 MOST = 50_000
 """Aircraft that are held as JSON at a time."""
 
@@ -45,13 +45,19 @@ def is_snapshot(document: object) -> bool:
 
 
 def rows(documents: Iterable[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
-    """One row for each aircraft of each snapshot, timed at its last message (`now` less `seen`).
+    """One row per aircraft and snapshot, with the time of its last message (`now` minus `seen`).
 
-    Aircraft on the ground have the word "ground" for an altitude; it becomes missing and the row is dropped and
-    counted later, as are aircraft that report no airspeed.
+    Aircraft on the ground have the word "ground" for an altitude; it becomes missing, and the row is dropped and
+    counted later, like those of aircraft that report no airspeed.
 
     Raises:
-        DataError: If the JSON holds no list of aircraft.
+        DataError: If no document has a list of aircraft.
+
+    Example:
+        >>> snapshot = {"now": 1.7e9, "aircraft": [{"hex": "4ca001", "alt_baro": 30000, "ias": 270, "seen": 2.0}]}
+        >>> table = next(rows([snapshot], "aircraft.json", DropReport(), 100))
+        >>> table.select("timestamp", "icao24", "altitude").row(0)
+        (1699999998.0, '4ca001', 30000.0)
     """
     times: list[float] = []
     waiting: list[dict[str, Any]] = []

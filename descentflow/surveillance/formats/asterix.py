@@ -1,6 +1,6 @@
 """ASTERIX categories 062 (tracks of a tracker) and 048 (plots of one radar), as data blocks one after the other.
 
-The bytes are taken apart by pyasteryx, after EUROCONTROL's specifications. IAS and Mach come in I062/380, or in
+The bytes are decoded by pyasteryx, after EUROCONTROL's specifications. IAS and Mach come in I062/380, or in
 register 6,0 of I048/250. A message has a time of day and no date: that is taken from the file's name, as in
 `2024-03-01_radar.ast`.
 """
@@ -23,7 +23,7 @@ from descentflow.surveillance.unpacking.streams import Input
 HEADER = 3
 """Bytes of a block's category and length."""
 KNOWN = frozenset({1, 2, 4, 8, 10, 11, 19, 20, 21, 23, 34, 48, 62, 63, 65, 240, 247})
-"""Categories that recordings of radars and trackers hold."""
+"""Categories that occur in recordings of radars and trackers."""
 LARGEST_BLOCK = 0x1FFF
 """Longer blocks do not fit into the packets that they are sent in; text read as a block would be longer."""
 DAY = re.compile(r"(?<!\d)(19|20)(\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])(?!\d)")
@@ -160,7 +160,7 @@ def _of_track(items: Row) -> tuple[Row, float | None]:
 
 
 def _of_plot(items: Row) -> tuple[Row, float | None]:
-    """A row of category 048; a plot is placed by range and azimuth from a radar whose place it does not name."""
+    """A row of category 048, without a position: range and azimuth are from a radar of unknown place."""
     level = items.get("I048/090", {})
     usable = level.get("FL") if not level.get("V") and not level.get("G") else None
     row: Row = {
@@ -188,7 +188,7 @@ def _polar(east_mps: float | None, north_mps: float | None) -> tuple[float | Non
 
 
 class _Clock:
-    """Seconds since 1970 of times of day that pass midnight."""
+    """Seconds since 1970 of times of day, across midnight."""
 
     def __init__(self, day: date) -> None:
         self.day = day
@@ -226,7 +226,7 @@ def _frame(waiting: list[Row], seconds: list[float | None]) -> pl.DataFrame:
 def is_asterix(head: bytes) -> bool:
     """Whether a file begins with whole blocks of known categories, 048 or 062 among them.
 
-    After three good ones it is taken for ASTERIX whatever follows, so that damage is told as such.
+    After three good ones it is taken for ASTERIX whatever follows, so that damage is reported as damage.
     """
     place, seen = 0, list[int]()
     while place + HEADER <= len(head):

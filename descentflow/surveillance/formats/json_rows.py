@@ -22,7 +22,7 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
     """Rows as they are, numbers as floats and the rest as text.
 
     Raises:
-        DataError: If the JSON holds no rows.
+        DataError: If the JSON has no rows.
     """
     first = next(documents, None)
     each_document = itertools.chain([first], documents)
@@ -57,7 +57,7 @@ def _of_columns(document: dict[str, Any]) -> bool:
 
 
 def is_rows(document: object) -> bool:
-    """Whether a JSON document has rows: by the names of time and address."""
+    """Whether a JSON document has rows, recognised by the names of time and address."""
     if isinstance(document, list):
         document = next((row for row in document if isinstance(row, dict)), None)
     return isinstance(document, dict) and bool(TIME & document.keys()) and bool(ADDRESS & document.keys())

@@ -1,7 +1,7 @@
-"""Mode S messages of many aircraft, brought together: a row for each second with a heading and speed report (BDS 6,0).
+"""Mode S messages of many aircraft joined: one row per second with a heading and speed report (BDS 6,0).
 
-Such a report holds IAS and Mach of one moment. What other messages say (altitude, BDS 4,0 and 5,0, ADS-B position and
-velocity) is taken from around that moment, the altitude by interpolation. Sources: ICAO Doc 9871 (registers) and
+Such a report has IAS and Mach of one moment. Other values (altitude, BDS 4,0 and 5,0, ADS-B position and velocity) are
+taken from messages near that moment, the altitude by interpolation. Sources: ICAO Doc 9871 (registers) and
 the field names of jet1090, which the messages have.
 """
 
@@ -17,11 +17,11 @@ from descentflow.surveillance.rows.normalise import in_seconds
 from descentflow.surveillance.rows.schema import POSSIBLE
 
 CLOCK_S = 1.0
-"""One row at most in so long: several radars ask, but within a second nothing changes that matters to a descent."""
+"""At most one row in this time: several radars ask, but within a second nothing relevant to a descent changes."""
 ALTITUDE_WITHIN_S = 5.0
-"""An altitude is interpolated between two not further away than this: 25 ft steps at most hide as much."""
+"""Largest distance of the altitudes between which is interpolated: at most as much as steps of 25 ft hide."""
 WITHIN_S = {"turn": 5.0, "velocity": 5.0, "position": 5.0, "selected": 30.0, "callsign": 600.0}
-"""How far from a row in time other reports are taken from; radars ask for registers every 4 to 12 s."""
+"""Largest distance in time of other reports from a row; radars ask for registers every 4 to 12 s."""
 CONTEXT_S = 30.0
 """What is kept of one batch of messages for the next."""
 HOLD_S = 10.0
@@ -31,7 +31,7 @@ AGREES = 0.03
 
 Replies that can only be 6,0 agree within 0.013 (4,688 seconds of an A319 over France)."""
 FEWEST_REPLIES = 5
-"""Replies from which an address counts that never squittered: bit errors make up addresses, but rarely one twice."""
+"""Fewest replies of an address without squitters: bit errors make false addresses, but rarely the same twice."""
 
 Message = dict[str, Any]
 
@@ -78,12 +78,12 @@ KINDS: Kinds = {
 OF_PRESSURE = pl.col("frame").str.slice(16, 1).str.to_lowercase().is_in(list("13579bdf"))
 """Whether a squittered rate is barometric: bit 36 of the message, as dump1090 reads it.
 
-The decoder's own word for it (`vrate_src`, rs1090 0.7.0) has the two the wrong way round.
+The decoder's own field for it (`vrate_src`, rs1090 0.7.0) has the two interchanged.
 """
 
 
 def rows(batches: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.DataFrame]:
-    """Rows of batches of messages in order of time, about; each batch leaves some context for the next."""
+    """Rows of batches of messages that are roughly in order of time; each batch leaves some context for the next."""
     kept: pl.DataFrame | None = None
     known: set[str] = set()
     for batch in batches:
@@ -104,7 +104,7 @@ def rows(batches: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.Dat
 
 
 def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: DropReport) -> pl.DataFrame:
-    """Rows at those reports of BDS 6,0 that are due, with what stands around them."""
+    """Rows at those reports of BDS 6,0 that are due, with the values of other messages near them."""
     counts = messages["icao24"].value_counts().filter(pl.col("count") >= FEWEST_REPLIES)
     trusted = pl.col("icao24").is_in([*known, *counts["icao24"]])
     report.note(
@@ -167,7 +167,7 @@ def _with_altitude(found: pl.DataFrame, ordered: pl.DataFrame) -> pl.DataFrame:
 
 
 def _agrees(found: pl.DataFrame) -> pl.Series:
-    """Whether IAS and Mach say the same at the altitude; not, where it is missing or either is impossible."""
+    """Whether IAS and Mach agree at the altitude; false where it is missing or either is impossible."""
     possible = [pl.col(name).is_between(*POSSIBLE[name]).fill_null(False) for name in ("altitude", "IAS", "Mach")]
     usable = found.select(pl.when(pl.all_horizontal(possible)).then(pl.col("altitude", "IAS", "Mach")).fill_null(0.0))
     altitude, ias, mach = (usable[name].to_numpy() for name in ("altitude", "IAS", "Mach"))
@@ -176,7 +176,7 @@ def _agrees(found: pl.DataFrame) -> pl.Series:
 
 
 def _near(found: pl.DataFrame, others: pl.DataFrame, kind: str) -> pl.DataFrame:
-    """Add the nearest report of another kind; a callsign or selection holds until the next."""
+    """Add the nearest report of another kind; a callsign or selection is valid until the next."""
     strategy: Any = "backward" if kind in ("selected", "callsign") else "nearest"
     return found.join_asof(
         others, on="time", by="icao24", strategy=strategy, tolerance=WITHIN_S[kind], check_sortedness=False

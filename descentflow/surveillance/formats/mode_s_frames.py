@@ -15,7 +15,7 @@ from descentflow.surveillance.rows.normalise import in_seconds, timestamps
 from descentflow.surveillance.unpacking.streams import Input
 
 BATCH = 100_000
-"""Messages that are brought together at a time."""
+"""Messages that are joined at a time."""
 FRAME = r"^[0-9a-fA-F]{14}(?:[0-9a-fA-F]{14})?$"
 WHOLE = re.compile(FRAME)
 LINE = re.compile(rb"^\s*\"?(\d+(?:\.\d*)?)\"?[\s,;]+\"?\*?((?:[0-9a-fA-F]{14}){1,2});?\"?\s*$")
@@ -75,7 +75,7 @@ def lines(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.Dat
 
 
 def is_table(table: pl.DataFrame) -> bool:
-    """Whether a table holds times and frames that are not decoded, as OpenSky's replies and traffic's raw data do."""
+    """Whether a table has times and frames that are not decoded, as OpenSky's replies and traffic's raw data have."""
     decoded_already = {name.lower() for name in table.columns} >= {"ias", "mach"}
     return not decoded_already and bool(_column(table, TIMES)) and bool(_column(table, FRAMES))
 

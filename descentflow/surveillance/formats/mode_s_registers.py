@@ -15,13 +15,13 @@ FIELDS: dict[tuple[int, int], dict[str, tuple[int, int | None, int, int, float]]
         "vertical_rate": (35, 36, 37, 9, 32.0),
     },
 }
-"""Register -> row column -> bit that says whether it is there, bit of the sign, first bit, number of bits, and unit."""
+"""Register -> row column -> status bit, sign bit, first bit, number of bits, and unit."""
 
 
 def values_of(register: tuple[int, int], content: int) -> dict[str, float]:
-    """Values that a register holds: track and heading from 0 to 360 degrees, a selected altitude in whole 100 ft.
+    """Values of a register: track and heading from 0 to 360 degrees, a selected altitude in whole 100 ft.
 
-    It is set in hundreds of feet and sent in steps of 16.
+    The last is selected in hundreds of feet and sent in steps of 16.
 
     Example:
         >>> values_of((6, 0), 0xFBF9F51BE3A475)["IAS"]

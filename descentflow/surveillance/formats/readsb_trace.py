@@ -43,7 +43,7 @@ KINDS: Kinds = {"flight": pl.String(), **dict.fromkeys(DETAILS.values(), pl.Floa
 
 @dataclass(frozen=True)
 class Trace:
-    """One trace as read, to be put together with others: columns of many points cost less than of a few."""
+    """One trace as read, to be joined with others: columns of many points cost less than of a few."""
 
     icao24: object
     typecode: object
@@ -80,7 +80,7 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
 
 
 def joined(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
-    """Rows of whole traces: none with a stale position, and a flight of its own for each leg."""
+    """Rows of whole traces without those of a stale position; each leg is a flight of its own."""
     frame = _columns(traces)
     barometric = pl.when(~_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))
     geometric = pl.when(_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))
@@ -103,7 +103,7 @@ def joined(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
 
 
 def _columns(traces: Sequence[Trace]) -> pl.DataFrame:
-    """Values of the points as they are, those of details beside them."""
+    """Values of the points, with those of their details beside them."""
     points = list(itertools.chain.from_iterable(trace.points for trace in traces))
     columns: list[Any] = [*itertools.islice(itertools.zip_longest(*points), POINT)]
     columns += [[None] * len(points)] * (POINT - len(columns))
@@ -153,7 +153,7 @@ PLACES = {
     "_IAS": 12,
     "_roll": 13,
 }
-"""Where the numbers of a point stand; those with a line before the name are combined with others."""
+"""Positions of the numbers in a point; names with an underscore are combined with others."""
 
 
 def _has(bit: int) -> pl.Expr:
@@ -161,7 +161,7 @@ def _has(bit: int) -> pl.Expr:
 
 
 def _by_leg(frame: pl.DataFrame) -> pl.DataFrame:
-    """Name each leg by address and time of its first point; a callsign holds until the next one of its leg."""
+    """Name each leg by address and time of its first point; a callsign is valid until the next one of its leg."""
     legs = frame.with_columns(leg=(pl.col("begins") | _has(NEW_LEG)).cast(pl.Int64).cum_sum())
     begin = pl.col("timestamp").first()
     first = pl.from_epoch(pl.when(begin.is_between(0, 1e10)).then(begin).cast(pl.Int64)).dt.strftime("%Y%m%dT%H%M%S")

@@ -1,9 +1,9 @@
 """SCAT: Swedish en-route radar with flight plans and clearances, one flight in a JSON file.
 
 Plots are ASTERIX category 062 in the units of EUROCONTROL SPEC-0149-9: measured level in hundreds of feet, `ias` in kt,
-`baro_vert_rate` in ft/min, magnetic heading in degrees, velocity in m/s. A clearance holds from its time on: `cfl` in
+`baro_vert_rate` in ft/min, magnetic heading in degrees, velocity in m/s. A clearance is valid from its time: `cfl` in
 hundreds of feet where its unit is "F", in feet where it is "A"; speeds in "KNOT" (indicated) or "MACH". The aircraft is
-not named, so the flight's number stands for its address. Source: Nilsson and Unger, Data in Brief 48 (2023) 109240.
+not named, so the flight's number serves as its address. Source: Nilsson and Unger, Data in Brief 48 (2023) 109240.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ AIRCRAFT = {
     "heading": ("subitem3", "mag_hdg"),
     "selected_altitude": ("subitem6", "altitude"),
 }
-"""Row column -> where it stands in I062/380, what the aircraft itself reports."""
+"""Row column -> its place in I062/380, what the aircraft itself reports."""
 NUMBER, TEXT = pl.Float64(), pl.String()
 KINDS: Kinds = {
     "time_of_track": TEXT,
@@ -50,7 +50,7 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
 
 
 def rows_of_flight(document: object, label: str, report: DropReport) -> pl.DataFrame:
-    """Rows of one flight, with what was cleared at the time.
+    """Rows of one flight, with the clearances of their time.
 
     Raises:
         DataError: If the document lacks the plots, or has no number for the flight.
@@ -88,7 +88,7 @@ def rows_of_flight(document: object, label: str, report: DropReport) -> pl.DataF
 
 
 def _with_clearances(frame: pl.DataFrame, plan: object) -> pl.DataFrame:
-    """What was cleared last at each plot's time; a clearance without a speed ends the one before."""
+    """The last clearance at the time of each plot; one without a speed ends the one before."""
     entries = plan.get("fpl_clearance") if isinstance(plan, dict) else None
     given = [entry for entry in entries if type(entry) is dict] if isinstance(entries, list) else []
     clearances = (

@@ -1,4 +1,4 @@
-"""The first pass: read rows block by block, drop what no descent can use, and put the rest where aircraft are found."""
+"""The first pass: read rows block by block, drop unusable ones, and hold the rest or spread it over buckets on disk."""
 
 import json
 import shutil
@@ -32,11 +32,11 @@ class Intake:
     """Rows of some files.
 
     Attributes:
-        columns: Of all rows, in the order in which they came up.
+        columns: Of all rows, in the order of their first appearance.
         report: Of reading and of unusable rows.
-        names: Flight names that the source gives (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
-        held: The rows, if they were few.
-        buckets: The rows on disk, if they were many.
+        names: Flight names of the source (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
+        held: The rows, if they fit in memory.
+        buckets: The rows on disk, if they do not.
     """
 
     columns: tuple[str, ...]
@@ -55,13 +55,13 @@ class Group:
     folder: Path
     memory: Memory
     alone: bool = True
-    """Whether there is no other group: then a group without a row is an error."""
+    """Whether it is the only group: then it is an error if it has no row."""
 
 
 def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
-    """Neighbouring files in groups of about a size; parts of a split archive stay together.
+    """Neighbouring files in groups of about equal size; parts of a split archive are kept together.
 
-    A small file is not left alone: among others a damaged one is counted, alone it is an error.
+    A small file is not a group of its own: in a group a damaged file is counted, alone it would be an error.
     """
     groups: list[list[Path]] = [[]]
     total = 0
@@ -203,7 +203,7 @@ def read_again(folder: Path) -> Intake:
 def _blocks(
     sources: Sequence[Source], report: DropReport, format: str | None, block_rows: int, alone: bool
 ) -> Iterator[pl.DataFrame]:
-    """Blocks of rows; of a group that holds none, but is one of several, an empty one."""
+    """Blocks of rows; an empty one for a group without rows that is one of several."""
     try:
         yield from row_blocks(sources, report, format=format, block_rows=block_rows)
     except DataError as error:
@@ -214,7 +214,7 @@ def _blocks(
 
 
 def _ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """The same items, the next made while one is worked on."""
+    """The same items; the next is made in a thread while one is processed."""
     with ThreadPoolExecutor(max_workers=1) as pool:
         following = pool.submit(next, items, None)
         while (item := following.result()) is not None:

@@ -1,4 +1,4 @@
-"""The folder beside an output in which an unfinished `prepare` keeps what is done, so that a rerun goes on from it."""
+"""The folder beside an output in which an unfinished `prepare` keeps its parts, so that a rerun resumes from them."""
 
 import fcntl
 import hashlib
@@ -20,21 +20,26 @@ def fingerprint(facts: dict[str, Any]) -> str:
 
     Example:
         >>> fingerprint({"bottom_fl": 150})[:8]
-        'f6e2a5a9'
+        'd0a19bc3'
     """
     return hashlib.sha256(json.dumps(facts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def work_folder(out: Path) -> Path:
-    """Where the unfinished work for an output lies."""
+    """Folder of the unfinished work for an output.
+
+    Example:
+        >>> work_folder(Path("descents.parquet"))
+        PosixPath('descents.parquet.work')
+    """
     return out.with_name(f"{out.name}.work")
 
 
 @contextmanager
 def job_folder(out: Path, facts: dict[str, Any]) -> Iterator[Path]:
-    """A folder of work for an output, made or found again; removed when the work ends well or in a clear error.
+    """The folder of work for an output, made or found again; removed after success or a typed error.
 
-    A killed run leaves the folder with the parts that are whole; so does any other failure once there are some.
+    A killed run leaves the folder with the finished parts; so does any other failure if there are some.
 
     Args:
         out: The output; the folder's name is this and ``.work``.
@@ -68,7 +73,7 @@ def job_folder(out: Path, facts: dict[str, Any]) -> Iterator[Path]:
 
 
 def _claim(folder: Path, facts: dict[str, Any], out: Path) -> None:
-    """Describe the work, or find it described the same."""
+    """Write the description of the work, or check that an earlier run wrote the same."""
     description, mark = folder / DESCRIPTION, fingerprint(facts)
     try:
         left = json.loads(description.read_text())["fingerprint"] if description.is_file() else None
@@ -90,5 +95,5 @@ def _claim(folder: Path, facts: dict[str, Any], out: Path) -> None:
 
 
 def _has_parts(folder: Path) -> bool:
-    """Whether anything in the folder is whole that a rerun could use."""
+    """Whether the folder has finished parts that a rerun can use."""
     return any(not path.name.startswith(".") for name in (ROWS, PARTS) for path in (folder / name).glob("*"))

@@ -1,4 +1,4 @@
-"""Rows by aircraft within a bound on memory: held while they fit, else put into buckets on disk."""
+"""Rows by aircraft in bounded memory: held while they fit, else spread over buckets on disk."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -9,24 +9,25 @@ import polars as pl
 from descentflow.core.errors import DataError
 
 BUCKETS = 64
-"""Buckets that rows are spread over by their address; one that is too large is spread again."""
+"""Number of buckets that rows are spread over by a hash of their address; one that is too large is spread again."""
 PROGRAM_BYTES = 350_000_000
-"""What the program and its libraries take before any row."""
+"""Memory of the program and its libraries without any row."""
 LEAST_BYTES = 600_000_000
-"""Least bound that can be kept; below it, it is that of the rows alone."""
+"""Smallest bound that can be kept; a smaller one is taken as that of the rows alone."""
 WORK_FACTOR = 4
-"""Bytes at work for each byte of rows while they are put into order and cleaned (measured: 2.6)."""
+"""Bytes of memory per byte of rows while they are sorted and cleaned (measured: 2.6)."""
 WRITTEN_AT = 3
-"""Part of the rows held that waits to be written once rows are spread: each is there twice while it is written."""
+"""Rows that are spread are written when they reach this fraction of the bound (one third): they are in memory twice
+while they are written."""
 ROW_BYTES = 200
-"""About what a row takes."""
+"""Approximate bytes of a row."""
 DEEPEST = 6
-"""Times that buckets are spread again; 64^7 is more than there are addresses."""
+"""How often buckets are spread again at most; 64^7 is more than the number of addresses."""
 
 
 @dataclass(frozen=True)
 class Memory:
-    """How much may be held at once, from a bound on the whole process.
+    """How many rows may be held at once, from a bound on the memory of the whole process.
 
     Example:
         >>> Memory(2_350_000_000).rows_bytes
@@ -61,25 +62,26 @@ class Bucket:
 
 
 class Spill:
-    """Takes rows; holds them while they fit, and spreads them over buckets on disk from then on.
+    """Holds the rows it is given while they fit in memory, and spreads all of them over buckets on disk from then on.
 
     Example:
         >>> spill = Spill(Path("work"), limit_bytes=1_000_000)
-        >>> spill.add(rows)
+        >>> spill.add(pl.read_parquet("rows.parquet").head(1000))
         >>> spill.finish()
-        >>> whole = spill.held if not spill.spilled else spill.buckets
+        >>> spill.spilled, len(spill.held)
+        (False, 1)
     """
 
-    def __init__(self, folder: Path, limit_bytes: int, *, level: int = 0, always: bool = False) -> None:
+    def __init__(self, folder: Path, limit_bytes: int, *, depth: int = 0, always: bool = False) -> None:
         """Begin empty.
 
         Args:
             folder: Where files go; made when the first is written.
             limit_bytes: Rows that are held.
-            level: How often these rows were spread already (each time by another hash).
+            depth: How often these rows have been spread already (each time by another hash).
             always: Spread even what fits.
         """
-        self.folder, self.limit_bytes, self.level = folder, limit_bytes, level
+        self.folder, self.limit_bytes, self.depth = folder, limit_bytes, depth
         self.spilled = always
         self.held: list[pl.DataFrame] = []
         self.buckets = [Bucket() for _ in range(BUCKETS)]
@@ -93,7 +95,7 @@ class Spill:
         return cls(Path(), limit_bytes=2**62)
 
     def add(self, rows: pl.DataFrame) -> None:
-        """Take rows, after those taken before."""
+        """Add rows after those added before."""
         self.held.append(rows)
         if not self.spilled:
             self._bytes += size_of(rows)
@@ -104,12 +106,12 @@ class Spill:
             self._spread(self.held.pop(0))
 
     def finish(self) -> None:
-        """Write what waits, if anything was written."""
+        """Write the remaining rows, if any were written."""
         if self.spilled:
             self._write()
 
     def _spread(self, rows: pl.DataFrame) -> None:
-        number = (pl.col("icao24").hash(self.level) % BUCKETS).cast(pl.Int32).alias("_bucket")
+        number = (pl.col("icao24").hash(self.depth) % BUCKETS).cast(pl.Int32).alias("_bucket")
         parts = rows.with_columns(number).partition_by("_bucket", as_dict=True, include_key=False, maintain_order=True)
         for (bucket,), part in parts.items():
             self._waiting[bucket].append(part)
@@ -132,13 +134,13 @@ class Spill:
 
 
 def size_of(rows: pl.DataFrame) -> int:
-    """Bytes that rows take: texts have a view of 16 bytes each besides their letters."""
+    """Bytes of rows in memory: texts have a view of 16 bytes each besides their letters."""
     texts = sum(kind == pl.String for kind in rows.dtypes)
     return int(rows.estimated_size()) + 16 * texts * len(rows)
 
 
 def joined(spills: Sequence[Sequence[Bucket]]) -> list[Bucket]:
-    """Buckets of several spills of one level, one after the other."""
+    """Buckets of several spills of the same depth, joined."""
     together = [Bucket() for _ in range(BUCKETS)]
     for spill in spills:
         for whole, part in zip(together, spill, strict=True):
@@ -149,34 +151,34 @@ def joined(spills: Sequence[Sequence[Bucket]]) -> list[Bucket]:
 
 
 def partitions(
-    buckets: Sequence[Bucket], folder: Path, partition_bytes: int, largest_bytes: int, *, level: int = 0
+    buckets: Sequence[Bucket], folder: Path, partition_bytes: int, largest_bytes: int, *, depth: int = 0
 ) -> Iterator[Bucket]:
     """Buckets joined where they are small, and spread again where they are large.
 
     Args:
-        buckets: Of one level.
+        buckets: All of the same depth.
         folder: Where buckets spread again go.
-        partition_bytes: Size aimed at.
-        largest_bytes: Size of the largest aircraft that can be worked on.
-        level: How often the rows were spread already.
+        partition_bytes: Intended size.
+        largest_bytes: Largest size of one aircraft that can be cleaned.
+        depth: How often the rows have been spread already.
 
     Raises:
-        DataError: If one aircraft alone has more rows than can be worked on.
+        DataError: If one aircraft has more rows than can be cleaned.
     """
     waiting = Bucket()
     for number, bucket in enumerate(buckets):
         if bucket.bytes > partition_bytes and not _is_one_aircraft(bucket, largest_bytes):
-            if level == DEEPEST:
+            if depth == DEEPEST:
                 raise DataError(
                     f"{bucket.rows:,} rows ({bucket.bytes / 1e6:,.0f} MB) of too few aircraft to be divided",
                     expected=f"at most {largest_bytes / 1e6:,.0f} MB for each aircraft",
                     mend="raise --memory, or prepare shorter periods one by one",
                 )
-            again = Spill(folder / f"{level}-{number:02d}", partition_bytes, level=level + 1, always=True)
+            again = Spill(folder / f"{depth}-{number:02d}", partition_bytes, depth=depth + 1, always=True)
             for path in bucket.files:
                 again.add(pl.read_ipc(path))
             again.finish()
-            yield from partitions(again.buckets, again.folder, partition_bytes, largest_bytes, level=level + 1)
+            yield from partitions(again.buckets, again.folder, partition_bytes, largest_bytes, depth=depth + 1)
         elif waiting.rows and waiting.bytes + bucket.bytes > partition_bytes:
             yield waiting
             waiting = bucket
@@ -190,7 +192,7 @@ def _is_one_aircraft(bucket: Bucket, largest_bytes: int) -> bool:
     """Whether a bucket cannot be spread further.
 
     Raises:
-        DataError: If it cannot, and is too large to be worked on.
+        DataError: If it cannot, and is too large to be cleaned.
     """
     addresses: set[str] = set()
     for path in bucket.files:

@@ -1,4 +1,4 @@
-"""CAS of a Mach number at a pressure altitude, for checks on rows: numpy, because this part never imports torch.
+"""CAS of a Mach number at a pressure altitude, for checks of rows; in numpy, because surveillance never imports torch.
 
 The same ISA and impact-pressure relations as :mod:`descentflow.physics`, to which a test holds it.
 """
@@ -46,7 +46,7 @@ def cas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:
 
     Example:
         >>> round(float(cas_of_mach_kt(np.array([0.78]), np.array([35000.0]))[0]))
-        266
+        264
     """
     impact = pressure_ratio(altitude_ft) * ((1 + 0.2 * mach**2) ** 3.5 - 1)
     scale_mps = np.sqrt(KAPPA * P0_PA / RHO0_KG_M3)

@@ -1,4 +1,4 @@
-"""The account of what cleaning dropped, by reason; nothing is lost in silence."""
+"""The report of what cleaning dropped, by reason: every row is accounted for."""
 
 import weakref
 from collections.abc import Iterable, Sequence
@@ -13,7 +13,7 @@ MOST_NAMED = 4
 
 @dataclass(frozen=True)
 class Step:
-    """What one step left out and what it left; flights are None as long as they are not told apart."""
+    """What one step dropped and what it left; flights are None before they are identified."""
 
     step: str
     rows_dropped: int
@@ -24,7 +24,7 @@ class Step:
 
 @dataclass
 class DropReport:
-    """Rows and flights through the stages of `prepare`.
+    """Number of rows and flights after every step of `prepare`.
 
     Example:
         >>> report = DropReport(by_flight=True)
@@ -38,13 +38,22 @@ class DropReport:
     notes: dict[str, int] = field(default_factory=dict)
     """Counts of what was changed but not dropped (for instance rows put into time order)."""
     by_flight: bool = False
-    """Whether rows stand by flight by now, so that flights can be counted."""
+    """Whether rows are sorted by flight, so that flights can be counted."""
     _last: "tuple[weakref.ref[pl.DataFrame], int | None] | None" = None
-    """The frame that the last step left (which must not live on here), and its flights."""
+    """A weak reference to the frame that the last step left, and its number of flights."""
 
     def count(self, step: str, before: pl.DataFrame, after: pl.DataFrame) -> pl.DataFrame:
-        """Record the difference of two frames and return the second."""
-        # Counting flights costs more than many a filter: the frame before is mostly the one that the last step left.
+        """Record what a step dropped.
+
+        Args:
+            step: Its name.
+            before: Rows before the step.
+            after: Rows after it.
+
+        Returns:
+            `after`.
+        """
+        # Counting flights costs more than many filters: the frame before is usually the one that the last step left.
         last = self._last if self._last and self._last[0]() is before else (None, None)
         before_flights = self._flights(before) if last[1] is None else last[1]
         after_flights = before_flights if len(after) == len(before) else self._flights(after)
@@ -54,7 +63,14 @@ class DropReport:
         return after
 
     def extend(self, parts: "Sequence[DropReport]") -> None:
-        """Add the steps of parts of the data (rows, or whole flights), which each went through the same steps."""
+        """Add the reports of parts of the data (rows, or whole flights) that went through the same steps.
+
+        Example:
+            >>> report, part = DropReport(), DropReport([Step("read", 0, None, 9, None)])
+            >>> report.extend([part, part])
+            >>> report.steps[0].rows_left
+            18
+        """
         for same in zip(*(part.steps for part in parts), strict=True):
             rows = sum(s.rows_dropped for s in same), sum(s.rows_left for s in same)
             flights = _sum(s.flights_dropped for s in same), _sum(s.flights_left for s in same)
@@ -69,7 +85,7 @@ class DropReport:
             self.notes[what] = self.notes.get(what, 0) + number
 
     def as_dict(self) -> dict[str, Any]:
-        """Primitives for JSON."""
+        """The report as dictionaries and lists for JSON."""
         return {"steps": [asdict(step) for step in self.steps], "notes": dict(self.notes)}
 
     @classmethod
@@ -78,7 +94,7 @@ class DropReport:
         return cls([Step(**step) for step in primitives["steps"]], dict(primitives["notes"]))
 
     def left(self, step: str) -> int | None:
-        """Rows that a step left; None if it was not taken."""
+        """Number of rows that a step left; None if there was no such step."""
         return next((one.rows_left for one in self.steps if one.step == step), None)
 
     def summary(self) -> list[str]:

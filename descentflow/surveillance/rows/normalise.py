@@ -1,4 +1,4 @@
-"""Bring a table of any known source to the schema: names, types and units."""
+"""A table of any source in the schema of rows: names, types and units."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,15 +13,15 @@ from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, REQUIRED, TIM
 STATE_VECTOR = "baroaltitude"
 """Column that only OpenSky's state vectors have; they are in SI units."""
 LONGEST_TEXT = 500
-"""Bytes of the longest text that says anything; a small file can repeat one of megabytes in every row, which nothing
-copies as long as it is not worked on."""
+"""Bytes of the longest text that is read; a small file can repeat one of megabytes in every row, which takes no memory
+before it is processed."""
 READABLE = {
     pl.Float64: "numbers",
     pl.Datetime: "dates with time, or seconds since 1970",
     pl.String: f"texts of at most {LONGEST_TEXT} bytes",
 }
 STALE_S = 10.0
-"""Age of the last message from which a state vector is left out: OpenSky repeats the last one for minutes."""
+"""Age of the last message above which a state vector is dropped: OpenSky repeats the last one for minutes."""
 
 DATE_FORMATS = (
     "%+",
@@ -34,15 +34,24 @@ DATE_FORMATS = (
 
 
 def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
-    """Rename, convert and cast a table's columns.
+    """Rename, convert and cast the columns of a table.
 
     Args:
         table: Columns as the source names them.
         path: Named in errors.
-        report: Takes the number of values that were no numbers or dates.
+        report: Takes the number of values that are no numbers or dates.
+
+    Returns:
+        Columns of :data:`~descentflow.surveillance.rows.schema.COLUMNS` in their types and units.
 
     Raises:
-        DataError: If a required column is missing, is given twice, or holds hardly anything that can be read.
+        DataError: If a required column is missing or occurs twice, or most of its values cannot be read.
+
+    Example:
+        >>> row = {"time": 1.7e9, "hex": "4CA001 ", "alt_baro": "30000", "ias": 270, "mach": 0.7}
+        >>> table = pl.DataFrame([row])
+        >>> normalise(table, "rows.csv", DropReport()).select("icao24", "altitude", "IAS").row(0)
+        ('4ca001', 30000.0, 270.0)
     """
     table = _from_state_vectors(table, report) if STATE_VECTOR in table.columns else table
     table = _renamed(table, path, report)
@@ -94,7 +103,7 @@ def _renamed(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.Da
 
 
 def _from_state_vectors(table: pl.DataFrame, report: DropReport) -> pl.DataFrame:
-    """OpenSky state vectors: metres, metres a second, and `heading` for what is a track."""
+    """State vectors of OpenSky: metres, metres per second, and `heading` for a track."""
     numbers = {"baroaltitude", "geoaltitude", "velocity", "vertrate", "lastcontact"} & set(table.columns)
     table = table.with_columns(pl.col(name).cast(pl.Float64, strict=False) for name in numbers)
     converted = {new: pl.col(old) / size for new, (old, size) in SI.items() if old in table.columns}
@@ -114,7 +123,7 @@ SI = {
     "groundspeed": ("velocity", KT_MPS),
     "vertical_rate": ("vertrate", FPM_MPS),
 }
-"""Row column -> column of a state vector, and the size of the row's unit in its."""
+"""Row column -> column of a state vector, and the row's unit in the unit of that column."""
 
 
 def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
@@ -135,7 +144,7 @@ def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
 def check_types(
     types: Mapping[str, pl.DataType], path: Path | str, expected: str = "numbers, dates with time, or text"
 ) -> None:
-    """Refuse columns that can hold no value of a row.
+    """Refuse columns whose type cannot have values of a row.
 
     Raises:
         DataError: If there is one.
@@ -152,7 +161,12 @@ def _where(column: pl.Series, fits: pl.Series) -> pl.Series:
 
 
 def timestamps(column: pl.Series) -> pl.Series:
-    """Datetimes in UTC of datetimes, written dates, or seconds (also milliseconds) since 1970."""
+    """Datetimes in UTC of datetimes, written dates, or seconds (also milliseconds) since 1970.
+
+    Example:
+        >>> timestamps(pl.Series(["2024-03-01T12:00:00Z"])).dt.hour().to_list()
+        [12]
+    """
     if isinstance(column.dtype, pl.Datetime):
         zoned = column if column.dtype.time_zone else column.dt.replace_time_zone("UTC")
         return zoned.dt.convert_time_zone("UTC").cast(TIMESTAMP)
@@ -164,7 +178,7 @@ def timestamps(column: pl.Series) -> pl.Series:
         return _from_epoch(seconds)
     found = pl.repeat(None, len(column), dtype=TIMESTAMP, eager=True)
     for form in DATE_FORMATS:
-        # Reading a date costs more than anything else: only what the forms before did not fit is read again.
+        # Reading dates costs more than anything else: only those that no earlier form fits are read again.
         left = (found.is_null() & column.is_not_null()).arg_true()
         if left.is_empty():
             break
@@ -193,7 +207,7 @@ def wanted(names: Sequence[str]) -> list[str]:
 
 
 def in_seconds(s: pl.Expr) -> pl.Expr:
-    """Seconds; of milli-, micro- or nanoseconds where the number could only be that (up to the year 5138)."""
+    """Seconds; also of milli-, micro- or nanoseconds where a number can only be these (up to the year 5138)."""
     return pl.when(s > 1e17).then(s / 1e9).when(s > 1e14).then(s / 1e6).when(s > 1e11).then(s / 1e3).otherwise(s)
 
 

@@ -1,4 +1,4 @@
-"""The schema of rows, named as the `traffic` library names things, and what counts as physically possible."""
+"""The schema of rows, with the names of the `traffic` library, and the physically possible values."""
 
 import polars as pl
 
@@ -41,10 +41,10 @@ and `cleared_mach`, missing where nothing is assigned.
 """
 
 REQUIRED = ("timestamp", "icao24", "altitude", "IAS", "Mach")
-"""A row without one of these says nothing about a descent; `vertical_rate` can be differenced from `altitude`."""
+"""A row without one of these is dropped; a missing `vertical_rate` is computed from `altitude`."""
 
 INSTRUCTIONS = ("selected_altitude", "cleared_flight_level", "cleared_speed_kt", "cleared_mach")
-"""What was asked of the flight: it changes in steps, and says nothing of the flight between two values."""
+"""What was selected or cleared: it changes in steps and is not interpolated."""
 
 CHANNELS = tuple(
     name for name, kind in COLUMNS.items() if kind == pl.Float64 and name not in ("altitude", *INSTRUCTIONS)
@@ -66,7 +66,7 @@ POSSIBLE = {
     "cleared_speed_kt": (100.0, 400.0),
     "cleared_mach": (0.3, 1.0),
 }
-"""What an airliner or business aircraft can report: ICAO Doc 9684's register ranges, narrowed to flight."""
+"""What an airliner or business aircraft can report: register ranges of ICAO Doc 9684, narrowed to flight."""
 
 ALIASES = {
     "time": "timestamp",
@@ -95,4 +95,4 @@ ALIASES = {
     "wd": "wind_direction",
     "ws": "wind_speed",
 }
-"""Other names under which sources carry the same quantity in the same unit."""
+"""Other names of the same quantity in the same unit -> the name in a row."""

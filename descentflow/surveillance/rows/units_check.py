@@ -1,4 +1,4 @@
-"""Detect a column in the wrong unit: the columns of a row say many things twice."""
+"""Detect a column in a wrong unit by physics: many quantities of a row can be computed from others."""
 
 import numpy as np
 import polars as pl
@@ -9,15 +9,15 @@ from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt, isa_ta
 from descentflow.surveillance.rows.schema import POSSIBLE
 
 AGREES = 0.06
-"""Median relative difference of IAS and the CAS of Mach below which a reading of the units fits."""
+"""Median relative difference of IAS and the CAS of Mach below which units are taken to be right."""
 SAMPLE = 20_000
-"""Rows that are looked at."""
+"""Rows that are checked."""
 RATE_SAMPLE = 200_000
-"""Rows at the head of a file of which rates are looked at: differences need neighbours."""
+"""First rows of a file whose rates are checked: differences need neighbours."""
 FEWEST = 20
-"""Rows below which nothing can be said."""
+"""Rows below which nothing is checked."""
 FEWEST_AIRCRAFT = 3
-"""Aircraft below which groundspeed says nothing: one in 160 kt of headwind looks as if it were given in m/s."""
+"""Aircraft below which groundspeed is not checked: one in 160 kt of headwind looks as if it were in m/s."""
 
 
 OTHER_UNITS = {
@@ -25,16 +25,16 @@ OTHER_UNITS = {
     "groundspeed": ("m/s", KT_MPS, 0.25, "kt"),
     "geoaltitude": ("metres", FT_M, 0.1, "ft"),
 }
-"""Column -> unit that is often found in it, its size in the expected one, how far real rows are from the expected
+"""Column -> unit that is often found in it, that unit in the expected one, how far real rows differ from the expected
 value (hot or cold air, wind, pressure), and the expected unit."""
 
 
 def check_units(rows: pl.DataFrame, source: str) -> None:
-    """Refuse rows of a file of which a column is in a wrong unit that shows.
+    """Refuse rows with a column that is evidently in a wrong unit.
 
     Args:
-        rows: As read: a range check before this one would take 300 kt in km/h for impossible.
-        source: What the message begins with.
+        rows: As read, before the check of possible values: 300 kt in km/h would be impossible.
+        source: Begin of the message.
 
     Raises:
         DataError: Naming the column and the unit or sign that it seems to have.
@@ -78,10 +78,10 @@ def _sample(rows: pl.DataFrame, *names: str) -> pl.DataFrame:
 
 
 def _check_airspeeds(rows: pl.DataFrame, source: str) -> None:
-    """IAS, Mach and pressure altitude say the same thing three times.
+    """IAS, Mach and pressure altitude: each follows from the other two.
 
-    They are read in every combination of units; if the expected one does not fit and another does, that is what the
-    column holds.
+    They are read in every combination of units; if the expected one does not fit and another does, the column is in
+    that one.
     """
     usable = _sample(rows, "IAS").filter(pl.col("IAS").is_between(1.0, 1000.0))
     if len(usable) < FEWEST:
@@ -116,7 +116,7 @@ def check_rate_units(rows: pl.DataFrame, source: str) -> None:
 
     Args:
         rows: Sorted by aircraft and time.
-        source: What the message begins with.
+        source: Begin of the message.
 
     Raises:
         DataError: Naming the unit or sign that it seems to have.

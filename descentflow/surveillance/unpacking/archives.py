@@ -1,4 +1,4 @@
-"""Members of tar archives, read one after the other where they lie: nothing is written to disk."""
+"""Members of tar archives, read one after the other inside the archive: nothing is written to disk."""
 
 import tarfile
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from descentflow.surveillance.unpacking.source_files import COMPANION
 from descentflow.surveillance.unpacking.streams import HEAD, Chain, Input
 
 LARGEST_HEADER = 1 << 20
-"""Bytes that the description of a member may ask for at once; a long name has a few hundred."""
+"""Most bytes of the description of a member; a long name has a few hundred."""
 
 
 def is_tar(head: bytes) -> bool:

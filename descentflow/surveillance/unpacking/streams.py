@@ -12,16 +12,16 @@ from typing import IO
 from descentflow.core.errors import DataError
 
 HEAD = 4096
-"""Bytes by which a kind of file is known."""
+"""First bytes of a file, from which its format is recognised."""
 LARGEST_RATIO = 250
-"""Bytes out for a byte in above which gzip is a bomb: surveillance text packs to a tenth, repeated lines to a fiftieth;
-deflate reaches 1,032 on one byte repeated."""
+"""Unpacked bytes per packed byte above which gzip is taken for a bomb: surveillance text packs to a tenth, repeated
+lines to a fiftieth; deflate reaches 1,032 for one repeated byte."""
 RATIO_FROM = 16 << 20
-"""Bytes out below which the ratio is not looked at: so much fits in memory whatever it is."""
+"""Unpacked bytes below which the ratio is not checked: they fit in memory in any case."""
 LARGEST_LINE = 64 << 20
-"""Bytes of one line; a snapshot of every aircraft of the world has about 10 MB."""
+"""Most bytes of one line; a snapshot of all aircraft of the world has about 10 MB."""
 LARGEST_DOCUMENT = 128 << 20
-"""Bytes of what has to be read as a whole: a JSON document that is not one a line, a table inside of an archive."""
+"""Most bytes of what has to be read as a whole: a JSON document of many lines, a table inside an archive."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class Input:
         stream: Its bytes, without the gzip around them.
         label: Its name in messages.
         path: The file, where it is one on disk that can be read at any place.
-        one_of_many: Whether it is a member of an archive or a trace in a tree of them: then a damaged one is counted,
-            because taking it away is more than can be asked.
+        one_of_many: Whether it is a member of an archive or one of many traces: then a damaged one is counted and no
+            error, as users cannot be asked to remove it.
     """
 
     stream: IO[bytes]
@@ -84,7 +84,7 @@ class Input:
 
 
 class Chain(io.RawIOBase):
-    """Streams one after the other, read forwards; told and skipped to places ahead, as `tarfile` asks."""
+    """Streams one after the other, read forwards."""
 
     def __init__(self, streams: Sequence[IO[bytes]]) -> None:
         self._streams = list(streams)
@@ -112,7 +112,7 @@ class Chain(io.RawIOBase):
 
 
 class Gunzip(io.RawIOBase):
-    """Unpacked bytes of a gzip stream, as long as they are in proportion to the packed ones."""
+    """Unpacked bytes of a gzip stream, refused if they are out of proportion to the packed ones."""
 
     def __init__(self, packed: IO[bytes], label: str) -> None:
         self._packed = _Counted(packed)

@@ -28,6 +28,14 @@ def both_sides(simulator: Simulator, grid: LevelGrid, seed: int) -> tuple[Quanti
 
     Raises:
         DataError: If the checkpoint's own flights were measured in another way.
+
+    Example:
+        >>> from descentflow.diagnosis.open_simulator import open_simulator
+        >>> from descentflow.measurements.quantities import CHANNELS, grid_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> both_sides(open_simulator("best.ckpt"), grid, seed=0)[2]
+        'training flights'
     """
     parts = simulator.representation
     real = measured(grid)

@@ -46,7 +46,13 @@ class Simulator:
 
 
 def check_type(frame: pl.DataFrame, simulator: Simulator) -> None:
-    """Refuse flights of another type (DataError)."""
+    """Refuse flights of another type (DataError).
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> check_type(read_descents("descents.parquet").frame, Simulator(aircraft("A320")))  # no error: they are A320
+    """
     types = {str(t) for t in frame["typecode"].drop_nulls().unique()} if "typecode" in frame.columns else set()
     known = {simulator.aircraft.typecode}
     if simulator.representation is not None:

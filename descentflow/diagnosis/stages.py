@@ -31,6 +31,13 @@ def stages_of(simulator: Simulator, frame: pl.DataFrame, seed: int) -> list[Stag
 
     Returns:
         The stages with their shares and their distances; none for a nominal simulator.
+
+    Example:
+        >>> from descentflow.diagnosis.open_simulator import open_simulator
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> stages = stages_of(open_simulator("best.ckpt"), read_descents("descents.parquet").frame, seed=0)
+        >>> [stage.name for stage in stages]
+        ['measurement', 'representation', 'coupling', 'density', 'rejection', 'decoder']
     """
     parts = simulator.representation
     if parts is None or simulator.sampler is None:

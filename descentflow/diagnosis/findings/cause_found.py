@@ -96,6 +96,10 @@ class Heterogeneity:
     Attributes:
         kind: The law that the effect claims.
         spread_of_shares: Standard deviation between flights of what each shows of the effect's shape, with mean one.
+
+    Example:
+        >>> Heterogeneity("window mixture", spread_of_shares=0.9).kind
+        'window mixture'
     """
 
     kind: str
@@ -104,7 +108,12 @@ class Heterogeneity:
 
 @dataclass(frozen=True)
 class RivalClosure:
-    """Share of the gap that another effect would close, fitted alone in the place of the causes."""
+    """Share of the gap that another effect would close, fitted alone in the place of the causes.
+
+    Example:
+        >>> RivalClosure("mass", closure=0.3).closure
+        0.3
+    """
 
     effect: str
     closure: float | None

@@ -16,6 +16,10 @@ class NullTest:
         by_effect: How far the best sensitivity stands out, in null spreads.
         by_discrepancy: The same of a free discrepancy.
         n_permutations: Permutations behind them.
+
+    Example:
+        >>> NullTest(p_value=1 / 300, by_effect=41.0, by_discrepancy=25.0, n_permutations=299).n_permutations
+        299
     """
 
     p_value: float
@@ -50,7 +54,12 @@ class Discrepancy:
 
 @dataclass(frozen=True)
 class SingleEffect:
-    """An effect of the catalogue fitted alone: gain in held-out log score (nats), its error, and the parameters."""
+    """An effect of the catalogue fitted alone: gain in held-out log score (nats), its error, and the parameters.
+
+    Example:
+        >>> SingleEffect("drag_polar", score_gain=210.0, error=15.0, parameters={"relative_change": 0.12}).score_gain
+        210.0
+    """
 
     effect: str
     score_gain: float
@@ -63,6 +72,10 @@ class Curve:
     """Mean difference of one quantity by band, before and after the causes are added, with its standard error.
 
     ``level_fl`` is None for a quantity of the whole flight.
+
+    Example:
+        >>> Curve([157.5, 172.5], before=[0.05, 0.03], after=[0.0, 0.01], error=[0.01, 0.01]).after
+        [0.0, 0.01]
     """
 
     level_fl: list[float | None]

@@ -19,6 +19,10 @@ class GapCell:
         difference: Mean of the flights minus that of the simulator's.
         q_value: Smallest false-discovery rate at which it would be called.
         share: Share of the whole gap.
+
+    Example:
+        >>> GapCell("tas", 150.0, 195.0, "below", "all", 0.02, 0.001, "relative", 0.02, 0.005, 0.4).difference
+        0.02
     """
 
     quantity: str
@@ -42,6 +46,10 @@ class Stage:
         name: ``measurement``, ``representation``, ``coupling``, ``density``, ``rejection`` or ``decoder``.
         share: Of all stages.
         seconds: Mean distance of the times for each 1,500 ft.
+
+    Example:
+        >>> Stage("representation", share=0.32, seconds=3.6).name
+        'representation'
     """
 
     name: str

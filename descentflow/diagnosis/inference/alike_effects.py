@@ -33,6 +33,14 @@ def rivals_of(
         rest: Those without the one in question.
         singles: Every effect alone.
         gain: Nats that the one in question gains.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> fit = fit_effects(likelihood, ["temperature", "mass"])
+        >>> sorted(rivals_of(likelihood, fit, ["temperature"], {}, gain=1000.0))  # none comes near that
+        []
     """
     others = [e for e in likelihood.catalogue if e not in chosen.effects]
     if not rest:

@@ -59,6 +59,16 @@ def shared_effects(
 
     Returns:
         The causes, None if there is none.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.effects import EFFECTS
+        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = quantities_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> warm = {"temperature": EFFECTS["temperature"]}
+        >>> shared_effects(flights, aircraft("A320"), warm, 0, lambda stage: None) is None  # in standard air
+        True
     """
     sizes = {name: effect.inherited_from for name, effect in catalogue.items()}
     able = {name: catalogue[name] for name, size in sizes.items() if size is not None}

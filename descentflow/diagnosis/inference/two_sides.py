@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 from descentflow.aircraft_types.aircraft import Aircraft
-from descentflow.core.units import FL_M, FPM_MPS
+from descentflow.core.units import FL_M
+from descentflow.diagnosis.inference.compared_state import state_of
 from descentflow.effects.flight_state import FlightState, implied_mass_kg, log_rate
 from descentflow.measurements.quantities import Quantities
 from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT, QUANTITIES
@@ -32,9 +33,6 @@ NEGLIGIBLE = {
     "missing": 0.005,
 }
 """Shifts of a mean that mean nothing in practice, in each quantity's unit: what equations leave out, and no more."""
-EDGE_NOISE = 0.7
-"""Variance of the change of a rate over a band by its noise, in squares of the short-scale noise: means of a few
-reports at either edge, each of which serves several levels."""
 SETTLED_M = 300.0
 """Rates are compared from so far below the highest level seen: above it, they are of how a descent begins, and how
 late a report is shows as much as how steep the descent is."""
@@ -151,52 +149,6 @@ class Compared:
         if e.band < 0:
             return float(levels[0] - self.band_fl / 2), float(levels[-1] + self.band_fl / 2)
         return float(levels[e.band] - self.band_fl / 2), float(levels[e.band] + self.band_fl / 2)
-
-
-def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightState:
-    """What effects may look at; bands without a report have the column's mean speed, and no mask.
-
-    Example:
-        >>> from descentflow.aircraft_types.registry import aircraft
-        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
-        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
-        >>> flights = quantities_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
-        >>> state_of(flights, aircraft("A320"), 60e3).cas_mps.shape
-        torch.Size([120, 13])
-    """
-    physics = flights.physics
-    cas = physics["cas_mps"]
-    filled = torch.where(cas.isfinite(), cas, cas.nanmean(0).nan_to_num(140.0))
-    return FlightState(
-        aircraft,
-        mass_kg,
-        flights.altitude_m,
-        flights.band_fl * FL_M,
-        filled,
-        physics["cas_slope_per_s"],
-        physics["tailwind_mps"],
-        physics["log_rate"].isfinite(),
-        physics["depth_m"],
-        rate_slope_per_m=_calibrated_slope(flights),
-    )
-
-
-def _calibrated_slope(flights: Quantities) -> Tensor:
-    """Slopes of the reported rate (n, K) drawn towards each band's mean by as much as their noise scatters them.
-
-    A lag is the slope of a regression on them, which noise in them would flatten (regression calibration: Carroll et
-    al., Measurement Error in Nonlinear Models, chapter 4).
-    """
-    slope, rate = flights.physics["rate_slope_per_m"], flights.physics["log_rate"].exp()
-    if "noise_rate" not in flights.values:
-        # Sampled flights have none, and so nothing is known of it where they are one of the sides.
-        return slope
-    noise_mps = flights.values["noise_rate"].exp()[:, None] * FPM_MPS
-    noise = EDGE_NOISE * (noise_mps / (flights.band_fl * FL_M * rate)) ** 2
-    mean = slope.nanmean(0)
-    spread = ((slope - mean) ** 2).nanmean(0)
-    true = (spread - noise.where(slope.isfinite(), torch.nan).nanmean(0)).clamp(min=0.0)
-    return torch.where(noise.isfinite(), mean + true / (true + noise) * (slope - mean), torch.nan)
 
 
 def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, slack: float = 1.0) -> Compared:

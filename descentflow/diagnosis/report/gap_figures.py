@@ -21,6 +21,11 @@ def where_figure(curves: Mapping[str, Curve]) -> Figure:
 
     Args:
         curves: By quantity, as a report's details hold them.
+
+    Example:
+        >>> from descentflow.diagnosis.findings.findings import Curve
+        >>> curve = Curve([157.5, 172.5], before=[0.05, 0.03], after=[0.0, 0.01], error=[0.01, 0.01])
+        >>> where_figure({"rate": curve, "level": Curve([None], [3.0], [0.0], [2.0])}).savefig("where.png")
     """
     banded = [q for q, c in curves.items() if c.level_fl[0] is not None]
     single = [q for q, c in curves.items() if c.level_fl[0] is None]
@@ -64,6 +69,11 @@ def singles_figure(
         chosen: Effects that are named.
         group: Effects that these data cannot tell from them.
         label: Name of an effect for readers.
+
+    Example:
+        >>> from descentflow.diagnosis.findings.findings import SingleEffect
+        >>> singles = [SingleEffect("drag_polar", 210.0, 15.0, {}), SingleEffect("mass", 190.0, 15.0, {})]
+        >>> singles_figure(singles, ["drag_polar"], ["mass"], str.upper).savefig("singles.png")
     """
     rows = list(reversed(singles))
     figure = Figure(figsize=(8.5, 0.34 * len(rows) + 1.4), layout="constrained")
@@ -87,6 +97,11 @@ def curves_figure(curves: Mapping[str, Curve], shown: Sequence[str]) -> Figure:
     Args:
         curves: By quantity, see :func:`where_figure`.
         shown: Quantities to draw, at most four.
+
+    Example:
+        >>> from descentflow.diagnosis.findings.findings import Curve
+        >>> curve = Curve([157.5, 172.5], before=[0.05, 0.03], after=[0.0, 0.01], error=[0.01, 0.01])
+        >>> curves_figure({"rate": curve}, ["rate"]).savefig("curves.png")
     """
     count = max(len(shown), 1)
     figure = Figure(figsize=(2.9 * count + 0.8, 4.2), layout="constrained")
@@ -119,18 +134,24 @@ def closure_figure(
         rivals: What every other effect would close.
         names: The causes.
         label: Name of an effect for readers.
+
+    Example:
+        >>> from descentflow.diagnosis.findings.cause_found import RivalClosure
+        >>> closure_figure(0.67, 0.2, 0.08, [RivalClosure("mass", 0.3)], "drag polar", str).savefig("closure.png")
     """
-    figure = Figure(figsize=(9.0, 0.26 * len(rivals) + 2.2), layout="constrained")
+    figure = Figure(figsize=(10.0, 0.26 * len(rivals) + 2.2), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1, 1.5])
     left.bar([0, 1], [before, after], color=[RED, BLUE], width=0.6)
     left.axhline(floor, color="#444444", linestyle=":", label="noise floor: two samples of one population")
     left.set_xticks([0, 1], ["before", f"with {names}"], fontsize=9)
     left.set_ylabel("gap (spreads between flights)", fontsize=9)
-    left.legend(frameon=False, fontsize=8)
+    # Room for the legend above the higher bar.
+    left.set_ylim(top=1.2 * max(before, after, floor, 1e-6))
+    left.legend(frameon=False, fontsize=8, loc="upper left")
     rows = [(label(r.effect), r.closure) for r in reversed(rivals) if r.closure is not None]
     right.barh(range(len(rows)), [max(100 * closure, -20.0) for _, closure in rows], color=GREY)
     right.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=8)
     right.set_xlim(-22, 105)
-    right.set_xlabel("share of the gap that a wrong effect, fitted in its place, would close (%)", fontsize=9)
+    right.set_xlabel("share of the gap that another effect in its place would close (%)", fontsize=9)
     tidy([left, right])
     return figure

@@ -7,7 +7,15 @@ from descentflow.measurements.quantity_registry import label_of
 
 
 def sentences(found: Findings) -> list[str]:
-    """Where, what, and how far: three sentences."""
+    """Where, what, and how far: three sentences.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> sentences(report)[1].split(",")[0]
+        'The cause is lighter aircraft.'
+    """
     if found.verdict == "none":
         return [
             f"The flights do not differ from the simulator's by more than chance would (p = {found.p_value:.2g}).",

@@ -26,11 +26,12 @@ nav a:hover, nav a:focus { text-decoration: underline; }
 figure { margin: 1.2rem 0; } figcaption { color: var(--muted); font-size: .88rem; max-width: 50rem; margin-top: .3rem; }
 img { display: block; max-width: 100%; height: auto; background: #fff; border-radius: 2px; }
 .scroll { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .86rem; line-height: 1.4; margin: .8rem 0;
+table { border-collapse: separate; border-spacing: 0; font-size: .86rem; line-height: 1.4; margin: .8rem 0;
   font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: var(--muted); padding-bottom: .3rem; }
 td, th { padding: .2rem .65rem; text-align: left; vertical-align: top; }
-tbody td { border-top: 1px solid var(--faint); } tbody tr:last-child td { border-bottom: 1px solid var(--faint); }
+tbody td { border-top: 1px solid var(--faint); } tbody tr:first-child td { border-top: 0; }
+tbody tr:last-child td { border-bottom: 1px solid var(--faint); }
 td:first-child, th:first-child { padding-left: 0; }
 thead th { border-bottom: 1px solid var(--muted); vertical-align: bottom; font-weight: 600; }
 tbody tr.group td { border-top-color: var(--muted); }

@@ -6,5 +6,7 @@ each flight, with :mod:`~descentflow.simulation.constant_segments`), :mod:`~desc
 :mod:`~descentflow.simulation.motion` and :mod:`~descentflow.simulation.autopilot` (how it is flown),
 :mod:`~descentflow.simulation.truth` and :mod:`~descentflow.simulation.observe` (the tables that result). Effects that a
 diagnosis is to find are injected by :mod:`~descentflow.simulation.causes` through
-:mod:`~descentflow.simulation.injected`. Nothing here shares an equation with the decoder that it tests.
+:mod:`~descentflow.simulation.injected`. Nothing of this shares an equation with the
+decoder that it tests. A second world, :mod:`~descentflow.simulation.jsbsim_world`, flies the aircraft of another
+program.
 """

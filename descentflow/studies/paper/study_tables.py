@@ -22,7 +22,7 @@ WITHIN = 1.05
 
 
 def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
-    """Scores of every type and model, one row per quantity and statistic.
+    """The paper's scores of every type and model, one row per quantity and statistic; other scores are left out.
 
     Returns:
         Columns ``typecode model``, those of :class:`descentflow.evaluation.metrics.score_table.Score`, and ``low
@@ -37,6 +37,9 @@ def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
             intervals = pl.read_csv(folder / typecode / name / "intervals.csv", infer_schema_length=None)
             ends = intervals.with_columns(pl.col("low", "high").cast(pl.Float64))
             frame = frame.join(ends, on=["quantity", "statistic"], how="left")
+            frame = frame.filter(
+                pl.col("quantity").is_in(list(QUANTITIES)), pl.col("statistic").is_in(list(STATISTICS))
+            )
             parts.append(frame.select(pl.lit(typecode).alias("typecode"), pl.lit(name).alias("model"), pl.all()))
     return pl.concat(parts, how="diagonal_relaxed")
 

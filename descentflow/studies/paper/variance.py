@@ -21,6 +21,7 @@ from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
+from descentflow.studies.paper.study_tables import STATISTICS
 
 SAMPLES = 1_000
 RESTARTS = 2
@@ -132,5 +133,5 @@ def _one_share(
     return [
         FoldScore(**about, quantity=s.quantity, statistic=s.statistic, unit=s.unit, score=s.score)
         for s in found
-        if s.quantity in QUANTITIES
+        if s.quantity in QUANTITIES and s.statistic in STATISTICS
     ]

@@ -57,7 +57,7 @@ def context_rows(context: Contexts | None, encoder: ContextEncoder | None) -> pl
 
 
 def _one_row(context: Mapping[str, Any], encoder: ContextEncoder) -> pl.DataFrame:
-    encoder.given(context)  # refuses unknown names and values
+    encoder.encode_one(context)  # refuses unknown names and values
     kinds = {column.name: pl.String if column.kind == "category" else pl.Float64 for column in encoder.columns}
     return pl.DataFrame([pl.Series(name, [value]).cast(kinds[name]) for name, value in context.items()])
 

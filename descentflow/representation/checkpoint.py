@@ -12,7 +12,7 @@ from descentflow.core.errors import CheckpointError
 from descentflow.representation.representation import Representation
 
 SECTION = "descentflow"
-"""Key of a checkpoint under which everything stands that Lightning does not save itself."""
+"""Key of a checkpoint under which everything is kept that Lightning does not save itself."""
 FORMAT = 2
 """Version of that section."""
 MEND = "pass a .ckpt file that `descentflow fit` wrote, for instance runs/.../checkpoints/best.ckpt"
@@ -24,6 +24,10 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     Raises:
         CheckpointError: If the file is missing, truncated, not a checkpoint, not ours, of another format, or
             holds objects that would have to execute code.
+
+    Example:
+        >>> read_checkpoint("best.ckpt")["descentflow"]["model"]
+        'GaussianDensity'
     """
     if not Path(path).is_file():
         raise CheckpointError(f"no file {path}", expected="a checkpoint", mend=MEND)
@@ -58,6 +62,10 @@ def load_representation(path: str | Path) -> Representation:
 
     Raises:
         CheckpointError: As :func:`read_checkpoint`.
+
+    Example:
+        >>> load_representation("best.ckpt").decoder.aircraft.typecode
+        'A320'
     """
     content = read_checkpoint(path)
     try:
@@ -67,7 +75,12 @@ def load_representation(path: str | Path) -> Representation:
 
 
 def incomplete(path: str | Path, error: Exception) -> CheckpointError:
-    """The error for a checkpoint that lacks something, or holds what cannot be."""
+    """The error for a checkpoint that lacks something, or holds an impossible value.
+
+    Example:
+        >>> print(incomplete("best.ckpt", KeyError("decoder")).got)
+        best.ckpt: 'decoder'
+    """
     return CheckpointError(
         f"{path}: {str(error).splitlines()[0]}", expected="all that a descentflow checkpoint holds", mend=MEND
     )

@@ -26,6 +26,12 @@ class Column:
     A number is standardised. An hour becomes the sine and cosine of the day's angle: 23:59 is close to 00:01. A
     category is one 0/1 number for each value but the most frequent. With ``indicator`` one more 0/1 number says that
     the value is missing, and the others are then zero.
+
+    Example:
+        >>> Column("operator", "category", values=("AFR", "DLH", "(other)")).encode(pl.Series(["DLH", "AFR", "KLM"]))
+        tensor([[1., 0.],
+                [0., 0.],
+                [0., 1.]], dtype=torch.float64)
     """
 
     name: str
@@ -51,7 +57,7 @@ class Column:
         return known | series.is_not_null() if OTHER in self.values else known
 
     def encode(self, series: pl.Series) -> Tensor:
-        """Numbers (n, width), float64; what cannot be used is zero, with its indicator where there is one."""
+        """Numbers (n, width), float64; values that cannot be used are zero, with their indicator where there is one."""
         usable = torch.from_numpy(self.usable(series).to_numpy().copy())
         if self.kind == "category":
             named = series.cast(pl.String).fill_null("").to_list()
@@ -72,10 +78,12 @@ class ContextEncoder:
     """Columns of a flight table as (n, width) standardised numbers, fitted on training flights alone.
 
     Example:
+        >>> train = pl.DataFrame({"deviation_k": [0.0, 10.0] * 20, "operator": ["AFR", "AFR", "DLH", "DLH"] * 10})
         >>> encoder = ContextEncoder.fit(train, ["deviation_k", "operator"])
-        >>> encoder.encode(flights).shape
-        torch.Size([1440, 3])
-        >>> encoder.given({"deviation_k": "10", "operator": "FST"})  # (1, 3)
+        >>> encoder.encode(train).shape
+        torch.Size([40, 2])
+        >>> encoder.encode_one({"deviation_k": "5", "operator": "DLH"})
+        tensor([[0., 1.]], dtype=torch.float64)
     """
 
     def __init__(self, columns: Sequence[Column]) -> None:
@@ -121,18 +129,18 @@ class ContextEncoder:
             raise ConfigError(
                 f"no value for the context {', '.join(absent)}",
                 expected=self.describe(),
-                mend="give every column that the model was conditioned on",
+                mend="pass every column that the model was conditioned on",
             )
         bad = [(name, frame[name].filter(rows)) for name, rows in self.lacking(frame).items() if bool(rows.any())]
         if bad:
             raise ConfigError(
                 "; ".join(f"{name} = {values[0]!r}" for name, values in bad),
                 expected=self.describe(),
-                mend="give values that the training flights had",
+                mend="pass values that the training flights had",
             )
         return torch.cat([column.encode(frame[column.name]) for column in self.columns], 1)
 
-    def given(self, values: Mapping[str, Any]) -> Tensor:
+    def encode_one(self, values: Mapping[str, Any]) -> Tensor:
         """Numbers (1, width) of one context.
 
         Args:
@@ -144,7 +152,7 @@ class ContextEncoder:
         unknown = [name for name in values if name not in self.names]
         if unknown:
             raise ConfigError(
-                f"context {', '.join(unknown)}", expected=self.describe(), mend="give only what the model knows"
+                f"context {', '.join(unknown)}", expected=self.describe(), mend="pass only what the model knows"
             )
         return self.encode(pl.DataFrame({name: [value] for name, value in values.items()}))
 

@@ -20,14 +20,23 @@ RULES = (
     "cas_above_bound",
     "descends_too_slowly",
 )
-"""Why a draw may be rejected, in the order in which reports list them."""
+"""Reasons to reject a draw, in the order in which reports list them."""
 
 
 class Plausibility(nn.Module):
-    """What the training flights say is plausible: bounds per level, the slowest descent, and entry levels.
+    """Plausible range of the training flights: bounds per level, the slowest descent, and entry levels.
+
+    To change the bounds, fit with another ``data.margin``.
 
     Shapes: bounds (L,), ``slowest_rate_mps`` () negative, ``entry_counts`` (L,) number of training flights
     whose highest level it is.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> bounds, flown = model.representation.plausibility, model.representation.decoder(model.sample(50, seed=0))
+        >>> bounds.broken_rules(flown).shape  # (draws, rules)
+        torch.Size([50, 6])
     """
 
     drag_low: Tensor

@@ -21,9 +21,15 @@ BLOCK = 4096
 
 @dataclass(frozen=True)
 class Profiles:
-    """CAS, rate and drag of n flights on L ascending levels; what stands where ``mask`` is false has no meaning.
+    """CAS, rate and drag of n flights on L ascending levels; values where ``mask`` is false have no meaning.
 
     Shapes: ``levels_fl`` (L,), all else (n, L); float64.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> profiles = profiles_from_frame(pl.read_parquet("descents.parquet"), aircraft("A320"), bottom_fl=150)
+        >>> profiles.cas_mps.shape, profiles.subset([0, 3]).cas_mps.shape
+        (torch.Size([120, 234]), torch.Size([2, 234]))
     """
 
     flight_ids: tuple[str, ...]
@@ -63,7 +69,7 @@ class Profiles:
         )
 
     def up_to(self, top_fl: int) -> "Profiles":
-        """The same flights on the levels up to and including ``top_fl``."""
+        """The same flights, on the levels up to and including ``top_fl`` only."""
         n = int((self.levels_fl <= top_fl).sum())
         return Profiles(
             self.flight_ids,
@@ -94,7 +100,10 @@ def infer_drag_n(
         (n, L) drag.
 
     Example:
-        >>> drag_n = infer_drag_n(aircraft("A320"), cas_mps, rate_mps, altitude_m)
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> cas_mps, rate_mps = torch.full((1, 2), 150.0), torch.full((1, 2), -10.0)
+        >>> infer_drag_n(aircraft("A320"), cas_mps, rate_mps, torch.tensor([6000.0, 6100.0])).round(decimals=-2)
+        tensor([[37600., 37500.]])
     """
     state = idle_state(aircraft, cas_mps, altitude_m, deviation_k)
     return inferred_drag_n(
@@ -121,6 +130,13 @@ def profiles_from_frame(
 
     Raises:
         DataError: If no flight has a level on the grid.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> profiles = profiles_from_frame(frame, aircraft("A320"), bottom_fl=150, top_fl=350)
+        >>> len(profiles), int(profiles.levels_fl[-1])
+        (120, 350)
     """
     highest = frame["level_fl"].to_numpy().max(initial=bottom_fl) if top_fl is None else top_fl
     # Only what is read: the join below copies every row, of which there are millions.
@@ -142,10 +158,10 @@ def profiles_from_frame(
         _scatter(placed[name].to_numpy().astype(np.float64), index, len(flight_ids), len(levels))
         for name in ("time_s", "IAS", "vertical_rate")
     )
-    # Where nothing was observed, a harmless speed keeps the arithmetic finite; the mask hides the result.
+    # A plausible speed keeps the arithmetic finite at missing levels; the mask hides the result.
     cas_mps = torch.where(mask, cas_kt, 250.0) * KT_MPS
     rate_mps = rate_fpm * FPM_MPS
-    # Flight by flight it is the same; block by block the many steps of the equation need no memory of all flights.
+    # Flights are independent: in blocks, the steps of the equation need no memory for all flights at once.
     blocks = zip(torch.split(cas_mps, BLOCK), torch.split(rate_mps, BLOCK), strict=True)
     drag_n = torch.cat([infer_drag_n(aircraft, cas, rate, levels * FL_M, mass_kg) for cas, rate in blocks])
     return Profiles(tuple(flight_ids), levels, time_s, cas_mps, rate_mps, torch.where(mask, drag_n, 0.0), mask)

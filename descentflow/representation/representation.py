@@ -1,4 +1,4 @@
-"""What is fitted before any density: bases, scaler, bounds and the split, from the training flights alone."""
+"""Bases, scaler, bounds and split: fitted before any density, to the training flights alone."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -21,7 +21,12 @@ from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 @dataclass(frozen=True)
 class Split:
-    """Flight identifiers of the three parts; no flight is in two of them."""
+    """Flight identifiers of the three parts; no flight is in two of them.
+
+    Example:
+        >>> Split.from_state(Split(("a",), ("b",), ("c",)).to_state()).validation
+        ('b',)
+    """
 
     train: tuple[str, ...]
     validation: tuple[str, ...]
@@ -38,7 +43,14 @@ class Split:
 
 
 class Representation(nn.Module):
-    """Decoder, plausibility bounds and split: all that a latent model needs besides its own density."""
+    """Decoder, plausibility bounds and split: all that a latent model needs besides its own density.
+
+    Example:
+        >>> from descentflow.representation.checkpoint import load_representation
+        >>> parts = load_representation("best.ckpt")
+        >>> len(parts.split.train), parts.decoder.dimension
+        (86, 5)
+    """
 
     def __init__(
         self,
@@ -132,6 +144,15 @@ def fit_representation(
 
     Raises:
         DataError: If the flights do not vary or a level is observed by fewer than two of them.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> import polars as pl
+        >>> train = profiles_from_frame(pl.read_parquet("descents.parquet"), aircraft("A320"), 150, 330)
+        >>> parts = fit_representation(train, aircraft("A320"), Split(train.flight_ids, (), ()))
+        >>> parts.decoder.encode(train).std(0).round(decimals=6).unique()  # standardised
+        tensor([1.], dtype=torch.float64)
     """
     drag = GappyFPCA(explained_variance, method).fit(train.drag_n, train.mask, FL_M).basis_
     cas = GappyFPCA(explained_variance, method).fit(train.cas_mps, train.mask, FL_M).basis_

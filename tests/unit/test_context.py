@@ -265,7 +265,7 @@ def test_a_checkpoint_keeps_the_context(name: str, tmp_path: Path) -> None:
     torch.save(content_of(model.density), tmp_path / "m.ckpt")
     loaded = load_model(tmp_path / "m.ckpt")
     assert loaded.representation.context is not None
-    rows = loaded.representation.context.given({"a": "0.5", "b": -1})
+    rows = loaded.representation.context.encode_one({"a": "0.5", "b": -1})
     assert torch.equal(loaded.sample(20, 1, rows), model.sample(20, 1, rows))
 
 
@@ -337,9 +337,9 @@ def test_rare_and_unseen_categories_are_the_others() -> None:
     rare = frame.with_columns(operator=pl.when(pl.col("deviation_k") < 3).then(pl.lit("ZZZ")).otherwise("operator"))
     encoder = ContextEncoder.fit(rare, ["operator"])
     assert encoder.columns[0].values == ("BBB", "AAA", OTHER)
-    assert torch.equal(encoder.given({"operator": "NEW"}), encoder.given({"operator": "ZZZ"}))
+    assert torch.equal(encoder.encode_one({"operator": "NEW"}), encoder.encode_one({"operator": "ZZZ"}))
     with pytest.raises(ConfigError, match="operator = 'NEW'"):
-        ContextEncoder.fit(frame, ["operator"]).given({"operator": "NEW"})
+        ContextEncoder.fit(frame, ["operator"]).encode_one({"operator": "NEW"})
 
 
 def test_missing_values_have_their_indicator_or_are_refused() -> None:
@@ -368,7 +368,7 @@ def test_missing_values_have_their_indicator_or_are_refused() -> None:
 def test_a_context_that_cannot_be_says_what_could(values: dict[str, str], message: str) -> None:
     encoder = ContextEncoder.fit(flights_table(), ["deviation_k", "operator"])
     with pytest.raises(ConfigError, match=message):
-        encoder.given(values)
+        encoder.encode_one(values)
 
 
 def test_columns_that_tell_nothing_are_refused() -> None:

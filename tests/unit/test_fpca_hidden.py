@@ -8,7 +8,7 @@ from torch import Tensor
 from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
 from descentflow.representation.fpca.gappy import GappyFPCA
-from descentflow.representation.fpca.hidden import FEWEST, hide
+from descentflow.representation.fpca.hidden import MIN_SHARE_SHOWN, hide
 from descentflow.studies.paper.figures.hidden_errors import gappy_figure
 from descentflow.studies.paper.hidden_levels import METHODS, hidden_errors
 
@@ -25,7 +25,7 @@ def test_what_is_hidden_was_observed_and_leaves_enough(pattern: str) -> None:
     left = mask & ~hidden
     assert bool(left.any(1).all())
     touched = hidden.any(0)
-    assert bool((left.sum(0)[touched] >= FEWEST * 200).all())
+    assert bool((left.sum(0)[touched] >= MIN_SHARE_SHOWN * 200).all())
     # Thirty percent are asked for; thin levels at the top are spared.
     assert 0.15 < float(hidden.sum() / mask.sum()) < 0.35
 

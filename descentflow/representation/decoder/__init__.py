@@ -1,5 +1,7 @@
 """From weights to trajectories: drag and CAS, then batched total-energy integration.
 
-Read :mod:`~descentflow.representation.decoder.descent_decoder`, then
-:mod:`~descentflow.representation.decoder.trajectories`.
+Reading order: :mod:`~descentflow.representation.decoder.descent_decoder`,
+:mod:`~descentflow.representation.decoder.trajectories` (integration),
+:mod:`~descentflow.representation.decoder.rate_jumps` (where the rate is discontinuous),
+:mod:`~descentflow.representation.decoder.fused` (the same numbers, faster).
 """

@@ -18,10 +18,10 @@ from descentflow.representation.profiles import Profiles
 
 
 class FlownCorrection(Protocol):
-    """What changes descents after they were flown, for instance by effects that a diagnosis found."""
+    """A change of descents after they were flown, for instance by the effects that a diagnosis found."""
 
     def apply(self, aircraft: Aircraft, flown: Trajectories, draws: DrawNumbers) -> Trajectories:
-        """The descents as they are with the correction; ``draws`` numbers them, for what takes some flights only."""
+        """The corrected descents; ``draws`` numbers them, for effects that only a share of the flights has."""
 
     def to_state(self) -> dict[str, Any]:
         """Primitives for a checkpoint."""
@@ -30,13 +30,19 @@ class FlownCorrection(Protocol):
 class DescentDecoder(nn.Module):
     """Map standardised weights to descents, and descents to standardised weights.
 
-    A weight vector holds the drag scores first, then the CAS scores (paper, section 2.3), each less its mean and
+    A weight vector holds the weights of drag first, then those of CAS (paper, section 2.3), each minus its mean and
     divided by its standard deviation over the training flights.
 
     Example:
-        >>> model = load_model("runs/a320/checkpoints/best.ckpt")
-        >>> flown = model.decoder(model.sample(100, seed=0), entry=torch.full((100,), 150))
-        >>> flown.time_s[:, 0]  # seconds from entry to the lowest level
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> decoder = model.representation.decoder
+        >>> flown = decoder(model.sample(100, seed=0), entry=torch.full((100,), 150))
+        >>> flown.time_s[:, 0].shape  # seconds from entry to the lowest level
+        torch.Size([100])
+        >>> hot = decoder(model.sample(100, seed=0), entry=torch.full((100,), 150), deviation_k=10.0)
+        >>> bool((hot.tas_mps > flown.tas_mps)[flown.mask].all())
+        True
     """
 
     levels_fl: Tensor
@@ -66,7 +72,7 @@ class DescentDecoder(nn.Module):
             weight_mean: (d,) mean of the training flights' weights.
             weight_scale: (d,) their standard deviation.
             mass_kg: Mass that inferred the drag and flies it; the reference mass if absent.
-            correction: Applied to what was flown, for instance effects that a diagnosis found.
+            correction: Applied to the flown descents, for instance effects that a diagnosis found.
         """
         super().__init__()
         self.correction = correction
@@ -122,11 +128,11 @@ class DescentDecoder(nn.Module):
             deviation_k: ISA temperature deviation.
             aircraft: Other coefficients, for instance tensors to differentiate by.
             wind_mps: (L,) or (n, L) along-track wind on the grid, positive from behind.
-            exact_energy_share: Not BADA's energy share factor but that of the CAS itself; see
+            exact_energy_share: Use the energy share factor of the CAS profile itself instead of BADA's; see
                 :func:`descentflow.representation.decoder.trajectories.integrate`.
             out: Descents of the same shape whose arrays may take the result.
             compiled: Fuse the arithmetic by ``torch.compile``: pays from millions of descents on.
-            draws: Seed and numbers of these draws: by them a correction takes its share of the flights.
+            draws: Seed and numbers of these draws, which determine the flights that a partial effect changes.
         """
         drag_n, cas_mps = self.curves(weights)
         if entry is None:

@@ -20,7 +20,16 @@ Kernel = Callable[[LevelTable, Tensor, Tensor, tuple[Tensor, ...]], None]
 
 
 def is_plain(*values: object) -> bool:
-    """Whether no value asks for a gradient, and no coefficient varies by flight (profiles (n, L) may)."""
+    """Whether no value requires a gradient and no coefficient varies by flight.
+
+    Args:
+        *values: Two profiles (n, L), then coefficients.
+
+    Example:
+        >>> profile = torch.zeros(2, 3)
+        >>> is_plain(profile, profile, 1.0), is_plain(profile, profile, torch.ones(2, 1))
+        (True, False)
+    """
     return not any(isinstance(value, Tensor) and value.requires_grad for value in values) and not any(
         isinstance(value, Tensor) and value.numel() > 1 for value in values[2:]
     )

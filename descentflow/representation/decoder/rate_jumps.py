@@ -48,7 +48,7 @@ class Breaks(NamedTuple):
         """Time between neighbouring levels (n, L - 1) from slowness on the levels (n, L) and at the extras (n, b).
 
         Args:
-            slowness: (n, L) seconds a metre on the levels.
+            slowness: (n, L) seconds per metre on the levels.
             extra: (n, b) the same at the extras.
             half_step_m: (L - 1,) half the distance of neighbouring levels.
         """
@@ -68,6 +68,12 @@ def rate_breaks(aircraft: Aircraft, altitude_m: Tensor) -> Breaks:
     Args:
         aircraft: Coefficients; of tensor coefficients the first entry places the jumps, and gets their gradient.
         altitude_m: (L,) ascending altitudes.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> breaks = rate_breaks(aircraft("A320"), torch.arange(150.0, 351.0) * 30.48)
+        >>> [round(float(h)) for h in breaks.altitude_m[::2] / 30.48]  # H_p,des is below, the tropopause above
+        [318]
     """
     places = (transition_altitude_m(aircraft), TROPOPAUSE_M, descent_thrust_floor_ft(aircraft) * FT_M)
     # Placed in float64: in float32 the two sides of a jump at 10 km would be one number.

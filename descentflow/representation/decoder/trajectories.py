@@ -20,6 +20,13 @@ class Trajectories:
 
     Shapes: ``levels_fl`` (L,), ``entry`` (n,) index of the entry level, all else (n, L). ``time_s`` is zero at
     the entry level and grows downwards; levels above the entry have no meaning (``mask`` is false there).
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> flown = model.representation.decoder(model.sample(4, seed=0))
+        >>> len(flown), len(flown.subset(torch.tensor([0, 2])))
+        (4, 2)
     """
 
     levels_fl: Tensor
@@ -47,7 +54,15 @@ class Trajectories:
 
 
 def concatenate(parts: list[Trajectories]) -> Trajectories:
-    """Join batches on one grid."""
+    """Join batches on one grid.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> flown = model.representation.decoder(model.sample(4, seed=0))
+        >>> len(concatenate([flown, flown]))
+        8
+    """
     names = ("entry", "time_s", "cas_mps", "mach", "tas_mps", "rate_mps", "drag_n")
     return Trajectories(parts[0].levels_fl, *(torch.cat([getattr(p, name) for p in parts]) for name in names))
 
@@ -75,7 +90,7 @@ def integrate(
 
     The energy share factor is BADA's by default, of constant Mach above the transition altitude and of constant CAS
     below: the paper leaves BADA's algorithm unchanged, drag was inferred with the same factor, so that rates come back
-    as observed, and it needs no derivative of noisy speeds. The exact one follows the given CAS.
+    as observed, and it needs no derivative of noisy speeds. The exact one follows the CAS profile.
 
     Args:
         aircraft: Coefficients; tensors among them are differentiated through.
@@ -88,18 +103,26 @@ def integrate(
         deviation_k: ISA temperature deviation.
         wind_mps: (L,) or (n, L) along-track wind, positive from behind; its slope changes the energy share.
         exact_energy_share: Take the slope of the CAS itself for the energy share factor.
-        out: Descents of the same shape, not needed any more, whose arrays may take the result: on the CPU the system
-            can take longer to hand out new memory than the descents take to compute.
+        out: Descents of the same shape, no longer needed, whose arrays may be reused for the result: on the CPU
+            allocating memory can take longer than the computation.
         compiled: Let ``torch.compile`` fuse the arithmetic: about half the time for some ten seconds at the first
             call, and a C++ compiler (on a GPU, Triton) is needed. Without effect where gradients, wind or the exact
             energy share are asked for.
 
     Returns:
-        The trajectories. A rate that is not negative gives times that are not finite or not increasing: it is
-        the sampler that rejects those.
+        The trajectories. A rate that is not negative gives times that are not finite or not increasing; the
+        sampler rejects those.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> levels_fl = torch.arange(150, 351).double()
+        >>> drag_n, cas_mps = torch.full((1, 201), 45e3).double(), torch.full((1, 201), 140.0).double()
+        >>> flown = integrate(aircraft("A320"), levels_fl, levels_fl * 30.48, drag_n, cas_mps, torch.tensor([200]))
+        >>> round(float(flown.time_s[0, 0]) / 60)  # minutes from FL350 to FL150
+        8
     """
-    given = (*aircraft.numbers(), mass_kg, deviation_k)
-    if is_plain(drag_n, cas_mps, *given) and wind_mps is None and not exact_energy_share:
+    parameters = (*aircraft.numbers(), mass_kg, deviation_k)
+    if is_plain(drag_n, cas_mps, *parameters) and wind_mps is None and not exact_energy_share:
         arrays = None if out is None else (out.time_s, out.mach, out.tas_mps, out.rate_mps)
         time_s, mach, tas_mps, rate_mps = integrate_fast(
             aircraft, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k, out=arrays, compiled=compiled
@@ -113,7 +136,7 @@ def integrate(
 
 
 class Slopes(NamedTuple):
-    """What the energy share factor takes from the shape of the profiles (1/s): of wind, and of CAS if exact."""
+    """Slopes (1/s) of the profiles that enter the energy share factor: of wind, and of CAS if it is exact."""
 
     wind: Number = 0.0
     cas: Tensor | None = None
@@ -148,7 +171,7 @@ def integrate_plain(
         slopes.continued(breaks),
     )[2]
     leg_s = breaks.leg_times(-1 / rate_mps, -1 / extra_rate, altitude_m.diff() / 2)
-    # Seconds since entry: the integral of slowness from the bottom to the entry, less the part below the level.
+    # Seconds since entry: the integral of slowness from the bottom to the entry, minus the part below the level.
     climbed_s = torch.nn.functional.pad(leg_s.cumsum(1), (1, 0))
     time_s = climbed_s.gather(1, entry[:, None]) - climbed_s
     return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)

@@ -1,1 +1,7 @@
-"""Gappy functional principal component analysis of drag and of CAS."""
+"""Functional principal component analysis of drag and of CAS from profiles with missing levels.
+
+Reading order: :mod:`~descentflow.representation.fpca.gappy` (fit), :mod:`~descentflow.representation.fpca.basis` (what
+is kept), :mod:`~descentflow.representation.fpca.ppca` (probabilistic PCA),
+:mod:`~descentflow.representation.fpca.iterative` (the paper's own algorithm),
+:mod:`~descentflow.representation.fpca.hidden` (how far extrapolated levels are trusted).
+"""

@@ -21,9 +21,13 @@ class FunctionalBasis(nn.Module):
     ``noise_length`` () levels, which therefore count as one observation.
 
     Example:
-        >>> basis = GappyFPCA(explained_variance=0.8).fit(drag_n, mask, spacing_m=30.48).basis_
-        >>> weights = basis.encode(drag_n, mask)  # (n, k)
-        >>> basis.decode(weights)  # (n, L)
+        >>> from descentflow.representation.checkpoint import load_representation
+        >>> basis = load_representation("best.ckpt").decoder.cas_basis
+        >>> orthonormal = basis.components @ basis.components.T * basis.spacing_m
+        >>> torch.allclose(orthonormal, torch.eye(basis.n_components).double())
+        True
+        >>> basis.decode(torch.zeros(1, basis.n_components)).shape == (1, len(basis.mean))
+        True
     """
 
     spacing_m: float
@@ -69,7 +73,7 @@ class FunctionalBasis(nn.Module):
     def complete(self, values: Tensor, mask: Tensor) -> Tensor:
         """Profiles (n, L) with missing levels replaced by their expectation given the observed ones.
 
-        Observed levels are returned as they are; what stands at missing levels is not read.
+        Observed levels are returned as they are; masked values are ignored.
         """
         if self.loadings.shape[1] == 0 or bool(mask.all()):
             return torch.where(mask, values, self.decode(self.encode(values, mask)))
@@ -80,8 +84,8 @@ class FunctionalBasis(nn.Module):
     def encode(self, values: Tensor, mask: Tensor) -> Tensor:
         """Weights (n, k) of gappy profiles (n, L) with their mask of observed levels.
 
-        With probabilistic PCA these are the expected scores given the observed levels, equal to the usual
-        scores where nothing is missing.
+        With probabilistic PCA these are the expected weights given the observed levels, equal to the usual
+        projections where nothing is missing.
         """
         values = values.to(torch.float64)
         if self.loadings.shape[1] == 0:

@@ -31,9 +31,14 @@ class GappyFPCA:
     ``n_components_``, ``n_iterations_``, ``converged_``.
 
     Example:
-        >>> fpca = GappyFPCA(explained_variance=0.8).fit(values, mask, spacing_m=30.48)
-        >>> weights = fpca.transform(values, mask)
-        >>> curves = fpca.inverse_transform(weights)
+        >>> shape = torch.linspace(0, 1, 50).double()
+        >>> curves = 150 + torch.randn(30, 1).double() * shape + torch.randn(30, 1).double() * shape**2
+        >>> mask = torch.ones(30, 50, dtype=torch.bool)
+        >>> mask[:10, 40:] = False  # ten flights lack the upper levels
+        >>> fpca = GappyFPCA(explained_variance=0.99).fit(curves, mask, spacing_m=30.48)
+        >>> rebuilt = fpca.inverse_transform(fpca.transform(curves, mask))
+        >>> bool((rebuilt - curves)[mask].abs().max() < 0.5)
+        True
     """
 
     def __init__(
@@ -64,7 +69,7 @@ class GappyFPCA:
         """Fit to profiles.
 
         Args:
-            values: (n, L) profiles; what stands at missing levels is not read.
+            values: (n, L) profiles; masked values are ignored.
             mask: (n, L) bool, observed.
             spacing_m: Altitude between two levels.
 

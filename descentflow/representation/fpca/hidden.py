@@ -1,4 +1,4 @@
-"""Hide observed levels, and choose by them how far the levels that are left are believed."""
+"""Hide observed levels, and choose by them how precisely the remaining levels determine the weights."""
 
 from typing import Literal
 
@@ -8,10 +8,10 @@ from torch import Tensor
 from descentflow.representation.fpca.ppca import group_masks, posterior
 
 Pattern = Literal["top", "random"]
-FEWEST = 0.1
+MIN_SHARE_SHOWN = 0.1
 """Share of the flights that still show each level: the grid of a type ends where a quarter of them do."""
 LENGTHS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
-"""Levels that noise stays alike over, among which is chosen."""
+"""Correlation lengths of the noise in levels, among which one is chosen."""
 
 
 def hide(mask: Tensor, pattern: Pattern, share: float, generator: torch.Generator) -> Tensor:
@@ -32,22 +32,30 @@ def hide(mask: Tensor, pattern: Pattern, share: float, generator: torch.Generato
         from_top = mask.flip(1).cumsum(1).flip(1)
         hidden = mask & (from_top <= part * mask.sum(1, keepdim=True))
     hidden = hidden & (mask & ~hidden).any(1, keepdim=True)
-    return hidden & ((mask & ~hidden).sum(0) >= FEWEST * len(mask))
+    return hidden & ((mask & ~hidden).sum(0) >= MIN_SHARE_SHOWN * len(mask))
 
 
 def noise_length(centred: Tensor, mask: Tensor, hidden: Tensor, loadings: Tensor, noise: Tensor) -> Tensor:
-    """Levels over which the noise of a probabilistic PCA stays alike, as the choice that fills hidden levels best.
+    """Correlation length (levels) of the noise of a probabilistic PCA: the choice that predicts hidden levels best.
 
-    The model takes what its components leave over for white noise, level by level. It is smooth, so that neighbouring
-    levels tell the same thing, and a flight's weights, believed to a precision that they do not have, run away above
-    its highest level. So many levels are counted as one, that is, the noise variance is multiplied by their number.
+    The model takes the residual of its components for white noise, independent from level to level. It is smooth:
+    neighbouring levels carry the same information, and a flight's weights, trusted to a precision that they do not
+    have, diverge above its highest level. So that many levels count as one: the noise variance is multiplied by their
+    number.
 
     Args:
-        centred: (n, L) values less the mean.
+        centred: (n, L) values minus the mean.
         mask: (n, L) levels that the model was fitted to.
         hidden: (n, L) levels that it was not fitted to.
         loadings: (L, q).
         noise: Noise variance.
+
+    Example:
+        >>> shape = torch.ones(20, 1).double()
+        >>> centred = torch.randn(50, 1).double() @ shape.T + 0.1 * torch.randn(50, 20).double()
+        >>> seen = torch.arange(20).expand(50, 20) < 15
+        >>> float(noise_length(centred, seen, ~seen, shape, torch.tensor(0.01).double())) in LENGTHS
+        True
     """
     groups = group_masks(mask)
     seen = torch.where(mask, centred, 0.0)

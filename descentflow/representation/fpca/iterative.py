@@ -2,7 +2,7 @@
 
 The paper finds the weights of a flight mode by mode with sequential quadratic programming; each of those
 problems is a least-squares problem in one unknown, whose minimum is ``(phi . M y) / (phi . M phi)`` with M the
-flight's mask and y what earlier modes left over.
+flight's mask and y the residual of the earlier modes.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,10 @@ QUIET_ITERATIONS = 10
 
 @dataclass(frozen=True)
 class IterativeFit:
-    """Eigenvectors (L, L) as columns and eigenvalues (L,), largest first, of the completed data; its mean (L,)."""
+    """Eigenvectors (L, L) as columns and eigenvalues (L,), largest first, of the completed data; its mean (L,).
+
+    :func:`iterate` returns it.
+    """
 
     mean: Tensor
     eigenvalues: Tensor
@@ -32,9 +35,14 @@ def modewise_weights(centred: Tensor, mask: Tensor, modes: Tensor) -> Tensor:
     """Weights (n, k) of unit-norm modes (L, k), one mode after the other on the observed levels (appendix A, 3).
 
     Args:
-        centred: (n, L) values less the mean; what stands at missing levels is not read.
+        centred: (n, L) values minus the mean; masked values are ignored.
         mask: (n, L) observed.
         modes: (L, k) eigenvectors.
+
+    Example:
+        >>> mode = torch.tensor([[0.6], [0.8]])
+        >>> modewise_weights(torch.tensor([[3.0, 999.0]]), torch.tensor([[True, False]]), mode)  # 3 / 0.6
+        tensor([[5.]])
     """
     seen = mask.to(centred.dtype)
     rest = torch.where(mask, centred, 0.0)
@@ -55,6 +63,15 @@ def iterate(values: Tensor, mask: Tensor, explained_variance: float, *, max_iter
         mask: (n, L) observed.
         explained_variance: Share of variance whose modes rebuild the missing levels.
         max_iterations: The paper's bound is 50.
+
+    Example:
+        >>> shape = torch.linspace(0, 1, 50).double()
+        >>> curves = torch.randn(30, 1).double() * shape + torch.randn(30, 1).double() * shape**2
+        >>> mask = torch.ones(30, 50, dtype=torch.bool)
+        >>> mask[:10, 40:] = False  # ten flights lack the upper levels
+        >>> fitted = iterate(curves, mask, 0.9, max_iterations=50)
+        >>> fitted.converged, fitted.eigenvectors.shape
+        (True, torch.Size([50, 50]))
     """
     mean = observed_mean(values, mask)
     centred = torch.where(mask, values - mean, 0.0)

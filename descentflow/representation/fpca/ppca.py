@@ -19,7 +19,10 @@ CHUNK = 4096
 
 @dataclass(frozen=True)
 class PPCA:
-    """A fitted model: loadings (L, q), noise variance (), mean log-likelihood per observed value, iterations."""
+    """A fitted model: loadings (L, q), noise variance (), mean log-likelihood per observed value by iteration (nats).
+
+    :func:`em` returns it.
+    """
 
     loadings: Tensor
     noise_variance: Tensor
@@ -38,7 +41,12 @@ class MaskGroups:
 
 
 def group_masks(mask: Tensor) -> MaskGroups:
-    """Group flights (n, L) that observe the same levels."""
+    """Group flights (n, L) that observe the same levels.
+
+    Example:
+        >>> group_masks(torch.tensor([[True, False], [True, True], [True, False]])).group
+        tensor([0, 1, 0])
+    """
     masks, group = torch.unique(mask, dim=0, return_inverse=True)
     return MaskGroups(masks.to(torch.float64), group)
 
@@ -46,20 +54,40 @@ def group_masks(mask: Tensor) -> MaskGroups:
 def observed_mean(values: Tensor, mask: Tensor) -> Tensor:
     """Mean over the flights that observe each level: (n, L), (n, L) -> (L,).
 
-    Divided by the count of observed values and not by n, which would pull gappy levels towards zero.
+    Divided by the count of observed values and not by n, which would pull levels with gaps towards zero.
+
+    Example:
+        >>> observed_mean(torch.tensor([[1.0, 5.0], [3.0, 999.0]]), torch.tensor([[True, True], [True, False]]))
+        tensor([2., 5.])
     """
     return torch.where(mask, values, 0.0).sum(0) / mask.sum(0)
 
 
 def pairwise_covariance(centred: Tensor, mask: Tensor) -> Tensor:
-    """Covariance (L, L) over the flights that observe both levels; zero where no flight does."""
+    """Covariance (L, L) over the flights that observe both levels; zero where no flight does.
+
+    Args:
+        centred: (n, L) values minus the mean, zero where missing.
+        mask: (n, L) observed.
+
+    Example:
+        >>> pairwise_covariance(torch.tensor([[1.0, 2.0], [-1.0, -2.0]]), torch.ones(2, 2, dtype=torch.bool))
+        tensor([[2., 4.],
+                [4., 8.]])
+    """
     seen = mask.to(centred.dtype)
     both = seen.T @ seen
     return (centred.T @ centred) / (both - 1).clamp(min=1)
 
 
 def closed_form(covariance: Tensor, q: int) -> tuple[Tensor, Tensor]:
-    """Maximum-likelihood loadings (L, q) and noise variance of a covariance (Tipping and Bishop, section 3.2)."""
+    """Maximum-likelihood loadings (L, q) and noise variance of a covariance (Tipping and Bishop, section 3.2).
+
+    Example:
+        >>> loadings, noise = closed_form(torch.diag(torch.tensor([9.0, 1.0, 1.0])), q=1)
+        >>> round(float(loadings.norm() ** 2), 4), float(noise)  # 9 = 8 + 1
+        (8.0, 1.0)
+    """
     eigenvalues, eigenvectors = torch.linalg.eigh(covariance)
     eigenvalues, eigenvectors = eigenvalues.flip(0), eigenvectors.flip(1)
     # A pairwise covariance may have negative eigenvalues; they stand for sampling error, not for variance.
@@ -78,7 +106,7 @@ def posterior(centred: Tensor, groups: MaskGroups, loadings: Tensor, noise: Tens
     """Posterior of z given the observed levels.
 
     Args:
-        centred: (n, L) values less the mean, zero where missing.
+        centred: (n, L) values minus the mean, zero where missing.
         groups: Flights by mask.
         loadings: (L, q).
         noise: Noise variance.
@@ -86,6 +114,13 @@ def posterior(centred: Tensor, groups: MaskGroups, loadings: Tensor, noise: Tens
     Returns:
         Means (n, q), covariances by mask (U, q, q), and log-determinants of ``loadings' loadings + noise I``
         by mask (U,).
+
+    Example:
+        >>> centred, mask = torch.tensor([[2.0, 2.0], [2.0, 0.0]]).double(), torch.tensor([[True, True], [True, False]])
+        >>> loadings, noise = torch.ones(2, 1).double(), torch.tensor(1.0).double()
+        >>> posterior(centred, group_masks(mask), loadings, noise)[0]  # 4 / (2 + 1) and 2 / (1 + 1)
+        tensor([[1.3333],
+                [1.0000]], dtype=torch.float64)
     """
     q = loadings.shape[1]
     outer = (loadings[:, :, None] * loadings[:, None, :]).reshape(-1, q * q)
@@ -105,11 +140,18 @@ def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance:
     """Fit by EM on the observed values alone.
 
     Args:
-        centred: (n, L) float64 values less the observed mean, zero where missing.
+        centred: (n, L) float64 values minus the observed mean, zero where missing.
         mask: (n, L) observed.
         q: Latent dimension.
         max_iterations: Bound on the iterations.
         tolerance: Stop when the mean log-likelihood per observed value grows by less than this (nats).
+
+    Example:
+        >>> mask = torch.rand(200, 10) < 0.9
+        >>> values = torch.randn(200, 1).double() + 0.1 * torch.randn(200, 10).double()
+        >>> fitted = em(torch.where(mask, values, 0.0), mask, q=1, max_iterations=100, tolerance=1e-6)
+        >>> fitted.converged, round(float(fitted.noise_variance), 2)
+        (True, 0.01)
     """
     groups = group_masks(mask)
     loadings, noise = closed_form(pairwise_covariance(centred, mask), q)

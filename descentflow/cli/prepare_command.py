@@ -14,27 +14,27 @@ if TYPE_CHECKING:
 
 UNITS = ("", "k", "m", "g", "t")
 SHOWN_AT_RANDOM = 6
-"""Flights of `--figures` besides those that each rule hit most."""
+"""Random flights of `--figures`, besides those of which each filter dropped most."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.description = (
-        "Clean surveillance rows into free descents on flight levels, with an account of everything dropped. Rows come "
-        "from any source that the README lists, each with a time, an address, pressure altitude, IAS and Mach. There "
-        "may be any number: memory is bounded, and a run that was killed goes on where it was when it is called again."
+        "Clean surveillance rows to free descents on flight levels, with a report of everything dropped. Rows come "
+        "from any source that the documentation lists, each with a time, an address, pressure altitude, IAS and Mach. "
+        "Their number is not limited: memory is bounded, and a run that was killed is resumed by the same call."
     )
     parser.add_argument("rows", type=Path, nargs="*", help="files or folders of rows")
     parser.add_argument(
         "--out", type=Path, required=True, help="a .parquet file, or a folder for a store of Parquet files by type"
     )
     parser.add_argument("--embedded", action="store_true", help="use the real snapshots that come with descentflow")
-    parser.add_argument("--format", metavar="NAME", help="what the files are (default: found from their content)")
+    parser.add_argument("--format", metavar="NAME", help="format of the files (default: recognised from their content)")
     parser.add_argument("--types", type=Path, help="CSV of icao24,typecode for rows that do not name their type")
     parser.add_argument("--typecode", help="keep these types, for instance A320,A321 (default: all)")
-    parser.add_argument("--report", type=Path, help="also write the account as JSON")
+    parser.add_argument("--report", type=Path, help="also write the report as JSON")
     parser.add_argument(
-        "--figures", type=Path, metavar="DIR", help="plots of what was kept and dropped of some flights"
+        "--figures", type=Path, metavar="DIR", help="plots of the rows kept and dropped of some flights"
     )
     size = parser.add_argument_group("size")
     size.add_argument(
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     size.add_argument("--scheduler", help="address of a Dask scheduler (default: workers on this machine)")
     size.add_argument("--workers", type=int, help="threads, or Dask workers on this machine (default: processors)")
     rules = parser.add_argument_group("thresholds (each with its source in configs/prepare/default.yaml)")
-    rules.add_argument("--config", type=Path, help="YAML file of thresholds; options here go before it")
+    rules.add_argument("--config", type=Path, help="YAML file of thresholds; options given here override it")
     for field in fields(Cleaning):
         # Absent options are left to --config, and then to the defaults.
         optional = "None" in str(field.type)
@@ -80,7 +80,7 @@ def memory_bytes(text: str) -> int:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Read, clean, write, and print the account."""
+    """Read, clean, write, and print the report."""
     import json
 
     from tqdm import tqdm
@@ -127,7 +127,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Refuse what cannot work before anything is read."""
+    """Refuse options that cannot work before anything is read."""
     from descentflow.core.errors import ConfigError
     from descentflow.core.files import check_output
     from descentflow.surveillance.out_of_core.spill import LEAST_BYTES

@@ -65,7 +65,9 @@ def is_pandas(table: Any) -> bool:
 
 
 def from_pandas(table: Any) -> pl.DataFrame:
-    """A `pandas.DataFrame` as a polars table without its index; missing values become null, times UTC.
+    """A `pandas.DataFrame` as a polars table without its index; missing values become null.
+
+    Times become UTC, in which those without a time zone are taken to be.
 
     Example:
         >>> rows = pl.DataFrame({"icao24": ["4ca001", None], "IAS": [250.0, None]})
@@ -76,12 +78,11 @@ def from_pandas(table: Any) -> pl.DataFrame:
 
 
 def _polars_column(column: Any) -> pl.Series:
-    if getattr(column.dtype, "tz", None) is not None:
-        times = column.dt.tz_convert("UTC").dt.tz_localize(None).to_numpy()
-        return pl.Series(times).dt.replace_time_zone("UTC")
-    if column.dtype.kind in "fiubM":
-        values = column.to_numpy()
-        return pl.Series(values, nan_to_null=values.dtype.kind == "f")
+    if column.dtype.kind == "M":
+        utc = column if column.dt.tz is None else column.dt.tz_convert("UTC").dt.tz_localize(None)
+        return pl.Series(utc.to_numpy()).dt.replace_time_zone("UTC")
+    if column.dtype.kind in "fiub" and not column.isna().any():
+        return pl.Series(column.to_numpy())
     return pl.Series([None if missing else value for value, missing in zip(column, column.isna(), strict=True)])
 
 

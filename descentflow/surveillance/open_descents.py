@@ -12,6 +12,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.core.tabular import from_pandas
 from descentflow.surveillance.cleaning.kept_settings import differences_in_words, different_settings
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.description import KEY, SCHEMA_VERSION
@@ -150,7 +151,7 @@ def _in_memory(source: Any) -> Descents | None:
     if isinstance(source, Descents):
         return source
     if type(source).__module__.split(".")[0] == "pandas":
-        source = _from_pandas(source)
+        source = from_pandas(source)
     if not isinstance(source, pl.DataFrame):
         return None
     absent = [name for name in REQUIRED if name not in source.columns]
@@ -163,20 +164,6 @@ def _in_memory(source: Any) -> Descents | None:
     bottom = int(source["level_fl"].min())  # type: ignore[arg-type]
     known = {"schema_version": SCHEMA_VERSION, "bottom_fl": bottom, "top_fl": top_levels(source), "inputs": []}
     return Descents(source, known)
-
-
-def _from_pandas(table: Any) -> pl.DataFrame:
-    """The columns of a pandas table, which Polars itself converts by way of pyarrow only."""
-    return pl.DataFrame({str(name): _from_pandas_column(table[name]) for name in table.columns})
-
-
-def _from_pandas_column(column: Any) -> pl.Series:
-    if column.dtype.kind == "M":
-        utc = column if column.dt.tz is None else column.dt.tz_convert("UTC").dt.tz_localize(None)
-        return pl.Series(utc.to_numpy()).dt.replace_time_zone("UTC")
-    if column.dtype.kind in "iuf" and not column.isna().any():
-        return pl.Series(column.to_numpy())
-    return pl.Series(column.astype(object).where(column.notna(), None).tolist())
 
 
 def _cleaned(paths: list[Path], cleaning: Cleaning | None, rows_cleaning: Cleaning | None, say: Say) -> Descents:

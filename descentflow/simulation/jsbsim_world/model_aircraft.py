@@ -17,16 +17,12 @@ NAUTICAL_MPS = 1852 / 3600
 LATITUDE_DEG = 52.0
 FASTEST_MPS = 500.0
 """Airspeed while the wind is set: in a wind faster than the airspeed JSBSim's initial condition turns round."""
-_READ: tuple[str, ...] = (
-    "atmosphere/P-psf",
-    "atmosphere/T-R",
-    "atmosphere/a-fps",
-    "velocities/mach",
-    "position/h-sl-ft",
+_READ = (
+    *("atmosphere/P-psf", "atmosphere/T-R", "atmosphere/a-fps", "velocities/mach", "position/h-sl-ft"),
+    *("velocities/h-dot-fps", "velocities/vg-fps", "attitude/theta-rad", "velocities/q-rad_sec", "attitude/phi-rad"),
+    *("velocities/p-rad_sec", "attitude/psi-rad", "aero/qbar-psf", "forces/fwx-aero-lbs", "inertia/mass-slugs"),
+    "aero/alpha-rad",
 )
-_READ += ("velocities/h-dot-fps", "velocities/vg-fps", "attitude/theta-rad", "velocities/q-rad_sec", "attitude/phi-rad")
-_READ += ("velocities/p-rad_sec", "attitude/psi-rad", "aero/qbar-psf", "forces/fwx-aero-lbs", "inertia/mass-slugs")
-_READ += ("aero/alpha-rad",)
 _ENGINE = ("thrust-lbs", "IdleThrust", "MilThrust")
 _PITCH = (
     ("aero/coefficient/Cmalpha", "aero/moment/Pitch_alpha"),
@@ -71,9 +67,8 @@ class ModelAircraft:
         fdm.set_debug_level(0)
         # Before the files are read: the factors that they name, and the step, which moving parts keep from then on.
         fdm.set_dt(step_s)
-        for name, value in zip(
-            FACTORS, (plan.cd0_factor, plan.cdi_factor, plan.wave_factor, plan.idle_factor), strict=True
-        ):
+        factors = (plan.cd0_factor, plan.cdi_factor, plan.wave_factor, plan.idle_factor)
+        for name, value in zip(FACTORS, factors, strict=True):
             fdm[name] = value
         if not fdm.load_model(airframe.name):
             raise FlightFailed("not loaded")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from descentflow.core.units import FPM_MPS
+from descentflow.simulation.autopilot import IDLE_LABEL, MANAGED_LABEL, PATH_LABEL, TRANSIENT_LABEL
 from descentflow.simulation.jsbsim_world.airframes import Airframe
 from descentflow.simulation.jsbsim_world.flight_plans import FlightPlan, JsbsimConfig
 from descentflow.simulation.jsbsim_world.model_aircraft import FlightFailed, ModelAircraft, quiet_logger
@@ -24,21 +25,11 @@ WORST_SPEED_MPS = 3.0
 """A settled idle descent that is further off its speed has failed..."""
 WORST_BANK = math.radians(5.0)
 """...as has one that banks more."""
-COLUMNS: tuple[str, ...] = (
-    "time_s",
-    "altitude_m",
-    "height_m",
-    "cas_mps",
-    "mach",
-    "tas_mps",
-    "groundspeed_mps",
-    "rate_mps",
-    "gamma",
+COLUMNS = (
+    *("time_s", "altitude_m", "height_m", "cas_mps", "mach", "tas_mps", "groundspeed_mps", "rate_mps", "gamma"),
+    *("drag_n", "thrust_n", "mass_kg", "temperature_k", "wind_mps", "brake", "lever", "speed_error_mps", "label"),
 )
-COLUMNS += ("drag_n", "thrust_n", "mass_kg", "temperature_k", "wind_mps", "brake", "lever", "speed_error_mps", "label")
 """Of a record; see :func:`descentflow.simulation.jsbsim_world.fly_models.fly`."""
-TRANSIENT_LABEL, IDLE_LABEL, MANAGED_LABEL, PATH_LABEL = 0, 1, 3, 4
-"""Codes of :data:`descentflow.simulation.autopilot.LABELS`."""
 
 
 @dataclass(frozen=True)

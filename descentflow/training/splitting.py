@@ -19,11 +19,11 @@ def split_flights(
     validation_fraction: float,
     seed: int,
 ) -> Split:
-    """Give whole groups of flights to train, validation and test (paper, section 3: 80:20 before the fPCA).
+    """Assign whole groups of flights to train, validation and test (paper, section 3: 80:20 before the fPCA).
 
     Args:
-        flight_ids: One identifier a flight.
-        groups: What must not be torn apart, one for each flight: the flight itself, or its aircraft.
+        flight_ids: One identifier per flight.
+        groups: The group of each flight, whose flights stay in one part: the flight itself, or its aircraft.
         test_fraction: Share of the groups for test.
         validation_fraction: Share of the remaining groups for validation.
         seed: The same identifiers, in any order, and the same seed give the same split.
@@ -32,7 +32,10 @@ def split_flights(
         DataError: If a part would be empty, or training would have fewer than two flights.
 
     Example:
-        >>> split_flights(ids, ids, test_fraction=0.2, validation_fraction=0.1, seed=0).test
+        >>> ids = [f"flight {number}" for number in range(10)]
+        >>> split = split_flights(ids, ids, test_fraction=0.2, validation_fraction=0.1, seed=0)
+        >>> len(split.train), len(split.validation), len(split.test)
+        (7, 1, 2)
     """
     names = sorted(set(groups))
     order = np.random.default_rng(seed).permutation(len(names))

@@ -1,4 +1,10 @@
-"""What trains the latent densities: one LightningModule for each.
+"""LightningModules that train the densities, one for each.
+
+Reading order: :mod:`~descentflow.training.models.latent_model` (what all share),
+:mod:`~descentflow.training.models.gaussian_model`, :mod:`~descentflow.training.models.mixture_model`,
+:mod:`~descentflow.training.models.flow_model`, :mod:`~descentflow.training.models.optimizers`.
+
+To train a new density, subclass :class:`LatentModel` in a file here and enter it in ``MODULES`` below.
 
 Each is imported when it is first asked for, so that training one need not pay for the libraries of the others.
 """

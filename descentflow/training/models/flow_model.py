@@ -20,7 +20,7 @@ class _Flow(LatentModel[F], ABC):
     """What training of every flow shares.
 
     A whitened flow is its Gaussian in the first epoch, which trains nothing, so that the best epoch may be that one.
-    ``val/bound`` is what the best epoch is chosen by: the NLL of the validation flights plus ``caution`` standard
+    The best epoch is chosen by ``val/bound``: the NLL of the validation flights plus ``caution`` standard
     errors of its difference from the Gaussian's. With few flights a gain must be larger to be believed.
     """
 
@@ -49,7 +49,7 @@ class _Flow(LatentModel[F], ABC):
         self._by_flight.append(torch.stack([log_prob.double(), base.double()]))
 
     def on_validation_epoch_end(self) -> None:
-        """Log what the best epoch is chosen by, and keep the parameters of the best so far."""
+        """Log ``val/bound``, and keep the parameters of the best epoch so far."""
         log_prob, base = torch.cat(self._by_flight, 1)
         self._by_flight = []
         error = (log_prob - base).std() / len(base) ** 0.5 if self.density.whitened and len(base) > 1 else 0.0
@@ -85,7 +85,9 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
     """Trains masked affine flows; see :class:`MaskedAffineFlowDensity`.
 
     Example:
-        >>> Trainer(max_epochs=200).fit(MaskedAffineFlow(n_flows=5), datamodule=data)
+        >>> from descentflow.training.fit import fit
+        >>> fit("descents.parquet", MaskedAffineFlow(n_flows=2), max_epochs=2).density.settings()["n_flows"]
+        2
     """
 
     def __init__(
@@ -136,7 +138,9 @@ class SplineFlow(_Flow[SplineFlowDensity]):
     """Trains autoregressive rational-quadratic splines; see :class:`SplineFlowDensity`.
 
     Example:
-        >>> Trainer(max_epochs=150).fit(SplineFlow(n_flows=3), datamodule=data)
+        >>> from descentflow.training.fit import fit
+        >>> fit("descents.parquet", SplineFlow(n_flows=2), max_epochs=2).density.settings()["n_flows"]
+        2
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""One Gaussian over the weights (paper, section 2.3 and appendix C), its mean regressed on a context if given."""
+"""One Gaussian over the weights (paper, section 2.3 and appendix C), its mean regressed on a context if any."""
 
 import torch
 from jsonargparse.typing import NonNegativeFloat
@@ -13,11 +13,14 @@ from descentflow.training.models.optimizers import ClosedForm
 class Gaussian(LatentModel[GaussianDensity]):
     """The maximum-likelihood Gaussian: mean and full covariance, gathered over one epoch.
 
-    ``log p(w) = log N(w; loc, scale_tril scale_tril')``; given a context, ridge regression of the mean on it and the
-    covariance of the residuals.
+    ``log p(w) = log N(w; loc, scale_tril scale_tril')``; with a context, ridge regression of the mean on it and
+    the covariance of the residuals.
 
     Example:
-        >>> Trainer(max_epochs=1).fit(Gaussian(), datamodule=data)
+        >>> from descentflow.training.fit import fit
+        >>> density = fit("descents.parquet", Gaussian()).density
+        >>> bool(density.loc.abs().max() < 1e-6)  # the weights of the training flights are standardised
+        True
     """
 
     def __init__(self, jitter: float = 1e-6, ridge: NonNegativeFloat = RIDGE) -> None:
@@ -25,7 +28,7 @@ class Gaussian(LatentModel[GaussianDensity]):
 
         Args:
             jitter: Added to the variances of the standardised weights; scikit-learn's ``reg_covar``.
-            ridge: Flights at one standard deviation of context that slopes of zero are worth.
+            ridge: Number of flights at one standard deviation of context that the prior of zero slopes counts as.
         """
         super().__init__()
         self.save_hyperparameters()

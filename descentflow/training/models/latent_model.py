@@ -22,11 +22,17 @@ D = TypeVar("D", bound=Density)
 class LatentModel(LightningModule, ABC, Generic[D]):
     """Trains one kind of :class:`descentflow.densities.Density` (paper, section 2.3).
 
-    A subclass says how the density is made for d weights (:meth:`make`) and how one training step improves it.
-    Everything else, the representation in the checkpoint included, stands here.
+    A subclass defines how the density is made for d weights (:meth:`make`) and how one training step improves it.
+    Everything else is here, the representation in the checkpoint included.
 
     Example:
-        >>> Trainer(max_epochs=1).fit(Gaussian(), datamodule=data)
+        >>> from descentflow.training.fit import fit
+        >>> from descentflow.training.models.gaussian_model import Gaussian
+        >>> model = fit("descents.parquet", Gaussian())
+        >>> isinstance(model, LatentModel), type(model.density).__name__
+        (True, 'GaussianDensity')
+        >>> model.sample(10, seed=0).shape == (10, model.density.dimension)
+        True
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -42,11 +48,11 @@ class LatentModel(LightningModule, ABC, Generic[D]):
 
     @abstractmethod
     def make(self, dimension: int, n_context: int = 0) -> D:
-        """The density for ``dimension`` weights given ``n_context`` numbers of context, before training."""
+        """The density for ``dimension`` weights and ``n_context`` numbers of context, before training."""
 
     @property
     def density(self) -> D:
-        """What is trained.
+        """The density that is trained.
 
         Raises:
             ConfigError: Before the model has seen a DataModule or a checkpoint.
@@ -65,7 +71,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         return self.density.representation
 
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        """Log density (n,) of standardised weights (n, d), in nats, given context (n, c) if it takes one."""
+        """Log density (n,) of standardised weights (n, d), in nats, at context (n, c) if it takes one."""
         return self.density.log_prob(weights) if context is None else self.density.log_prob(weights, context)
 
     def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
@@ -126,7 +132,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         return "\n".join(lines)
 
     def nll(self, batch: tuple[Tensor, ...]) -> Tensor:
-        """Mean negative log-likelihood of a batch of standardised weights (and context), in nats a flight."""
+        """Mean negative log-likelihood of a batch of standardised weights (and context), in nats per flight."""
         return -self.log_prob(*batch).mean()
 
     def validation_step(self, batch: tuple[Tensor, ...], batch_index: int) -> None:

@@ -28,7 +28,9 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     mixture components is chosen by BIC with at least 15 training flights per parameter, unless it is set.
 
     Example:
-        >>> Trainer(max_epochs=100).fit(GaussianMixture(), datamodule=data)
+        >>> from descentflow.training.fit import fit
+        >>> fit("descents.parquet", GaussianMixture(n_clusters=2)).density.mixture.n_components
+        2
     """
 
     def __init__(

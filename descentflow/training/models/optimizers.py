@@ -1,4 +1,4 @@
-"""How parameters are set: by somebody's closed form, or by Adam with a cosine."""
+"""How parameters are set: by a closed form, or by Adam with a cosine schedule."""
 
 from collections.abc import Callable, Iterable
 from math import cos, pi
@@ -11,10 +11,16 @@ from torch import nn
 
 
 class ClosedForm(torch.optim.Optimizer):
-    """Run the closure that sets the parameters, and nothing else.
+    """Runs the closure that sets the parameters, and nothing else.
 
     Lightning advances ``global_step``, on which its checkpoints depend, only when an optimizer steps; a model
     without one would never be saved.
+
+    Example:
+        >>> parameter = torch.nn.Parameter(torch.zeros(1))
+        >>> ClosedForm([parameter]).step(lambda: parameter.data.fill_(3.0))
+        >>> parameter.item()
+        3.0
     """
 
     def __init__(self, parameters: Iterable[nn.Parameter]) -> None:

@@ -23,8 +23,7 @@ from descentflow.cli.entry import main as command
 from descentflow.core.errors import DescentflowError
 from descentflow.core.files import check_output, whole_file
 from descentflow.densities.density import Density
-from descentflow.evaluation.forecast_scores import forecast_scores
-from descentflow.evaluation.metrics.forecast_metrics import Skill, skill
+from descentflow.evaluation.forecast_scores import Skill, forecast_scores, skill
 from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.training.datamodule import DescentDataModule

@@ -8,7 +8,7 @@ from torch import Tensor
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.densities.density import Density
-from descentflow.evaluation.metrics.forecast_metrics import crps_each, energy_score_each
+from descentflow.evaluation.metrics.proper import crps_each, energy_score_each
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.profiles import Profiles
 
@@ -78,3 +78,36 @@ def forecast_scores(
         "crps_rate_fpm": torch.where(mask, rate, 0.0).sum(1) / mask.sum(1),
         "crps_time_s": torch.where(mask[:, 0], time, torch.nan),
     }
+
+
+@dataclass(frozen=True)
+class Skill:
+    """Mean of a score's difference over flights, with its 90 % bootstrap interval; below zero the first is better."""
+
+    mean: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        """Mean and interval."""
+        return f"{self.mean:+.3f} [{self.low:+.3f}, {self.high:+.3f}]"
+
+
+def skill(scores: Tensor, reference: Tensor, seed: int = 0, n_resamples: int = 2000) -> Skill:
+    """How much better a model does than a reference on the same flights, for scores where less is better.
+
+    Args:
+        scores: (n,) of the model, flight by flight (negative log density, CRPS, energy score).
+        reference: (n,) of the reference.
+        seed: Of the resampling.
+        n_resamples: Resamples of the flights, with replacement.
+
+    Example:
+        >>> skill(torch.tensor([1.0, 2.0]), torch.tensor([2.0, 3.0])).mean
+        -1.0
+    """
+    difference = (scores - reference).double()
+    generator = torch.Generator().manual_seed(seed)
+    chosen = torch.randint(len(difference), (n_resamples, len(difference)), generator=generator)
+    low, high = difference[chosen].mean(1).quantile(torch.tensor([0.05, 0.95]).double()).tolist()
+    return Skill(float(difference.mean()), low, high)

@@ -8,8 +8,9 @@ import torch
 from scipy.stats import ks_2samp, wasserstein_distance
 
 from benchmarks.timing import best_of, print_row
-from descentflow.evaluation.metrics.distances import level_distances
-from descentflow.evaluation.metrics.proper import crps
+from descentflow.evaluation.metrics.level_distances import level_distances
+from descentflow.evaluation.metrics.proper import crps, energy_scores
+from descentflow.evaluation.metrics.score_registry import level_statistics
 
 LEVELS = 221
 
@@ -25,19 +26,22 @@ def run(args: argparse.Namespace) -> None:
     generator = torch.Generator().manual_seed(0)
     samples, real = (torch.randn(n, LEVELS, generator=generator).double() for n in (args.n, args.flights))
     masks = [torch.rand(values.shape, generator=generator) > 0.1 for values in (samples, real)]
-    ours = best_of(lambda: level_distances(samples, masks[0], real, masks[1]), 5)
-    found = level_distances(samples, masks[0], real, masks[1])
+    chosen = [one for one in level_statistics() if one.name in ("ks", "wasserstein", "mae")]
+    ours = best_of(lambda: level_distances(samples, masks[0], real, masks[1], chosen), 5)
+    found = level_distances(samples, masks[0], real, masks[1], chosen)
     start = time.perf_counter()
     expected = [_by_scipy(samples[:, k][masks[0][:, k]], real[:, k][masks[1][:, k]]) for k in range(LEVELS)]
     theirs = time.perf_counter() - start
-    assert np.allclose(found.ks, [row[0] for row in expected])
-    assert np.allclose(found.wasserstein, [row[1] for row in expected])
+    assert np.allclose(found["ks"], [row[0] for row in expected])
+    assert np.allclose(found["wasserstein"], [row[1] for row in expected])
     print(f"{args.n:,} samples against {args.flights:,} flights on {LEVELS} levels; {torch.get_num_threads()} threads")
     print_row(["score", "ms", "scipy's ms", "ratio"], 24)
     cells = [f"{1000 * ours:.0f}", f"{1000 * theirs:,.0f}", f"{theirs / ours:.1f} x"]
     print_row(["KS, Wasserstein, mean", *cells], 24)
     proper = best_of(lambda: crps(samples, masks[0], real, masks[1]), 3)
     print_row(["CRPS", f"{1000 * proper:.0f}", "-", "-"], 24)
+    energy = best_of(lambda: energy_scores((samples, masks[0] | True), (real, masks[1])), 2)
+    print_row(["energy score", f"{1000 * energy:.0f}", "-", "-"], 24)
 
 
 def _by_scipy(samples: torch.Tensor, real: torch.Tensor) -> tuple[float, float, float]:

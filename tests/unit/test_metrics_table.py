@@ -10,9 +10,8 @@ import torch
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
-from descentflow.evaluation.metrics.comparison import MIN_VALUES
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.noise_floor import split_distances
+from descentflow.evaluation.metrics.noise_floor import MIN_VALUES, split_distances
 from descentflow.evaluation.metrics.scores import score
 
 
@@ -88,7 +87,7 @@ def test_columns_are_means_and_a_percentile_over_the_halvings() -> None:
     samples, real = plain(40, 1), plain(30)
     row = score(samples, real, 205.0, seed=4, n_splits=9).get("cas_below_transition", "wasserstein")
     sets = [(s.cas_mps[:, :6] / KT_MPS, s.mask[:, :6]) for s in (samples, real)]
-    same, floor = (found.wasserstein.mean(1).numpy() for found in split_distances(*sets, seed=4, n_splits=9))
+    same, floor = (found["wasserstein"].mean(1).numpy() for found in split_distances(*sets, seed=4, n_splits=9))
     expected = [same.mean(), floor.mean(), np.percentile(floor, 95)]
     assert [row.equal_size, row.floor, row.floor_high] == pytest.approx(expected, rel=1e-12)
 
@@ -137,7 +136,7 @@ def test_the_text_explains_what_is_absent() -> None:
     lines = text.splitlines()
     assert max(map(len, lines)) <= 120
     assert "nan" not in text
-    assert sum(line.endswith("[1]") for line in lines) == 3
+    assert sum(line.endswith("[1]") for line in lines) == 4
     assert "[1] fewer than 4 descents that span the grid (40 sampled, 3 real in all)" in lines
     assert "[2] no level of the grid is above the transition" in lines
 
@@ -158,7 +157,7 @@ def test_absent_numbers_are_empty_fields(tmp_path: Path) -> None:
     table = score(plain(40, 1), plain(3), 205.0, n_splits=2)
     table.write_csv(path)
     header, first, *rest = path.read_text().splitlines()
-    assert len(rest) == 14
+    assert len(rest) == 21
     assert header.split(",")[:6] == ["quantity", "statistic", "unit", "score", "equal_size", "floor"]
     assert first.startswith("time_to_bottom_of_descent,ks,1,,,,,,40,3,1,0,,")
     assert table.level_frame()["score"].null_count() == table.level_frame().height

@@ -11,9 +11,8 @@ from torch.distributions import Categorical, MixtureSameFamily, MultivariateNorm
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.component_search import MIN_FLIGHTS_PER_PARAMETER, by_bic, max_components, select_mixture
-from descentflow.evaluation.forecast_scores import forecast_scores
-from descentflow.evaluation.metrics.forecast_metrics import crps_each, energy_score_each, skill
-from descentflow.evaluation.metrics.proper import crps, energy_score
+from descentflow.evaluation.forecast_scores import forecast_scores, skill
+from descentflow.evaluation.metrics.proper import crps, crps_each, energy_score, energy_score_each
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
 

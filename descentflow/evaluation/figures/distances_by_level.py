@@ -5,18 +5,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.score_registry import QUANTITIES, level_statistics
 from descentflow.evaluation.metrics.score_table import LevelScores, ScoreTable
 from descentflow.evaluation.metrics.scores import score
 from descentflow.reporting.figure_style import BAND, BLUE, GREY, RED, legend_below, tidy
-
-_PANELS = (("cas", "ks"), ("cas", "wasserstein"), ("rocd", "ks"), ("rocd", "wasserstein"))
-_NAMES = {"cas": "CAS", "rocd": "rate", "ks": "KS", "wasserstein": "Wasserstein"}
 
 
 def distance_by_level_figure(
     samples: DescentSet, real: DescentSet, transition_fl: float, *, seed: int = 0, n_splits: int = 20
 ) -> Figure:
-    """Kolmogorov-Smirnov and Wasserstein distances of CAS and of rate against flight level.
+    """Distances of CAS and of rate against flight level, of the statistics that are registered for it.
 
     As :func:`level_scores_figure`, from the descents themselves.
 
@@ -28,13 +26,17 @@ def distance_by_level_figure(
         n_splits: Number of random halvings.
 
     Returns:
-        A figure of four panels that share the flight level.
+        A figure of a panel for each quantity and statistic, which share the flight level.
 
     Raises:
         DataError: If the grids differ.
 
     Example:
-        >>> figure = distance_by_level_figure(samples, real, transition_fl=290.0)
+        >>> from descentflow.evaluation.evaluate import evaluate
+        >>> found = evaluate("best.ckpt", "descents.parquet", n=300, n_splits=2)
+        >>> figure = distance_by_level_figure(found.samples, found.real, transition_fl=290.0, n_splits=2)
+        >>> [axes.get_xlabel() for axes in figure.axes]
+        ['KS, CAS (1)', 'Wasserstein, CAS (kt)', 'KS, rate (1)', 'Wasserstein, rate (ft/min)']
     """
     return level_scores_figure(score(samples, real, transition_fl, seed=seed, n_splits=n_splits), transition_fl)
 
@@ -51,19 +53,24 @@ def level_scores_figure(table: ScoreTable, transition_fl: float) -> Figure:
         transition_fl: Transition level of the type; not drawn where the grid does not hold it.
 
     Returns:
-        A figure of four panels that share the flight level.
+        A figure of a panel for each quantity and statistic, which share the flight level.
 
     Example:
-        >>> figure = level_scores_figure(score(samples, real, 290.0), 290.0)
+        >>> from descentflow.evaluation.evaluate import evaluate
+        >>> found = evaluate("best.ckpt", "descents.parquet", n=300, n_splits=2)
+        >>> len(level_scores_figure(found.scores, transition_fl=290.0).axes)
+        4
     """
     found = {(level.quantity, level.statistic): level for level in table.levels}
-    figure = Figure(figsize=(11.0, 5.0), layout="constrained")
-    axes = figure.subplots(1, 4, sharey=True)
+    drawn = [one for one in level_statistics() if one.in_figure]
+    panels = [(quantity, one) for quantity in QUANTITIES if quantity.by_level for one in drawn]
+    figure = Figure(figsize=(2.75 * len(panels), 5.0), layout="constrained")
+    axes = figure.subplots(1, len(panels), sharey=True)
     tidy(axes)
-    for ax, (quantity, statistic) in zip(axes, _PANELS, strict=True):
-        level = found[quantity, statistic]
+    for ax, (quantity, statistic) in zip(axes, panels, strict=True):
+        level = found[quantity.name, statistic.name]
         _draw(ax, level, transition_fl)
-        ax.set_xlabel(f"{_NAMES[statistic]}, {_NAMES[quantity]} ({level.unit})")
+        ax.set_xlabel(f"{statistic.short}, {quantity.short or quantity.label} ({level.unit})")
     axes[0].set_ylabel("Flight level")
     legend_below(figure, axes)
     return figure

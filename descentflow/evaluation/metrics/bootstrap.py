@@ -7,10 +7,15 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import ConfigError
-from descentflow.evaluation.metrics.comparison import STATISTICS, whole_distances
+from descentflow.evaluation.metrics.comparison import whole_distances
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.noise_floor import Values
-from descentflow.evaluation.metrics.scores import QUANTITIES, parts_of
+from descentflow.evaluation.metrics.score_registry import (
+    QUANTITIES,
+    level_statistics,
+    parts_of,
+    profile_statistics,
+    rows,
+)
 
 MOST_SAMPLES = 2000
 """Samples that resampled flights are compared with: their own noise is small beside that of hundreds of flights."""
@@ -47,47 +52,55 @@ def score_intervals(
         transition_fl: Transition level of the type.
         seed: Of the resampling.
         n_resamples: How often, at least two.
-        progress: Called with 1 after each.
+        progress: Progress callback: called with 1 after each.
 
     Raises:
         ConfigError: If there are fewer than two resamples.
 
     Example:
-        >>> {(i.quantity, i.statistic): (i.low, i.high) for i in score_intervals(drawn, held_out, 291.5)}
+        >>> from descentflow.generation.sample import sample
+        >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 40, seed=s).trajectories) for s in (1, 2))
+        >>> first = score_intervals(one, two, transition_fl=291.5, n_resamples=5)[0]
+        >>> first.quantity, first.statistic, first.low <= first.high
+        ('time_to_bottom_of_descent', 'ks', True)
     """
     if n_resamples < 2:
         raise ConfigError(f"{n_resamples} resamples", expected="at least two", mend="ask for 50")
     generator = torch.Generator().manual_seed(seed)
     few = samples.subset(torch.randperm(len(samples), generator=generator)[:MOST_SAMPLES])
+    profiles = _profile_scores(samples, real)
     resampled: list[Tensor] = []
     for _ in range(n_resamples):
         chosen = torch.randint(len(real), (len(real),), generator=generator)
-        resampled.append(_scores(few, real.subset(chosen), transition_fl))
+        levels = _level_scores(few, real.subset(chosen), transition_fl)
+        resampled.append(torch.cat([levels, profiles[:, chosen].nanmean(1)]))
         if progress is not None:
             progress(1)
-    middle = _scores(samples, real, transition_fl)
+    middle = torch.cat([_level_scores(samples, real, transition_fl), profiles.nanmean(1)])
     deviation = torch.stack(resampled).std(0)
     low, high = (middle - NORMAL_90 * deviation).clamp(min=0), middle + NORMAL_90 * deviation
-    names = [(name, statistic) for name, _, _ in _parts(real, transition_fl) for statistic in STATISTICS]
-    ends = zip(low.flatten().tolist(), high.flatten().tolist(), strict=True)
+    names = [(part.name, statistic.name) for part, statistic in rows()]
+    ends = zip(low.tolist(), high.tolist(), strict=True)
     return [Interval(*name, *end) for name, end in zip(names, ends, strict=True)]
 
 
-def _parts(real: DescentSet, transition_fl: float) -> list[tuple[str, Callable[[DescentSet], Values], Tensor]]:
-    """Name, values and levels of each row of the table."""
-    return [
-        (name, quantity.of, part)
+def _level_scores(samples: DescentSet, real: DescentSet, transition_fl: float) -> Tensor:
+    """Scores by level, averaged over the levels of each part that have enough values, in the order of the table."""
+    found = []
+    for quantity in QUANTITIES:
+        distances = whole_distances(quantity.of(samples), quantity.of(real))
+        for part in parts_of(quantity):
+            chosen = part.levels(real.levels_fl, transition_fl)
+            found += [distances[statistic.name][chosen].nanmean() for statistic in level_statistics()]
+    return torch.stack(found)
+
+
+def _profile_scores(samples: DescentSet, real: DescentSet) -> Tensor:
+    """Scores of whole profiles, one for each flight: (rows, flights), in the order of the table."""
+    found = [
+        statistic.compute(quantity.of(samples), quantity.of(real))
         for quantity in QUANTITIES
-        for name, part in parts_of(quantity, real.levels_fl, transition_fl)
+        if quantity.by_level
+        for statistic in profile_statistics()
     ]
-
-
-def _scores(samples: DescentSet, real: DescentSet, transition_fl: float) -> Tensor:
-    """Scores (parts, 3), averaged over the levels of each part that have enough values."""
-    found: dict[Callable[[DescentSet], Values], Tensor] = {}
-    rows = []
-    for _, of, part in _parts(real, transition_fl):
-        if of not in found:
-            found[of] = whole_distances(of(samples), of(real))
-        rows.append(found[of][:, part].nanmean(1))
-    return torch.stack(rows)
+    return torch.stack(found) if found else torch.zeros(0, len(real), dtype=torch.float64)

@@ -1,69 +1,79 @@
-"""One quantity of sampled and real descents compared level by level, whole and by halves of the real flights."""
+"""One quantity of sampled and real descents compared: whole, and by halves of the real flights."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from descentflow.evaluation.metrics.distances import Distances, level_distances, observed_mean
-from descentflow.evaluation.metrics.noise_floor import Values, half_size, split_distances
-
-STATISTICS = ("ks", "wasserstein", "mae")
-MIN_VALUES = 4
-"""Fewest values of each set at a level, or of times, from which a distance is taken: below that, a distance says
-more about the count than about the flights. By the 25 % rule for the top of the grid, 32 flights leave about 4 in
-each half at the highest level."""
+from descentflow.evaluation.metrics.level_distances import Distances, level_distances
+from descentflow.evaluation.metrics.noise_floor import (
+    MIN_VALUES,
+    MOST_SCORED,
+    half_size,
+    split_distances,
+    split_profile_scores,
+)
+from descentflow.evaluation.metrics.pooled import Values
+from descentflow.evaluation.metrics.score_registry import ProfileStatistic
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Statistics in the order of :data:`STATISTICS`, NaN at levels with fewer than :data:`MIN_VALUES` of a set.
+    """Statistics by name; NaN where there are too few values.
 
-    Shapes: ``whole`` (3, K), all samples against all flights; ``equal_size`` and ``floor`` (n_splits, 3, K), samples
-    against one half of the flights and the other half against it (:func:`split_distances`), NaN at the same places;
-    ``n_half`` flights in a half.
+    Level statistics: ``whole`` (K,), all samples against all flights; ``same`` and ``floor`` (n_splits, K), samples
+    against one half of the flights and the other half against it (:func:`split_distances`). A statistic of whole
+    profiles has one value for each of the m flights in ``whole`` (m,), and means in ``same`` and ``floor``
+    (n_splits, 1). Statistics without a noise floor are not in ``same`` and ``floor``. ``n_half`` flights in a half.
     """
 
-    whole: Tensor
-    equal_size: Tensor
-    floor: Tensor
+    whole: Mapping[str, Tensor]
+    same: Mapping[str, Tensor]
+    floor: Mapping[str, Tensor]
     n_half: int
 
 
 def compare(
     samples: Values, real: Values, seed: int, n_splits: int, progress: Callable[[int], None] | None = None
 ) -> Comparison:
-    """Compare samples with real flights, and halves of the flights with each other.
+    """Compare samples with real flights level by level, and halves of the flights with each other.
 
     Args:
         samples: Values and mask of the sampled descents.
         real: Values and mask of the real flights, on the same levels.
         seed: Of the splits.
         n_splits: How many.
-        progress: Called with 1 after each split.
+        progress: Progress callback: called with 1 after each split.
     """
-    same, floor = (
-        _stack(side) for side in split_distances(samples, real, seed=seed, n_splits=n_splits, progress=progress)
-    )
+    splits = split_distances(samples, real, seed=seed, n_splits=n_splits, progress=progress)
+    same, floor = (_enough(side) for side in splits)
     return Comparison(whole_distances(samples, real), same, floor, half_size(samples, real))
 
 
-def whole_distances(samples: Values, real: Values) -> Tensor:
-    """Statistics (3, K) of all samples against all flights, NaN at levels with too few values of a set."""
-    return _stack(level_distances(*samples, *real))
+def compare_profiles(
+    statistic: ProfileStatistic, samples: Values, real: Values, seed: int, n_splits: int
+) -> Comparison:
+    """As :func:`compare`, by a statistic of whole profiles."""
+    name, whole = statistic.name, statistic.compute(samples, real)
+    if int((~whole.isnan()).sum()) < MIN_VALUES:
+        whole = torch.full_like(whole, torch.nan)
+    if not statistic.has_floor:
+        return Comparison({name: whole}, {}, {}, half_size(samples, real))
+    n_half = min(half_size(samples, real), MOST_SCORED)
+    same, floor = split_profile_scores(statistic, samples, real, seed=seed, n_splits=n_splits)
+    return Comparison({name: whole}, {name: same[:, None]}, {name: floor[:, None]}, n_half)
 
 
-def nominal_error(nominal: Values, real: Values) -> Tensor:
-    """Absolute difference (K,) of the one nominal descent and the mean flight; NaN where nominal is not given."""
-    error = (observed_mean(*real) - nominal[0][0]).abs()
-    return error.where(nominal[1][0], torch.nan)
+def whole_distances(samples: Values, real: Values) -> dict[str, Tensor]:
+    """Level statistics (K,) of all samples against all flights, NaN at levels with too few values of a set."""
+    return _enough(level_distances(*samples, *real))
 
 
-def _stack(distances: Distances) -> Tensor:
-    """Statistics (..., 3, K) where there are enough values of both sets.
+def _enough(distances: Distances) -> dict[str, Tensor]:
+    """Statistics where there are enough values of both sets.
 
     Within a split, both comparisons have the same counts, and so lack the same levels.
     """
     enough = torch.minimum(distances.n_first, distances.n_second) >= MIN_VALUES
-    return torch.stack([getattr(distances, name).where(enough, torch.nan) for name in STATISTICS], -2)
+    return {name: values.where(enough, torch.nan) for name, values in distances.by_name.items()}

@@ -1,14 +1,13 @@
-"""Distances by level at equal sizes: samples against half of the flights, beside the other half against that half."""
+"""Noise floors: samples against half of the flights, beside the other half against that half, at matched size."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import torch
 from torch import Tensor
 
-from descentflow.evaluation.metrics.distances import Distances, level_distances
-
-Values = tuple[Tensor, Tensor]
-"""Values and mask, (n, K) each; K levels, or one time."""
+from descentflow.evaluation.metrics.level_distances import Distances, level_distances, stacked
+from descentflow.evaluation.metrics.pooled import Values
+from descentflow.evaluation.metrics.score_registry import ProfileStatistic, level_statistics
 
 
 def split_distances(
@@ -31,34 +30,75 @@ def split_distances(
         real: Values and mask of the real flights, on the same levels.
         seed: Of the splits; they are the same on every device.
         n_splits: Number of random halvings, at least one.
-        progress: Called with 1 after each split.
+        progress: Progress callback: called with 1 after each split.
 
     Returns:
-        Distances of the samples, and the floor; every field is (n_splits, K).
+        Distances of the samples, and the noise floor, of the statistics that have one; (n_splits, K) each.
 
     Example:
-        >>> same, floor = split_distances((samples.cas_mps, samples.mask), (real.cas_mps, real.mask))
+        >>> values = torch.randn(60, 5).double()
+        >>> same, floor = split_distances((values[:30], values[:30] < 9), (values[30:], values[30:] < 9), n_splits=4)
+        >>> floor["ks"].shape, int(floor.n_first[0, 0])
+        (torch.Size([4, 5]), 15)
     """
+    chosen = [one for one in level_statistics() if one.has_floor]
+    same, floor = [], []
+    for drawn, first, second in halves(samples, real, seed, n_splits):
+        stand_in, other = _equally_many(drawn, second)
+        same.append(level_distances(*stand_in, *first, chosen))
+        floor.append(level_distances(*other, *first, chosen))
+        if progress is not None:
+            progress(1)
+    return stacked(same), stacked(floor)
+
+
+def split_profile_scores(
+    statistic: ProfileStatistic, samples: Values, real: Values, *, seed: int = 0, n_splits: int = 20
+) -> tuple[Tensor, Tensor]:
+    """Means (n_splits,) of a statistic of whole profiles: of the samples and of the other half, over the same flights.
+
+    The splits are those of :func:`split_distances`. A flight that one of the two cannot be scored against is left out
+    of both means; a split with fewer than ``MIN_VALUES`` others is NaN. Large halves are cut to
+    :data:`MOST_SCORED` flights, scored against :data:`MOST_MEMBERS` samples or flights.
+    """
+    found = []
+    for drawn, first, second in halves(samples, real, seed, n_splits):
+        scored = _first(first, MOST_SCORED)
+        same, floor = (statistic.compute(_first(one, MOST_MEMBERS), scored) for one in (drawn, second))
+        both = ~(same.isnan() | floor.isnan())
+        enough = int(both.sum()) >= MIN_VALUES
+        found.append([values[both].mean() if enough else values.new_tensor(torch.nan) for values in (same, floor)])
+    means = torch.stack([torch.stack(pair) for pair in found])
+    return means[:, 0], means[:, 1]
+
+
+def halves(samples: Values, real: Values, seed: int, n_splits: int) -> Iterator[tuple[Values, Values, Values]]:
+    """For each split, as many samples as half of the flights, one half and the other half."""
     generator = torch.Generator().manual_seed(seed)
     flights, drawn = _seen(real), _seen(samples)
     half = half_size(samples, real)
-    same, floor = [], []
     for _ in range(n_splits):
         order = torch.randperm(len(flights), generator=generator).to(flights.device)
         picked = torch.randperm(len(drawn), generator=generator)[:half].to(drawn.device)
-        first = _take(real, flights[order[:half]])
-        second = _take(real, flights[order[half : 2 * half]])
-        stand_in, second = _equally_many(_take(samples, drawn[picked]), second)
-        same.append(level_distances(*stand_in, *first))
-        floor.append(level_distances(*second, *first))
-        if progress is not None:
-            progress(1)
-    return _stack(same), _stack(floor)
+        yield (
+            _take(samples, drawn[picked]),
+            _take(real, flights[order[:half]]),
+            _take(real, flights[order[half : 2 * half]]),
+        )
 
 
 def half_size(samples: Values, real: Values) -> int:
     """Flights in each half: half of those observed anywhere, or as many as there are samples if these are fewer."""
     return min(len(_seen(real)) // 2, len(_seen(samples)))
+
+
+MOST_SCORED, MOST_MEMBERS = 500, 500
+"""Flights of a half that are scored by their whole profiles, and samples or other flights that they are scored against:
+the work of a split grows with the product."""
+MIN_VALUES = 4
+"""Fewest values of each set at a level, or of times, from which a distance is taken: below that, a distance says
+more about the count than about the flights. By the 25 % rule for the top of the grid, 32 flights leave about 4 in
+each half at the highest level."""
 
 
 def _seen(values: Values) -> Tensor:
@@ -70,12 +110,13 @@ def _take(values: Values, index: Tensor) -> Values:
     return values[0][index], values[1][index]
 
 
+def _first(values: Values, n: int) -> Values:
+    """The first n; rows are in random order."""
+    return values[0][:n], values[1][:n]
+
+
 def _equally_many(first: Values, second: Values) -> tuple[Values, Values]:
     """Hide values until both sets have the same count at each level; rows must be in random order."""
     limit = torch.minimum(first[1].sum(0), second[1].sum(0))
     cut = [(values, mask & (mask.cumsum(0) <= limit)) for values, mask in (first, second)]
     return cut[0], cut[1]
-
-
-def _stack(splits: list[Distances]) -> Distances:
-    return Distances(*(torch.stack(fields) for fields in zip(*splits, strict=True)))

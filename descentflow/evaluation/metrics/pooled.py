@@ -1,11 +1,15 @@
-"""Two gappy samples put in one order at every level: what all distances between distribution functions need."""
+"""Two gappy samples in one order at every level: what all distances between distribution functions need."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
 
 from descentflow.core.errors import DataError
+
+Values = tuple[Tensor, Tensor]
+"""Values and mask, (n, K) each: n descents on K levels, or one time each."""
 
 _ABSENT = torch.iinfo(torch.int64).max
 _MAGNITUDE = torch.iinfo(torch.int64).max
@@ -31,12 +35,22 @@ class Pooled:
     mean_first: Tensor
     mean_second: Tensor
 
+    @cached_property
+    def height(self) -> Tensor:
+        """Difference (K, N) of the distribution functions times n m: an integer, not rounded before a division."""
+        return (self.below_first * self.n_second - self.below_second * self.n_first).abs_()
+
+    @property
+    def scale(self) -> Tensor:
+        """``n m`` (K,), by which :attr:`height` is to be divided."""
+        return (self.n_first * self.n_second)[:, 0].double()
+
 
 def pool(first: Tensor, first_mask: Tensor, second: Tensor, second_mask: Tensor) -> Pooled:
     """Order two samples together at every level.
 
     Args:
-        first: (n, K) values; what stands where the mask is false is not read.
+        first: (n, K) values; masked values are not read.
         first_mask: (n, K) bool.
         second: (m, K) values.
         second_mask: (m, K) bool.
@@ -47,7 +61,7 @@ def pool(first: Tensor, first_mask: Tensor, second: Tensor, second_mask: Tensor)
     # Values in single precision are doubles too, so that one path serves both without rounding.
     values = torch.cat([first.T.double(), second.T.double()], 1)
     mask = torch.cat([first_mask.T, second_mask.T], 1)
-    # What is absent may be NaN and must not disturb the arithmetic.
+    # Masked values may be NaN and must not disturb the arithmetic.
     values = torch.where(mask, values, 0.0)
     _refuse_non_finite(values)
     is_second = torch.arange(values.shape[1], device=values.device) >= first.shape[0]

@@ -3,16 +3,28 @@
 KS and Wasserstein distances of finite samples are above zero even between samples of one distribution, more so for
 small ones. These are not: the fair scores (Ferro, 2014, doi:10.1002/qj.2270) and the unbiased energy distance
 (Székely and Rizzo, 2013, doi:10.1016/j.jspi.2013.03.018) compare samples of any sizes, and may fall below zero.
+
+:func:`crps` and :func:`energy_scores` take the samples as one forecast of all flights; :func:`crps_each` and
+:func:`energy_score_each` take samples that differ from flight to flight, as a conditional density draws them.
 """
 
 import torch
 from torch import Tensor
 
+from descentflow.core.errors import ConfigError
 from descentflow.evaluation.metrics.distances import by_chunks
-from descentflow.evaluation.metrics.pooled import Pooled, pool
+from descentflow.evaluation.metrics.pooled import Pooled, Values, pool
 
 _PAIRS = 1 << 22
 """Distances held at once: 32 MB in float64."""
+MIN_MEMBERS = 4
+"""Samples below which a profile is not scored."""
+MOST_MEMBERS = 5_000
+"""Samples that make the forecast of a profile: the noise of thousands is small beside that of hundreds of flights."""
+WITHIN_PAIRS = 1_000
+"""Pairs of samples that tell how far apart samples are, or as many as there are samples if these are more."""
+PROFILE_LEVELS = 40
+"""Levels of a profile, at the least and if the grid has as many: every fifth of 200, since neighbours are alike."""
 
 
 def crps(samples: Tensor, samples_mask: Tensor, real: Tensor, real_mask: Tensor) -> Tensor:
@@ -40,11 +52,23 @@ def crps(samples: Tensor, samples_mask: Tensor, real: Tensor, real_mask: Tensor)
     """
 
     def compare(*chunk: Tensor) -> tuple[Tensor, ...]:
-        across, among_samples, _ = _mean_differences(pool(*chunk), unbiased=True)
-        return (across - among_samples / 2,)
+        return (crps_of(pool(*chunk)),)
 
     (score,) = by_chunks(compare, samples, samples_mask, real, real_mask)
     return score
+
+
+def crps_of(pooled: Pooled) -> Tensor:
+    """:func:`crps` (K,) of samples (first) and real values (second) already pooled."""
+    n, m = pooled.n_first, pooled.n_second
+    return _across(pooled) / (n * m)[:, 0] - _among(pooled.below_first, n, pooled) / (n * (n - 1))[:, 0] / 2
+
+
+def crps_of_one(one: Values, real: Values) -> Tensor:
+    """CRPS (K,) of one descent as a certain forecast: its mean absolute difference from the real ones."""
+    values, mask = real
+    total = torch.where(mask, (values - one[0]).abs(), 0.0).sum(0, dtype=torch.float64)
+    return (total / mask.sum(0)).where(one[1][0], torch.nan)
 
 
 def energy_distance(
@@ -66,8 +90,12 @@ def energy_distance(
     """
 
     def compare(*chunk: Tensor) -> tuple[Tensor, ...]:
-        across, among_first, among_second = _mean_differences(pool(*chunk), unbiased)
-        return (2 * across - among_first - among_second,)
+        pooled = pool(*chunk)
+        n, m = pooled.n_first, pooled.n_second
+        pairs_first, pairs_second = (k * (k - 1) if unbiased else k * k for k in (n, m))
+        among_first = _among(pooled.below_first, n, pooled) / pairs_first[:, 0]
+        among_second = _among(pooled.below_second, m, pooled) / pairs_second[:, 0]
+        return (2 * _across(pooled) / (n * m)[:, 0] - among_first - among_second,)
 
     (distance,) = by_chunks(compare, first, first_mask, second, second_mask)
     return distance
@@ -76,8 +104,8 @@ def energy_distance(
 def energy_score(samples: Tensor, real: Tensor) -> Tensor:
     """Fair energy score of the samples as one forecast of every real vector (Gneiting and Raftery, 2007, eq. 22).
 
-    The CRPS in several dimensions, with Euclidean norms: for whole profiles or standardised weights. Gappy profiles
-    have no norm; score them level by level.
+    The CRPS in several dimensions, with Euclidean norms, for vectors without gaps such as standardised weights; for
+    profiles with gaps see :func:`energy_scores`.
 
     Args:
         samples: (n, d) sampled vectors, n at least 2.
@@ -91,20 +119,128 @@ def energy_score(samples: Tensor, real: Tensor) -> Tensor:
     return _sum_of_norms(samples, real) / (n * len(real)) - among / 2 if n and len(real) else among * torch.nan
 
 
-def _mean_differences(pooled: Pooled, unbiased: bool) -> tuple[Tensor, Tensor, Tensor]:
-    """Mean absolute difference (K,) across the samples, within the first and within the second.
+def energy_scores(samples: Values, real: Values) -> Tensor:
+    """Fair energy score of the samples as one forecast of each real profile, over the levels where it was observed.
+
+    ``mean |X - y| - 1/2 mean |X - X'|`` with the root mean square over the levels where the profile y was observed as
+    norm; members X are the samples that are there at all of these levels. Lower is better, and lowest in expectation
+    for the distribution of the real profiles. The second mean is over pairs of neighbours in a random ring of the
+    members, which keeps it unbiased at any size and needs no work for each of all pairs.
+
+    On grids of many levels every k-th is taken, so that :data:`PROFILE_LEVELS` or more are left: the score of those
+    levels is as proper, close to that of all, and costs a fraction.
+
+    Args:
+        samples: Values and mask (n, L) of sampled profiles.
+        real: Values and mask (m, L) of real profiles.
+
+    Returns:
+        (m,) in the unit of the values; NaN for profiles with fewer than :data:`MIN_MEMBERS` members.
+
+    Example:
+        >>> samples, real = torch.randn(50, 9).double(), torch.randn(20, 9).double()
+        >>> everywhere = torch.ones(50, 9) > 0, torch.ones(20, 9) > 0
+        >>> energy_scores((samples, everywhere[0]), (real, everywhere[1])).shape
+        torch.Size([20])
+    """
+    n, m = len(samples[0]), len(real[0])
+    if n < MIN_MEMBERS or m == 0:
+        return torch.full((m,), torch.nan, dtype=torch.float64, device=real[0].device)
+    order = torch.randperm(n, generator=torch.Generator().manual_seed(0))[:MOST_MEMBERS].to(samples[0].device)
+    every = max(samples[0].shape[1] // PROFILE_LEVELS, 1)
+    members = samples[0][order, ::every], samples[1][order, ::every]
+    step = max(_PAIRS // len(order), 1)
+    parts = [(real[0][at : at + step, ::every], real[1][at : at + step, ::every]) for at in range(0, m, step)]
+    return torch.cat([_energy_scores(members, part) for part in parts])
+
+
+def energy_scores_of_one(one: Values, real: Values) -> Tensor:
+    """Energy scores (m,) of one profile as a certain forecast: its root mean square difference from each real one."""
+    mask = real[1] & one[1]
+    squares = torch.where(mask, (real[0] - one[0]).double().square(), 0.0).sum(1)
+    return (squares / mask.sum(1)).sqrt().where((mask == real[1]).all(1), torch.nan)
+
+
+def _energy_scores(members: Values, real: Values) -> Tensor:
+    n = len(members[0])
+    seen = real[1].double()
+    n_levels = seen.sum(1)
+    # Counted from the mean, squares of small differences are not lost in products of large values.
+    centre = torch.where(real[1], real[0], 0.0).sum(0, dtype=torch.float64) / real[1].sum(0).clamp(min=1)
+    x = torch.where(members[1], members[0].double() - centre, 0.0)
+    y = torch.where(real[1], real[0].double() - centre, 0.0)
+    there = (~members[1]).float() @ seen.float().T == 0  # counts are exact in single precision
+    squares = x.square() @ seen.T - 2 * x @ y.T + y.square().sum(1)
+    across = _mean_root(squares / n_levels, there)
+    within = torch.zeros_like(across)
+    pairs = torch.zeros_like(across)
+    for step in range(1, max(min(WITHIN_PAIRS // n, n - 1), 1) + 1):
+        both = there & there.roll(-step, 0)
+        squares = (x - x.roll(-step, 0)).square() @ seen.T
+        within += (squares / n_levels).sqrt_().mul_(both).nan_to_num_(0.0).sum(0)
+        pairs += both.sum(0)
+    enough = (there.sum(0) >= MIN_MEMBERS) & (pairs > 0)
+    return (across - within / pairs / 2).where(enough, torch.nan)
+
+
+def _mean_root(squares: Tensor, chosen: Tensor) -> Tensor:
+    """Mean (m,) of the roots of the chosen (n, m); NaN where none is."""
+    return squares.clamp_(min=0).sqrt_().mul_(chosen).nan_to_num_(0.0).sum(0) / chosen.sum(0)
+
+
+def crps_each(samples: Tensor, real: Tensor) -> Tensor:
+    """Fair CRPS of every flight's own samples, ``mean |X - y| - 1/2 mean |X - X'|`` over distinct pairs.
+
+    Args:
+        samples: (n, m, ...) m samples for each of n flights.
+        real: (n, ...) what came.
+
+    Returns:
+        (n, ...) in the unit of the values.
+
+    Raises:
+        ConfigError: If there are fewer than two samples a flight.
+
+    Example:
+        >>> crps_each(torch.tensor([[0.0, 2.0]]), torch.tensor([1.0]))
+        tensor([0.])
+    """
+    m = samples.shape[1]
+    _at_least_two(m)
+    across = (samples - real[:, None]).abs().mean(1)
+    # The sum over pairs of |x - x'| is a weighted sum of the ordered values.
+    rank = torch.arange(m, dtype=samples.dtype, device=samples.device)
+    weight = (2 * rank - m + 1).reshape(m, *([1] * (samples.ndim - 2)))
+    within = (samples.sort(1).values * weight).sum(1) * 2 / (m * (m - 1))
+    return across - within / 2
+
+
+def energy_score_each(samples: Tensor, real: Tensor) -> Tensor:
+    """Fair energy score (n,) of every flight's own samples (n, m, d) at real (n, d): the CRPS in several dimensions.
+
+    Raises:
+        ConfigError: If there are fewer than two samples a flight.
+    """
+    m = samples.shape[1]
+    _at_least_two(m)
+    across = (samples - real[:, None]).norm(dim=2).mean(1)
+    within = [torch.cdist(one, one, compute_mode="donot_use_mm_for_euclid_dist").sum() for one in samples]
+    score: Tensor = across - torch.stack(within) / (m * (m - 1)) / 2
+    return score
+
+
+def _across(pooled: Pooled) -> Tensor:
+    """Sum (K,) of absolute differences of all pairs of a first and a second value.
 
     ``E|X - Y|`` is the integral of ``F (1 - G) + G (1 - F)``, a sum of terms that are never negative.
     """
-    n, m = pooled.n_first, pooled.n_second
-    above_first, above_second = n - pooled.below_first, m - pooled.below_second
-    pairs = (
-        (pooled.below_first * above_second + pooled.below_second * above_first, n * m),
-        (2 * pooled.below_first * above_first, n * (n - 1) if unbiased else n * n),
-        (2 * pooled.below_second * above_second, m * (m - 1) if unbiased else m * m),
-    )
-    across, first, second = ((count * pooled.widths).sum(1) / total[:, 0] for count, total in pairs)
-    return across, first, second
+    above_first, above_second = pooled.n_first - pooled.below_first, pooled.n_second - pooled.below_second
+    return ((pooled.below_first * above_second + pooled.below_second * above_first) * pooled.widths).sum(1)
+
+
+def _among(below: Tensor, n: Tensor, pooled: Pooled) -> Tensor:
+    """Sum (K,) of absolute differences of all ordered pairs of one set, of which ``below`` (K, N) counts the values."""
+    return (2 * below * (n - below) * pooled.widths).sum(1)
 
 
 def _sum_of_norms(first: Tensor, second: Tensor) -> Tensor:
@@ -117,3 +253,8 @@ def _sum_of_norms(first: Tensor, second: Tensor) -> Tensor:
         for part in torch.split(first.double(), step)
     ]
     return torch.stack(parts).sum()
+
+
+def _at_least_two(m: int) -> None:
+    if m < 2:
+        raise ConfigError(f"{m} sample(s) a flight", expected="two at the least", mend="draw more for every flight")

@@ -10,18 +10,19 @@ from torch import Tensor
 
 from descentflow.core.files import whole_file
 
-_HEADINGS = ("quantity", "statistic", "unit", "score", "equal size", "floor", "(95 %)", "nominal", "worst FL")
+_HEADINGS = ("quantity", "statistic", "unit", "score", "matched", "floor", "(95 %)", "nominal", "worst FL")
 
 
 @dataclass(frozen=True)
 class Score:
     """One statistic of one quantity; NaN where ``note`` says why there is no number.
 
-    ``score``: all samples against all flights, as in the paper; ``equal_size``: as many samples as half of the
-    flights, against that half; ``floor`` and ``floor_high``: half of the flights against the other, mean and 95th
-    percentile over random halvings; ``nominal``: nominal BADA, for ``mae`` alone; ``n_samples`` and ``n_real``:
-    descents observed anywhere in the part of the grid; ``n_half``: flights in a half; ``n_levels``: levels that
-    ``score`` averages; ``worst_fl``: the level that carries the largest distance.
+    ``score``: all samples against all flights, as in the paper; ``equal_size`` (matched size): as many samples as half
+    of the flights, against that half; ``floor`` and ``floor_high`` (noise floor): half of the flights against the
+    other, mean and 95th percentile over random halvings; ``nominal``: nominal BADA, where one descent has the
+    statistic; ``n_samples`` and ``n_real``: descents observed anywhere in the part of the grid (of whole profiles,
+    flights that were scored); ``n_half``: flights in a half; ``n_levels``: levels that ``score`` averages;
+    ``worst_fl``: the level with the largest distance.
 
     Only ``equal_size`` compares with ``floor``: ``score`` is of larger sets, whose distance is smaller by chance.
     """
@@ -46,7 +47,8 @@ class Score:
 class LevelScores:
     """One statistic of CAS or rate by level, all (L,); NaN where there are too few values.
 
-    ``floor_low`` and ``floor_high`` are the 5th and 95th percentile over the halvings.
+    ``equal_size`` is at matched size; ``floor_low`` and ``floor_high`` are the 5th and 95th percentile over the
+    halvings.
     """
 
     quantity: str
@@ -121,7 +123,9 @@ class ScoreTable:
             numbers = (row.score, row.equal_size, row.floor, row.floor_high, row.nominal, row.worst_fl)
             mark = f" [{notes.setdefault(row.note, len(notes) + 1)}]" if row.note else ""
             lines.append(_line((row.quantity, row.statistic, row.unit, *map(_number, numbers))) + mark)
-        lines.append("score: all samples against all flights; equal size and floor: against half of the flights")
+        lines.append(
+            "score: all samples against all flights; matched size and noise floor: against half of the flights"
+        )
         return "\n".join([*lines, *(f"[{number}] {note}" for note, number in notes.items())])
 
 

@@ -1,0 +1,68 @@
+"""The registered statistics level by level, for sets of descents that do not all span the grid (paper, section 4.1)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.evaluation.metrics.distances import by_chunks
+from descentflow.evaluation.metrics.pooled import pool
+from descentflow.evaluation.metrics.score_registry import LevelStatistic, level_statistics
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Statistics by name, (L,) each in float64; NaN where either set has no value.
+
+    ``n_first`` and ``n_second`` (L,) count the observed values of the two sets.
+    """
+
+    by_name: Mapping[str, Tensor]
+    n_first: Tensor
+    n_second: Tensor
+
+    def __getitem__(self, name: str) -> Tensor:
+        """A statistic (L,)."""
+        return self.by_name[name]
+
+
+def level_distances(
+    first: Tensor,
+    first_mask: Tensor,
+    second: Tensor,
+    second_mask: Tensor,
+    statistics: Sequence[LevelStatistic] | None = None,
+) -> Distances:
+    """Statistics of two sets at each level.
+
+    Args:
+        first: (n, L) values, float32 or float64; masked values are not read.
+        first_mask: (n, L) bool.
+        second: (m, L) values.
+        second_mask: (m, L) bool.
+        statistics: Which; all that are registered if absent.
+
+    Raises:
+        DataError: If an observed value is not finite.
+
+    Example:
+        >>> one = torch.ones(1, 1)
+        >>> level_distances(0 * one, one.bool(), 3 * one, one.bool())["wasserstein"]
+        tensor([3.], dtype=torch.float64)
+    """
+    chosen = level_statistics() if statistics is None else statistics
+
+    def compare(*chunk: Tensor) -> tuple[Tensor, ...]:
+        pooled = pool(*chunk)
+        return *(one.compute(pooled) for one in chosen), pooled.n_first[:, 0], pooled.n_second[:, 0]
+
+    *found, n_first, n_second = by_chunks(compare, first, first_mask, second, second_mask)
+    return Distances({one.name: values for one, values in zip(chosen, found, strict=True)}, n_first, n_second)
+
+
+def stacked(splits: Sequence[Distances]) -> Distances:
+    """The same statistics of several comparisons, (n_splits, L) each."""
+    by_name = {name: torch.stack([one[name] for one in splits]) for name in splits[0].by_name}
+    counts = (torch.stack([getattr(one, name) for one in splits]) for name in ("n_first", "n_second"))
+    return Distances(by_name, *counts)

@@ -1,0 +1,218 @@
+"""Everything that is scored: one entry says what a quantity or a statistic is called, its unit and how it is computed.
+
+To add a score, add an entry to :data:`STATISTICS`: the table, its CSV file, the bootstrap intervals and the figures
+take it from there.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import error_of_one, error_of_the_mean, ks_distance, wasserstein_distance
+from descentflow.evaluation.metrics.pooled import Pooled, Values
+from descentflow.evaluation.metrics.proper import crps_of, crps_of_one, energy_scores, energy_scores_of_one
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What is compared: values and mask of a set of descents, in the units of the field.
+
+    Attributes:
+        name: In files and code.
+        label: In figures and tables.
+        unit: Of the values.
+        of: Values and mask (n, K) of n descents.
+        by_level: Whether K counts the levels; else there is one value for each descent.
+        short: The label where there is little room; the label itself if empty.
+    """
+
+    name: str
+    label: str
+    unit: str
+    of: Callable[[DescentSet], Values]
+    by_level: bool = True
+    short: str = ""
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """How far samples are from real flights: what all kinds of statistic have in common.
+
+    Attributes:
+        name: In files and code.
+        label: In figures and tables.
+        short: The label where there is little room.
+        unit: Of the statistic; None for that of the quantity.
+        has_floor: Whether it is compared with its noise floor (two halves of the flights against each other).
+        of_one: The statistic of one descent (nominal BADA), with the shape of ``compute``'s result; None if one descent
+            has none.
+        in_figure: Whether it is drawn by level.
+        in_paper: Whether it is in the paper's tables.
+    """
+
+    name: str
+    label: str
+    short: str
+    unit: str | None = None
+    has_floor: bool = True
+    of_one: Callable[[Values, Values], Tensor] | None = None
+    in_figure: bool = False
+    in_paper: bool = False
+
+    def unit_of(self, quantity: Quantity) -> str:
+        """Unit of the statistic of a quantity."""
+        return quantity.unit if self.unit is None else self.unit
+
+
+@dataclass(frozen=True)
+class LevelStatistic(Statistic):
+    """A statistic at every level: ``compute`` takes samples (first) and flights (second) pooled, and gives (K,)."""
+
+    compute: Callable[[Pooled], Tensor] = error_of_the_mean
+
+
+@dataclass(frozen=True)
+class ProfileStatistic(Statistic):
+    """A statistic of whole profiles: ``compute`` takes samples and m flights, and gives one number a flight (m,).
+
+    Flights that cannot be scored are NaN; the score is the mean over the others.
+    """
+
+    compute: Callable[[Values, Values], Tensor] = energy_scores
+
+
+def _times(descents: DescentSet) -> Values:
+    return (descents.time_s[:, 0] - descents.time_s[:, -1])[:, None], descents.spans_grid()[:, None]
+
+
+QUANTITIES = (
+    Quantity("time_to_bottom_of_descent", "Time to bottom of descent", "s", _times, False, "time to bottom"),
+    Quantity("cas", "CAS", "kt", lambda descents: (descents.cas_mps / KT_MPS, descents.mask)),
+    Quantity(
+        "rocd",
+        "Rate of climb or descent",
+        "ft/min",
+        lambda descents: (descents.rate_mps / FPM_MPS, descents.mask),
+        short="rate",
+    ),
+)
+
+STATISTICS: dict[str, Statistic] = {
+    one.name: one
+    for one in (
+        LevelStatistic("ks", "KS distance", "KS", "1", in_figure=True, in_paper=True, compute=ks_distance),
+        LevelStatistic(
+            "wasserstein",
+            "Wasserstein distance",
+            "Wasserstein",
+            in_figure=True,
+            in_paper=True,
+            compute=wasserstein_distance,
+        ),
+        LevelStatistic(
+            "mae", "error of the mean", "mean", of_one=error_of_one, in_paper=True, compute=error_of_the_mean
+        ),
+        LevelStatistic("crps", "CRPS", "CRPS", of_one=crps_of_one, compute=crps_of),
+        ProfileStatistic("energy", "energy score", "energy", of_one=energy_scores_of_one, compute=energy_scores),
+    )
+}
+"""Statistic by name, in the order of the table."""
+
+
+def level_statistics() -> list[LevelStatistic]:
+    """The registered statistics that are computed level by level."""
+    return [one for one in STATISTICS.values() if isinstance(one, LevelStatistic)]
+
+
+def profile_statistics() -> list[ProfileStatistic]:
+    """The registered statistics of whole profiles."""
+    return [one for one in STATISTICS.values() if isinstance(one, ProfileStatistic)]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Levels of a quantity over which the rows of the table average.
+
+    Attributes:
+        name: In files: the quantity's, with ``_above_transition``, ``_below_transition`` or ``_profile``.
+        label: In tables.
+        short: The label where there is little room.
+        side: ``above``, ``at or below``, or nothing.
+    """
+
+    quantity: Quantity
+    name: str
+    label: str
+    short: str
+    side: str = ""
+
+    def levels(self, levels_fl: Tensor, transition_fl: float) -> Tensor:
+        """Which of the quantity's K values belong to it (K,)."""
+        if not self.quantity.by_level:
+            return torch.ones(1, dtype=torch.bool, device=levels_fl.device)
+        above = levels_fl > transition_fl
+        return above if self.side == "above" else ~above
+
+
+def parts_of(quantity: Quantity) -> list[Part]:
+    """Above and at or below the transition for what is compared by level, else the whole."""
+    short = quantity.short or quantity.label
+    if not quantity.by_level:
+        return [Part(quantity, quantity.name, quantity.label, short)]
+    return [
+        Part(
+            quantity,
+            f"{quantity.name}_{name}_transition",
+            f"{quantity.label} {side} the transition altitude",
+            f"{short} {in_short}",
+            side,
+        )
+        for name, side, in_short in (("above", "above", "above transition"), ("below", "at or below", "below"))
+    ]
+
+
+def profile_of(quantity: Quantity) -> Part:
+    """The whole profile of a quantity."""
+    short = quantity.short or quantity.label
+    return Part(quantity, f"{quantity.name}_profile", f"{quantity.label}, whole profile", f"{short} profile")
+
+
+def rows() -> Iterator[tuple[Part, Statistic]]:
+    """The rows of the table of scores in their order: by level first, then whole profiles.
+
+    Example:
+        >>> [(part.name, statistic.name) for part, statistic in rows()][-2:]
+        [('cas_profile', 'energy'), ('rocd_profile', 'energy')]
+    """
+    for quantity in QUANTITIES:
+        for part in parts_of(quantity):
+            for statistic in level_statistics():
+                yield part, statistic
+    for quantity in QUANTITIES:
+        if quantity.by_level:
+            for whole in profile_statistics():
+                yield profile_of(quantity), whole
+
+
+def paper_statistics() -> dict[str, Statistic]:
+    """The statistics of the paper's tables by name.
+
+    Example:
+        >>> {name: one.label for name, one in paper_statistics().items()}
+        {'ks': 'KS distance', 'wasserstein': 'Wasserstein distance', 'mae': 'error of the mean'}
+    """
+    return {name: one for name, one in STATISTICS.items() if one.in_paper}
+
+
+def level_parts() -> dict[str, Part]:
+    """The parts that statistics by level are averaged over, by name: the paper's five quantities.
+
+    Example:
+        >>> level_parts()["cas_below_transition"].label
+        'CAS at or below the transition altitude'
+    """
+    return {part.name: part for quantity in QUANTITIES for part in parts_of(quantity)}

@@ -122,7 +122,6 @@ def test_a_wrong_shape_is_seen_by_the_energy_score_alone() -> None:
     order = torch.stack(
         [torch.randperm(len(full[1]), generator=torch.Generator().manual_seed(k)) for k in range(21)], 1
     )
-    from dataclasses import replace
 
     shuffled = replace(full[1], rate_mps=full[1].rate_mps.gather(0, order))
     right, wrong = (score(one, full[0], 290.0, n_splits=2) for one in (full[1], shuffled))

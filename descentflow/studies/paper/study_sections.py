@@ -7,6 +7,7 @@ import polars as pl
 
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.component_search import max_components
+from descentflow.evaluation.metrics.score_registry import STATISTICS, level_parts
 from descentflow.reporting.html_elements import Cell, Html, bold, figure, paragraph, table
 from descentflow.reporting.number_text import number
 from descentflow.studies.paper.figures.boxes import boxes_figure
@@ -14,14 +15,6 @@ from descentflow.studies.paper.figures.rejection_rates import rejection_rates_fi
 from descentflow.studies.paper.study_plan import MODELS, StudyPlan
 from descentflow.studies.paper.study_tables import WITHIN
 
-STATISTIC = {"ks": "KS", "wasserstein": "Wasserstein", "mae": "mean"}
-SHORT = {
-    "time_to_bottom_of_descent": "time to bottom",
-    "cas_above_transition": "CAS above transition",
-    "cas_below_transition": "CAS below",
-    "rocd_above_transition": "rate above transition",
-    "rocd_below_transition": "rate below",
-}
 Row = list[str | Cell]
 
 
@@ -69,7 +62,10 @@ def means_over_types(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Html]
         first = part.row(0, named=True)
         found = {r["model"]: r for r in part.iter_rows(named=True)}
         best = min((r["score"] for r in found.values() if r["score"] is not None), default=0.0)
-        cells: Row = [SHORT[first["quantity"]], f"{STATISTIC[first['statistic']]}{_unit(first['unit'])}"]
+        cells: Row = [
+            level_parts()[first["quantity"]].short,
+            f"{STATISTICS[first['statistic']].short}{_unit(first['unit'])}",
+        ]
         cells += [
             Cell(number(r["score"]), "best" if (r["score"] or 0) <= WITHIN * best else "", _to_floor(r))
             for r in (found[m] for m in models)
@@ -116,7 +112,7 @@ def scores_of_quantity(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Htm
     left_out = none["typecode"].unique(maintain_order=True).to_list()
     for r in frame.filter(~pl.col("typecode").is_in(left_out)).iter_rows(named=True):
         best = (r["best"] or "").split()
-        cells: Row = [r["typecode"], f"{STATISTIC[r['statistic']]}{_unit(r['unit'])}"]
+        cells: Row = [r["typecode"], f"{STATISTICS[r['statistic']].short}{_unit(r['unit'])}"]
         cells += [Cell(number(r[m]), "best" if m in best else "", _below(r, m)) for m in models]
         cells += [number(r["floor"]), number(r["nominal"]), *(Cell(number(r[c]), "reference") for c in papers)]
         rows.append(cells)

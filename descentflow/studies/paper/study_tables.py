@@ -4,17 +4,11 @@ from pathlib import Path
 
 import polars as pl
 
+from descentflow.evaluation.metrics.score_registry import level_parts, paper_statistics
 from descentflow.studies.paper.study_plan import MODELS, StudyPlan
 
-QUANTITIES = {
-    "time_to_bottom_of_descent": "Time to bottom of descent",
-    "cas_above_transition": "CAS above the transition altitude",
-    "cas_below_transition": "CAS at or below the transition altitude",
-    "rocd_above_transition": "Rate of climb or descent above the transition altitude",
-    "rocd_below_transition": "Rate of climb or descent at or below the transition altitude",
-}
+QUANTITIES = {name: part.label for name, part in level_parts().items()}
 """Quantity of the scores -> heading of the paper's table."""
-STATISTICS = {"ks": "KS distance", "wasserstein": "Wasserstein distance", "mae": "error of the mean"}
 _BY_MODEL = {"score": "", "equal_size": "_equal_size", "low": "_low", "high": "_high"}
 """Column of the scores -> ending of the model's column in a table."""
 WITHIN = 1.05
@@ -38,7 +32,7 @@ def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
             ends = intervals.with_columns(pl.col("low", "high").cast(pl.Float64))
             frame = frame.join(ends, on=["quantity", "statistic"], how="left")
             frame = frame.filter(
-                pl.col("quantity").is_in(list(QUANTITIES)), pl.col("statistic").is_in(list(STATISTICS))
+                pl.col("quantity").is_in(list(QUANTITIES)), pl.col("statistic").is_in(list(paper_statistics()))
             )
             parts.append(frame.select(pl.lit(typecode).alias("typecode"), pl.lit(name).alias("model"), pl.all()))
     return pl.concat(parts, how="diagonal_relaxed")
@@ -94,6 +88,6 @@ def means(scores: pl.DataFrame) -> pl.DataFrame:
         over_floor=(pl.col("equal_size") / pl.col("floor")).median(),
         nominal=pl.col("nominal").mean(),
     )
-    order = {name: i for i, name in enumerate([*QUANTITIES, *STATISTICS])}
+    order = {name: i for i, name in enumerate([*QUANTITIES, *paper_statistics()])}
     places = [pl.col(c).replace_strict(order, return_dtype=pl.Int64) for c in ("quantity", "statistic")]
     return by_quantity.sort(*places, maintain_order=True)

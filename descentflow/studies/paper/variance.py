@@ -13,6 +13,7 @@ from descentflow.core.units import FL_M
 from descentflow.densities.component_search import select_mixture
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.score_registry import paper_statistics
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
@@ -21,7 +22,6 @@ from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
-from descentflow.studies.paper.study_tables import STATISTICS
 
 SAMPLES = 1_000
 RESTARTS = 2
@@ -133,5 +133,5 @@ def _one_share(
     return [
         FoldScore(**about, quantity=s.quantity, statistic=s.statistic, unit=s.unit, score=s.score)
         for s in found
-        if s.quantity in QUANTITIES and s.statistic in STATISTICS
+        if s.quantity in QUANTITIES and s.statistic in paper_statistics()
     ]

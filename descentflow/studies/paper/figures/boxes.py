@@ -6,6 +6,7 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from descentflow.evaluation.metrics.score_registry import paper_statistics
 from descentflow.reporting.figure_style import BLACK, GREY, tidy
 
 ROWS = {
@@ -14,7 +15,7 @@ ROWS = {
     "Rate": {"above": "rocd_above_transition", "at or below": "rocd_below_transition"},
 }
 """Row of panels -> name of each box of a model -> quantity."""
-COLUMNS = {"ks": "KS distance", "wasserstein": "Wasserstein distance", "mae": "error of the mean"}
+COLUMNS = paper_statistics()
 _FILLS = {"": "#c9d7e6", "above": "#bcd7ea", "at or below": "#f2c9d0"}
 
 
@@ -42,11 +43,11 @@ def boxes_figure(scores: pl.DataFrame, models: Mapping[str, str]) -> Figure:
     axes = figure.subplots(len(ROWS), len(COLUMNS))
     tidy(axes.flat)
     for line, (name, parts) in zip(axes, ROWS.items(), strict=True):
-        for ax, (statistic, words) in zip(line, COLUMNS.items(), strict=True):
+        for ax, (statistic, entry) in zip(line, COLUMNS.items(), strict=True):
             chosen = scores.filter(pl.col("statistic") == statistic, pl.col("quantity").is_in(list(parts.values())))
             unit = str(chosen["unit"][0]) if len(chosen) else "1"
-            _draw(ax, chosen, parts, models, with_nominal=statistic == "mae")
-            ax.set_title(f"{name}: {words}" + ("" if unit == "1" else f" ({unit})"), fontsize=10)
+            _draw(ax, chosen, parts, models, with_nominal=entry.of_one is not None)
+            ax.set_title(f"{name}: {entry.label}" + ("" if unit == "1" else f" ({unit})"), fontsize=10)
     handles = [axes[1, 0].bar([0], [0], color=_FILLS[part]) for part in ("above", "at or below")]
     figure.legend(
         handles,

@@ -39,7 +39,7 @@ def open_descents(
         cleaning: Settings that the descents must have: rows are cleaned with them, and of prepared descents that were
             cleaned with others a warning names every setting that differs. None if any will do.
         rows_cleaning: Settings for rows where ``cleaning`` is None; the defaults if absent.
-        progress: Called with what is being done, and with which settings rows are cleaned.
+        progress: Progress callback, called with each stage and the settings that rows are cleaned with.
 
     Raises:
         DataError: If there is nothing there, it cannot be read, or prepared files of different settings are put

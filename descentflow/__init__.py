@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from descentflow.densities.checkpoint import load_model as load
     from descentflow.diagnosis.diagnose import diagnose
     from descentflow.evaluation.evaluate import evaluate
+    from descentflow.generation.prediction.predict import predict
+    from descentflow.generation.sample import sample
     from descentflow.simulation.world import simulate
     from descentflow.surveillance.descents.prepared_descents import read_descents
     from descentflow.surveillance.prepare import prepare
@@ -52,8 +54,10 @@ __all__ = [
     "evaluate",
     "fit",
     "load",
+    "predict",
     "prepare",
     "read_descents",
+    "sample",
     "simulate",
 ]
 
@@ -68,8 +72,10 @@ _PLACES = {
     "evaluate": ("evaluation.evaluate", "evaluate"),
     "fit": ("training.fit", "fit"),
     "load": ("densities.checkpoint", "load_model"),
+    "predict": ("generation.prediction.predict", "predict"),
     "prepare": ("surveillance.prepare", "prepare"),
     "read_descents": ("surveillance.descents.prepared_descents", "read_descents"),
+    "sample": ("generation.sample", "sample"),
     "simulate": ("simulation.world", "simulate"),
 }
 """Name -> the module that has it, and its name there."""

@@ -25,6 +25,10 @@ class Aircraft:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
         >>> open_aircraft("A320").engine
         'jet'
+        >>> print(open_aircraft("A320"))
+        A320: 2 jet engines, wake category M, 61,300 kg (41,295 to 73,500), up to 41,000 ft
+        standard descent: Mach 0.77, 280 kt, 250 kt below 10,000 ft
+        coefficients: descentflow open aircraft, not BADA: ...
     """
 
     typecode: str
@@ -101,6 +105,21 @@ class Aircraft:
                 expected=f"one of {', '.join(get_args(Engine))}",
                 mend="correct the engine field of the OPF file",
             )
+
+    def __str__(self) -> str:
+        """Type, mass, ceiling, standard descent and source, in three lines."""
+        shown = {
+            f.name: f"{float(v):,.6g}" if not isinstance(v, Tensor) or v.numel() == 1 else f"{v.numel()} values"
+            for f in fields(self)
+            if isinstance(v := getattr(self, f.name), int | float | Tensor)
+        }
+        return (
+            f"{self.typecode}: {self.n_engines} {self.engine} engine{'s' if self.n_engines > 1 else ''}, wake category "
+            f"{self.wake_category}, {shown['mass_reference_kg']} kg ({shown['mass_minimum_kg']} to "
+            f"{shown['mass_maximum_kg']}), up to {shown['altitude_maximum_ft']} ft\n"
+            f"standard descent: Mach {shown['des_mach']}, {shown['des_cas_high_kt']} kt, {shown['des_cas_low_kt']} kt "
+            f"below 10,000 ft\ncoefficients: {self.source}"
+        )
 
     def numbers(self) -> tuple[Number, ...]:
         """All coefficients, in the order of the fields."""

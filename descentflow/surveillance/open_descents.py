@@ -12,7 +12,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import DataError, DescentflowWarning
-from descentflow.core.tabular import from_pandas
+from descentflow.core.tabular import from_pandas, is_pandas
 from descentflow.surveillance.cleaning.kept_settings import differences_in_words, different_settings
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.description import KEY, SCHEMA_VERSION
@@ -35,7 +35,8 @@ def open_descents(
 
     Args:
         source: A path to rows (a file or a folder), to a prepared file, a store or a folder of prepared files; several
-            such paths; descents in memory; or a table (Polars or pandas) of prepared descents.
+            such paths; descents in memory; a table (Polars or pandas) of prepared descents, which has a column
+            `level_fl`, or of rows; or simulated flights.
         cleaning: Settings that the descents must have: rows are cleaned with them, and of prepared descents that were
             cleaned with others a warning names every setting that differs. None if any will do.
         rows_cleaning: Settings for rows where ``cleaning`` is None; the defaults if absent.
@@ -57,7 +58,7 @@ def open_descents(
     say = progress or (lambda _: None)
     descents = _prepared(source)
     if descents is None:
-        return _cleaned(_paths(source), cleaning, rows_cleaning, say)
+        return _cleaned(source, cleaning, rows_cleaning, say)
     if cleaning is not None:
         _compare(descents, cleaning)
     return descents
@@ -79,6 +80,10 @@ def open_prepared(source: Any) -> Descents:
     """
     descents = _prepared(source)
     # Of what is not prepared, the reader of prepared files says best what it is.
+    if descents is None and _are_rows(source):
+        raise DataError(
+            "rows that are not prepared", expected="prepared descents", mend="pass what descentflow.prepare returns"
+        )
     return read_descents(_paths(source)[0]) if descents is None else descents
 
 
@@ -107,7 +112,7 @@ def is_prepared(path: Path) -> bool:
 def _prepared(source: Any) -> Descents | None:
     """Descents that are prepared already; None for rows."""
     descents = _in_memory(source)
-    if descents is not None:
+    if descents is not None or _are_rows(source):
         return descents
     paths = _expanded(_paths(source))
     prepared = [path for path in paths if is_prepared(path)]
@@ -147,31 +152,36 @@ def _expanded(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
+def _are_rows(source: Any) -> bool:
+    """Whether it is rows in memory: a table, or what ``simulate`` returned."""
+    tables = pl.DataFrame | pl.LazyFrame
+    return is_pandas(source) or isinstance(source, tables) or isinstance(getattr(source, "rows", None), tables)
+
+
 def _in_memory(source: Any) -> Descents | None:
     if isinstance(source, Descents):
         return source
-    if type(source).__module__.split(".")[0] == "pandas":
-        source = from_pandas(source)
-    if not isinstance(source, pl.DataFrame):
+    table = from_pandas(source) if is_pandas(source) else source
+    if not isinstance(table, pl.DataFrame) or "level_fl" not in table.columns:
         return None
-    absent = [name for name in REQUIRED if name not in source.columns]
-    if absent or source.is_empty():
+    absent = [name for name in REQUIRED if name not in table.columns]
+    if absent or table.is_empty():
         raise DataError(
-            f"a table with columns {', '.join(source.columns[:12])}" if absent else "a table without a row",
+            f"a table of descents without {', '.join(absent) or 'a row'}",
             expected="prepared descents (columns " + ", ".join(REQUIRED) + ")",
-            mend="write the rows to a file and pass its path: they are prepared then",
+            mend="pass what descentflow.prepare returned, or the rows themselves",
         )
-    bottom = int(source["level_fl"].min())  # type: ignore[arg-type]
-    known = {"schema_version": SCHEMA_VERSION, "bottom_fl": bottom, "top_fl": top_levels(source), "inputs": []}
-    return Descents(source, known)
+    bottom = int(table["level_fl"].min())  # type: ignore[arg-type]
+    known = {"schema_version": SCHEMA_VERSION, "bottom_fl": bottom, "top_fl": top_levels(table), "inputs": []}
+    return Descents(table, known)
 
 
-def _cleaned(paths: list[Path], cleaning: Cleaning | None, rows_cleaning: Cleaning | None, say: Say) -> Descents:
+def _cleaned(rows: Any, cleaning: Cleaning | None, rows_cleaning: Cleaning | None, say: Say) -> Descents:
     chosen = cleaning or rows_cleaning or Cleaning()
     differences = different_settings(Cleaning(), chosen)
     changed = ", ".join(f"{name} {value}" for name, (_, value) in differences.items())
     say(f"cleaning rows with {changed or 'the default settings'}")
-    return prepare(paths, cleaning=chosen, progress=say)
+    return prepare(rows, cleaning=chosen, progress=say)
 
 
 def _compare(descents: Descents, cleaning: Cleaning) -> None:

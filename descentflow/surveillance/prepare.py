@@ -44,7 +44,8 @@ def prepare(
 
     Args:
         rows: File, folder or table of rows, or several. A table is one of polars or pandas in the schema of rows
-            (:data:`descentflow.surveillance.rows.schema.COLUMNS`, or its aliases).
+            (:data:`descentflow.surveillance.rows.schema.COLUMNS`, or its aliases), or what
+            :func:`descentflow.simulation.world.simulate` returned.
         typecode: Type or types to keep, `"A320"`, `"A320,A321"` or `["A320", "A321"]`; all if None.
         types: Table `icao24,typecode`, or a file of it, for rows that do not name their type.
         bottom_fl: Lowest flight level of the grid; that of `cleaning` if None.

@@ -99,7 +99,7 @@ def read_table(path: Path) -> pl.DataFrame:
 
 
 def source_of(rows: Any) -> Source:
-    """A path as it is, and a table of polars or pandas as one of polars.
+    """A path as it is, a table of polars or pandas as one of polars, and the rows of simulated flights.
 
     Raises:
         ConfigError: If it is neither.
@@ -114,9 +114,13 @@ def source_of(rows: Any) -> Source:
         return rows.collect()
     if is_pandas(rows):
         return from_pandas(rows)
+    if isinstance(getattr(rows, "rows", None), pl.DataFrame):
+        # What descentflow.simulate returned, of which this folder knows nothing.
+        simulated: pl.DataFrame = rows.rows
+        return simulated
     raise ConfigError(
         f"rows of type {type(rows).__name__}",
-        expected="paths, or tables of polars or pandas",
+        expected="paths, tables of polars or pandas, or what descentflow.simulate returned",
         mend="write the rows to a file, or make a table of them",
     )
 

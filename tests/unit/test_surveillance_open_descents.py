@@ -7,7 +7,6 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.representation.checkpoint import load_representation
 from descentflow.representation.comparable_descents import comparable_descents
@@ -29,7 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Rows of 30 flights, prepared as a file, as a store, and strictly; and those of 30 others."""
     folder = tmp_path_factory.mktemp("open")
     for seed, name in ((0, ""), (1, "_others")):
-        simulate(aircraft("A320"), 30, seed).rows.write_parquet(folder / f"rows{name}.parquet")
+        simulate("A320", 30, seed).rows.write_parquet(folder / f"rows{name}.parquet")
         prepare(folder / f"rows{name}.parquet", out=folder / f"descents{name}.parquet")
     prepare(folder / "rows.parquet", out=folder / "store")
     prepare(folder / "rows_others.parquet", out=folder / "strict.parquet", cleaning=STRICT)
@@ -57,6 +56,15 @@ def test_rows_files_stores_descents_and_tables_open_alike(folder: Path) -> None:
     assert expected.cleaning == Cleaning()
     assert open_descents(folder / "store").cleaning == Cleaning()
     assert open_descents(frame).cleaning is None
+
+
+def test_rows_in_memory_are_cleaned(folder: Path) -> None:
+    expected = read_descents(folder / "descents.parquet").frame
+    rows = pl.read_parquet(folder / "rows.parquet")
+    for source in (rows, simulate("A320", 30, 0)):
+        opened = open_descents(source)
+        assert opened.cleaning == Cleaning()
+        assert opened.frame.equals(expected)
 
 
 def test_a_pandas_table_is_prepared_descents_too(folder: Path) -> None:
@@ -140,8 +148,10 @@ def test_rows_and_prepared_descents_do_not_mix(folder: Path, tmp_path: Path) -> 
         open_descents(3)
     with pytest.raises(DataError, match="not prepared descents"):
         open_prepared(folder / "rows.parquet")
-    with pytest.raises(DataError, match="write the rows to a file"):
-        open_descents(pl.read_parquet(folder / "rows.parquet"))
+    with pytest.raises(DataError, match="rows that are not prepared"):
+        open_prepared(pl.read_parquet(folder / "rows.parquet"))
+    with pytest.raises(DataError, match="a table of descents without Mach"):
+        open_descents(read_descents(folder / "descents.parquet").frame.drop("Mach"))
 
 
 def test_a_representation_keeps_the_settings_of_its_training_descents(folder: Path) -> None:

@@ -9,5 +9,4 @@ diagnosis is to find are injected by :mod:`~descentflow.simulation.causes` throu
 :mod:`~descentflow.simulation.injected`. Nothing of this shares an equation with the
 decoder that it tests. A second world, :mod:`~descentflow.simulation.jsbsim_world`, flies the aircraft of another
 program.
-Flights of foreign physics, JSBSim's: :mod:`~descentflow.simulation.jsbsim_world`.
 """

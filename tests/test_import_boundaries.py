@@ -114,7 +114,6 @@ def test_folders_of_a_package_import_each_other_in_one_direction(package: str) -
     assert cycle({**packages(package)}) == []
 
 
-@pytest.mark.xfail(reason="six circles of modules are left")
 def test_modules_import_each_other_in_one_direction() -> None:
     assert cycle({**modules()}) == []
 

@@ -53,7 +53,9 @@ def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) 
     untouched = (study / "A320" / "gmm" / "model.ckpt").stat().st_mtime_ns
     for name in ("model.ckpt", "done", "scores.csv"):
         (study / "BE20" / "gaussian" / name).unlink()
-    (study / "BE20" / "gaussian" / "runs" / "stray").mkdir()
+    # What a killed fit leaves: a checkpoint under its temporary name, and a log without an end.
+    (study / "BE20" / "gaussian" / ".model-stray.ckpt").write_bytes(b"half a checkpoint")
+    (study / "BE20" / "gaussian" / "fit.log").write_text("flights: ")
     begin(PLAN, study)
     said: list[str] = []
     run_study(PLAN, study, DaskEngine(1), said.append)

@@ -1,4 +1,7 @@
-"""Samples held against held-out flights: metrics beside their noise floor, and figures.
+"""Samples held against held-out flights: scores beside their noise floor, and figures.
 
-Read :mod:`~descentflow.evaluation.evaluate`, then :mod:`~descentflow.evaluation.metrics.scores`.
+Reading order: :mod:`~descentflow.evaluation.evaluate` (what a user calls),
+:mod:`~descentflow.evaluation.evaluation_report` (what it returns),
+:mod:`~descentflow.evaluation.metrics.score_registry` (what is scored), :mod:`~descentflow.evaluation.metrics.scores`
+(how). To add a score, add an entry to :data:`descentflow.evaluation.metrics.score_registry.STATISTICS`.
 """

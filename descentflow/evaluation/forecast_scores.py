@@ -50,7 +50,13 @@ def forecast_scores(
         SamplingError: If too few draws are plausible.
 
     Example:
-        >>> forecast_scores(model, data.profiles("test"), data.weights("test"), data.contexts("test"))["nll"].mean()
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> model = load_model("best.ckpt")
+        >>> flights = encode_flights(read_descents("descents.parquet").frame, model.representation)["test"]
+        >>> forecast_scores(model, flights.profiles, flights.weights, None, n_draws=10)["nll"].shape
+        torch.Size([24])
     """
     if len(flights) == 0:
         raise DataError("no flight to score", expected="held-out flights", mend="pass other descents")

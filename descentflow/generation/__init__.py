@@ -1,4 +1,7 @@
-"""Plausible descents from a density: rejection sampling, tables for export, and prediction in flight.
+"""Plausible descents from a density, and the rest of a descent that has begun.
 
-Read :mod:`~descentflow.generation.rejection`, then :mod:`~descentflow.generation.prediction`.
+Reading order: :mod:`~descentflow.generation.sample` (what a user calls), :mod:`~descentflow.generation.rejection` (the
+one rejection loop), :mod:`~descentflow.generation.samples` (what it returns),
+:mod:`~descentflow.generation.prediction.predict` (prediction in flight). To change the rejection bounds, see
+:mod:`descentflow.representation.plausibility`.
 """

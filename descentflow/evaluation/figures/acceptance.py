@@ -21,7 +21,9 @@ def acceptance_figure(report: RejectionReport) -> Figure:
         A figure of two panels.
 
     Example:
-        >>> figure = acceptance_figure(samples.report)
+        >>> report = RejectionReport(drawn=110, accepted=100, rejected=8, surplus=2, broken={"not_finite": 8})
+        >>> len(acceptance_figure(report).axes)
+        2
     """
     figure = Figure(figsize=(8.0, 1.9 + 0.36 * len(report.broken)), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=[1.3, max(len(report.broken), 1)])

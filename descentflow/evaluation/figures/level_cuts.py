@@ -47,7 +47,11 @@ def cuts_figure(
         DataError: If a set lies on another grid.
 
     Example:
-        >>> figure = cuts_figure(real, {"gaussian": gaussian, "flow": flow}, nominal, level_fl=287.0)
+        >>> from descentflow.evaluation.evaluate import evaluate
+        >>> found = evaluate("best.ckpt", "descents.parquet", n=200, n_splits=1)
+        >>> figure = cuts_figure(found.real, {"gaussian": found.samples}, found.nominal, level_fl=287.0)
+        >>> figure.axes[4].get_xlabel()
+        'CAS at FL287 (kt)'
     """
     sets = {"held out": real, **samples} | ({} if nominal is None else {"nominal BADA": nominal})
     for name, descents in sets.items():

@@ -50,7 +50,11 @@ def profiles_figure(
         DataError: If there is no flight, or a set without drag.
 
     Example:
-        >>> figure = profiles_figure(real, {"flow": samples}, nominal, title="B738")
+        >>> from descentflow.evaluation.evaluate import evaluate
+        >>> found = evaluate("best.ckpt", "descents.parquet", n=200, n_splits=1)
+        >>> figure = profiles_figure(found.real, {"gaussian": found.samples}, found.nominal, title="A320")
+        >>> figure.axes[0].get_title()
+        'held out (n = 24)'
     """
     if not bool(real.mask.any()):
         raise DataError("no held-out flight to draw", expected="at least one", mend="split more flights")
@@ -83,7 +87,7 @@ def _fields(descents: DescentSet) -> Fields:
 
 
 def since_entry_s(descents: DescentSet) -> Tensor:
-    """Seconds (n, L) since each descent's highest observed level; without meaning where the mask is false."""
+    """Seconds (n, L) since each descent's highest observed level; masked values are meaningless."""
     positions = torch.arange(len(descents.levels_fl), device=descents.mask.device)
     entry = torch.where(descents.mask, positions, 0).amax(1, keepdim=True)
     return descents.time_s - descents.time_s.gather(1, entry)

@@ -60,9 +60,10 @@ def score_intervals(
     Example:
         >>> from descentflow.generation.sample import sample
         >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 40, seed=s).trajectories) for s in (1, 2))
-        >>> first = score_intervals(one, two, transition_fl=291.5, n_resamples=5)[0]
-        >>> first.quantity, first.statistic, first.low <= first.high
-        ('time_to_bottom_of_descent', 'ks', True)
+        >>> found = {(i.quantity, i.statistic): i for i in score_intervals(one, two, 291.5, n_resamples=5)}
+        >>> below = found["cas_below_transition", "wasserstein"]
+        >>> below.low <= below.high
+        True
     """
     if n_resamples < 2:
         raise ConfigError(f"{n_resamples} resamples", expected="at least two", mend="ask for 50")

@@ -13,7 +13,7 @@ from descentflow.representation.profiles import Profiles
 
 @dataclass(frozen=True, eq=False)
 class DescentSet:
-    """n descents on L ascending levels; what stands where ``mask`` is false has no meaning and is never read.
+    """n descents on L ascending levels; masked values are never read.
 
     Shapes: ``levels_fl`` (L,), all else (n, L). ``time_s`` grows downwards and may be measured from each flight's own
     first level: only differences within a flight are used. ``drag_n`` is drawn by figures and not scored.
@@ -22,8 +22,10 @@ class DescentSet:
         DataError: If shapes do not agree or levels do not ascend.
 
     Example:
-        >>> held_out = DescentSet.of_profiles(profiles)
-        >>> held_out.time_to_bottom_s()  # of the flights that span the grid
+        >>> from descentflow.generation.sample import sample
+        >>> samples = DescentSet.of_trajectories(sample("best.ckpt", 50, entry_fl=300).trajectories)
+        >>> len(samples), len(samples.time_to_bottom_s())  # none spans the grid, which ends higher
+        (50, 0)
     """
 
     levels_fl: Tensor

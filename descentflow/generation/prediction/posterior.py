@@ -42,7 +42,9 @@ def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> 
     draws, whose clusters are widened: it only proposes, and its draws are weighted by the density.
 
     Example:
-        >>> prior = prior_of(load_model("best.ckpt"))
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> prior_of(load_model("best.ckpt")).exact is None  # a Gaussian stands for itself
+        True
     """
     mixture = density.mixture_at(context)
     if mixture is not None:

@@ -44,9 +44,14 @@ class DescentPredictor:
     a sample is, and left out if it does not descend all the way.
 
     Example:
-        >>> predictor = DescentPredictor(load_model("best.ckpt"))
-        >>> ahead = predictor.predict(profiles.subset([0]), from_fl=300, n=500, seed=0)
-        >>> ahead.trajectories.time_s[:, 0].quantile(torch.tensor([0.05, 0.95]).double())  # s to the lowest level
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> model = load_model("best.ckpt")
+        >>> flights = encode_flights(read_descents("descents.parquet").frame, model.representation)["test"]
+        >>> ahead = DescentPredictor(model).predict(flights.profiles.subset([0]), from_fl=250, n=100)
+        >>> bool((ahead.trajectories.time_s[:, 0] > 0).all())  # s from FL250 to the lowest level
+        True
     """
 
     def __init__(self, density: Density, seed: int = 0) -> None:

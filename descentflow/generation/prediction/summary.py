@@ -47,8 +47,11 @@ def level_occupancy(flown: Trajectories, times_s: Tensor) -> Tensor:
         (T, L) probabilities.
 
     Example:
-        >>> level_occupancy(prediction.trajectories, torch.arange(0, 1200, 10.0)).shape
-        torch.Size([120, 221])
+        >>> from descentflow.generation.sample import sample
+        >>> flown = sample("best.ckpt", 50).trajectories
+        >>> shares = level_occupancy(flown, torch.arange(0, 300, 10.0))
+        >>> shares.shape[0], float(shares[0].sum())
+        (30, 1.0)
     """
     n, n_levels = flown.time_s.shape
     # Upwards times fall; downwards they rise, which searchsorted needs. Above the entry, nothing was passed yet.

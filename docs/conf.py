@@ -47,6 +47,8 @@ BARE = (
 nitpick_ignore_regex = [
     (r"py:.*", rf"({OTHERS.replace(' ', '|')})\..*"),
     (r"py:.*", rf"({BARE.replace(' ', '|')})(\[.*)?"),
+    # Attributes that a class explains in its own docstring are no objects of their own.
+    (r"py:attr", r"(?!descentflow\.).*"),
     # Type variables and private bases have no page of their own.
     (r"py:.*", r"descentflow\..*\.([A-Z]|_\w+|Task)"),
 ]

@@ -22,6 +22,7 @@ UNITS = {
     "vertical_rate": "ft/min",
     "drag_n": "N",
 }
+"""Column of a sample -> unit."""
 
 
 def quantities(flown: Trajectories) -> dict[str, np.ndarray]:

@@ -1,5 +1,6 @@
 """The directive ``house-map``: layers, packages, a sentence each, and which packages each imports."""
 
+import re
 from typing import Any
 
 import packages
@@ -8,22 +9,25 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 
+def plain(text: str) -> str:
+    """A sentence of a docstring in Markdown: references become code."""
+    return re.sub(r":\w+:`~?([^`]+)`", lambda found: f"`{found[1].rsplit('.', 1)[-1]}`", text)
+
+
 class HouseMap(SphinxDirective):
-    """The map of the house, read from the files themselves."""
+    """The map of the house, read from the files themselves; for pages in Markdown."""
 
     def run(self) -> list[nodes.Node]:
-        """Sections of packages, each a definition list."""
+        """For each layer a definition list of its packages."""
         lines = []
         for layer, inside in packages.layers().items():
             lines += [f"**{layer}**", ""]
             for package in inside:
-                arrows = ", ".join(f"``{name}``" for name in sorted(packages.imports_of(package))) or "nothing"
-                inner = [path.name for path in packages.folders(package)]
-                lines += [f":doc:`{package.name}/ <made/api/{packages.dotted(package)}>`".replace("<made", "</made")]
-                lines += [f"   {packages.first_sentence(package)}", ""]
-                if inner:
-                    lines += ["   Inside: " + ", ".join(f"``{name}/``" for name in inner) + ".", ""]
-                lines += [f"   Imports {arrows}.", ""]
+                arrows = ", ".join(f"`{name}`" for name in sorted(packages.imports_of(package))) or "nothing"
+                inner = ", ".join(f"`{path.name}/`" for path in packages.folders(package))
+                lines += [f"{{doc}}`{package.name}/ </made/api/{packages.dotted(package)}>`"]
+                lines += [f": {plain(packages.first_sentence(package))}", ""]
+                lines += [f"  Inside: {inner}." if inner else "", "", f"  Imports {arrows}.", ""]
         return self.parse_text_to_nodes("\n".join(lines))
 
 

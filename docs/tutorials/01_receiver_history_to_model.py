@@ -39,8 +39,8 @@ def trace_of(flight: pl.DataFrame) -> dict[str, object]:
 
 
 rows = df.simulate("A320", 300, seed=1).rows.drop_nulls(["altitude", "IAS", "Mach", "vertical_rate"])
-for (address,), flights in rows.group_by("icao24"):
-    place = folder / "traces" / str(address)[-2:]
+for (day, address), flights in rows.group_by(pl.col("timestamp").dt.date(), "icao24"):
+    place = folder / "traces" / f"{day}" / str(address)[-2:]
     place.mkdir(parents=True, exist_ok=True)
     trace = gzip.compress(json.dumps(trace_of(flights.sort("timestamp"))).encode())
     (place / f"trace_full_{address}.json").write_bytes(trace)

@@ -93,8 +93,8 @@ samples = df.sample(model, n=200, seed=0).to_polars()
 levels = samples["level_fl"].unique().sort()
 nominal = nominal_descent(licensed, levels.to_torch().double())
 figure, axes = plt.subplots(figsize=(6, 4))
-for (_,), one in samples.group_by("sample"):
-    axes.plot(one["rocd_fpm"], one["level_fl"], color="tab:blue", alpha=0.06, linewidth=1)
+for (_,), one in samples.group_by("sample_id"):
+    axes.plot(one["vertical_rate"], one["level_fl"], color="tab:blue", alpha=0.06, linewidth=1)
 axes.plot(nominal.rate_mps / 0.3048 * 60, levels, color="black", label="nominal BADA")
 axes.set(xlabel="rate of descent, ft/min", ylabel="flight level")
 axes.legend()

@@ -33,7 +33,7 @@ def weather(flights):
     return replace(flights, deviation_k=torch.tensor(deviation, dtype=flights.deviation_k.dtype))
 
 
-world = df.simulate("A320", 400, seed=3, plant=weather)
+world = df.simulate("A320", 400, seed=3, inject=weather)
 descents = df.prepare(world.rows, typecode="A320")
 table = folder / "weather.csv"
 world.flights.select("flight_id", "deviation_k").write_csv(table)
@@ -58,7 +58,7 @@ import matplotlib.pyplot as plt
 
 figure, axes = plt.subplots(figsize=(6, 4))
 for samples, colour, name in ((cold, "tab:blue", "ISA - 15 K"), (warm, "tab:red", "ISA + 15 K")):
-    last = samples.to_polars().group_by("sample").agg(pl.col("time_s").max())
+    last = samples.to_polars().group_by("sample_id").agg(pl.col("time_s").max())
     axes.hist(last["time_s"] / 60, bins=30, alpha=0.6, color=colour, label=name)
 axes.set(xlabel="minutes from FL350 to the lowest level", ylabel="samples")
 axes.legend()
@@ -71,12 +71,20 @@ axes.legend()
 print(warm.to_polars().head())
 
 # %%
-# For loops over many batches, arrays are faster than tables. The decoder flies a batch of weights at once; with
-# ``out=`` it writes into the arrays of the last batch, and with ``compiled=True`` (``descentflow sample
-# --compile``) its arithmetic is compiled, which pays from millions of descents on and needs a C++ compiler.
+# Loops over many batches are faster with arrays than with tables: the decoder flies a batch of weights at once, and with
+# ``out=`` writes into the arrays of the last batch. These are draws before rejection. ``compiled=True`` (``descentflow
+# sample --compile``) compiles the arithmetic, which pays from millions of descents on and needs a C++ compiler;
+# ``python scripts/benchmark.py decode`` prints the speed on your machine.
 
-trajectories = warm.trajectories
-print("time", tuple(trajectories.time_s.shape), "rate", tuple(trajectories.rate_mps.shape))
+density = df.load(folder / "a320.ckpt")
+decoder, context = density.representation.decoder, density.representation.context
+ten_degrees = context.encode(pl.DataFrame({"deviation_k": [10.0]}))
+flown = None
+for batch in range(3):
+    weights = density.sample(10_000, seed=batch, context=ten_degrees)
+    flown = decoder(weights, out=flown)
+    minutes = flown.time_s[:, 0] / 60
+    print(f"batch {batch}: {minutes.mean():.2f} min on average from FL{decoder.levels_fl[-1]:.0f}")
 
 # %%
 # A descent that has begun
@@ -84,8 +92,8 @@ print("time", tuple(trajectories.time_s.shape), "rate", tuple(trajectories.rate_
 # :func:`~descentflow.generation.prediction.predict.predict` continues flights that were seen down to some level:
 # intervals of the time to each level below.
 
-flown = df.fit(descents, model="gaussian")
-prediction = df.predict(flown, descents, from_fl=290)
+unconditional = df.fit(descents, model="gaussian")
+prediction = df.predict(unconditional, descents, from_fl=290)
 print(prediction)
 
 kept.cleanup()

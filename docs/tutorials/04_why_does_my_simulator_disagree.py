@@ -17,15 +17,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import descentflow as df
-from descentflow.simulation.causes.cause import Planting
+from descentflow.simulation.causes.cause import Injection
 
 kept = TemporaryDirectory()
 folder = Path(kept.name)
 
 a320 = df.aircraft("A320")
 model = df.fit(df.prepare(df.simulate(a320, 400, seed=0).rows), model="gaussian")
-warmer = Planting(a320, {"temperature": {"deviation_k": 12.0}}, seed=1)
-real = df.simulate(a320, 400, seed=1, plant=warmer).rows
+warmer = Injection(a320, {"temperature": {"mean_k": 12.0, "spread_k": 3.0}}, seed=1)
+real = df.prepare(df.simulate(a320, 400, seed=1, inject=warmer).rows)
 
 # %%
 # The diagnosis
@@ -34,6 +34,13 @@ real = df.simulate(a320, 400, seed=1, plant=warmer).rows
 
 report = df.diagnose(real, model, out=folder / "gap")
 print(report)
+
+# %%
+# Where: each quantity in bands of altitude, in spreads of the flights.
+
+from descentflow.diagnosis.report.gap_figures import where_figure
+
+figure = where_figure(report.details.curves)
 
 # %%
 # Its parts are typed, for programs. The effect, its size with a 90 % interval, and how much of the gap it closes:
@@ -52,12 +59,8 @@ print(sorted(path.name for path in (folder / "gap").iterdir()))
 # -----------------------
 # The corrected simulator is a model like any other.
 
-figures = report.figures()
-figure = next(iter(figures.values()))
-
-# %%
-before = df.evaluate(model, df.prepare(real), n=1_000)
-after = df.evaluate(folder / "gap" / "corrected.ckpt", df.prepare(real), n=1_000)
+before = df.evaluate(model, real, n=1_000)
+after = df.evaluate(folder / "gap" / "corrected.ckpt", real, n=1_000)
 print("simulator as it was\n", before)
 print("with the effect\n", after)
 

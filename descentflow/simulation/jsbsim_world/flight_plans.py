@@ -80,7 +80,7 @@ class FlightPlan:
 
     number: int
     operator: int
-    """Index in :data:`OPERATORS`."""
+    """Index in `OPERATORS`."""
     mass_kg: float
     """At the start."""
     idle_factor: float

@@ -9,7 +9,7 @@ from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.threads import one_thread_unless_told
-from descentflow.representation.checkpoint import SECTION, read_checkpoint
+from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.datamodule import DescentDataModule

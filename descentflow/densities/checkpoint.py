@@ -8,7 +8,7 @@ from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.version import __version__
 from descentflow.densities import MODULES
 from descentflow.densities.density import Density
-from descentflow.representation.checkpoint import FORMAT, SECTION, incomplete, read_checkpoint
+from descentflow.representation.read_checkpoint import FORMAT, SECTION, incomplete, read_checkpoint
 from descentflow.representation.representation import Representation
 
 PREFIX = "_density."
@@ -114,7 +114,7 @@ def density_of(section: dict[str, Any]) -> Density:
         CheckpointError: If no such density is known.
 
     Example:
-        >>> from descentflow.representation.checkpoint import read_checkpoint
+        >>> from descentflow.representation.read_checkpoint import read_checkpoint
         >>> type(density_of(read_checkpoint("best.ckpt")["descentflow"])).__name__
         'GaussianDensity'
     """

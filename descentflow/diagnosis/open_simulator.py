@@ -9,7 +9,7 @@ from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import as_density, content_of
 from descentflow.diagnosis.simulator import Simulator
-from descentflow.representation.checkpoint import read_checkpoint
+from descentflow.representation.read_checkpoint import read_checkpoint
 
 DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
 """Type designators of ICAO Doc 8643: two to four letters and digits, a letter first."""

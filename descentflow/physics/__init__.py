@@ -3,13 +3,13 @@
 Reading order: :mod:`~descentflow.physics.atmosphere`, :mod:`~descentflow.physics.airspeed`,
 :mod:`~descentflow.physics.forces` (drag and idle thrust, with :mod:`~descentflow.physics.configuration`,
 :mod:`~descentflow.physics.envelope` and :mod:`~descentflow.physics.fuel`), :mod:`~descentflow.physics.energy` (rate
-from drag, and drag from the rate), :mod:`~descentflow.physics.speed_schedule` and
+from drag, and drag from the rate), :mod:`~descentflow.physics.descent_speeds` and
 :mod:`~descentflow.physics.transition` (Mach, then CAS), :mod:`~descentflow.physics.nominal_descent` (BADA's own
 descent). The decoder uses :mod:`~descentflow.physics.idle_state` and, where speed counts,
 :mod:`~descentflow.physics.fused_table`.
 
 To fly climbs: :mod:`~descentflow.physics.energy` holds for them too; they need a thrust for climb beside the one for
-descent in :mod:`~descentflow.physics.forces`, climb speeds beside those in :mod:`~descentflow.physics.speed_schedule`
+descent in :mod:`~descentflow.physics.forces`, climb speeds beside those in :mod:`~descentflow.physics.descent_speeds`
 and in :class:`~descentflow.aircraft_types.aircraft.Aircraft` (the APF file has them), and times that grow upwards in
 :mod:`descentflow.representation.decoder.trajectories`.
 

@@ -17,9 +17,9 @@ from descentflow.core.constants import G0_MPS2, KAPPA, P0_PA
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.physics.airspeed import CAS_SCALE_MPS
 from descentflow.physics.atmosphere import isa_fraction, pressure_pa, speed_of_sound_mps
+from descentflow.physics.descent_speeds import holds_mach
 from descentflow.physics.energy import lapse_share
 from descentflow.physics.forces import descent_thrust_n
-from descentflow.physics.speed_schedule import holds_mach
 
 HALF = (KAPPA - 1) / 2
 INVERSE_EXPONENT = (KAPPA - 1) / KAPPA

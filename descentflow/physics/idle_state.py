@@ -7,9 +7,9 @@ from torch import Tensor
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.tensors import Number
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.physics.descent_speeds import holds_mach
 from descentflow.physics.energy import energy_share_factor, energy_share_factor_local
 from descentflow.physics.forces import descent_thrust_n
-from descentflow.physics.speed_schedule import holds_mach
 
 
 class IdleState(NamedTuple):

@@ -14,11 +14,11 @@ from descentflow.core.tensors import Number, as_tensors, broadcast
 from descentflow.core.units import FL_M, FT_M
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.configuration import descent_configuration
+from descentflow.physics.descent_speeds import HIGH_SCHEDULE_M, ceilings_ft, descent_cas_mps, holds_mach
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor
 from descentflow.physics.envelope import BUFFET_FLOOR_M, minimum_cas_mps
 from descentflow.physics.forces import descent_thrust_floor_ft, descent_thrust_n, drag_n
 from descentflow.physics.fuel import descent_fuel_flow_kg_s
-from descentflow.physics.speed_schedule import HIGH_SCHEDULE_M, ceilings_ft, descent_cas_mps, holds_mach
 from descentflow.physics.transition import transition_altitude_m
 
 _CELL_M = 1000 * FT_M

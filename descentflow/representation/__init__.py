@@ -6,5 +6,5 @@ Reading order: :mod:`~descentflow.representation.profiles` (drag and CAS on flig
 :mod:`~descentflow.representation.fpca` (principal components), :mod:`~descentflow.representation.decoder` (weights to
 trajectories), :mod:`~descentflow.representation.context` (temperature, operator and the like as numbers),
 :mod:`~descentflow.representation.plausibility` (bounds), :mod:`~descentflow.representation.representation` (all of
-them), :mod:`~descentflow.representation.checkpoint` (reading them from a file).
+them), :mod:`~descentflow.representation.read_checkpoint` (reading them from a file).
 """

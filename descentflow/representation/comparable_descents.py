@@ -31,7 +31,7 @@ def comparable_descents(
         DescentflowWarning: If the settings of either are unknown, or differ.
 
     Example:
-        >>> from descentflow.representation.checkpoint import load_representation
+        >>> from descentflow.representation.read_checkpoint import load_representation
         >>> parts = load_representation("best.ckpt")
         >>> comparable_descents("rows.parquet", parts).cleaning == parts.cleaning
         True

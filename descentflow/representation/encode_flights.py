@@ -61,7 +61,7 @@ def encode_flights(
         ConfigError: If a column of context is missing, or a table is given to a model without context.
 
     Example:
-        >>> from descentflow.representation.checkpoint import load_representation
+        >>> from descentflow.representation.read_checkpoint import load_representation
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> parts = encode_flights(read_descents("descents.parquet").frame, load_representation("best.ckpt"))
         >>> {part: len(flights) for part, flights in parts.items()}

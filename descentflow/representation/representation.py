@@ -46,7 +46,7 @@ class Representation(nn.Module):
     """Decoder, plausibility bounds and split: all that a latent model needs besides its own density.
 
     Example:
-        >>> from descentflow.representation.checkpoint import load_representation
+        >>> from descentflow.representation.read_checkpoint import load_representation
         >>> parts = load_representation("best.ckpt")
         >>> len(parts.split.train), parts.decoder.dimension
         (86, 5)

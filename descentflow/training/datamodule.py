@@ -16,7 +16,6 @@ from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.measurements.quantities import reference_state
-from descentflow.representation.checkpoint import load_representation
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.context import ContextEncoder, Missing
 from descentflow.representation.encode_flights import (
@@ -31,6 +30,7 @@ from descentflow.representation.flight_parts import Part, parts_of, top_level, w
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.plausibility import MARGIN
 from descentflow.representation.profiles import Profiles, profiles_from_frame
+from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation, Split, fit_representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents

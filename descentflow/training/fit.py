@@ -13,7 +13,7 @@ from lightning.pytorch.utilities.seed import isolate_rng
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_unless_told
-from descentflow.representation.checkpoint import read_checkpoint
+from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models.latent_model import LatentModel

@@ -15,7 +15,7 @@ from scipy.io import netcdf_file
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli.entry import main
 from descentflow.densities.checkpoint import load_model
-from descentflow.representation.checkpoint import read_checkpoint
+from descentflow.representation.read_checkpoint import read_checkpoint
 
 CONFIGS = Path(__file__).resolve().parents[2] / "descentflow" / "configs"
 QUICK = ["--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false", "--scores.n_samples=200"]

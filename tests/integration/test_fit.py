@@ -12,7 +12,7 @@ from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.density import Density
-from descentflow.representation.checkpoint import read_checkpoint
+from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.training import models
 from descentflow.training.datamodule import DescentDataModule

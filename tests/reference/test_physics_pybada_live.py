@@ -14,11 +14,11 @@ from descentflow.aircraft_types.bada3.bada_directory import load_aircraft
 from descentflow.core.units import FT_M
 from descentflow.physics.airspeed import cas_to_tas_mps, crossover_altitude_m
 from descentflow.physics.configuration import NAMES, descent_configuration, stall_cas_mps
+from descentflow.physics.descent_speeds import descent_cas_mps
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor
 from descentflow.physics.envelope import maximum_altitude_m, maximum_cas_mps, minimum_cas_mps
 from descentflow.physics.forces import descent_thrust_n, drag_n, max_climb_thrust_n
 from descentflow.physics.fuel import descent_fuel_flow_kg_s
-from descentflow.physics.speed_schedule import descent_cas_mps
 from descentflow.physics.transition import transition_altitude_m
 
 # pyBADA warns of its own (numpy and pandas deprecations, optional map packages); the package's warnings stay errors.

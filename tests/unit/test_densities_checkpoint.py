@@ -19,7 +19,7 @@ from descentflow.densities import (
 )
 from descentflow.densities.checkpoint import as_density, content_of, load_model
 from descentflow.generation.rejection import sample_descents
-from descentflow.representation.checkpoint import load_representation, read_checkpoint
+from descentflow.representation.read_checkpoint import load_representation, read_checkpoint
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 DIMENSION = 4

@@ -7,7 +7,7 @@ from descentflow.aircraft_types.bada3.global_parameters import GlobalParameters
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach
-from descentflow.physics.speed_schedule import ceilings_ft, descent_cas_mps, holds_mach
+from descentflow.physics.descent_speeds import ceilings_ft, descent_cas_mps, holds_mach
 from descentflow.physics.transition import transition_altitude_m
 
 DOUBLE = torch.float64

@@ -8,8 +8,8 @@ import polars as pl
 import pytest
 
 from descentflow.core.errors import DataError, DescentflowWarning
-from descentflow.representation.checkpoint import load_representation
 from descentflow.representation.comparable_descents import comparable_descents
+from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.cleaning.kept_settings import different_settings, kept_cleaning

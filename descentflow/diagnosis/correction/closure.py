@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.findings.cause_found import ClosedShare, RivalClosure
-from descentflow.diagnosis.inference.distances import distances, mean_over_quantities
 from descentflow.diagnosis.inference.effect_shifts import CAS_RIDGE
+from descentflow.diagnosis.inference.gap_distances import distances, mean_over_quantities
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.permutation import permuted_labels
 from descentflow.diagnosis.inference.search import parameters_of_part

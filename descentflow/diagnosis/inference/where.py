@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.findings.gap_found import Block, GapCell
-from descentflow.diagnosis.inference.distances import distances
 from descentflow.diagnosis.inference.false_discovery import benjamini_hochberg
+from descentflow.diagnosis.inference.gap_distances import distances
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.permutation import permuted_labels
 from descentflow.diagnosis.inference.two_sides import Compared

@@ -28,7 +28,7 @@ def components_figure(drag_basis: FunctionalBasis, cas_basis: FunctionalBasis, l
         A figure of two rows (drag, CAS): a panel for each component up to four, then the shares.
 
     Example:
-        >>> from descentflow.representation.checkpoint import load_representation
+        >>> from descentflow.representation.read_checkpoint import load_representation
         >>> decoder = load_representation("best.ckpt").decoder
         >>> figure = components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl)
         >>> figure.axes[0].get_xlabel()

@@ -21,7 +21,7 @@ class FunctionalBasis(nn.Module):
     ``noise_length`` () levels, which therefore count as one observation.
 
     Example:
-        >>> from descentflow.representation.checkpoint import load_representation
+        >>> from descentflow.representation.read_checkpoint import load_representation
         >>> basis = load_representation("best.ckpt").decoder.cas_basis
         >>> orthonormal = basis.components @ basis.components.T * basis.spacing_m
         >>> torch.allclose(orthonormal, torch.eye(basis.n_components).double())

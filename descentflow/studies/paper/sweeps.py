@@ -145,7 +145,7 @@ def do_job(job: SweepJob, common: Sweeps) -> None:
 
 def _training_flights(common: Sweeps, typecode: str) -> None:
     """Leave the descents of the type's training flights, at most so many, picked at random."""
-    from descentflow.representation.checkpoint import load_representation
+    from descentflow.representation.read_checkpoint import load_representation
     from descentflow.surveillance.descents.prepared_descents import read_descents, write_descents
 
     path = common.own / f"{typecode}.parquet"

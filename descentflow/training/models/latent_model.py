@@ -13,7 +13,7 @@ from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.files import whole_file
 from descentflow.densities.checkpoint import content_of, density_of, section_of
 from descentflow.densities.density import Density
-from descentflow.representation.checkpoint import SECTION
+from descentflow.representation.read_checkpoint import SECTION
 from descentflow.representation.representation import Representation
 
 D = TypeVar("D", bound=Density)

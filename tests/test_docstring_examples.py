@@ -16,7 +16,8 @@ NOT_YET = set(Path(__file__).with_name("examples_not_yet.txt").read_text().split
 
 
 NEEDS = {
-    f"descentflow.simulation.jsbsim_world.{name}": "jsbsim" for name in ("fly_models", "model_files", "model_flight")
+    f"descentflow.simulation.jsbsim_world.{name}": "jsbsim"
+    for name in ("fly_models", "model_aircraft", "model_files", "model_flight")
 }
 """Modules whose examples need an optional library; where it is missing they are skipped."""
 

@@ -45,7 +45,17 @@ BOTTOM_S = 12.0
 
 @dataclass(frozen=True)
 class Pilot:
-    """Memory of the autopilot, all of shape (n,)."""
+    """Memory of the autopilot, all of shape (n,).
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> aircraft = open_aircraft("A320")
+        >>> dynamics = Dynamics(aircraft, draw_parameters(aircraft, range(2), seed=0))
+        >>> _, pilot = start(dynamics)
+        >>> (pilot.mode == CRUISE).tolist(), pilot.age_s.tolist()
+        ([True, True], [0.0, 0.0])
+    """
 
     mode: Tensor
     age_s: Tensor
@@ -63,7 +73,25 @@ class Pilot:
 
 
 def target_tas_mps(dynamics: Dynamics, altitude_m: Tensor, time_s: float) -> Tensor:
-    """True airspeed wanted: Mach above the flight's own crossover, CAS below it, with the pilot's slow wander."""
+    """True airspeed wanted: Mach above the flight's own crossover, CAS below it, with the pilot's slow wander.
+
+    Args:
+        dynamics: The flights, n of them.
+        altitude_m: (n,) pressure altitude.
+        time_s: Time since the start, which the wander depends on.
+
+    Returns:
+        (n,) true airspeed, m/s.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> aircraft = open_aircraft("A320")
+        >>> dynamics = Dynamics(aircraft, draw_parameters(aircraft, range(2), seed=0))
+        >>> low, high = torch.full((2,), 3000.0), torch.full((2,), 6000.0)
+        >>> target_tas_mps(dynamics, low, 0.0) < target_tas_mps(dynamics, high, 0.0)  # one CAS in thinner air
+        tensor([True, True])
+    """
     p = dynamics.parameters
     wander = (p.wander_mps * torch.sin(p.wander_rad_s * time_s + p.wander_phase)).sum(-1)
     cas = p.cas_mps + wander
@@ -72,7 +100,23 @@ def target_tas_mps(dynamics: Dynamics, altitude_m: Tensor, time_s: float) -> Ten
 
 
 def start(dynamics: Dynamics) -> tuple[Motion, Pilot]:
-    """Level cruise at the top, trimmed at the planned speed."""
+    """Level cruise at the top, trimmed at the planned speed.
+
+    Args:
+        dynamics: The flights, n of them.
+
+    Returns:
+        Where the flights are, and the autopilot's memory, each of shape (n,).
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> aircraft = open_aircraft("A320")
+        >>> dynamics = Dynamics(aircraft, draw_parameters(aircraft, range(2), seed=0))
+        >>> state, pilot = start(dynamics)
+        >>> dynamics.rates(state, pilot.gamma, pilot.extra_n).tas_mps.abs() < 1e-9  # neither faster nor slower
+        tensor([True, True])
+    """
     p = dynamics.parameters
     zero = torch.zeros_like(p.mass_kg)
     state = Motion(target_tas_mps(dynamics, p.top_m, 0.0), p.top_m, geometric_altitude_m(p.top_m, p.deviation_k))
@@ -96,6 +140,15 @@ def decide(
 
     Returns:
         The memory at the end of the period, the controls within it, and the drag now.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> aircraft = open_aircraft("A320")
+        >>> dynamics = Dynamics(aircraft, draw_parameters(aircraft, range(2), seed=0))
+        >>> pilot, controls, drag_n = decide(dynamics, *start(dynamics), time_s=0.0, period_s=1.0)
+        >>> controls.gamma_rate.tolist(), pilot.age_s.tolist()  # still in level cruise
+        ([0.0, 0.0], [1.0, 1.0])
     """
     p = dynamics.parameters
     fraction = isa_fraction(state.altitude_m, p.deviation_k)
@@ -133,7 +186,25 @@ def _kept_n(injected: Injected, pilot: Pilot, needed_n: Tensor) -> Tensor:
 
 
 def labels(pilot: Pilot, drag_n: Tensor, injected: Injected | None = None) -> Tensor:
-    """What the flights are doing, as codes of :data:`LABELS`."""
+    """What the flights are doing, as codes of :data:`LABELS`.
+
+    Args:
+        pilot: Memory of the autopilot, n flights.
+        drag_n: (n,) drag now; an idle descent is settled once the thrust above idle is below 1 % of it.
+        injected: Paths and rates that are held on purpose, if any.
+
+    Returns:
+        (n,) codes.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> aircraft = open_aircraft("A320")
+        >>> dynamics = Dynamics(aircraft, draw_parameters(aircraft, range(2), seed=0))
+        >>> state, pilot = start(dynamics)
+        >>> [LABELS[code] for code in labels(pilot, dynamics.drag_n(state))]
+        ['transient', 'transient']
+    """
     settled = (pilot.mode == IDLE) & (pilot.age_s >= SETTLED_S) & (pilot.extra_n < 0.01 * drag_n)
     level = (pilot.mode == LEVEL_OFF) & (pilot.captured_s > 0)
     managed = ((pilot.mode == MANAGED) | (pilot.mode == SEGMENT)) & (pilot.age_s >= SETTLED_S / 2)

@@ -59,16 +59,16 @@ class Injected:
 
     def drag_gain(self, altitude_m: Tensor, mach: Tensor) -> Tensor:
         """Factor of CD0 at an altitude and a Mach number."""
-        brakes = self.brake_gain * inside(altitude_m, self.brake_low_m, self.brake_high_m)
+        brakes = self.brake_gain * _inside(altitude_m, self.brake_low_m, self.brake_high_m)
         beyond = (mach - self.wave_onset).clamp(min=0.0) / (self.wave_mach - self.wave_onset)
         return 1 + brakes + self.wave_gain * beyond * beyond
 
     def bank(self, altitude_m: Tensor) -> Tensor:
         """Bank at an altitude, radians."""
-        return self.bank_rad * inside(altitude_m, self.turn_low_m, self.turn_high_m)
+        return self.bank_rad * _inside(altitude_m, self.turn_low_m, self.turn_high_m)
 
 
-def inside(altitude_m: Tensor, low_m: Tensor, high_m: Tensor) -> Tensor:
+def _inside(altitude_m: Tensor, low_m: Tensor, high_m: Tensor) -> Tensor:
     """One between two altitudes, zero outside, and linear over :data:`EDGE_M` at both ends."""
     return (((high_m - altitude_m) / EDGE_M).clamp(0.0, 1.0)) * (((altitude_m - low_m) / EDGE_M).clamp(0.0, 1.0))
 

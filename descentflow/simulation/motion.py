@@ -20,7 +20,14 @@ from descentflow.simulation.parameters import FlightParameters
 
 @dataclass(frozen=True)
 class Motion:
-    """Where the flights are: true airspeed (m/s), pressure altitude (m), geometric altitude (m), each of shape (n,)."""
+    """Where the flights are: true airspeed (m/s), pressure altitude (m), geometric altitude (m), each of shape (n,).
+
+    Example:
+        >>> one = torch.ones(1)
+        >>> cruise, sinking = Motion(230 * one, 10_000 * one, 10_000 * one), Motion(0 * one, -10 * one, -10 * one)
+        >>> cruise.moved(sinking, time_s=60.0).altitude_m
+        tensor([9400.])
+    """
 
     tas_mps: Tensor
     altitude_m: Tensor
@@ -37,7 +44,14 @@ class Motion:
 
 @dataclass(frozen=True)
 class Controls:
-    """What the autopilot sets for one period, (n,): path angle (rad), thrust above idle (N), their rates (per s)."""
+    """What the autopilot sets for one period, (n,): path angle (rad), thrust above idle (N), their rates (per s).
+
+    Example:
+        >>> none = torch.zeros(2)
+        >>> spooling_up = Controls(gamma=none, gamma_rate=none, extra_n=none, extra_rate=none + 500.0)
+        >>> spooling_up.extra_n + 4.0 * spooling_up.extra_rate  # thrust above idle after 4 s
+        tensor([2000., 2000.])
+    """
 
     gamma: Tensor
     gamma_rate: Tensor

@@ -36,7 +36,13 @@ _FLOWN += ("drag_n", "thrust_n")
 
 @dataclass(frozen=True)
 class Flight:
-    """Who flies when."""
+    """Who flies when.
+
+    Example:
+        >>> (flight,) = name_flights("A320", [12], seed=0, flights_per_aircraft=5, prefixes=["SLO"])
+        >>> flight.callsign, datetime.fromtimestamp(flight.start_us / 1e6, UTC).date().isoformat()
+        ('SLO0012', '2024-03-06')
+    """
 
     flight_id: str
     icao24: str
@@ -153,7 +159,7 @@ def truth_table(named: Sequence[Flight], flown: Flown) -> pl.DataFrame:
         >>> from descentflow.simulation.flight import fly
         >>> from descentflow.simulation.parameters import draw_parameters
         >>> from descentflow.simulation.world_config import WorldConfig
-        >>> aircraft, config = open_aircraft("A320"), WorldConfig(bottom_fl=250.0)
+        >>> aircraft, config = open_aircraft("A320"), WorldConfig(bottom_fl=290.0, low_top_share=0.0)
         >>> flown = fly(aircraft, draw_parameters(aircraft, [0], 0, config), config)
         >>> truth_table(name_flights("A320", [0], 0, 5, ["SLO"]), flown)["label"].unique(maintain_order=True).to_list()
         ['transient', 'idle']

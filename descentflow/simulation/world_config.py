@@ -18,7 +18,13 @@ SHARES = (0.4, 0.35, 0.25)
 
 @dataclass(frozen=True)
 class Operator:
-    """One operator's descent schedule and its share of the aircraft."""
+    """One operator's descent schedule and its share of the aircraft.
+
+    Example:
+        >>> fast = Operator("FST", share=1.0, cas_kt=310.0, mach=0.79)
+        >>> [operator.cas_kt for operator in WorldConfig(operators=(fast,)).operators]
+        [310.0]
+    """
 
     name: str
     """Three letters, the prefix of its callsigns."""

@@ -20,7 +20,18 @@ _DRAWS = 6
 
 @dataclass(frozen=True)
 class Fleet:
-    """Flights that a cause is injected in."""
+    """Flights that a cause is injected in.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.simulation.parameters import draw_parameters
+        >>> aircraft = open_aircraft("A320")
+        >>> fleet = Fleet(aircraft, draw_parameters(aircraft, range(3), seed=0), torch.tensor([[0.1], [0.4], [0.9]]))
+        >>> fleet.chosen(0.5)
+        tensor([ True,  True, False])
+        >>> fleet.with_injected(rate_lag_s=12.0).injected.rate_lag_s
+        tensor([12., 12., 12.], dtype=torch.float64)
+    """
 
     aircraft: Aircraft
     parameters: FlightParameters
@@ -73,7 +84,12 @@ class Cause:
 
 
 def sign(generator: np.random.Generator) -> float:
-    """Plus or minus one."""
+    """Plus or minus one.
+
+    Example:
+        >>> sorted({sign(np.random.default_rng(seed)) for seed in range(9)})
+        [-1.0, 1.0]
+    """
     return float(generator.choice([-1.0, 1.0]))
 
 

@@ -17,7 +17,7 @@ _POINTS = 8
 """Heights at which an idle descent is worked out before a path or a rate below it is chosen."""
 
 
-def idle_path(fleet: Fleet, high_m: Tensor, low_m: Tensor) -> tuple[Tensor, Tensor]:
+def _idle_path(fleet: Fleet, high_m: Tensor, low_m: Tensor) -> tuple[Tensor, Tensor]:
     """Path angle and vertical speed of an idle descent where they are shallowest between two altitudes.
 
     ``Thr - D = m g sin(gamma) + m dV/dt`` with ``dV/dt = V sin(gamma) (dV/dh + dw/dh)``, the speed's change with height
@@ -51,7 +51,7 @@ def _path(generator: np.random.Generator, size: float) -> dict[str, float]:
 
 def _hold_path(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
     p = fleet.parameters
-    angle, _ = idle_path(fleet, p.top_m - 2000 * FT_M, p.bottom_m)
+    angle, _ = _idle_path(fleet, p.top_m - 2000 * FT_M, p.bottom_m)
     # Real ones are planned in steps of about a tenth of a degree; the shallower step leaves thrust to hold the speed.
     held = torch.deg2rad(torch.ceil(torch.rad2deg(angle * values["of_idle"]) * 10) / 10)
     chosen = fleet.chosen(values["share"])
@@ -71,7 +71,7 @@ def _hold_rate(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
     room = (p.top_m - p.bottom_m - (values["depth_fl"] + 50) * FL_M).clamp(min=0.0)
     low = p.bottom_m + 20 * FL_M + room * fleet.uniform[:, 0]
     high = torch.minimum(low + values["depth_fl"] * FL_M, p.top_m - 20 * FL_M)
-    _, rate = idle_path(fleet, high, low)
+    _, rate = _idle_path(fleet, high, low)
     hundred = 100 * FPM_MPS
     held = torch.ceil(rate * values["of_idle"] / hundred) * hundred
     chosen = fleet.chosen(values["share"])

@@ -10,7 +10,12 @@ WITHHELD = ("737", "A320")
 
 @dataclass(frozen=True)
 class Airframe:
-    """One model: its numbers that the autopilot and the effects need, and the range of its flights."""
+    """One model: its numbers that the autopilot and the effects need, and the range of its flights.
+
+    Example:
+        >>> AIRFRAMES["B747"].typecode, AIRFRAMES["B747"].reference  # flown as a B744 by a user of the open A388
+        ('B744', 'A388')
+    """
 
     name: str
     """Folder and file of the model in JSBSim's wheel."""

@@ -76,7 +76,14 @@ class JsbsimConfig:
 
 @dataclass(frozen=True)
 class FlightPlan:
-    """One flight; the fields below ``wander`` are neutral unless an effect is injected."""
+    """One flight; the fields below ``wander`` are neutral unless an effect is injected.
+
+    Example:
+        >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
+        >>> (plan,) = draw_plans(airframe_of("MD11"), [3], seed=0, config=JsbsimConfig())
+        >>> plan.number, plan.brake, plan.hold_rate_mps
+        (3, 0.0, nan)
+    """
 
     number: int
     operator: int

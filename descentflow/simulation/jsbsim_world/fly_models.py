@@ -31,7 +31,14 @@ _INSTRUMENTS = ("cas_bias_mps", "cas_bias_slope_mps", "rate_lag_s", "noise_facto
 
 @dataclass(frozen=True)
 class JsbsimWorld:
-    """Rows, and the truth behind them."""
+    """Rows, and the truth behind them.
+
+    Example:
+        >>> rows, flights, truth = (pl.read_parquet(f"rows{name}.parquet") for name in ("", "_flights", "_truth"))
+        >>> failures = pl.DataFrame({"flight_id": ["MD11-0-00007"], "number": [7], "reason": ["banked"]})
+        >>> print(JsbsimWorld(rows, flights, truth, failures))
+        120 flights, ... rows, 1 failed: banked
+    """
 
     rows: pl.DataFrame
     """Surveillance reports in the package's row schema."""

@@ -31,11 +31,31 @@ _PITCH = (
 
 
 class FlightFailed(Exception):
-    """A flight that is not kept; its message is the reason."""
+    """A flight that is not kept; its message is the reason.
+
+    Example:
+        >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
+        >>> from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
+        >>> from dataclasses import replace
+        >>> from descentflow.simulation.jsbsim_world.model_flight import ModelFleet
+        >>> model, config = airframe_of("MD11"), JsbsimConfig()
+        >>> plan = replace(draw_plans(model, [0], 0, config)[0], cas_mps=60.0)  # too slow to fly
+        >>> ModelFleet(model, Path("."), config).fly(plan)
+        Traceback (most recent call last):
+            ...
+        descentflow.simulation.jsbsim_world.model_aircraft.FlightFailed: not trimmed
+    """
 
 
 def quiet_logger() -> Any:
-    """A logger that drops what JSBSim prints."""
+    """A logger that drops what JSBSim prints.
+
+    Raises:
+        ConfigError: If JSBSim is not installed.
+
+    Example:
+        >>> quiet_logger().message("JSBSim Flight Dynamics Model")  # prints nothing
+    """
 
     class Quiet(jsbsim().FGLogger):  # type: ignore[misc]
         def set_level(self, level: Any) -> None:
@@ -57,7 +77,30 @@ def quiet_logger() -> Any:
 
 
 class ModelAircraft:
-    """One loaded model in trimmed level flight, read and moved in SI units."""
+    """One loaded model in trimmed level flight, read and moved in SI units.
+
+    Args:
+        module: JSBSim, see :func:`~descentflow.simulation.jsbsim_world.model_files.jsbsim`.
+        folder: Folder of the copied files, see :func:`~descentflow.simulation.jsbsim_world.model_files.copy_model`.
+        airframe: The model.
+        load: Index of the point mass that brings the aircraft to its planned mass.
+        plan: The flight.
+        step_s: Step of the integration.
+
+    Raises:
+        FlightFailed: If the model cannot be loaded, put at its planned state or trimmed there.
+
+    Example:
+        >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
+        >>> from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
+        >>> from descentflow.simulation.jsbsim_world.model_files import copy_model
+        >>> model, folder = airframe_of("MD11"), Path(".")
+        >>> (plan,) = draw_plans(model, [0], seed=0, config=JsbsimConfig())
+        >>> aircraft = ModelAircraft(jsbsim(), folder, model, copy_model(model, folder), plan, step_s=0.1)
+        >>> seen = aircraft.read()
+        >>> abs(seen.mass_kg - plan.mass_kg) < 1, abs(seen.climb_mps) < 0.1
+        (True, True)
+    """
 
     def __init__(
         self, module: Any, folder: Path, airframe: Airframe, load: int, plan: FlightPlan, step_s: float

@@ -30,7 +30,16 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Case:
-    """One flight that an effect is injected in."""
+    """One flight that an effect is injected in.
+
+    Example:
+        >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
+        >>> from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
+        >>> model = airframe_of("MD11")
+        >>> case = Case(model, draw_plans(model, [0], 0, JsbsimConfig())[0], uniform=[0.5, 0.3])
+        >>> case.chosen(0.4), case.chosen(0.2), case.normal()
+        (True, False, 0.0)
+    """
 
     airframe: Airframe
     plan: FlightPlan

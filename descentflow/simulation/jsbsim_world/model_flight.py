@@ -34,7 +34,15 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Record:
-    """What a flight did, in rows of :data:`COLUMNS`, and the plan that it flew (with the path that it held)."""
+    """What a flight did, in rows of :data:`COLUMNS`, and the plan that it flew (with the path that it held).
+
+    Example:
+        >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
+        >>> from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
+        >>> (plan,) = draw_plans(airframe_of("MD11"), [0], 0, JsbsimConfig())
+        >>> Record(plan, np.zeros((3, len(COLUMNS)))).column("mach")
+        array([0., 0., 0.])
+    """
 
     plan: FlightPlan
     rows: NDArray[np.float64]
@@ -70,7 +78,7 @@ class ModelFleet:
             FlightFailed: If the model cannot be trimmed, diverges or does not come down.
         """
         if not math.isnan(plan.hold_of_idle):
-            plan = chosen_path(plan, self._fly(replace(plan, hold_of_idle=math.nan, hold_low_m=math.nan)))
+            plan = _chosen_path(plan, self._fly(replace(plan, hold_of_idle=math.nan, hold_low_m=math.nan)))
         return self._fly(plan)
 
     def _fly(self, plan: FlightPlan) -> Record:
@@ -140,7 +148,7 @@ def _label(pilot: Autopilot) -> int:
     return IDLE_LABEL if pilot.mode == DESCENT and pilot.settled else TRANSIENT_LABEL
 
 
-def chosen_path(plan: FlightPlan, idle: Record) -> FlightPlan:
+def _chosen_path(plan: FlightPlan, idle: Record) -> FlightPlan:
     """Choose the path or the rate that a flight holds, from its own idle descent.
 
     A path is planned in steps of a tenth of a degree and a rate in steps of 100 ft/min, the shallower one each time,

@@ -34,7 +34,14 @@ SETTLED_S = 45.0
 
 @dataclass(slots=True)
 class Seen:
-    """What the autopilot sees in one step; SI units and radians."""
+    """What the autopilot sees in one step; SI units and radians.
+
+    Example:
+        >>> seen = Seen(**dict.fromkeys(Seen.__slots__, 0.0))  # every field is a number
+        >>> seen.mach = 0.82
+        >>> seen.mach, seen.climb_mps
+        (0.82, 0.0)
+    """
 
     pressure_pa: float
     temperature_k: float
@@ -59,7 +66,12 @@ class Seen:
 
 @dataclass(slots=True)
 class Commands:
-    """What the autopilot moves in one step."""
+    """What the autopilot moves in one step.
+
+    Example:
+        >>> Commands(elevator_rad=-0.1, aileron=0.0, lever=0.6, brake=0.0)
+        Commands(elevator_rad=-0.1, aileron=0.0, lever=0.6, brake=0.0)
+    """
 
     elevator_rad: float
     aileron: float
@@ -69,7 +81,13 @@ class Commands:
 
 @dataclass(frozen=True)
 class PitchResponse:
-    """Pitch acceleration of the model at a dynamic pressure."""
+    """Pitch acceleration of the model at a dynamic pressure.
+
+    Example:
+        >>> response = PitchResponse(dynamic_pa=10_400.0, stiffness=0.36, control=0.4)
+        >>> math.sqrt(response.stiffness)  # rad/s, the model's own pitch oscillation
+        0.6
+    """
 
     dynamic_pa: float
     stiffness: float

@@ -182,7 +182,7 @@ def _closure(blind: Sequence[Outcome]) -> list[dict[str, Any]]:
         closures = {
             kind: (cause["closure"].get(kind) or {}).get("estimate") for kind in ("marginal", "conditional", "transfer")
         }
-        rivals = [closure_of(rival) for rival in rival_entries(cause)]
+        rivals = [_closure_of(rival) for rival in _rival_entries(cause)]
         rows.append(
             {
                 "job": o.job,
@@ -196,13 +196,13 @@ def _closure(blind: Sequence[Outcome]) -> list[dict[str, Any]]:
     return rows
 
 
-def rival_entries(cause: Mapping[str, Any]) -> list[Any]:
+def _rival_entries(cause: Mapping[str, Any]) -> list[Any]:
     """Rivals of a cause, however the report lists them."""
     rivals = cause.get("rivals") or []
     return list(rivals.values()) if isinstance(rivals, Mapping) else list(rivals)
 
 
-def closure_of(rival: Any) -> float | None:
+def _closure_of(rival: Any) -> float | None:
     """Closure that a rival would have claimed."""
     value = rival.get("closure") if isinstance(rival, Mapping) else rival
     if isinstance(value, Mapping):

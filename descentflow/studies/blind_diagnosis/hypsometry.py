@@ -19,7 +19,7 @@ FEWEST_SPAN_FT: Final = 3000.0
 """Below this the steps of 25 ft leave a flight's deviation too uncertain."""
 
 
-def isa_k(altitude_m: Array) -> Array:
+def _isa_k(altitude_m: Array) -> Array:
     """Temperature of the standard atmosphere."""
     return np.asarray(T0_K + LAPSE_K_M * np.minimum(altitude_m, TROPOPAUSE_M))
 
@@ -107,7 +107,7 @@ def hypsometric_deviation(frame: pl.DataFrame, *, latitude_deg: float | None = N
 def _integral(pressure_m: Array) -> Array:
     """Integral of ``dHp / T_isa`` from the first level."""
     below = np.minimum(pressure_m, TROPOPAUSE_M)
-    whole = np.log(isa_k(below)) / LAPSE_K_M + (pressure_m - below) / isa_k(np.array(TROPOPAUSE_M))
+    whole = np.log(_isa_k(below)) / LAPSE_K_M + (pressure_m - below) / _isa_k(np.array(TROPOPAUSE_M))
     return np.asarray(whole - whole[0])
 
 
@@ -121,7 +121,7 @@ def speed_deviation(frame: pl.DataFrame) -> Deviation:
     """
     known = frame.drop_nulls(["TAS", "Mach"])
     sound = known["TAS"].to_numpy() * KT_MPS / known["Mach"].to_numpy()
-    warm = sound**2 / (KAPPA * R_AIR) - isa_k(known["level_fl"].to_numpy() * 100 * FT_M)
+    warm = sound**2 / (KAPPA * R_AIR) - _isa_k(known["level_fl"].to_numpy() * 100 * FT_M)
     table = (
         known.with_columns(pl.Series("deviation_k", warm))
         .group_by("flight_id", "icao24", maintain_order=True)

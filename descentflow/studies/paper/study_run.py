@@ -20,7 +20,7 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Job:
+class _Job:
     """One thing to be done for a type; with a model, its fit and scores."""
 
     typecode: str
@@ -32,13 +32,13 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Place:
+class _Place:
     """What all jobs share: the plan, and the study's folder, which all workers see under one name."""
 
     plan: StudyPlan
     folder: Path
 
-    def of(self, job: Job) -> Path:
+    def of(self, job: _Job) -> Path:
         """Folder of the job's type."""
         return self.folder / job.typecode
 
@@ -58,13 +58,13 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, progress: Progress)
     Raises:
         DescentflowError: If a step fails; its log in the type's folder has the message too.
     """
-    place = Place(plan, folder.resolve())
+    place = _Place(plan, folder.resolve())
     # The largest first: a worker that ends with it would keep the others waiting.
     types = sorted(plan.flights, key=lambda name: -plan.flights[name])
-    every_type = [Job(name) for name in types]
-    first = [Job(name, plan.models[0]) for name in types]
-    others = [Job(name, model) for model in reversed(plan.models[1:]) for name in types]
-    stages: Sequence[tuple[str, Callable[[Job, Place], None], list[Job], Callable[[Job], Path]]] = (
+    every_type = [_Job(name) for name in types]
+    first = [_Job(name, plan.models[0]) for name in types]
+    others = [_Job(name, model) for model in reversed(plan.models[1:]) for name in types]
+    stages: Sequence[tuple[str, Callable[[_Job, _Place], None], list[_Job], Callable[[_Job], Path]]] = (
         ("descents", _descents, every_type, lambda job: place.of(job) / "descents.parquet"),
         ("first model", _model, first, lambda job: place.of(job) / str(job.model) / "done"),
         ("other models", _model, others, lambda job: place.of(job) / str(job.model) / "done"),
@@ -97,23 +97,23 @@ def costs(folder: Path) -> pl.DataFrame:
 _NUMBERS = dict.fromkeys(("cpu_s", "wall_s", "peak_mb"), pl.Float64)
 
 
-def _descents(job: Job, place: Place) -> None:
+def _descents(job: _Job, place: _Place) -> None:
     with _accounted("descents", job, place):
         make_descents(place.plan, job.typecode, place.of(job))
 
 
-def _model(job: Job, place: Place) -> None:
+def _model(job: _Job, place: _Place) -> None:
     with _accounted("models", job, place):
         fit_and_score(place.plan, str(job.model), place.of(job))
 
 
-def _figures(job: Job, place: Place) -> None:
+def _figures(job: _Job, place: _Place) -> None:
     with _accounted("figures", job, place):
         draw_type(place.plan, job.typecode, place.of(job))
 
 
 @contextmanager
-def _accounted(stage: str, job: Job, place: Place) -> Iterator[None]:
+def _accounted(stage: str, job: _Job, place: _Place) -> Iterator[None]:
     """Work with one thread, and leave what it cost beside the job's files."""
     cpu, wall = time.process_time(), time.monotonic()
     with one_thread():

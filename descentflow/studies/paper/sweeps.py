@@ -58,7 +58,7 @@ class SweepPlan:
 
 
 @dataclass(frozen=True)
-class SweepJob:
+class _SweepJob:
     """One file of a sweep: a fold of a type, a type, or a size of a type's flow."""
 
     sweep: str
@@ -74,7 +74,7 @@ class SweepJob:
 
 
 @dataclass(frozen=True)
-class Sweeps:
+class _Sweeps:
     """What all jobs share: the plans, the study's folder, and the sweeps' own within it."""
 
     study: StudyPlan
@@ -115,35 +115,35 @@ def run_sweeps(
     unknown = sorted(set(names) - set(NAMES))
     if unknown:
         raise ConfigError(f"sweeps {', '.join(unknown)}", expected=f"some of {', '.join(NAMES)}", mend="name others")
-    common = Sweeps(study, sweep, folder.resolve())
+    common = _Sweeps(study, sweep, folder.resolve())
     begin(sweep, common.own)
     for typecode in study.flights:
         _training_flights(common, typecode)
     for name in names:
-        jobs = [job for typecode in study.flights for job in jobs_of(name, typecode, sweep)]
+        jobs = [job for typecode in study.flights for job in _jobs_of(name, typecode, sweep)]
         missing = [job for job in jobs if not job.product(common.own).exists()]
         if missing:
             (common.own / name).mkdir(exist_ok=True)
-            for done, _ in enumerate(engine.run(do_job, missing, common), 1):
+            for done, _ in enumerate(engine.run(_do_job, missing, common), 1):
                 progress(f"sweep {name}: {done} of {len(missing)} done ({len(jobs) - len(missing)} were there)")
 
 
-def jobs_of(name: str, typecode: str, sweep: SweepPlan) -> list[SweepJob]:
+def _jobs_of(name: str, typecode: str, sweep: SweepPlan) -> list[_SweepJob]:
     """Jobs of one sweep and type."""
     if name == "variance":
-        return [SweepJob(name, typecode, fold=fold) for fold in range(sweep.folds)]
+        return [_SweepJob(name, typecode, fold=fold) for fold in range(sweep.folds)]
     if name == "flow":
-        return [SweepJob(name, typecode, flows=n, hidden=h) for n in sweep.flows for h in sweep.hidden]
-    return [SweepJob(name, typecode)]
+        return [_SweepJob(name, typecode, flows=n, hidden=h) for n in sweep.flows for h in sweep.hidden]
+    return [_SweepJob(name, typecode)]
 
 
-def do_job(job: SweepJob, common: Sweeps) -> None:
+def _do_job(job: _SweepJob, common: _Sweeps) -> None:
     """Do one job, with one thread; what it says goes into a log beside its file."""
     with one_thread(), logged_to(job.product(common.own).with_suffix(".log")):
         {"variance": _variance, "gappy": _gappy, "flow": _flow}[job.sweep](job, common)
 
 
-def _training_flights(common: Sweeps, typecode: str) -> None:
+def _training_flights(common: _Sweeps, typecode: str) -> None:
     """Leave the descents of the type's training flights, at most so many, picked at random."""
     from descentflow.representation.read_checkpoint import load_representation
     from descentflow.surveillance.descents.prepared_descents import read_descents, write_descents
@@ -158,7 +158,7 @@ def _training_flights(common: Sweeps, typecode: str) -> None:
     write_descents(type(source)(source.frame.filter(pl.col("flight_id").is_in(chosen)), source.metadata), path)
 
 
-def _variance(job: SweepJob, common: Sweeps) -> None:
+def _variance(job: _SweepJob, common: _Sweeps) -> None:
     from descentflow.studies.paper.variance import fold_scores
     from descentflow.training.datamodule import DescentDataModule
 
@@ -176,7 +176,7 @@ def _variance(job: SweepJob, common: Sweeps) -> None:
     _write_csv(found, job.product(common.own))
 
 
-def _gappy(job: SweepJob, common: Sweeps) -> None:
+def _gappy(job: _SweepJob, common: _Sweeps) -> None:
     from descentflow.core.units import KT_MPS
     from descentflow.studies.paper.hidden_levels import hidden_errors
     from descentflow.training.datamodule import DescentDataModule
@@ -212,7 +212,7 @@ def _completed(real: "Profiles", curves: "dict[str, Tensor]") -> "Figure":
     return completed_figure(real.levels_fl, seen, whole)
 
 
-def _flow(job: SweepJob, common: Sweeps) -> None:
+def _flow(job: _SweepJob, common: _Sweeps) -> None:
     """Fit a flow of one size, and keep its likelihood alone."""
     from descentflow.densities.checkpoint import load_model
     from descentflow.training.datamodule import DescentDataModule

@@ -56,7 +56,7 @@ def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
     figures = {
         "mass_range": mass_range_figure(real, decoder.aircraft, title=typecode),
         "profiles": profiles_figure(real, samples, nominal, title=typecode),
-        "cuts": cuts_figure(real, samples, nominal, cut_level_fl(real, decoder.transition_fl), title=typecode),
+        "cuts": cuts_figure(real, samples, nominal, _cut_level_fl(real, decoder.transition_fl), title=typecode),
     }
     for name, figure in figures.items():
         with whole_file(folder / f"{name}.png") as temporary:
@@ -83,7 +83,7 @@ def _facts(real: DescentSet, parts: Representation) -> dict[str, object]:
     }
 
 
-def cut_level_fl(real: DescentSet, transition_fl: float) -> float:
+def _cut_level_fl(real: DescentSet, transition_fl: float) -> float:
     """The transition, as in the paper's figures 8 and 9; the middle of the grid where the grid has none."""
     levels = real.levels_fl
     inside = float(levels[0]) < transition_fl < float(levels[-1])

@@ -30,7 +30,7 @@ QUANTITIES = ("rocd_above_transition", "rocd_below_transition")
 
 
 @dataclass(frozen=True)
-class FoldScore:
+class _FoldScore:
     """Scores of one fold at one share; NaN where no sample was plausible or a quantity has no level."""
 
     share: float
@@ -57,14 +57,14 @@ def fold_scores(
         shares: Shares of variance to be explained.
 
     Returns:
-        One row per share, quantity and statistic, with the columns of :class:`FoldScore`.
+        One row per share, quantity and statistic, with the columns of :class:`_FoldScore`.
     """
     order = torch.randperm(len(profiles), generator=torch.Generator().manual_seed(0))
     held_out = order[fold::folds]
     rest = order[~torch.isin(order, held_out)]
     train, test = profiles.subset(rest.sort().values), profiles.subset(held_out.sort().values)
     bases = [_bases(values, train.mask, shares) for values in (train.drag_n, train.cas_mps)]
-    rows: list[FoldScore] = []
+    rows: list[_FoldScore] = []
     for share in shares:
         representation = _representation(train, aircraft, bases[0][share], bases[1][share])
         rows += _one_share(representation, train, test, transition_fl, share, fold)
@@ -113,7 +113,7 @@ def _representation(train: Profiles, aircraft: Aircraft, drag: FunctionalBasis, 
 
 def _one_share(
     parts: Representation, train: Profiles, test: Profiles, transition_fl: float, share: float, fold: int
-) -> list[FoldScore]:
+) -> list[_FoldScore]:
     mixture = select_mixture(parts.decoder.encode(train), seed=fold, n_restarts=RESTARTS).mixture
     density = GaussianMixtureDensity(mixture.locs.shape[1], len(mixture.probs))
     density.mixture = mixture
@@ -127,11 +127,11 @@ def _one_share(
         drawn = sample_descents(density, parts.decoder, parts.plausibility, SAMPLES, fold, entry=test.entry_level)
     except DescentflowError:
         # Too many components for the flights: hardly a draw is plausible, which is a result.
-        return [FoldScore(**about, quantity=q, statistic="ks", unit="1", score=float("nan")) for q in QUANTITIES]
+        return [_FoldScore(**about, quantity=q, statistic="ks", unit="1", score=float("nan")) for q in QUANTITIES]
     sampled, real = DescentSet.of_trajectories(drawn.trajectories), DescentSet.of_profiles(test)
     found = score(sampled, real, transition_fl, n_splits=1)
     return [
-        FoldScore(**about, quantity=s.quantity, statistic=s.statistic, unit=s.unit, score=s.score)
+        _FoldScore(**about, quantity=s.quantity, statistic=s.statistic, unit=s.unit, score=s.score)
         for s in found
         if s.quantity in QUANTITIES and s.statistic in paper_statistics()
     ]

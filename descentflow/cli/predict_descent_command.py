@@ -55,6 +55,7 @@ def run(args: argparse.Namespace) -> None:
             flights=args.flight,
             context_table=args.context_table,
             progress=lambda n: bar.update(n) and None,
+            total=lambda n: setattr(bar, "total", n),
         )
     ahead.write(args.out)
     if args.occupancy is not None:

@@ -8,10 +8,15 @@ from torch import Tensor
 
 BLOCK = 4
 """Numbers that Philox makes at each step of its counter."""
+SEEDS = 1 << 64
+"""Different seeds."""
 
 
 class DrawNumbers(NamedTuple):
-    """Which draws of a seed a batch holds: ``first``, ``first + 1`` and so on."""
+    """Which draws of a seed a batch holds: ``first``, ``first + 1`` and so on.
+
+    A negative seed is the one 2^64 above it, as for torch's generators.
+    """
 
     seed: int = 0
     first: int = 0
@@ -28,7 +33,7 @@ class DrawNumbers(NamedTuple):
             >>> torch.equal(whole[6:], DrawNumbers(seed=3, first=6).uniform(4, stream=0))
             True
         """
-        bits = np.random.Philox(key=np.array([self.seed, stream], dtype=np.uint64))
+        bits = np.random.Philox(key=np.array([self.seed % SEEDS, stream], dtype=np.uint64))
         bits.advance(self.first // BLOCK)
         skipped = self.first % BLOCK
         return torch.from_numpy(np.random.Generator(bits).random(skipped + count)[skipped:].copy())

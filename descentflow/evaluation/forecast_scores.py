@@ -14,7 +14,7 @@ from descentflow.representation.profiles import Profiles
 
 
 @dataclass(frozen=True)
-class WithoutContext:
+class _WithoutContext:
     """A density that ignores the context of the flights that it is asked for."""
 
     density: Density
@@ -28,7 +28,7 @@ class WithoutContext:
 def forecast_scores(
     density: Density, flights: Profiles, weights: Tensor, context: Tensor | None, n_draws: int = 100, seed: int = 0
 ) -> dict[str, Tensor]:
-    """Proper scores flight by flight; less is better.
+    """Proper scores flight by flight; lower is better.
 
     The samples are plausible descents from each flight's own entry level, as a user would draw them.
 
@@ -62,7 +62,7 @@ def forecast_scores(
         raise DataError("no flight to score", expected="held-out flights", mend="pass other descents")
     parts, n = density.representation, len(flights)
     own = weights.new_zeros(n, 1) if context is None else context
-    model = WithoutContext(density) if context is None else density
+    model = _WithoutContext(density) if context is None else density
     samples = sample_descents(
         model, parts.decoder, parts.plausibility, n * n_draws, seed, context=own, entry=flights.entry_level
     )
@@ -100,7 +100,7 @@ class Skill:
 
 
 def skill(scores: Tensor, reference: Tensor, seed: int = 0, n_resamples: int = 2000) -> Skill:
-    """How much better a model does than a reference on the same flights, for scores where less is better.
+    """How much better a model does than a reference on the same flights, for scores where lower is better.
 
     Args:
         scores: (n,) of the model, flight by flight (negative log density, CRPS, energy score).

@@ -101,6 +101,12 @@ def test_another_seed_takes_other_flights(flown: Trajectories) -> None:
     assert float((first & second).float().mean()) == pytest.approx(0.36, abs=4 * math.sqrt(0.36 * 0.64 / N))
 
 
+def test_a_negative_seed_draws_as_the_generators_of_torch_number_it() -> None:
+    same = DrawNumbers(torch.Generator().manual_seed(-1).initial_seed())
+    assert torch.equal(DrawNumbers(-1).uniform(9, 0), same.uniform(9, 0))
+    assert not torch.equal(DrawNumbers(-1).uniform(9, 0), DrawNumbers(1).uniform(9, 0))
+
+
 def test_the_decoder_hands_the_numbers_of_its_draws_to_the_correction() -> None:
     plain = toys.representation(60).decoder
     state = {**plain.to_state(), "correction": PARTIAL.to_state()}

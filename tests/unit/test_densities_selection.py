@@ -12,7 +12,7 @@ from torch.distributions import Categorical, MixtureSameFamily, MultivariateNorm
 from descentflow.core.errors import ConfigError
 from descentflow.densities.component_search import MIN_FLIGHTS_PER_PARAMETER, by_bic, max_components, select_mixture
 from descentflow.evaluation.forecast_scores import forecast_scores, skill
-from descentflow.evaluation.metrics.proper import crps, crps_each, energy_score, energy_score_each
+from descentflow.evaluation.metrics.proper import crps, crps_each, energy_score_each
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
 
@@ -104,7 +104,8 @@ def test_scores_of_each_flight_average_to_those_of_one_forecast() -> None:
     each = samples.expand(20, -1, -1)
     mask = torch.ones(30, D, dtype=torch.bool)
     torch.testing.assert_close(crps_each(each, real).mean(0), crps(samples, mask, real, mask[:20]))
-    torch.testing.assert_close(energy_score_each(each, real).mean(), energy_score(samples, real))
+    across, among = torch.cdist(samples, real).mean(), torch.cdist(samples, samples).sum() / (30 * 29)
+    torch.testing.assert_close(energy_score_each(each, real).mean(), across - among / 2)
     with pytest.raises(ConfigError, match="1 sample"):
         crps_each(each[:, :1], real)
 

@@ -121,7 +121,9 @@ def test_nothing_unseen_to_score(model: Gaussian, descents: Path) -> None:
 
 
 def test_predictions_of_unseen_flights(model: Gaussian, descents: Path, tmp_path: Path) -> None:
-    ahead = predict(model, descents, from_fl=250, n=20)
+    told: list[int] = []
+    ahead = predict(model, descents, from_fl=250, n=20, progress=told.append, total=told.append)
+    assert told == [len(model.representation.split.test), *[1] * len(model.representation.split.test)]
     assert set(ahead.to_polars()["flight_id"]) <= set(model.representation.split.test)
     assert len(ahead) + len(ahead.reasons) == len(model.representation.split.test)
     assert ahead.calibration.startswith("calibrated on")

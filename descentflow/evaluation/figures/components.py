@@ -9,7 +9,7 @@ from descentflow.core.units import KT_MPS
 from descentflow.reporting.figure_style import BLACK, BLUE, RED, legend_below, tidy
 from descentflow.representation.fpca.basis import FunctionalBasis
 
-MOST = 4
+MAX_COMPONENTS = 4
 """Components drawn of each basis; the bars show all."""
 
 
@@ -36,7 +36,7 @@ def components_figure(drag_basis: FunctionalBasis, cas_basis: FunctionalBasis, l
     """
     levels_fl = levels_fl.detach().cpu()
     bases = ("Drag (kN)", 1000.0, drag_basis), ("CAS (kt)", KT_MPS, cas_basis)
-    n_panels = min(MOST, max(basis.n_components for _, _, basis in bases))
+    n_panels = min(MAX_COMPONENTS, max(basis.n_components for _, _, basis in bases))
     figure = Figure(figsize=(2.6 * n_panels + 3.4, 7.0), layout="constrained")
     axes = figure.subplots(2, n_panels + 1, squeeze=False)
     for row, (name, scale, basis) in zip(axes, bases, strict=True):

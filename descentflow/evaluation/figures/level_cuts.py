@@ -16,7 +16,7 @@ from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, model_
 
 _POINTS = 400
 _MARGIN_BANDWIDTHS = 4.0
-FEWEST = 4
+MIN_VALUES = 4
 """Fewest values from which a density is drawn."""
 
 
@@ -84,7 +84,7 @@ def _cut(descents: DescentSet, position: int) -> tuple[Tensor, Tensor, Tensor]:
 def _draw_column(axes: list[Axes], values: Mapping[str, Tensor]) -> None:
     """Density above, distribution function below, each set in its style."""
     real = values["held out"].double()
-    if len(real) < FEWEST:
+    if len(real) < MIN_VALUES:
         for ax in axes:
             ax.text(0.5, 0.5, f"{len(real)} held-out values", transform=ax.transAxes, ha="center", color="#555555")
         return
@@ -93,7 +93,7 @@ def _draw_column(axes: list[Axes], values: Mapping[str, Tensor]) -> None:
         if not len(drawn):
             continue
         style = _style(name, position - 1)
-        if name != "nominal BADA" and len(drawn) >= FEWEST:
+        if name != "nominal BADA" and len(drawn) >= MIN_VALUES:
             points = _support(drawn.double(), width)
             axes[0].plot(points, density(drawn.double(), points, width), label=name, **style)
             axes[1].plot(*_steps(drawn.double()), drawstyle="steps-post", label=name, **style)

@@ -17,7 +17,7 @@ from descentflow.evaluation.metrics.score_registry import (
     rows,
 )
 
-MOST_SAMPLES = 2000
+MAX_SAMPLES = 2000
 """Samples that resampled flights are compared with: their own noise is small beside that of hundreds of flights."""
 NORMAL_90 = 1.645
 
@@ -68,7 +68,7 @@ def score_intervals(
     if n_resamples < 2:
         raise ConfigError(f"{n_resamples} resamples", expected="at least two", mend="ask for 50")
     generator = torch.Generator().manual_seed(seed)
-    few = samples.subset(torch.randperm(len(samples), generator=generator)[:MOST_SAMPLES])
+    few = samples.subset(torch.randperm(len(samples), generator=generator)[:MAX_SAMPLES])
     profiles = _profile_scores(samples, real)
     resampled: list[Tensor] = []
     for _ in range(n_resamples):

@@ -8,8 +8,8 @@ from torch import Tensor
 
 from descentflow.evaluation.metrics.level_distances import Distances, level_distances
 from descentflow.evaluation.metrics.noise_floor import (
+    MAX_SCORED,
     MIN_VALUES,
-    MOST_SCORED,
     half_size,
     split_distances,
     split_profile_scores,
@@ -60,7 +60,7 @@ def compare_profiles(
         whole = torch.full_like(whole, torch.nan)
     if not statistic.has_floor:
         return Comparison({name: whole}, {}, {}, half_size(samples, real))
-    n_half = min(half_size(samples, real), MOST_SCORED)
+    n_half = min(half_size(samples, real), MAX_SCORED)
     same, floor = split_profile_scores(statistic, samples, real, seed=seed, n_splits=n_splits)
     return Comparison({name: whole}, {name: same[:, None]}, {name: floor[:, None]}, n_half)
 

@@ -59,12 +59,12 @@ def split_profile_scores(
 
     The splits are those of :func:`split_distances`. A flight that one of the two cannot be scored against is left out
     of both means; a split with fewer than ``MIN_VALUES`` others is NaN. Large halves are cut to
-    :data:`MOST_SCORED` flights, scored against :data:`MOST_MEMBERS` samples or flights.
+    :data:`MAX_SCORED` flights, scored against :data:`MAX_MEMBERS` samples or flights.
     """
     found = []
     for drawn, first, second in halves(samples, real, seed, n_splits):
-        scored = _first(first, MOST_SCORED)
-        same, floor = (statistic.compute(_first(one, MOST_MEMBERS), scored) for one in (drawn, second))
+        scored = _first(first, MAX_SCORED)
+        same, floor = (statistic.compute(_first(one, MAX_MEMBERS), scored) for one in (drawn, second))
         both = ~(same.isnan() | floor.isnan())
         enough = int(both.sum()) >= MIN_VALUES
         found.append([values[both].mean() if enough else values.new_tensor(torch.nan) for values in (same, floor)])
@@ -92,7 +92,7 @@ def half_size(samples: Values, real: Values) -> int:
     return min(len(_seen(real)) // 2, len(_seen(samples)))
 
 
-MOST_SCORED, MOST_MEMBERS = 500, 500
+MAX_SCORED, MAX_MEMBERS = 500, 500
 """Flights of a half that are scored by their whole profiles, and samples or other flights that they are scored against:
 the work of a split grows with the product."""
 MIN_VALUES = 4

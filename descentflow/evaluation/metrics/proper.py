@@ -1,8 +1,8 @@
-"""Proper scores and energy distances, with estimators whose expectation does not depend on the sample size.
+"""Proper scores, with estimators whose expectation does not depend on the sample size.
 
 KS and Wasserstein distances of finite samples are above zero even between samples of one distribution, more so for
-small ones. These are not: the fair scores (Ferro, 2014, doi:10.1002/qj.2270) and the unbiased energy distance
-(Székely and Rizzo, 2013, doi:10.1016/j.jspi.2013.03.018) compare samples of any sizes, and may fall below zero.
+small ones. These are not: the fair scores (Ferro, 2014, doi:10.1002/qj.2270) compare samples of any sizes, and may
+fall below zero.
 
 :func:`crps` and :func:`energy_scores` take the samples as one forecast of all flights; :func:`crps_each` and
 :func:`energy_score_each` take samples that differ from flight to flight, as a conditional density draws them.
@@ -19,7 +19,7 @@ _PAIRS = 1 << 22
 """Distances held at once: 32 MB in float64."""
 MIN_MEMBERS = 4
 """Samples below which a profile is not scored."""
-MOST_MEMBERS = 5_000
+MAX_MEMBERS = 5_000
 """Samples that make the forecast of a profile: the noise of thousands is small beside that of hundreds of flights."""
 WITHIN_PAIRS = 1_000
 """Pairs of samples that tell how far apart samples are, or as many as there are samples if these are more."""
@@ -71,54 +71,6 @@ def crps_of_one(one: Values, real: Values) -> Tensor:
     return (total / mask.sum(0)).where(one[1][0], torch.nan)
 
 
-def energy_distance(
-    first: Tensor, first_mask: Tensor, second: Tensor, second_mask: Tensor, *, unbiased: bool = True
-) -> Tensor:
-    """Squared energy distance ``2 E|X - Y| - E|X - X'| - E|Y - Y'|`` per level.
-
-    Args:
-        first: (n, L) values.
-        first_mask: (n, L) bool.
-        second: (m, L) values.
-        second_mask: (m, L) bool.
-        unbiased: Take distinct pairs within each set: zero in expectation between equal distributions, at any
-            sizes. Else the distance of the empirical distributions, never negative, the square of
-            ``scipy.stats.energy_distance``.
-
-    Returns:
-        (L,) in the unit of the values; NaN where a set has too few values.
-    """
-
-    def compare(*chunk: Tensor) -> tuple[Tensor, ...]:
-        pooled = pool(*chunk)
-        n, m = pooled.n_first, pooled.n_second
-        pairs_first, pairs_second = (k * (k - 1) if unbiased else k * k for k in (n, m))
-        among_first = _among(pooled.below_first, n, pooled) / pairs_first[:, 0]
-        among_second = _among(pooled.below_second, m, pooled) / pairs_second[:, 0]
-        return (2 * _across(pooled) / (n * m)[:, 0] - among_first - among_second,)
-
-    (distance,) = by_chunks(compare, first, first_mask, second, second_mask)
-    return distance
-
-
-def energy_score(samples: Tensor, real: Tensor) -> Tensor:
-    """Fair energy score of the samples as one forecast of every real vector (Gneiting and Raftery, 2007, eq. 22).
-
-    The CRPS in several dimensions, with Euclidean norms, for vectors without gaps such as standardised weights; for
-    profiles with gaps see :func:`energy_scores`.
-
-    Args:
-        samples: (n, d) sampled vectors, n at least 2.
-        real: (m, d) real vectors.
-
-    Returns:
-        Scalar, averaged over the real vectors; NaN with fewer than two samples or no real vector.
-    """
-    n = len(samples)
-    among = _sum_of_norms(samples, samples) / (n * (n - 1)) if n > 1 else samples.new_tensor(torch.nan)
-    return _sum_of_norms(samples, real) / (n * len(real)) - among / 2 if n and len(real) else among * torch.nan
-
-
 def energy_scores(samples: Values, real: Values) -> Tensor:
     """Fair energy score of the samples as one forecast of each real profile, over the levels where it was observed.
 
@@ -146,7 +98,7 @@ def energy_scores(samples: Values, real: Values) -> Tensor:
     n, m = len(samples[0]), len(real[0])
     if n < MIN_MEMBERS or m == 0:
         return torch.full((m,), torch.nan, dtype=torch.float64, device=real[0].device)
-    order = torch.randperm(n, generator=torch.Generator().manual_seed(0))[:MOST_MEMBERS].to(samples[0].device)
+    order = torch.randperm(n, generator=torch.Generator().manual_seed(0))[:MAX_MEMBERS].to(samples[0].device)
     every = max(samples[0].shape[1] // PROFILE_LEVELS, 1)
     members = samples[0][order, ::every], samples[1][order, ::every]
     step = max(_PAIRS // len(order), 1)
@@ -241,18 +193,6 @@ def _across(pooled: Pooled) -> Tensor:
 def _among(below: Tensor, n: Tensor, pooled: Pooled) -> Tensor:
     """Sum (K,) of absolute differences of all ordered pairs of one set, of which ``below`` (K, N) counts the values."""
     return (2 * below * (n - below) * pooled.widths).sum(1)
-
-
-def _sum_of_norms(first: Tensor, second: Tensor) -> Tensor:
-    """Sum of the Euclidean distances of all pairs, in float64."""
-    step = max(_PAIRS // max(len(second), 1), 1)
-    second = second.double()
-    # Not by matrix products, which lose half of the digits of small distances.
-    parts = [
-        torch.cdist(part, second, compute_mode="donot_use_mm_for_euclid_dist").sum()
-        for part in torch.split(first.double(), step)
-    ]
-    return torch.stack(parts).sum()
 
 
 def _at_least_two(m: int) -> None:

@@ -10,15 +10,15 @@ from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.mixture_parameters import Mixture
 
-PROPOSAL_DRAWS, PROPOSAL_CLUSTERS, WIDER = 4000, 4, 1.3
-"""Draws to which a flow's stand-in is fitted, its clusters, and how much wider they are made: tails must be covered."""
-FEWEST_EFFECTIVE = 50
+PROPOSAL_DRAWS, PROPOSAL_COMPONENTS, WIDER = 4000, 4, 1.3
+"""Draws of a flow to which the proposal is fitted, its mixture components, and the factor that widens them (tails)."""
+MIN_EFFECTIVE = 50
 """Effective draws below which importance resampling is not trusted."""
 
 
 @dataclass(frozen=True)
 class Prior:
-    """A mixture over the weights, and the density that it stands in for where it is not exact."""
+    """A mixture over the weights, and the density that it approximates where it is not that density itself."""
 
     mixture: Mixture
     exact: Density | None
@@ -39,7 +39,7 @@ def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> 
     """Take a density apart for conditioning; a conditional one is first given its context (1, c).
 
     A Gaussian and a mixture of Gaussians are themselves. Anything else is approximated by a mixture fitted to its
-    draws, whose clusters are widened: it only proposes, and its draws are weighted by the density.
+    draws, whose components are widened: it only proposes, and its draws are weighted by the density.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -51,7 +51,7 @@ def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> 
         return Prior(Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils))), None)
     draws = density.sample(PROPOSAL_DRAWS, seed, context)
     draws = draws[draws.isfinite().all(1)]
-    fitted, _ = fit_mixture(draws, PROPOSAL_CLUSTERS, seed=seed, n_restarts=2)
+    fitted, _ = fit_mixture(draws, PROPOSAL_COMPONENTS, seed=seed, n_restarts=2)
     return Prior(Mixture(fitted.probs, fitted.locs, WIDER * fitted.scale_trils), density, context)
 
 
@@ -82,21 +82,21 @@ class Posterior:
             log_ratio = self.prior.log_prob(weights) - log_density(self.prior.mixture, weights)
         ratio = torch.where(log_ratio.isfinite(), log_ratio, -torch.inf).softmax(0)
         effective = float(1 / ratio.square().sum())
-        if effective < FEWEST_EFFECTIVE:
+        if effective < MIN_EFFECTIVE:
             raise SamplingError(
-                f"{effective:.0f} effective of {10 * n} draws: the density thinks little of flights like this one",
-                expected=f"at least {FEWEST_EFFECTIVE}",
+                f"{effective:.0f} effective of {10 * n} draws: flights like this one have a low density",
+                expected=f"at least {MIN_EFFECTIVE}",
                 mend="draw more, or check that the flight is of the type and kind that the density was trained on",
             )
         chosen = torch.multinomial(ratio, n, replacement=True, generator=generator)
         return proposed[chosen], effective
 
     def _mixture_draw(self, n: int, generator: torch.Generator) -> Tensor:
-        cluster = torch.multinomial(self.log_probs.softmax(0), n, replacement=True, generator=generator)
+        component = torch.multinomial(self.log_probs.softmax(0), n, replacement=True, generator=generator)
         white = torch.randn(n, self.means.shape[1], 1, dtype=torch.float64, generator=generator)
         drawn = torch.empty(n, self.means.shape[1], dtype=torch.float64)
-        for k in cluster.unique(sorted=True).tolist():  # type: ignore[no-untyped-call]
-            here = cluster == k
+        for k in component.unique(sorted=True).tolist():  # type: ignore[no-untyped-call]
+            here = component == k
             # Precision L L': the solution of L' x = white has its inverse as covariance.
             step = torch.linalg.solve_triangular(self.precision_trils[k].T, white[here, :, 0].T, upper=True)
             drawn[here] = self.means[k] + step.T
@@ -112,20 +112,20 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
         shift: (D,).
 
     Returns:
-        The posterior, each cluster in closed form: precision ``P_k + J``, mean ``(P_k + J)^-1 (P_k m_k + h)``, and
-        probability in proportion to ``p_k`` and the evidence under that cluster.
+        The posterior, each mixture component in closed form: precision ``P_k + J``, mean
+        ``(P_k + J)^-1 (P_k m_k + h)``, and probability in proportion to ``p_k`` and the evidence under that component.
     """
     mixture = prior.mixture
-    n_clusters, n_weights = mixture.locs.shape
+    n_components, n_weights = mixture.locs.shape
     total = len(shift)
-    prior_precision = torch.eye(total, dtype=torch.float64).expand(n_clusters, -1, -1).clone()
+    prior_precision = torch.eye(total, dtype=torch.float64).expand(n_components, -1, -1).clone()
     inverse = torch.cholesky_inverse(mixture.scale_trils)
     prior_precision[:, :n_weights, :n_weights] = inverse
     location = torch.nn.functional.pad(mixture.locs, (0, total - n_weights))
     pulled = (prior_precision @ location[:, :, None])[:, :, 0]
     factor = torch.linalg.cholesky(prior_precision + precision)
     mean = torch.cholesky_solve((pulled + shift)[:, :, None], factor)[:, :, 0]
-    # Evidence of a cluster, up to what all clusters share.
+    # Evidence of a component, up to what all components share.
     log_probs = (
         mixture.probs.log()
         - mixture.scale_trils.diagonal(dim1=-2, dim2=-1).log().sum(-1)
@@ -138,7 +138,7 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
 
 def log_density(mixture: Mixture, weights: Tensor) -> Tensor:
     """Log density (n,) of a mixture at weights (n, d)."""
-    clusters = torch.distributions.MultivariateNormal(mixture.locs, scale_tril=mixture.scale_trils, validate_args=False)
-    by_cluster = clusters.log_prob(weights[:, None].double())  # type: ignore[no-untyped-call]
-    joint: Tensor = by_cluster + mixture.probs.log()
+    normals = torch.distributions.MultivariateNormal(mixture.locs, scale_tril=mixture.scale_trils, validate_args=False)
+    by_component = normals.log_prob(weights[:, None].double())  # type: ignore[no-untyped-call]
+    joint: Tensor = by_component + mixture.probs.log()
     return joint.logsumexp(1)

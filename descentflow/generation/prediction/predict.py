@@ -131,6 +131,7 @@ def predict(
     flights: Sequence[str] | None = None,
     context_table: Path | pl.DataFrame | None = None,
     progress: Callable[[int], None] | None = None,
+    total: Callable[[int], None] | None = None,
 ) -> Prediction:
     """Predict the rest of descents from their part at and above a flight level.
 
@@ -146,6 +147,7 @@ def predict(
         flights: Identifiers of the flights to predict; every unseen flight if absent.
         context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model.
         progress: Progress callback: called with 1 after each flight.
+        total: Progress callback: called once, before the first flight, with the number of flights.
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
@@ -166,6 +168,8 @@ def predict(
     parts = encode_flights(comparable_descents(descents, representation).frame, representation, context_table)
     predictor, calibration = _calibrated(DescentPredictor(density, seed), parts["validation"], seed)
     chosen = _chosen(parts["test"], flights)
+    if total is not None:
+        total(len(chosen))
     predicted, reasons = [], []
     for i in range(len(chosen)):
         one = chosen.subset([i])

@@ -16,9 +16,9 @@ from descentflow.representation.profiles import Profiles
 
 MULTIPLES = (1.0, 3.0, 10.0, 30.0)
 """Of the noise variance, among which calibration chooses."""
-LOWEST_SCORE = -20.0
-"""Log density below which one flight counts no further: a level-off to come must not decide for all."""
-FEWEST_LEVELS = 5
+MIN_LOG_PROB = -20.0
+"""Least log density of one flight in the calibration: a later level-off must not decide for all."""
+MIN_LEVELS = 5
 """Observed levels below which a prediction would be the prior."""
 
 
@@ -59,7 +59,7 @@ class DescentPredictor:
 
         Args:
             density: A density with its representation.
-            seed: Of the stand-in for a density without a closed form.
+            seed: Of the proposal mixture for a density without a closed form.
         """
         self.representation = density.representation
         self.curves: LinearCurves = linear_curves(self.representation.decoder)
@@ -70,7 +70,7 @@ class DescentPredictor:
         self.noise_multiple = 1.0
 
     def _prior(self, context: Tensor | None) -> Prior:
-        """The density given a context (1, c), taken apart once for each: a flow's stand-in takes part of a second."""
+        """The prior given a context (1, c), made once for each context: a flow's proposal takes part of a second."""
         key = () if context is None else tuple(context.flatten().tolist())
         if key not in self._priors:
             self._priors[key] = prior_of(self.density, self.seed, context)
@@ -104,8 +104,8 @@ class DescentPredictor:
             )
         candidates = [self._with_noise(multiple) for multiple in MULTIPLES]
         own = {i: None if context is None else context[i : i + 1] for i in usable}
-        scores = [sum(one._score(flights.subset([i]), n, seed, own[i]) for i in usable) for one in candidates]
-        return candidates[max(range(len(scores)), key=scores.__getitem__)]
+        log_probs = [sum(one._log_prob(flights.subset([i]), n, seed, own[i]) for i in usable) for one in candidates]
+        return candidates[max(range(len(log_probs)), key=log_probs.__getitem__)]
 
     def _with_noise(self, multiple: float) -> "DescentPredictor":
         changed = copy(self)
@@ -113,17 +113,17 @@ class DescentPredictor:
         changed.curves = replace(self.curves, noise_variance=multiple * self.curves.noise_variance)
         return changed
 
-    def _score(self, flight: Profiles, n: int, seed: int, context: Tensor | None) -> float:
+    def _log_prob(self, flight: Profiles, n: int, seed: int, context: Tensor | None) -> float:
         middle = int(flight.entry_level[0]) // 2
         try:
             flown = self.predict(flight, float(flight.levels_fl[middle]), n, seed, context=context).trajectories
         except SamplingError:
-            return LOWEST_SCORE
+            return MIN_LOG_PROB
         time_s = flown.time_s[:, 0]
         actual = flight.time_s[0, 0] - flight.time_s[0, middle]
         spread = time_s.std().clamp(min=0.1) if len(time_s) > 1 else time_s.new_tensor(0.1)
-        score = -0.5 * ((actual - time_s.mean()) / spread).square() - spread.log()
-        return max(float(score), LOWEST_SCORE)
+        log_prob = -0.5 * ((actual - time_s.mean()) / spread).square() - spread.log()
+        return max(float(log_prob), MIN_LOG_PROB)
 
     def predict(
         self, flight: Profiles, from_fl: float, n: int = 500, seed: int = 0, *, context: Tensor | None = None
@@ -131,7 +131,7 @@ class DescentPredictor:
         """Continue one flight from a level down to the lowest of the grid.
 
         Args:
-            flight: One flight on the decoder's grid; levels below ``from_fl`` are not looked at.
+            flight: One flight on the decoder's grid; levels below ``from_fl`` are ignored.
             from_fl: The last level that counts as observed.
             n: Most continuations; those that do not descend all the way are left out of them.
             seed: Makes the result repeatable.
@@ -166,10 +166,10 @@ class DescentPredictor:
                 mend="take one flight, with the levels of the checkpoint",
             )
         mask = flight.mask[0] & (levels >= from_fl)
-        if int(mask.sum()) < FEWEST_LEVELS:
+        if int(mask.sum()) < MIN_LEVELS:
             raise DataError(
                 f"{flight.flight_ids[0]} has {int(mask.sum())} levels at and above FL{from_fl:.0f}",
-                expected=f"at least {FEWEST_LEVELS}",
+                expected=f"at least {MIN_LEVELS}",
                 mend="predict from a lower level",
             )
         return mask
@@ -185,4 +185,4 @@ def _whole_below(flights: Profiles, position: int) -> bool:
     """Whether a flight has every level from the middle of its descent down, and enough above."""
     entry = int(flights.entry_level[position])
     mask = flights.mask[position]
-    return entry >= 2 * FEWEST_LEVELS and bool(mask[: entry // 2 + 1].all()) and int(mask.sum()) > entry // 2 + 5
+    return entry >= 2 * MIN_LEVELS and bool(mask[: entry // 2 + 1].all()) and int(mask.sum()) > entry // 2 + 5

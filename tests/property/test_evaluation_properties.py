@@ -11,7 +11,7 @@ from scipy import stats
 from torch import Tensor
 
 from descentflow.evaluation.metrics.level_distances import level_distances
-from descentflow.evaluation.metrics.proper import energy_distance
+from descentflow.evaluation.metrics.proper import crps
 
 # Few distinct values make ties, neighbours in the last bit test that none are made, and both signs of very different
 # size take the slow way of sorting.
@@ -73,10 +73,15 @@ def test_units_scale_all_but_ks(one: list[int], two: list[int]) -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(SAMPLES, SAMPLES)
-def test_energy_distance_of_empirical_distributions_is_not_negative(one: list[float], two: list[float]) -> None:
-    found = float(energy_distance(*column(one), *column(two), unbiased=False))
-    assert found >= -1e-9  # rounding of differences up to 1e6
-    assert found == pytest.approx(stats.energy_distance(one, two) ** 2, rel=1e-9, abs=1e-9)
+def test_crps_and_the_energy_distance_of_empirical_distributions(one: list[float], two: list[float]) -> None:
+    one = [*one, one[0]]  # two samples at the least
+    n, m = len(one), len(two)
+    among_one, among_two = (sum(abs(x - y) for x in values for y in values) for values in (one, two))
+    crossed = 2 * float(crps(*column(one), *column(two))) + among_one / (n * (n - 1))
+    found = crossed - among_one / n**2 - among_two / m**2
+    scale = 1e-9 * max(abs(x) for x in (*one, *two))  # rounding of differences up to 1e6
+    assert found >= -1e-9 - scale
+    assert found == pytest.approx(stats.energy_distance(one, two) ** 2, rel=1e-9, abs=1e-9 + scale)
 
 
 @settings(max_examples=40, deadline=None)

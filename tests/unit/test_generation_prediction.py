@@ -33,15 +33,15 @@ def linear(n_weights: int = 3, n_residual: int = 2, n_levels: int = 6) -> Linear
     return LinearCurves(normal(2 * n_levels), normal(2 * n_levels, n_weights + n_residual, seed=1), noise, n_weights)
 
 
-def two_clusters() -> Mixture:
+def two_components() -> Mixture:
     factors = torch.stack([torch.eye(3, dtype=torch.float64), 0.5 * torch.eye(3, dtype=torch.float64)])
     factors[0, 1, 0] = 0.4
     return Mixture(torch.tensor([0.3, 0.7], dtype=torch.float64), torch.stack([normal(3), -normal(3)]), factors)
 
 
-def test_each_cluster_and_its_probability_are_those_of_the_joint_gaussian() -> None:
-    """Condition the joint of (u, observed) by blocks, cluster by cluster: another route to the same posterior."""
-    curves, mixture = linear(), two_clusters()
+def test_each_component_and_its_probability_are_those_of_the_joint_gaussian() -> None:
+    """Condition the joint of (u, observed) by blocks, component by component: another route to the same posterior."""
+    curves, mixture = linear(), two_components()
     mask = torch.tensor([True, False, True, True, False, False])
     seen = torch.cat([mask, mask])
     drag, cas = normal(6, seed=2), normal(6, seed=3)
@@ -63,7 +63,7 @@ def test_each_cluster_and_its_probability_are_those_of_the_joint_gaussian() -> N
 
 
 def test_draws_have_the_posteriors_moments() -> None:
-    curves, mixture = linear(), two_clusters()
+    curves, mixture = linear(), two_components()
     mask = torch.ones(6, dtype=torch.bool)
     found = posterior_of(Prior(mixture, None), *curves.evidence(normal(6, seed=2), normal(6, seed=3), mask))
     drawn, effective = found.draw(40_000, torch.Generator().manual_seed(0))
@@ -114,7 +114,7 @@ def test_a_density_that_excludes_the_flight_says_so() -> None:
 
 
 def test_log_density_of_a_mixture_is_torchs() -> None:
-    mixture = two_clusters()
+    mixture = two_components()
     truth = torch.distributions.MixtureSameFamily(
         torch.distributions.Categorical(mixture.probs), MultivariateNormal(mixture.locs, scale_tril=mixture.scale_trils)
     )

@@ -8,8 +8,9 @@ import torch
 from scipy import stats
 from torch import Tensor
 
+from descentflow.core.errors import ConfigError
 from descentflow.evaluation.metrics import proper
-from descentflow.evaluation.metrics.proper import crps, energy_distance, energy_score
+from descentflow.evaluation.metrics.proper import crps, energy_score_each, energy_scores
 
 
 def draw(n: int, seed: int, mean: float = 0.0, n_levels: int = 4) -> tuple[Tensor, Tensor]:
@@ -40,16 +41,13 @@ def test_crps_is_the_double_loop() -> None:
         assert float(found[level]) == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("unbiased", [True, False])
-def test_energy_distance_is_the_double_loop(unbiased: bool) -> None:
+def test_crps_goes_with_the_energy_distance_of_scipy() -> None:
     first, second = draw(30, 0), draw(20, 1, 0.5)
-    found = energy_distance(*first, *second, unbiased=unbiased)
+    found = crps(*first, *second)
     for level in range(4):
         one, two = seen(first, level), seen(second, level)
-        expected = 2 * mean_difference(one, two) - within(one, fair=unbiased) - within(two, fair=unbiased)
-        assert float(found[level]) == pytest.approx(expected, abs=1e-12)
-        if not unbiased:
-            assert float(found[level]) == pytest.approx(stats.energy_distance(one, two) ** 2, abs=1e-12)
+        distance = 2 * float(found[level]) + within(one) - within(one, fair=False) - within(two, fair=False)
+        assert distance == pytest.approx(stats.energy_distance(one, two) ** 2, abs=1e-12)
 
 
 @pytest.mark.parametrize("pairs", [1, 50, 1 << 22])
@@ -58,14 +56,19 @@ def test_energy_score_is_the_double_loop(pairs: int, monkeypatch: pytest.MonkeyP
     samples, real = draw(30, 0)[0], draw(20, 1)[0]
     across = np.mean([[float((x - y).norm()) for y in real] for x in samples])
     among = sum(float((x - y).norm()) for x in samples for y in samples) / (30 * 29)
-    assert float(energy_score(samples, real)) == pytest.approx(across - among / 2, abs=1e-12)
+    assert float(energy_score_each(samples.expand(20, -1, -1), real).mean()) == pytest.approx(across - among / 2)
+    everywhere = [torch.ones_like(values, dtype=torch.bool) for values in (samples, real)]
+    # The root mean square over four levels is half of the Euclidean norm.
+    found = energy_scores((samples, everywhere[0]), (real, everywhere[1]))
+    assert 2 * float(found.mean()) == pytest.approx(across - among / 2, abs=1e-12)
 
 
 def test_energy_score_in_one_dimension_is_the_crps() -> None:
     samples, real = draw(50, 0)[0][:, :1], draw(40, 1)[0][:, :1]
     everywhere = [torch.ones_like(values, dtype=torch.bool) for values in (samples, real)]
     expected = crps(samples, everywhere[0], real, everywhere[1])
-    assert float(energy_score(samples, real)) == pytest.approx(float(expected[0]), abs=1e-12)
+    found = energy_score_each(samples.expand(40, -1, -1), real)
+    assert float(found.mean()) == pytest.approx(float(expected[0]), abs=1e-12)
 
 
 @pytest.mark.parametrize("y", [-1.5, 0.0, 0.7])
@@ -89,7 +92,8 @@ def test_small_samples_are_not_penalised() -> None:
 
 def test_unbiased_distance_is_zero_between_equal_distributions() -> None:
     first, second = (torch.randn(n, 20_000, generator=torch.Generator().manual_seed(n)).double() for n in (3, 5))
-    found = energy_distance(first, first < 99, second, second < 99)
+    among = (second[:, None] - second).abs().sum((0, 1)) / (5 * 4)
+    found = 2 * crps(first, first < 99, second, second < 99) - among
     assert float(found.mean()) == pytest.approx(0, abs=5 * float(found.std()) / sqrt(20_000))
     assert float(found.min()) < 0  # what unbiasedness costs
 
@@ -98,6 +102,7 @@ def test_too_few_values_have_no_score() -> None:
     one, two = torch.zeros(1, 1), torch.zeros(2, 1)
     assert bool(crps(one, one == 0, two, two == 0).isnan())
     assert bool(crps(two, two == 0, one, one == 1).isnan())
-    assert bool(energy_distance(two, two == 0, one, one == 0).isnan())
-    assert bool(energy_score(one, two).isnan())
-    assert bool(energy_score(two, two[:0]).isnan())
+    assert bool(energy_scores((one, one == 0), (two, two == 0)).isnan().all())
+    assert len(energy_scores((two, two == 0), (two[:0], two[:0] == 0))) == 0
+    with pytest.raises(ConfigError, match="1 sample"):
+        energy_score_each(one[None], one)

@@ -18,6 +18,9 @@ NOT_YET = set(Path(__file__).with_name("examples_not_yet.txt").read_text().split
 NEEDS = {
     f"descentflow.simulation.jsbsim_world.{name}": "jsbsim"
     for name in ("fly_models", "model_aircraft", "model_files", "model_flight")
+} | {
+    "descentflow.surveillance.formats.asterix": "pyasteryx",
+    "descentflow.surveillance.formats.mode_s_frames": "rs1090",
 }
 """Modules whose examples need an optional library; where it is missing they are skipped."""
 

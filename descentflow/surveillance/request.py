@@ -35,6 +35,11 @@ class Request:
         cleaning: Thresholds.
         format: Name of the files' format; recognised from their content if None.
         shown: Number of random flights whose dropped rows are kept, besides the flight that each filter hit most.
+
+    Example:
+        >>> request = Request(["rows.parquet"], cleaning=Cleaning(bottom_fl=200))
+        >>> request.files(), request.facts([])["settings"]["bottom_fl"]
+        ([PosixPath('rows.parquet')], 200)
     """
 
     rows: Sequence[Source]
@@ -119,6 +124,11 @@ def description(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame)
         facts: As :meth:`Request.facts`.
         report: Of everything dropped.
         levels: Columns `flight_id typecode level_fl`.
+
+    Example:
+        >>> levels = pl.DataFrame({"flight_id": ["a"], "typecode": ["A320"], "level_fl": [340]})
+        >>> description(Request(["rows.parquet"]).facts([]), DropReport(), levels)["bottom_fl"]
+        150
     """
     return {
         "schema_version": SCHEMA_VERSION,

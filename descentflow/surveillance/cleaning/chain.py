@@ -40,6 +40,11 @@ class Work:
         typecodes: Types to keep; all if None.
         types: Table `icao24,typecode` for rows that do not name their type.
         shown: Number of random flights whose rows are wanted with the reason for which each was dropped; none if 0.
+
+    Example:
+        >>> work = Work(Cleaning(bottom_fl=200), ("timestamp", "icao24", "altitude"), typecodes=("A320",))
+        >>> work.rules.bottom_fl, work.shared
+        (200, ())
     """
 
     rules: Cleaning
@@ -52,7 +57,13 @@ class Work:
 
 @dataclass
 class Outcome:
-    """Levels of the descents of some aircraft, sorted by flight and falling level, and the drop report."""
+    """Levels of the descents of some aircraft, sorted by flight and falling level, and the drop report.
+
+    Example:
+        >>> levels = pl.DataFrame({"flight_id": ["a", "a"], "level_fl": [310, 309]})
+        >>> Outcome(levels, DropReport(), {"A320": 2}).levels["level_fl"].max()
+        310
+    """
 
     levels: pl.DataFrame
     report: DropReport
@@ -108,7 +119,12 @@ def clean(
 
 
 def before_rates(rules: Cleaning) -> filters.Chain:
-    """Filters of altitude, IAS, Mach and reported rate, applied before missing rates are computed from altitude."""
+    """Filters of altitude, IAS, Mach and reported rate, applied before missing rates are computed from altitude.
+
+    Example:
+        >>> [one.reason for one in before_rates(Cleaning()).filters][:3]
+        ['spike_altitude', 'spike_IAS', 'spike_Mach']
+    """
     stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
     return (
         filters.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps)
@@ -125,7 +141,12 @@ def before_rates(rules: Cleaning) -> filters.Chain:
 
 
 def after_rates(rules: Cleaning) -> filters.Chain:
-    """Filters that keep free descent, in their order."""
+    """Filters that keep free descent, in their order.
+
+    Example:
+        >>> [one.reason for one in after_rates(Cleaning(largest_bank_deg=25.0)).filters][1:5]
+        ['not_descending', 'transient', 'banked', 'cleared_speed']
+    """
     descent = (
         filters.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps)
         | filters.Descending(rules.slowest_fpm)

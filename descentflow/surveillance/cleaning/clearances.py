@@ -22,6 +22,10 @@ class LargestBank(Filter):
 
     Args:
         limit_deg: Largest bank.
+
+    Example:
+        >>> LargestBank(25.0).keep(pl.DataFrame({"roll": [2.0, -30.0, None]}))["roll"].to_list()
+        [2.0, None]
     """
 
     limit_deg: float
@@ -65,6 +69,13 @@ class ClearedSpeed(Filter):
     Args:
         after_s: Time after the end of an assigned speed in which rows are dropped, too.
         within_kt: Largest distance from an assigned speed that is flown.
+
+    Example:
+        >>> rows = pl.DataFrame({"flight_id": 1, "timestamp": pl.from_epoch(pl.Series([0, 20, 40]))})
+        >>> ias, cleared = pl.Series([250.0, 255.0, 270.0]), pl.Series([250.0, None, None])
+        >>> rows = rows.with_columns(IAS=ias, cleared_speed_kt=cleared)
+        >>> ClearedSpeed(after_s=30.0).keep(rows)["IAS"].to_list()
+        [270.0]
     """
 
     after_s: float
@@ -99,6 +110,11 @@ class ClearedLevel(Filter):
 
     Args:
         within_ft: Height above and below the cleared level.
+
+    Example:
+        >>> rows = pl.DataFrame({"altitude": [30000.0, 24300.0], "cleared_flight_level": [240.0, 240.0]})
+        >>> ClearedLevel(within_ft=500.0).keep(rows)["altitude"].to_list()
+        [30000.0]
     """
 
     within_ft: float

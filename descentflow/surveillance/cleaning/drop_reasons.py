@@ -19,6 +19,13 @@ class TracedReport(DropReport):
 
     Args:
         rows: Number of rows of the batch.
+
+    Example:
+        >>> report = TracedReport(rows=2)
+        >>> rows = pl.DataFrame({ROW: [0, 1], "IAS": [250.0, 900.0]})
+        >>> _ = report.count("impossible_IAS", rows, rows.head(1))
+        >>> report.step_of.tolist()
+        [-1, 0]
     """
 
     rows: int = 0

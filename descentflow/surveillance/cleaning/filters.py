@@ -22,7 +22,12 @@ SECONDS = pl.col("timestamp").dt.epoch("us") / 1e6
 
 
 def flights_of(rows: pl.DataFrame) -> np.ndarray:
-    """(n,) ascending number of every row's flight (the column may hold such numbers itself)."""
+    """(n,) ascending number of every row's flight (the column may hold such numbers itself).
+
+    Example:
+        >>> flights_of(pl.DataFrame({"flight_id": ["a", "a", "b"]}))
+        array([1, 1, 2])
+    """
     name = rows[FLIGHT]
     if name.dtype.is_integer():
         return name.cast(pl.Int64).to_numpy()
@@ -30,7 +35,12 @@ def flights_of(rows: pl.DataFrame) -> np.ndarray:
 
 
 def cut(rows: pl.DataFrame, gone: np.ndarray) -> pl.DataFrame:
-    """Drop rows of a descent; a new :data:`SEGMENT` begins after each."""
+    """Drop rows of a descent; a new :data:`SEGMENT` begins after each.
+
+    Example:
+        >>> cut(pl.DataFrame({SEGMENT: [0, 0, 0]}), np.array([False, True, False]))[SEGMENT].to_list()
+        [0, 1]
+    """
     if not gone.any():
         return rows
     dropped = pl.Series(gone)
@@ -69,7 +79,13 @@ class Filter(ABC):
 
 @dataclass(frozen=True)
 class Chain:
-    """Filters applied one after the other."""
+    """Filters applied one after the other.
+
+    Example:
+        >>> rows = pl.DataFrame({"flight_id": 1, "altitude": [5000.0, 5025.0, 4950.0]})
+        >>> Chain((LargestDescent(), Falling()))(rows, DropReport())["altitude"].to_list()
+        [5000.0, 4950.0]
+    """
 
     filters: tuple[Filter, ...] = ()
 
@@ -103,6 +119,12 @@ class Despike(Filter):
             no spikes.
         fastest: Fastest change per second that an aircraft makes.
         agreeing_kt: IAS and the CAS of Mach and altitude agree within this; None if their agreement does not count.
+
+    Example:
+        >>> rows = pl.DataFrame({"flight_id": 1, "timestamp": pl.from_epoch(pl.Series([0, 1, 2, 3, 4]))})
+        >>> rows = rows.with_columns(altitude=pl.Series([5000.0, 4980.0, 9000.0, 4940.0, 4920.0]))
+        >>> Despike("altitude", 300.0).keep(rows)["altitude"].to_list()
+        [5000.0, 4980.0, 4940.0, 4920.0]
     """
 
     column: str
@@ -174,6 +196,11 @@ class AirspeedsAgree(Filter):
 
     Args:
         limit_kt: Largest difference of IAS and CAS.
+
+    Example:
+        >>> rows = pl.DataFrame({"altitude": 35000.0, "Mach": 0.78, "IAS": [264.0, 310.0]})
+        >>> AirspeedsAgree(25.0).keep(rows)["IAS"].to_list()
+        [264.0]
     """
 
     limit_kt: float = Cleaning.airspeeds_differ_kt
@@ -199,6 +226,12 @@ class Descending(Filter):
 
     Args:
         slowest_fpm: Slowest rate of descent.
+
+    Example:
+        >>> rows = pl.DataFrame({"flight_id": 1, "timestamp": pl.from_epoch(pl.Series([0, 10, 20]))})
+        >>> rows = rows.with_columns(vertical_rate=pl.Series([0.0, -900.0, -1500.0]))
+        >>> Descending().keep(rows).select("vertical_rate", "_since_level").rows()
+        [(-900.0, 10.0), (-1500.0, 20.0)]
     """
 
     slowest_fpm: float = Cleaning.slowest_fpm
@@ -229,6 +262,11 @@ class SteadyDescent(Filter):
 
     Args:
         transient_s: Time dropped.
+
+    Example:
+        >>> rows = pl.DataFrame({"altitude": [34900.0, 34500.0], "_since_level": [10.0, 30.0], "_until_level": 600.0})
+        >>> SteadyDescent(20.0).keep(rows)["altitude"].to_list()
+        [34500.0]
     """
 
     transient_s: float = Cleaning.transient_s
@@ -246,6 +284,11 @@ class LargestDescent(Filter):
 
     Args:
         climb_back_ft: Climb that separates two descents.
+
+    Example:
+        >>> rows = pl.DataFrame({"flight_id": 1, "altitude": [5000.0, 3000.0, 9000.0, 2000.0]})
+        >>> LargestDescent().keep(rows)["altitude"].to_list()
+        [9000.0, 2000.0]
     """
 
     climb_back_ft: float = Cleaning.climb_back_ft
@@ -266,7 +309,13 @@ class LargestDescent(Filter):
 
 @dataclass(frozen=True)
 class Falling(Filter):
-    """Drop rows that are not below every earlier row of the descent (quantisation to 25 ft makes some)."""
+    """Drop rows that are not below every earlier row of the descent (quantisation to 25 ft makes some).
+
+    Example:
+        >>> rows = pl.DataFrame({"flight_id": 1, "altitude": [5000.0, 5025.0, 4950.0]})
+        >>> Falling().keep(rows)["altitude"].to_list()
+        [5000.0, 4950.0]
+    """
 
     reason = "not_below_earlier_row"
 

@@ -44,7 +44,13 @@ def usable(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
 
 
 def in_order(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
-    """Rows sorted by address and time; of rows with the same address and time the first is kept."""
+    """Rows sorted by address and time; of rows with the same address and time the first is kept.
+
+    Example:
+        >>> rows = pl.DataFrame({"icao24": ["b", "a", "b"], "timestamp": pl.from_epoch(pl.Series([5, 9, 5]))})
+        >>> in_order(rows, DropReport())["icao24"].to_list()
+        ['a', 'b']
+    """
     names = rows["icao24"].unique().sort()
     address = rows["icao24"].cast(pl.Enum(names)).to_physical().cast(pl.Int64).to_numpy()
     time = rows["timestamp"].dt.epoch("us").to_numpy()
@@ -67,7 +73,12 @@ def _order(address: Index, time: Index) -> Index:
 
 
 def names_given(rows: pl.DataFrame) -> pl.DataFrame:
-    """Pairs `flight_id icao24` of the source, each once."""
+    """Pairs `flight_id icao24` of the source, each once.
+
+    Example:
+        >>> names_given(pl.DataFrame({"flight_id": ["AB12", "AB12"], "icao24": ["4ca001", "4ca001"]})).rows()
+        [('AB12', '4ca001')]
+    """
     if "flight_id" not in rows.columns:
         return pl.DataFrame(schema={"flight_id": pl.String, "icao24": pl.String})
     return rows.select("flight_id", "icao24").unique().drop_nulls()
@@ -102,6 +113,11 @@ def name_flights(
 
     Returns:
         Rows sorted by flight and time.
+
+    Example:
+        >>> rows = pl.DataFrame({"icao24": "4ca001", "timestamp": pl.from_epoch(pl.Series([0, 60, 4000]))})
+        >>> name_flights(rows)["flight_id"].unique().sort().to_list()
+        ['4ca001_19700101T000000', '4ca001_19700101T010640']
     """
     shared = names_shared(names_given(rows)) if shared is None else shared
     named = rows
@@ -138,6 +154,11 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
 
     Raises:
         DataError: If the table lacks a column.
+
+    Example:
+        >>> types = pl.DataFrame({"icao24": ["4CA001"], "typecode": ["a320"]})
+        >>> with_types(pl.DataFrame({"icao24": ["4ca001", "4ca002"]}), types)["typecode"].to_list()
+        ['A320', None]
     """
     if "typecode" not in rows.columns:
         rows = rows.with_columns(pl.lit(None, pl.String).alias("typecode"))
@@ -159,7 +180,13 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
 
 
 def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropReport) -> pl.DataFrame:
-    """Keep rows of known type, and of the wanted types if there are any."""
+    """Keep rows of known type, and of the wanted types if there are any.
+
+    Example:
+        >>> rows = pl.DataFrame({"typecode": ["A320", "B738", None]})
+        >>> of_types(rows, ["a320"], DropReport())["typecode"].to_list()
+        ['A320']
+    """
     named = rows["typecode"].is_not_null()
     known = report.count("unknown_type", rows, rows if named.all() else rows.filter(named))
     if wanted is None:
@@ -177,6 +204,15 @@ def check_left(report: DropReport, wanted: Sequence[str] | None, present: Mappin
 
     Raises:
         DataError: If no row was usable, or of known type, or of a wanted type.
+
+    Example:
+        >>> report = DropReport()
+        >>> for step, left in {"duplicate": 9, "unknown_type": 9, "other_type": 0}.items():
+        ...     _ = report.count(step, pl.DataFrame({"IAS": [270.0] * 9}), pl.DataFrame({"IAS": [270.0] * left}))
+        >>> check_left(report, ["B738"], {"A320": 9})
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: no row of type B738...
     """
     if not report.left("duplicate"):
         raise DataError(

@@ -29,6 +29,13 @@ class Stale(Filter):
         moved: Smallest change of the implied value, in the column's unit (ft for `vertical_rate`).
         seconds: Shortest run.
         longest_gap_s: Longest time between two reports of a run.
+
+    Example:
+        >>> rows = pl.DataFrame({"flight_id": 1, "timestamp": pl.from_epoch(pl.Series([0, 15, 30]))})
+        >>> altitude, mach = pl.Series([30000.0, 28500.0, 27000.0]), pl.Series([0.75, 0.70, 0.65])
+        >>> rows = rows.with_columns(altitude=altitude, Mach=mach, IAS=283.0)
+        >>> Stale("IAS", moved=8.0).keep(rows)["altitude"].to_list()
+        [30000.0]
     """
 
     column: str

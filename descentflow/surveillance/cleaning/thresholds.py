@@ -268,6 +268,11 @@ def read_cleaning(path: Path) -> dict[str, Any]:
 
     Raises:
         ConfigError: If the file cannot be read or is no mapping of names to values.
+
+    Example:
+        >>> _ = Path("cleaning.yaml").write_text("bottom_fl: 100")
+        >>> read_cleaning(Path("cleaning.yaml"))
+        {'bottom_fl': 100}
     """
     yaml: Any = import_module("yaml")
 
@@ -286,7 +291,12 @@ def read_cleaning(path: Path) -> dict[str, Any]:
 
 
 def as_yaml(cleaning: Cleaning) -> str:
-    """The thresholds as YAML, each with its meaning and source as a comment."""
+    """The thresholds as YAML, each with its meaning and source as a comment.
+
+    Example:
+        >>> as_yaml(Cleaning(bottom_fl=100)).splitlines()[3]
+        'bottom_fl: 100'
+    """
     lines = ["# Thresholds of `descentflow prepare --config`; an option of the same name overrides a line here."]
     for field in dataclasses.fields(Cleaning):
         value = getattr(cleaning, field.name)

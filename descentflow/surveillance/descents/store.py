@@ -37,6 +37,11 @@ class Parts:
     Attributes:
         sources: Lazy frames, each sorted by flight and falling level, no flight in two.
         flights: Columns `flight_id typecode level_fl rows`: highest level and number of levels; sorted by flight.
+
+    Example:
+        >>> parts = Parts.of([pl.scan_parquet("descents.parquet")])
+        >>> parts.flights.height, next(parts.chunks("A320")).height
+        (120, 20163)
     """
 
     sources: Sequence[pl.LazyFrame]
@@ -69,13 +74,25 @@ class Parts:
 
 
 def write_file(parts: Parts, metadata: dict[str, Any], path: Path) -> None:
-    """Write one Parquet file with its description, chunk by chunk, whole or not at all."""
+    """Write one Parquet file with its description, chunk by chunk, whole or not at all.
+
+    Example:
+        >>> write_file(Parts.of([pl.scan_parquet("descents.parquet")]), {"bottom_fl": 150}, Path("copy.parquet"))
+        >>> pl.read_parquet_metadata("copy.parquet")[KEY]
+        '{"bottom_fl": 150}'
+    """
     with whole_file(path) as temporary:
         _write(parts.chunks(), parts.schema, temporary, {KEY: json.dumps(metadata)})
 
 
 def write_store(parts: Parts, metadata: dict[str, Any], folder: Path) -> None:
-    """Write a store into a folder that does not exist yet; it is whole once its manifest is there."""
+    """Write a store into a folder that does not exist yet; it is whole once its manifest is there.
+
+    Example:
+        >>> write_store(Parts.of([pl.scan_parquet("descents.parquet")]), {"bottom_fl": 150}, Path("copy_by_type"))
+        >>> sorted(path.relative_to("copy_by_type").as_posix() for path in Path("copy_by_type").rglob("*.*"))
+        ['_descentflow.json', 'typecode=A320/part-00000.parquet']
+    """
     files = []
     for (typecode,), flights in parts.flights.group_by("typecode", maintain_order=True):
         name = folder / f"typecode={quote(str(typecode), safe='')}"
@@ -101,6 +118,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
     Raises:
         DataError: If the folder is none, or its manifest is damaged.
+
+    Example:
+        >>> metadata = described(pl.read_parquet_metadata("descents.parquet")[KEY], Path("descents.parquet"))
+        >>> write_store(Parts.of([pl.scan_parquet("descents.parquet")]), metadata, Path("with_manifest"))
+        >>> read_manifest(Path("with_manifest"))["files"][0]["flights_of_type"]
+        120
     """
     path = folder / MANIFEST
     try:
@@ -114,6 +137,13 @@ def read_store(folder: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
 
     Raises:
         DataError: If a file of the manifest is missing, damaged, or has other rows than were written.
+
+    Example:
+        >>> metadata = described(pl.read_parquet_metadata("descents.parquet")[KEY], Path("descents.parquet"))
+        >>> write_store(Parts.of([pl.scan_parquet("descents.parquet")]), metadata, Path("read_again"))
+        >>> levels, metadata = read_store(Path("read_again"))
+        >>> levels.equals(pl.read_parquet("descents.parquet")), metadata["bottom_fl"]
+        (True, 150)
     """
     metadata = read_manifest(folder)
     frames = []

@@ -40,7 +40,12 @@ MOST = 50_000
 
 
 def is_snapshot(document: object) -> bool:
-    """Whether a JSON document looks like a snapshot, of a receiver or of an open API."""
+    """Whether a JSON document looks like a snapshot, of a receiver or of an open API.
+
+    Example:
+        >>> is_snapshot({"now": 1.7e9, "aircraft": []}), is_snapshot({"icao": "4ca001", "trace": []})
+        (True, False)
+    """
     return isinstance(document, dict) and ("aircraft" in document or document.keys() >= {"ac", "now"})
 
 

@@ -60,6 +60,13 @@ def rows(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.Data
 
     Raises:
         DataError: If the parser is not installed, or what is between blocks has no length.
+
+    Example:
+        >>> import io
+        >>> report = DropReport()
+        >>> other_category = Input(io.BytesIO(bytes([34, 0, 4, 0])), "2024-03-01_radar.ast")
+        >>> [len(part) for part in rows(other_category, report, 1000)], report.notes
+        ([0], {'ASTERIX blocks of other categories': 1})
     """
     decode = _decoder()
     clock = _Clock(_day(source.label))
@@ -227,6 +234,10 @@ def is_asterix(head: bytes) -> bool:
     """Whether a file begins with whole blocks of known categories, 048 or 062 among them.
 
     After three good ones it is taken for ASTERIX whatever follows, so that damage is reported as damage.
+
+    Example:
+        >>> is_asterix(bytes([48, 0, 8, 0, 0, 0, 0, 0])), is_asterix(b"timestamp,icao24")
+        (True, False)
     """
     place, seen = 0, list[int]()
     while place + HEADER <= len(head):

@@ -23,6 +23,10 @@ class Format:
         any_columns: Whether anybody may have made such tables, so that the names and units of every file have to be
             checked. Other formats have fixed columns, and their small files are put together.
         join: Makes one table of several parts, where :func:`polars.concat` does not.
+
+    Example:
+        >>> Format("my-format", "what my tracker writes").any_columns
+        False
     """
 
     name: str
@@ -38,6 +42,11 @@ class FileFormat(Format):
     Attributes:
         recognise: Whether a file that begins with these bytes is of the format.
         read: Tables of about so many rows from a stream; what cannot be read is counted in the report.
+
+    Example:
+        >>> from descentflow.surveillance.formats.known_formats import FORMATS
+        >>> FORMATS["parquet"].recognise(b"PAR1"), FORMATS["parquet"].recognise(b"timestamp,icao24")
+        (True, False)
     """
 
     recognise: Callable[[bytes], bool]
@@ -46,7 +55,14 @@ class FileFormat(Format):
 
 @dataclass(frozen=True, kw_only=True)
 class TextFormat(FileFormat):
-    """A format of text that is no JSON; it is recognised without byte order mark and blanks before it."""
+    """A format of text that is no JSON; it is recognised without byte order mark and blanks before it.
+
+    Example:
+        >>> from descentflow.surveillance.formats.known_formats import FORMATS
+        >>> lines = FORMATS["modes-hex"]
+        >>> isinstance(lines, TextFormat), lines.recognise(b"1700000000.5 a00004128f39f91a7e27c46adc21")
+        (True, True)
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +72,11 @@ class JsonFormat(Format):
     Attributes:
         recognise: Whether a file whose first document is this one is of the format.
         read: Tables of about so many rows from the documents of a file with that label.
+
+    Example:
+        >>> from descentflow.surveillance.formats.known_formats import FORMATS
+        >>> FORMATS["aircraft-json"].recognise({"now": 1.7e9, "aircraft": []})
+        True
     """
 
     recognise: Callable[[object], bool]
@@ -71,6 +92,10 @@ class Part:
         format: Of the file.
         label: Name of the file in messages.
         first: Whether it is the first part of its file.
+
+    Example:
+        >>> Part(pl.DataFrame({"IAS": [250.0]}), Format("my-format", "mine"), "rows.dat", first=True).label
+        'rows.dat'
     """
 
     rows: Columns

@@ -23,6 +23,11 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
 
     Raises:
         DataError: If the JSON has no rows.
+
+    Example:
+        >>> objects = [{"time": 1.7e9, "hex": "4ca001", "ias": 250}, {"time": 1.7e9, "hex": "4ca002"}]
+        >>> next(rows(iter(objects), "rows.json", DropReport(), 100)).rows()
+        [(1700000000.0, '4ca001', 250.0), (1700000000.0, '4ca002', None)]
     """
     first = next(documents, None)
     each_document = itertools.chain([first], documents)
@@ -57,7 +62,12 @@ def _of_columns(document: dict[str, Any]) -> bool:
 
 
 def is_rows(document: object) -> bool:
-    """Whether a JSON document has rows, recognised by the names of time and address."""
+    """Whether a JSON document has rows, recognised by the names of time and address.
+
+    Example:
+        >>> is_rows([{"time": 1.7e9, "hex": "4ca001"}]), is_rows({"now": 1.7e9, "aircraft": []})
+        (True, False)
+    """
     if isinstance(document, list):
         document = next((row for row in document if isinstance(row, dict)), None)
     return isinstance(document, dict) and bool(TIME & document.keys()) and bool(ADDRESS & document.keys())

@@ -62,6 +62,10 @@ def texts(values: Sequence[Any]) -> pl.Series:
     """Text without blanks around it, of numbers too; anything else becomes missing.
 
     JSON may escape half a surrogate pair, which is no text that could be stored: it becomes a question mark.
+
+    Example:
+        >>> texts([" A320 ", 7, ["A320"], ""]).to_list()
+        ['A320', '7', None, None]
     """
     kept = [value if type(value) is str else str(value) if type(value) in (int, float) else None for value in values]
     try:

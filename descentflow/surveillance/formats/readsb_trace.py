@@ -43,7 +43,12 @@ KINDS: Kinds = {"flight": pl.String(), **dict.fromkeys(DETAILS.values(), pl.Floa
 
 @dataclass(frozen=True)
 class Trace:
-    """One trace as read, to be joined with others: columns of many points cost less than of a few."""
+    """One trace as read, to be joined with others: columns of many points cost less than of a few.
+
+    Example:
+        >>> len(Trace("4ca001", "A320", 1.7e9, [[0.0, 52.0, 5.0, 30000, 450, 90, 0, -1500, None]]))
+        1
+    """
 
     icao24: object
     typecode: object
@@ -56,7 +61,12 @@ class Trace:
 
 
 def is_trace(document: object) -> bool:
-    """Whether a JSON document looks like a trace."""
+    """Whether a JSON document looks like a trace.
+
+    Example:
+        >>> is_trace({"icao": "4ca001", "trace": []}), is_trace({"now": 1.7e9, "aircraft": []})
+        (True, False)
+    """
     return isinstance(document, dict) and "trace" in document
 
 
@@ -65,6 +75,12 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
 
     Raises:
         DataError: If a document lacks the address, the time or the list of points.
+
+    Example:
+        >>> point = [0.0, 52.0, 5.0, 30000, 450, 90, 0, -1500, None]
+        >>> document = {"icao": "4ca001", "t": "A320", "timestamp": 1.7e9, "trace": [point, "damaged"]}
+        >>> [len(trace) for trace in rows(iter([document]), "trace_full_4ca001.json", DropReport(), 1000)]
+        [1]
     """
     for document in documents:
         trace = document.get("trace") if isinstance(document, dict) else None
@@ -80,7 +96,14 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
 
 
 def joined(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
-    """Rows of whole traces without those of a stale position; each leg is a flight of its own."""
+    """Rows of whole traces without those of a stale position; each leg is a flight of its own.
+
+    Example:
+        >>> point = [5.0, 52.0, 5.0, 30000, 450, 90, 0, -1500, {"ias": 263, "mach": 0.7}]
+        >>> table = joined([Trace("4ca001", "A320", 1.7e9, [point])], DropReport())
+        >>> table.select("flight_id", "altitude", "IAS", "vertical_rate").row(0)
+        ('4ca001_20231114T221325', 30000.0, 263.0, -1500.0)
+    """
     frame = _columns(traces)
     barometric = pl.when(~_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))
     geometric = pl.when(_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))

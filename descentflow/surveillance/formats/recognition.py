@@ -46,6 +46,12 @@ def recognised(
 
     Raises:
         DataError: If the file is of no known format or damaged.
+
+    Example:
+        >>> with Path("rows.parquet").open("rb") as file:
+        ...     found, parts = recognised(Input(file, "rows.parquet"), DropReport(), None, block_rows=1000)
+        ...     print(found.name, len(next(parts)))
+        parquet 1000
     """
     head, source = source.head()
     if not head:
@@ -73,7 +79,13 @@ def table_or_frames(found: Format, parts: Iterator[Columns], report: DropReport)
 def held_parts(
     table: pl.DataFrame, label: str, report: DropReport, block_rows: int
 ) -> tuple[Format, Iterator[Columns]]:
-    """As :func:`recognised`, of a table in memory."""
+    """As :func:`recognised`, of a table in memory.
+
+    Example:
+        >>> found, parts = held_parts(pl.read_parquet("rows.parquet"), "a table", DropReport(), block_rows=1000)
+        >>> len(next(parts))
+        1000
+    """
     return table_or_frames(HELD_TABLE, tables.held(table, label, block_rows), report)
 
 

@@ -44,6 +44,12 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
 
     Raises:
         DataError: If a document is no flight.
+
+    Example:
+        >>> plot = {"time_of_track": "2017-03-01T10:00:00.5", "I062/136": {"measured_flight_level": 300.0}}
+        >>> flight = {"id": 7, "plots": [plot], "fpl": {"fpl_base": [{"aircraft_type": "A320"}]}}
+        >>> next(rows(iter([flight]), "7.json", DropReport(), 1000)).select("icao24", "typecode", "altitude").row(0)
+        ('scat7', 'A320', 30000.0)
     """
     for document in documents:
         yield rows_of_flight(document, label, report)
@@ -122,5 +128,10 @@ def _last(plan: object, name: str) -> dict[str, Any]:
 
 
 def is_flight(document: object) -> bool:
-    """Whether a JSON document looks like a flight of SCAT."""
+    """Whether a JSON document looks like a flight of SCAT.
+
+    Example:
+        >>> is_flight({"id": 7, "plots": [], "fpl": {}}), is_flight({"trace": []})
+        (True, False)
+    """
     return isinstance(document, dict) and isinstance(document.get("plots"), list) and is_number(document.get("id"))

@@ -23,6 +23,10 @@ class SourceTable:
         label: Name of the (first) file in messages.
         any_columns: Whether names and units have to be checked.
         first: Whether it is the first of its file.
+
+    Example:
+        >>> SourceTable(pl.DataFrame({"IAS": [250.0]}), "rows.csv", any_columns=True).first
+        True
     """
 
     columns: pl.DataFrame
@@ -38,6 +42,13 @@ def put_together(parts: Iterator[Part], report: DropReport, block_rows: int) -> 
         parts: Of any files.
         report: Takes the counts of what could not be read.
         block_rows: Rows from which parts do not wait for others.
+
+    Example:
+        >>> from descentflow.surveillance.formats.known_formats import FORMATS
+        >>> rows = pl.DataFrame({"IAS": [250.0]})
+        >>> parts = (Part(rows, FORMATS["aircraft-json"], f"{number}.json", first=True) for number in range(3))
+        >>> [len(table.columns) for table in put_together(parts, DropReport(), 100)]
+        [3]
     """
     waiting: list[Part] = []
     for part in parts:

@@ -15,17 +15,34 @@ CSV_BYTES = 32 << 20
 
 
 def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of a Parquet file, a slice at a time; inside gzip or an archive it is held whole."""
+    """Rows of a Parquet file, a slice at a time; inside gzip or an archive it is held whole.
+
+    Example:
+        >>> with Path("rows.parquet").open("rb") as file:
+        ...     print([len(part) for part in parquet(Input(file, "rows.parquet"), DropReport(), 20_000)])
+        [20000, 3216]
+    """
     yield from _slices(pl.scan_parquet(source.path or io.BytesIO(source.whole())), rows, source.label)
 
 
 def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of an Arrow IPC file (Feather version 2)."""
+    """Rows of an Arrow IPC file (Feather version 2).
+
+    Example:
+        >>> content = pl.DataFrame({"IAS": [250.0]}).write_ipc(None).getvalue()
+        >>> next(feather(Input(io.BytesIO(content), "rows.feather"), DropReport(), 100)).rows()
+        [(250.0,)]
+    """
     yield from _slices(pl.scan_ipc(source.path or io.BytesIO(source.whole())), rows, source.label)
 
 
 def held(table: pl.DataFrame, label: str, rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of a table in memory."""
+    """Rows of a table in memory.
+
+    Example:
+        >>> [len(part) for part in held(pl.DataFrame({"IAS": [250.0, 251.0, 252.0]}), "a table", 2)]
+        [2, 1]
+    """
     yield from _slices(table.lazy(), rows, label)
 
 
@@ -40,12 +57,22 @@ def is_parquet(head: bytes) -> bool:
 
 
 def is_feather(head: bytes) -> bool:
-    """Whether a file that begins with these bytes is Arrow IPC (Feather version 2)."""
+    """Whether a file that begins with these bytes is Arrow IPC (Feather version 2).
+
+    Example:
+        >>> is_feather(b"ARROW1"), is_feather(b"PAR1")
+        (True, False)
+    """
     return head.startswith(b"ARROW1")
 
 
 def may_be_csv(head: bytes) -> bool:
-    """Any text may be, that nothing else recognises; whether it is shows when it is read."""
+    """Any text may be, that nothing else recognises; whether it is shows when it is read.
+
+    Example:
+        >>> may_be_csv(b"timestamp,icao24"), may_be_csv(b"")
+        (True, False)
+    """
     return bool(head)
 
 
@@ -61,10 +88,15 @@ def _slices(table: pl.LazyFrame, rows: int, label: str) -> Iterator[pl.DataFrame
 
 
 def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of a CSV file, everything as text: a word in a column of numbers is then counted and not a crash.
+    r"""Rows of a CSV file, everything as text: a word in a column of numbers is then counted and not a crash.
 
     Raises:
         DataError: If a line has more fields than the first has names.
+
+    Example:
+        >>> source = Input(io.BytesIO(b"time,icao24,ias\n17,4ca001,none"), "rows.csv")
+        >>> next(csv(source, DropReport(), 100)).rows()
+        [('17', '4ca001', 'none')]
     """
     header = _checked(source.stream.readline(LARGEST_LINE), source.label, 0).removeprefix(BYTE_ORDER_MARK)
     if b"," not in header:

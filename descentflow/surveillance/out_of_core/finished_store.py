@@ -18,6 +18,10 @@ def finished(out: Path, facts: dict[str, Any]) -> Descents | None:
 
     Raises:
         ConfigError: If the folder is something else, or a store of other inputs or settings.
+
+    Example:
+        >>> finished(Path("not_there_yet"), {"settings": {"bottom_fl": 150}}) is None
+        True
     """
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return None

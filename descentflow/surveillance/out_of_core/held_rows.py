@@ -20,6 +20,14 @@ def clean_held(intake: Intake, request: Request, threads: int, progress: Callabl
 
     Raises:
         DataError: If no row is usable, or no descent is left.
+
+    Example:
+        >>> from descentflow.surveillance.out_of_core.intake import take_in
+        >>> from descentflow.surveillance.out_of_core.spill import Spill
+        >>> request = Request(["rows.parquet"])
+        >>> intake = take_in(request.files(), None, Spill.unbounded())
+        >>> clean_held(intake, request, 1, lambda stage: None).levels["flight_id"].n_unique()
+        120
     """
     progress("telling flights apart")
     rows = pl.concat(intake.held, how="diagonal")

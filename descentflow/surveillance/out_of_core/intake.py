@@ -37,6 +37,11 @@ class Intake:
         names: Flight names of the source (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
         held: The rows, if they fit in memory.
         buckets: The rows on disk, if they do not.
+
+    Example:
+        >>> intake = take_in(["rows.parquet"], None, Spill.unbounded())
+        >>> intake.columns[:2], intake.names.height, intake.buckets is None
+        (('timestamp', 'icao24'), 120, True)
     """
 
     columns: tuple[str, ...]
@@ -62,6 +67,10 @@ def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
     """Neighbouring files in groups of about equal size; parts of a split archive are kept together.
 
     A small file is not a group of its own: in a group a damaged file is counted, alone it would be an error.
+
+    Example:
+        >>> [len(group) for group in groups_of([Path("rows.parquet"), Path("descents.parquet")])]
+        [2]
     """
     groups: list[list[Path]] = [[]]
     total = 0
@@ -95,6 +104,11 @@ def take_in(
 
     Raises:
         DataError: As :func:`~descentflow.surveillance.read_rows.row_blocks`.
+
+    Example:
+        >>> intake = take_in(["rows.parquet"], None, Spill.unbounded(), block_rows=10_000)
+        >>> [len(block) for block in intake.held]
+        [10000, 10000, 3216]
     """
     read = DropReport()
     columns: dict[str, None] = {}
@@ -166,6 +180,12 @@ def read_groups(
         memory: Bound on what is held.
         engine: Where groups are read.
         progress: Progress callback.
+
+    Example:
+        >>> files, memory = [Path("rows.parquet")], Memory(4_000_000)
+        >>> intake = read_groups(files, None, Path("groups.work"), memory, LocalEngine(1), lambda stage: None)
+        >>> sum(bucket.rows for bucket in intake.buckets)
+        23216
     """
     groups = groups_of(files)
     local = isinstance(engine, LocalEngine)

@@ -47,6 +47,13 @@ def job_folder(out: Path, facts: dict[str, Any]) -> Iterator[Path]:
 
     Raises:
         ConfigError: If another run is at work on the same output, or left parts made of other inputs or settings.
+
+    Example:
+        >>> with job_folder(Path("made.parquet"), {"bottom_fl": 150}) as folder:
+        ...     print(folder.name, folder.exists())
+        made.parquet.work True
+        >>> folder.exists()
+        False
     """
     folder = work_folder(out)
     folder.mkdir(exist_ok=True)

@@ -22,7 +22,12 @@ from descentflow.surveillance.rows.drop_report import DropReport
 
 @dataclass(frozen=True)
 class Partition:
-    """Rows of some aircraft in files, and the file that their descents go to."""
+    """Rows of some aircraft in files, and the file that their descents go to.
+
+    Example:
+        >>> Partition((Path("rows/00.arrow"),), Path("work/parts/00000.parquet")).dropped_rows
+        PosixPath('work/dropped_rows/00000.parquet')
+    """
 
     files: tuple[Path, ...]
     target: Path
@@ -35,7 +40,13 @@ class Partition:
 
 @dataclass(frozen=True)
 class Cleaned:
-    """Levels of the descents of all rows, the complete report, and the flights that are shown."""
+    """Levels of the descents of all rows, the complete report, and the flights that are shown.
+
+    Example:
+        >>> cleaned = Cleaned([pl.scan_parquet("descents.parquet")], DropReport(), [])
+        >>> pl.concat(cleaned.levels).select(pl.col("flight_id").n_unique()).collect().item()
+        120
+    """
 
     levels: Sequence[pl.LazyFrame]
     report: DropReport
@@ -67,6 +78,15 @@ def clean_partitions(
 
     Raises:
         DataError: If one aircraft has more rows than fit in memory, or no usable row was left.
+
+    Example:
+        >>> from descentflow.surveillance.out_of_core.intake import read_groups
+        >>> request, memory, engine = Request(["rows.parquet"]), Memory(4_000_000), LocalEngine(1)
+        >>> folder = Path("parts.work")
+        >>> intake = read_groups(request.files(), None, folder, memory, engine, lambda stage: None)
+        >>> cleaned = clean_partitions(request, intake, folder, memory, engine, lambda stage: None)
+        >>> len(cleaned.levels) > 1, cleaned.report.steps[-1].flights_left
+        (True, 120)
     """
     (folder / PARTS).mkdir(exist_ok=True)
     size = memory.partition_bytes(engine.workers)

@@ -45,6 +45,12 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
     Raises:
         DataError: If the rows cannot be used, or no descent is left.
         ConfigError: If the output cannot be written or belongs to another run.
+
+    Example:
+        >>> from descentflow.core.workers import LocalEngine
+        >>> request, memory = Request(["rows.parquet"]), Memory(2_000_000_000)
+        >>> prepare_to(Path("prepared.parquet"), request, memory, LocalEngine(1), lambda stage: None).flights
+        {'A320': 120}
     """
     # An output inside a folder of inputs, and what an earlier run left beside it, are no inputs.
     own = (out.resolve(), work_folder(out).resolve())

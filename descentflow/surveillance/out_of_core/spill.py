@@ -54,7 +54,12 @@ class Memory:
 
 @dataclass
 class Bucket:
-    """Files of the rows of some aircraft, in the order of the input."""
+    """Files of the rows of some aircraft, in the order of the input.
+
+    Example:
+        >>> Bucket([Path("work/00-000000.arrow")], rows=1000, bytes=200_000).rows
+        1000
+    """
 
     files: list[Path] = field(default_factory=list)
     rows: int = 0
@@ -140,7 +145,13 @@ def size_of(rows: pl.DataFrame) -> int:
 
 
 def joined(spills: Sequence[Sequence[Bucket]]) -> list[Bucket]:
-    """Buckets of several spills of the same depth, joined."""
+    """Buckets of several spills of the same depth, joined.
+
+    Example:
+        >>> spill = [Bucket(rows=number) for number in range(BUCKETS)]
+        >>> [bucket.rows for bucket in joined([spill, spill])][:3]
+        [0, 2, 4]
+    """
     together = [Bucket() for _ in range(BUCKETS)]
     for spill in spills:
         for whole, part in zip(together, spill, strict=True):
@@ -164,6 +175,11 @@ def partitions(
 
     Raises:
         DataError: If one aircraft has more rows than can be cleaned.
+
+    Example:
+        >>> small = [Bucket(rows=10, bytes=2000) for _ in range(4)]
+        >>> [bucket.rows for bucket in partitions(small, Path("again"), 5000, 10_000)]
+        [20, 20]
     """
     waiting = Bucket()
     for number, bucket in enumerate(buckets):

@@ -23,7 +23,12 @@ Array = NDArray[np.float64]
 
 
 def pressure_ratio(altitude_ft: Array) -> Array:
-    """Pressure over sea-level pressure (BADA 3 user manual, section 3.1)."""
+    """Pressure over sea-level pressure (BADA 3 user manual, section 3.1).
+
+    Example:
+        >>> np.round(pressure_ratio(np.array([0.0, 36_089.0])), 3)
+        array([1.   , 0.223])
+    """
     altitude_m = altitude_ft * FT_M
     low = (1 + LAPSE_K_M * np.minimum(altitude_m, TROPOPAUSE_M) / T0_K) ** (-G0_MPS2 / (LAPSE_K_M * R_AIR))
     above_m = np.maximum(altitude_m - TROPOPAUSE_M, 0.0)

@@ -13,7 +13,12 @@ MOST_NAMED = 4
 
 @dataclass(frozen=True)
 class Step:
-    """What one step dropped and what it left; flights are None before they are identified."""
+    """What one step dropped and what it left; flights are None before they are identified.
+
+    Example:
+        >>> Step("duplicate", rows_dropped=2, flights_dropped=None, rows_left=98, flights_left=None).rows_left
+        98
+    """
 
     step: str
     rows_dropped: int

@@ -148,6 +148,12 @@ def check_types(
 
     Raises:
         DataError: If there is one.
+
+    Example:
+        >>> check_types({"IAS": pl.List(pl.Float64)}, "rows.parquet")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: rows.parquet: column IAS of type List(Float64)...
     """
     for name, kind in types.items():
         if kind.is_nested() or kind in (pl.Binary, pl.Object, pl.Date, pl.Time, pl.Duration):
@@ -207,7 +213,12 @@ def wanted(names: Sequence[str]) -> list[str]:
 
 
 def in_seconds(s: pl.Expr) -> pl.Expr:
-    """Seconds; also of milli-, micro- or nanoseconds where a number can only be these (up to the year 5138)."""
+    """Seconds; also of milli-, micro- or nanoseconds where a number can only be these (up to the year 5138).
+
+    Example:
+        >>> pl.select(in_seconds(pl.Series([1.7e9, 1.7e12]))).to_series().to_list()
+        [1700000000.0, 1700000000.0]
+    """
     return pl.when(s > 1e17).then(s / 1e9).when(s > 1e14).then(s / 1e6).when(s > 1e11).then(s / 1e3).otherwise(s)
 
 

@@ -38,6 +38,13 @@ def check_units(rows: pl.DataFrame, source: str) -> None:
 
     Raises:
         DataError: Naming the column and the unit or sign that it seems to have.
+
+    Example:
+        >>> in_metres = pl.read_parquet("rows.parquet").with_columns(altitude=pl.col("altitude") * 0.3048)
+        >>> check_units(in_metres, "rows.parquet")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: rows.parquet: altitude seems to be in metres...
     """
     _check_airspeeds(rows, source)
     _check_others(rows, source)
@@ -120,6 +127,13 @@ def check_rate_units(rows: pl.DataFrame, source: str) -> None:
 
     Raises:
         DataError: Naming the unit or sign that it seems to have.
+
+    Example:
+        >>> rows = pl.read_parquet("rows.parquet").sort("icao24", "timestamp")
+        >>> check_rate_units(rows.with_columns(vertical_rate=-pl.col("vertical_rate")), "rows.parquet")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: rows.parquet: vertical_rate has the sign of a sink rate...
     """
     if "vertical_rate" not in rows.columns:
         return

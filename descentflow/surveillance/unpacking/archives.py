@@ -15,7 +15,12 @@ LARGEST_HEADER = 1 << 20
 
 
 def is_tar(head: bytes) -> bool:
-    """Whether a file that begins so is a tar archive (POSIX or GNU)."""
+    """Whether a file that begins so is a tar archive (POSIX or GNU).
+
+    Example:
+        >>> is_tar(bytes(257) + b"ustar"), is_tar(b"PAR1")
+        (True, False)
+    """
     return len(head) <= HEAD and head[257:262] == b"ustar"
 
 
@@ -26,6 +31,13 @@ def members(source: Input, report: DropReport) -> Iterator[Input]:
 
     Raises:
         DataError: If the archive is damaged or ends before its end.
+
+    Example:
+        >>> with tarfile.open("rows.tar", "w") as archive:
+        ...     archive.add("rows.parquet")
+        >>> with Path("rows.tar").open("rb") as file:
+        ...     print([member.label for member in members(Input(file, "rows.tar"), DropReport())])
+        ['rows.tar: rows.parquet']
     """
     stream = _Forward(source.stream, source.label)
     try:

@@ -12,12 +12,18 @@ from descentflow.surveillance.unpacking.streams import Input
 
 
 def documents(source: Input, report: DropReport) -> Iterator[object]:
-    """Documents of a file, read one at a time where they stand one a line.
+    r"""Documents of a file, read one at a time where they stand one a line.
 
     A last line that ends before its end, as where a recording was stopped, is left out and counted.
 
     Raises:
         DataError: If a document is damaged, too large or nested too deeply, or the text is not UTF-8.
+
+    Example:
+        >>> import io
+        >>> source = Input(io.BytesIO(b'{"now": 1}\n{"now": 2}\n'), "snapshots.jsonl")
+        >>> list(documents(source, DropReport()))
+        [{'now': 1}, {'now': 2}]
     """
     lines = source.lines()
     number, first = next(lines, (0, b""))

@@ -51,6 +51,10 @@ def with_parts(files: Sequence[Path]) -> list[tuple[str, list[Path]]]:
 
     Raises:
         DataError: If a part is missing before or between others.
+
+    Example:
+        >>> with_parts([Path("day.tar.aa"), Path("day.tar.ab")])
+        [('day.tar', [PosixPath('day.tar.aa'), PosixPath('day.tar.ab')])]
     """
     groups: dict[str, list[Path]] = {}
     for file in files:

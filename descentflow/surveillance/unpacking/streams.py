@@ -34,6 +34,11 @@ class Input:
         path: The file, where it is one on disk that can be read at any place.
         one_of_many: Whether it is a member of an archive or one of many traces: then a damaged one is counted and no
             error, as users cannot be asked to remove it.
+
+    Example:
+        >>> head, source = Input(io.BytesIO(b"timestamp,icao24"), "rows.csv").head()
+        >>> head, source.whole()
+        (b'timestamp,icao24', b'timestamp,icao24')
     """
 
     stream: IO[bytes]
@@ -84,7 +89,12 @@ class Input:
 
 
 class Chain(io.RawIOBase):
-    """Streams one after the other, read forwards."""
+    """Streams one after the other, read forwards.
+
+    Example:
+        >>> Chain([io.BytesIO(b"one "), io.BytesIO(b"archive")]).buffered().read()
+        b'one archive'
+    """
 
     def __init__(self, streams: Sequence[IO[bytes]]) -> None:
         self._streams = list(streams)
@@ -167,6 +177,11 @@ def opened(paths: Sequence[Path], label: str) -> Iterator[Input]:
 
     Raises:
         DataError: If it cannot be opened.
+
+    Example:
+        >>> with opened([Path("rows.parquet")], "rows.parquet") as source:
+        ...     print(source.stream.read(4))
+        b'PAR1'
     """
     with ExitStack() as files:
         try:
@@ -184,6 +199,10 @@ def unpacked(packed: Input) -> Input:
 
     Raises:
         DataError: If there is another one inside.
+
+    Example:
+        >>> unpacked(Input(io.BytesIO(gzip.compress(b"timestamp,icao24")), "rows.csv.gz")).stream.read()
+        b'timestamp,icao24'
     """
     head, packed = packed.head()
     if not head.startswith(b"\x1f\x8b"):

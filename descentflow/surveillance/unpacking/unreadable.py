@@ -12,7 +12,16 @@ from descentflow.surveillance.unpacking.streams import Input
 
 
 class Unreadable:
-    """Counts the unreadable files of one reading, and keeps the first error in case nothing else is found."""
+    """Counts the unreadable files of one reading, and keeps the first error in case nothing else is found.
+
+    Example:
+        >>> import io
+        >>> report = DropReport()
+        >>> with Unreadable(report).watch(Input(io.BytesIO(), "cut.json", one_of_many=True)):
+        ...     raise OSError("damaged")
+        >>> report.notes
+        {'traces and members of archives that could not be read': 1}
+    """
 
     def __init__(self, report: DropReport) -> None:
         self.first_error: DataError | None = None

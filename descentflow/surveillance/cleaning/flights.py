@@ -133,10 +133,10 @@ def name_flights(
         made = named.filter(begins).select(name).to_series().gather(named.select(begins.cum_sum() - 1).to_series())
         given = [pl.col("flight_id")] if "flight_id" in named.columns else []
         named = named.with_columns(pl.coalesce(*given, made).alias("flight_id"))
-    return by_flight(named)
+    return _by_flight(named)
 
 
-def by_flight(rows: pl.DataFrame) -> pl.DataFrame:
+def _by_flight(rows: pl.DataFrame) -> pl.DataFrame:
     """Rows sorted by flight, else in their order; much faster than a sort if the rows of a flight are neighbours."""
     runs = rows.select(pl.col("flight_id").rle()).unnest("flight_id")
     if runs["value"].is_sorted():

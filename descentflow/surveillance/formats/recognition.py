@@ -58,14 +58,14 @@ def recognised(
         raise DataError(f"{source.label} is empty", expected=ACCEPTED, mend="check how it was written or copied")
     found = FORMATS[name] if name else format_of_bytes(head, source.label)
     if isinstance(found, FileFormat):
-        return table_or_frames(found, found.read(source, report, block_rows), report)
+        return _table_or_frames(found, found.read(source, report, block_rows), report)
     each = documents(source, report)
     first = next(each, None)
     found = found or format_of_document(first, source.label)
     return found, found.read(itertools.chain([first], each), source.label, report, block_rows)
 
 
-def table_or_frames(found: Format, parts: Iterator[Columns], report: DropReport) -> tuple[Format, Iterator[Columns]]:
+def _table_or_frames(found: Format, parts: Iterator[Columns], report: DropReport) -> tuple[Format, Iterator[Columns]]:
     """The same, unless a table of any columns holds raw Mode S frames: then these are decoded."""
     if not found.any_columns:
         return found, parts
@@ -86,7 +86,7 @@ def held_parts(
         >>> len(next(parts))
         1000
     """
-    return table_or_frames(HELD_TABLE, tables.held(table, label, block_rows), report)
+    return _table_or_frames(HELD_TABLE, tables.held(table, label, block_rows), report)
 
 
 def format_of_bytes(head: bytes, label: str) -> FileFormat | None:

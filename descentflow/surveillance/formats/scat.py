@@ -52,10 +52,10 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
         ('scat7', 'A320', 30000.0)
     """
     for document in documents:
-        yield rows_of_flight(document, label, report)
+        yield _rows_of_flight(document, label, report)
 
 
-def rows_of_flight(document: object, label: str, report: DropReport) -> pl.DataFrame:
+def _rows_of_flight(document: object, label: str, report: DropReport) -> pl.DataFrame:
     """Rows of one flight, with the clearances of their time.
 
     Raises:

@@ -52,7 +52,7 @@ class Intake:
 
 
 @dataclass(frozen=True)
-class Group:
+class _Group:
     """Files that are read together into a folder of buckets."""
 
     files: tuple[Path, ...]
@@ -128,7 +128,7 @@ def take_in(
     return Intake(tuple(columns), read, pl.concat(names).unique(), spill.held, buckets)
 
 
-def read_group(group: Group, always: bool) -> Intake | None:
+def _read_group(group: _Group, always: bool) -> Intake | None:
     """Read a group of files into its folder, which appears whole or not at all; nothing if it is there already.
 
     Args:
@@ -190,17 +190,17 @@ def read_groups(
     groups = groups_of(files)
     local = isinstance(engine, LocalEngine)
     tasks = [
-        Group(group, format, folder / ROWS / f"group-{number:05d}", memory, len(groups) == 1)
+        _Group(group, format, folder / ROWS / f"group-{number:05d}", memory, len(groups) == 1)
         for number, group in enumerate(groups)
     ]
     if local and len(tasks) == 1 and not tasks[0].folder.exists():
-        held = read_group(tasks[0], always=False)
+        held = _read_group(tasks[0], always=False)
         if held is not None:
             return held
     # Readers hold blocks of their own, and Polars reads with all processors: one group at a time on this machine.
-    for number, _ in enumerate((LocalEngine(1) if local else engine).run(read_group, tasks, True), 1):
+    for number, _ in enumerate((LocalEngine(1) if local else engine).run(_read_group, tasks, True), 1):
         progress(f"reading rows, group {number} of {len(tasks)}")
-    intakes = [read_again(task.folder) for task in tasks]
+    intakes = [_read_again(task.folder) for task in tasks]
     report = DropReport()
     report.extend([intake.report for intake in intakes])
     return Intake(
@@ -212,8 +212,8 @@ def read_groups(
     )
 
 
-def read_again(folder: Path) -> Intake:
-    """What :func:`read_group` left in a folder."""
+def _read_again(folder: Path) -> Intake:
+    """What :func:`_read_group` left in a folder."""
     found = json.loads((folder / "group.json").read_text())
     buckets = [Bucket([folder / name for name in b["files"]], b["rows"], b["bytes"]) for b in found["buckets"]]
     names = pl.read_parquet(folder / "names.parquet")

@@ -53,7 +53,7 @@ class Cleaned:
     dropped_rows: list[pl.DataFrame]
 
 
-def clean_partition(partition: Partition, work: Work) -> None:
+def _clean_partition(partition: Partition, work: Work) -> None:
     """Clean the rows of some aircraft into a file that appears whole; nothing if it is there already.
 
     The file's metadata hold the report and the number of rows of each type.
@@ -101,7 +101,7 @@ def clean_partitions(
         number += len(some) - len(waiting)
         if len(waiting) < len(some):
             progress(f"going on after {number} of {len(tasks)} parts")
-        for _ in runner.run(clean_partition, waiting, work):
+        for _ in runner.run(_clean_partition, waiting, work):
             number += 1
             progress(f"cleaning rows, part {number} of {len(tasks)}")
     request.account(intake.report, [_described(task.target) for task in tasks])

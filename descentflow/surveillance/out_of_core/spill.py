@@ -103,7 +103,7 @@ class Spill:
         """Add rows after those added before."""
         self.held.append(rows)
         if not self.spilled:
-            self._bytes += size_of(rows)
+            self._bytes += _size_of(rows)
             if self._bytes > self.limit_bytes:
                 self.spilled = True
                 self._bytes = 0
@@ -121,8 +121,8 @@ class Spill:
         for (bucket,), part in parts.items():
             self._waiting[bucket].append(part)
             self.buckets[bucket].rows += len(part)
-            self.buckets[bucket].bytes += size_of(part)
-        self._bytes += size_of(rows)
+            self.buckets[bucket].bytes += _size_of(part)
+        self._bytes += _size_of(rows)
         if self._bytes > self.limit_bytes // WRITTEN_AT:
             self._write()
 
@@ -138,7 +138,7 @@ class Spill:
         self._bytes = 0
 
 
-def size_of(rows: pl.DataFrame) -> int:
+def _size_of(rows: pl.DataFrame) -> int:
     """Bytes of rows in memory: texts have a view of 16 bytes each besides their letters."""
     texts = sum(kind == pl.String for kind in rows.dtypes)
     return int(rows.estimated_size()) + 16 * texts * len(rows)

@@ -28,7 +28,7 @@ def documents(source: Input, report: DropReport) -> Iterator[object]:
     lines = source.lines()
     number, first = next(lines, (0, b""))
     try:
-        document = parsed(first, f"{source.label}, line {number}")
+        document = _parsed(first, f"{source.label}, line {number}")
     except DataError as error:
         following = next(lines, None)
         if following is None or error.got.endswith(TOO_DEEP):
@@ -40,7 +40,7 @@ def documents(source: Input, report: DropReport) -> Iterator[object]:
     yield document
     for number, line in lines:
         try:
-            document = parsed(line, f"{source.label}, line {number}")
+            document = _parsed(line, f"{source.label}, line {number}")
         except DataError as error:
             if line.endswith(b"\n") or not isinstance(error.__cause__, json.JSONDecodeError):
                 raise
@@ -55,7 +55,7 @@ TOO_DEEP = "JSON nested too deeply"
 def _of_many_lines(text: bytes, first_line: int, label: str) -> object:
     """A document of many lines; if it is none, the error is told of the line where it lies."""
     try:
-        return parsed(text, label)
+        return _parsed(text, label)
     except DataError as error:
         if isinstance(error.__cause__, json.JSONDecodeError):
             line = first_line - 1 + error.__cause__.lineno
@@ -67,7 +67,7 @@ def _of_many_lines(text: bytes, first_line: int, label: str) -> object:
         raise
 
 
-def parsed(text: bytes, label: str) -> object:
+def _parsed(text: bytes, label: str) -> object:
     """One document.
 
     Raises:

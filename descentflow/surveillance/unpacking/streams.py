@@ -121,7 +121,7 @@ class Chain(io.RawIOBase):
         return io.BufferedReader(self, 1 << 18)
 
 
-class Gunzip(io.RawIOBase):
+class _Gunzip(io.RawIOBase):
     """Unpacked bytes of a gzip stream, refused if they are out of proportion to the packed ones."""
 
     def __init__(self, packed: IO[bytes], label: str) -> None:
@@ -207,7 +207,7 @@ def unpacked(packed: Input) -> Input:
     head, packed = packed.head()
     if not head.startswith(b"\x1f\x8b"):
         return packed
-    stream = io.BufferedReader(Gunzip(packed.stream, packed.label), 1 << 18)
+    stream = io.BufferedReader(_Gunzip(packed.stream, packed.label), 1 << 18)
     head, plain = replace(packed, stream=stream, path=None).head()
     if head.startswith(b"\x1f\x8b"):
         raise DataError(f"{packed.label}: gzip inside gzip", expected="one layer", mend="unpack the outer one")

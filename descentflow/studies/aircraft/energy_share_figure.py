@@ -70,7 +70,13 @@ def energy_share_figure(
 
 
 def speed_profile(altitude_m: Tensor, mach: float, cas_kt: float, slower_kt: float) -> Tensor:
-    """CAS (L,) in m/s of a Mach number, then a CAS, then a straight slowdown between FL220 and FL200 to another."""
+    """CAS (L,) in m/s of a Mach number, then a CAS, then a straight slowdown between FL220 and FL200 to another.
+
+    Example:
+        >>> speeds = speed_profile(torch.tensor([200.0, 300.0, 370.0]) * FL_M, mach=0.78, cas_kt=300.0, slower_kt=260.0)
+        >>> [round(kt) for kt in (speeds / KT_MPS).tolist()]
+        [260, 296, 252]
+    """
     held = torch.minimum(mach_to_cas_mps(mach, altitude_m), torch.full_like(altitude_m, cas_kt * KT_MPS))
     share = ((220 * FL_M - altitude_m) / (20 * FL_M)).clamp(0, 1)
     return held + share * (slower_kt * KT_MPS - held)

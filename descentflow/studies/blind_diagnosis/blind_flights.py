@@ -28,6 +28,12 @@ def write_set(one: SetPlan, path: Path, typecode: str = TYPECODE) -> None:
         one: What to inject.
         path: Parquet file of rows.
         typecode: Type flown.
+
+    Example:
+        >>> one = SetPlan("blind_0000", "blind", "null", {}, 0.0, "basic", 1, "simulator_000", seed=7)
+        >>> write_set(one, Path("blind_0000.parquet"))
+        >>> [name for name in pl.read_parquet("blind_0000.parquet").columns if name in (*BASIC, "IAS", "Mach")]
+        ['IAS', 'Mach']
     """
     aircraft = find_aircraft(typecode)
     rows = _rows(aircraft, one.flights, one.seed, one.causes)
@@ -46,6 +52,12 @@ def write_simulator(one: SimulatorPlan, path: Path, typecode: str = TYPECODE, fl
 
     Raises:
         DescentflowError: If the flights cannot be prepared or the model cannot be fitted.
+
+    Example:
+        >>> write_simulator(SimulatorPlan("simulator_000", 8, 1.0, {}), Path("simulator_000.ckpt"), typecode="ZZZZ")
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.AircraftError: ...ZZZZ...
     """
     from descentflow.training.fit import fit
 

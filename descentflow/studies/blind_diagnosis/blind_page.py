@@ -19,12 +19,31 @@ def write_page(scored: Mapping[str, Any], path: Path) -> None:
 
     Raises:
         DataError: If the file's folder does not exist.
+
+    Example:
+        >>> from descentflow.studies.blind_diagnosis.blind_plan import draw_plan
+        >>> from descentflow.studies.blind_diagnosis.blind_score import score
+        >>> scored = score(draw_plan(20, seed=1), {"key_sha256": "00", "sealed_at": "today", "jobs": []}, {})
+        >>> write_page(scored, Path("blind.html"))
+        >>> "0 of 0 sealed sets were diagnosed" in Path("blind.html").read_text()
+        True
     """
     blind_page(scored).write(path)
 
 
 def blind_page(scored: Mapping[str, Any]) -> HtmlPage:
-    """The page: goals first, then what was named for what was injected, sizes, closures and withheld effects."""
+    """The page: goals first, then what was named for what was injected, sizes, closures and withheld effects.
+
+    Args:
+        scored: As :func:`descentflow.studies.blind_diagnosis.blind_score.score` returns it.
+
+    Example:
+        >>> from descentflow.studies.blind_diagnosis.blind_plan import draw_plan
+        >>> from descentflow.studies.blind_diagnosis.blind_score import score
+        >>> scored = score(draw_plan(20, seed=1), {"key_sha256": "00", "sealed_at": "today", "jobs": []}, {})
+        >>> "Goals, and what was reached" in blind_page(scored).render()
+        True
+    """
     page = HtmlPage("Effects hidden in flights, and what the diagnosis made of them", [_introduction(scored)])
     page.section("Goals, and what was reached", _goals(scored))
     confusion = figures.confusion_figure(scored["confusion"])

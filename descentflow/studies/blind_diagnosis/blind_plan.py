@@ -26,7 +26,12 @@ FULL, HALF = (0.85, 1.15), (0.4, 0.6)
 
 @dataclass(frozen=True)
 class SimulatorPlan:
-    """A simulator to be trained on flights of its own."""
+    """A simulator to be trained on flights of its own.
+
+    Example:
+        >>> draw_plan(40, seed=1).simulators[0].name
+        'simulator_000'
+    """
 
     name: str
     seed: int
@@ -37,7 +42,13 @@ class SimulatorPlan:
 
 @dataclass(frozen=True)
 class SetPlan:
-    """Flights to be diagnosed."""
+    """Flights to be diagnosed.
+
+    Example:
+        >>> one = SetPlan("blind_0000", "blind", "null", {}, 0.0, "all", 400, "simulator_000", seed=11)
+        >>> one.flights, one.causes
+        (400, {})
+    """
 
     name: str
     part: Part
@@ -54,7 +65,13 @@ class SetPlan:
 
 @dataclass(frozen=True)
 class Plan:
-    """The key of a study."""
+    """The key of a study.
+
+    Example:
+        >>> plan = draw_plan(20, seed=1)
+        >>> Plan.from_dict(plan.as_dict()) == plan
+        True
+    """
 
     seed: int
     nonce: str
@@ -75,7 +92,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Shares:
-    """How the blind sets are made up; what the shares of kinds leave is of one catalogued cause."""
+    """How the blind sets are made up; what the shares of kinds leave is of one catalogued cause.
+
+    Example:
+        >>> plan = draw_plan(20, seed=1, shares=Shares(null=1.0, double=0.0, outside=0.0), extra=False)
+        >>> {one.kind for one in plan.sets}  # for a study of false alarms alone
+        {'null'}
+    """
 
     null: float = 0.25
     double: float = 0.14

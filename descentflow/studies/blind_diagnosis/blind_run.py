@@ -43,6 +43,12 @@ def generate(
 
     Raises:
         ConfigError: If the folder holds a study of another key.
+
+    Example:
+        >>> folder, no_sets = Path("blind_study"), Plan(seed=0, nonce="00", sets=(), simulators=())
+        >>> generate(folder, no_sets)  # with sets and simulators it flies and trains for minutes
+        >>> read_json(folder / MANIFEST)["key_sha256"] == digest(folder / "sealed_key.json")
+        True
     """
     for name in ("sets", "simulators", "diagnoses"):
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -111,6 +117,16 @@ def diagnose_all(
 
     Returns:
         How many diagnoses are recorded.
+
+    Example:
+        >>> for name in ("sets", "diagnoses"):
+        ...     (Path("one_set") / name).mkdir(parents=True)
+        >>> job = {"name": "blind_0000", "set": "blind_0000", "simulator": "simulator_000", "without": None}
+        >>> write_json(Path("one_set") / MANIFEST, {"jobs": [{**job, "corrected": False}]})
+        >>> finds_nothing = lambda rows, simulator, without, out: {"verdict": "none", "causes": []}
+        >>> diagnose_all(Path("one_set"), diagnose=finds_nothing)
+        diagnosed: 1 of 1, ... s each, 0 min to go
+        1
     """
     jobs = list(read_json(folder / MANIFEST)["jobs"])
     jobs.sort(key=lambda job: not job["name"].startswith(tuple(parts)))
@@ -127,7 +143,26 @@ def diagnose_all(
 
 
 def package_diagnosis(rows: Path, simulator: Path, without: str | None, out: Path | None = None) -> dict[str, Any]:
-    """The diagnosis under test, with one effect left out of its catalogue if asked for."""
+    """The diagnosis under test, with one effect left out of its catalogue if asked for.
+
+    Args:
+        rows: Flights of a set.
+        simulator: Checkpoint that they are compared with.
+        without: Effect that is left out of the catalogue, if any.
+        out: Folder for the report, if wanted.
+
+    Returns:
+        Content of ``gap.json``.
+
+    Raises:
+        DescentflowError: If the diagnosis refuses the flights or the simulator.
+
+    Example:
+        >>> package_diagnosis(Path("none.parquet"), Path("best.ckpt"), without="mass")  # a real one takes a minute
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.DataError: ...none.parquet...
+    """
     from descentflow.diagnosis.diagnose import diagnose
     from descentflow.effects import EFFECTS
 

@@ -31,6 +31,12 @@ def score(
 
     Returns:
         Primitives for ``score.json``.
+
+    Example:
+        >>> from descentflow.studies.blind_diagnosis.blind_plan import draw_plan
+        >>> manifest = {"key_sha256": "00", "sealed_at": "today", "jobs": []}
+        >>> score(draw_plan(20, seed=1), manifest, {})["diagnosed"]
+        0
     """
     found = outcomes(plan, manifest, diagnoses)
     blind = [o for o in found if o.one.part == "blind"]

@@ -23,6 +23,20 @@ def goals(blind: Sequence[Outcome], scored: Mapping[str, Any]) -> list[dict[str,
 
     Unless a goal says otherwise, it is judged on 400 flights against a simulator of 400, effects of full size, the
     simulator's polar right.
+
+    Args:
+        blind: Outcomes of the blind sets.
+        scored: Scores so far: ``false_alarms``, ``sizes``, ``withheld`` and ``refit`` of
+            :func:`descentflow.studies.blind_diagnosis.blind_score.score`.
+
+    Returns:
+        Rows of ``goal reached reached_text n met``; ``met`` is None where no set can judge a goal.
+
+    Example:
+        >>> alarms, sizes = {"share": 0.02, "uniform_p": 0.4, "n": 100}, {"coverage": {"share": 0.9, "n": 50}}
+        >>> found = goals([], {"false_alarms": alarms, "sizes": sizes, "withheld": [], "refit": []})
+        >>> found[0]["goal"], found[0]["met"], found[2]["met"]
+        ('false alarms at most 5 %', True, None)
     """
     plain = [o for o in blind if o.one.flights == 400 and o.one.size >= 0.7 and not o.wrong_polar]
     rich = [o for o in plain if o.one.channels == "all"]

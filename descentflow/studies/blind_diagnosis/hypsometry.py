@@ -25,7 +25,19 @@ def _isa_k(altitude_m: Array) -> Array:
 
 
 def gravity_mps2(latitude_deg: Array, height_m: Array) -> Array:
-    """Gravity (m/s2) by the formula of 1980 at sea level (Moritz 2000), minus the free-air gradient."""
+    """Gravity (m/s2) by the formula of 1980 at sea level (Moritz 2000), minus the free-air gradient.
+
+    Args:
+        latitude_deg: Latitudes.
+        height_m: Heights above the sea, of the same shape.
+
+    Returns:
+        Gravity, of that shape.
+
+    Example:
+        >>> gravity_mps2(np.array([0.0, 45.0, 90.0]), np.zeros(3)).round(3)
+        array([9.78 , 9.806, 9.832])
+    """
     square = np.sin(np.radians(latitude_deg)) ** 2
     surface = 9.7803267715 * (1 + 0.0052790414 * square + 0.0000232718 * square**2)
     return np.asarray(surface * (1 - 2 * height_m / EARTH_RADIUS_M))
@@ -39,6 +51,13 @@ class Deviation:
         mean_k: Over the flights, weighted by the height that each spans.
         error_k: Standard error of that, from the scatter between aircraft.
         by_flight: Columns ``flight_id icao24 deviation_k span_ft low_fl high_fl``.
+
+    Example:
+        >>> by_flight = pl.DataFrame({"flight_id": ["a", "b"], "deviation_k": [9.0, 11.0], "span_ft": [1e4, 1e4]})
+        >>> mean_k, error_k = weighted_mean(by_flight["deviation_k"].to_numpy(), by_flight["span_ft"].to_numpy())
+        >>> found = Deviation(mean_k, error_k, by_flight)
+        >>> found.mean_k, found.error_k
+        (10.0, 1.0)
     """
 
     mean_k: float

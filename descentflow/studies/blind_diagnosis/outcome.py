@@ -30,6 +30,15 @@ class Outcome:
         exact: Neither more nor fewer than the injected causes are named.
         report: The whole report.
         seconds: Processor time.
+
+    Example:
+        >>> one = SetPlan("blind_0000", "blind", "single", {"mass": {"factor": 0.9}}, 1.0, "all", 400, "simulator_0", 1)
+        >>> outcome = Outcome(
+        ...     "blind_0000", one, wrong_polar=False, without=None, verdict="effect", p_value=0.001, named=("mass",),
+        ...     groups=(frozenset({"mass"}),), right_first=True, in_group=True, exact=True, report={}, seconds=9.0,
+        ... )
+        >>> outcome.first
+        'mass'
     """
 
     job: str
@@ -55,7 +64,24 @@ class Outcome:
 
 
 def outcomes(plan: Plan, manifest: Mapping[str, Any], diagnoses: Mapping[str, Any]) -> list[Outcome]:
-    """Every diagnosis beside its key."""
+    """Every diagnosis beside its key.
+
+    Args:
+        plan: The key.
+        manifest: What was published.
+        diagnoses: Sealed diagnoses by the name of their job.
+
+    Returns:
+        An outcome per diagnosis, sorted by job.
+
+    Example:
+        >>> one = SetPlan("blind_0000", "blind", "single", {"turn": {}}, 1.0, "all", 400, "simulator_000", 1)
+        >>> job = {"name": "blind_0000", "set": "blind_0000", "without": None}
+        >>> diagnosis = {"report": {"verdict": "unknown", "p_value": 0.001, "causes": []}, "cpu_s": 9.0}
+        >>> (found,) = outcomes(Plan(0, "00", (one,), ()), {"jobs": [job]}, {"blind_0000": diagnosis})
+        >>> found.verdict, found.exact
+        ('unknown', False)
+    """
     sets = {one.name: one for one in plan.sets}
     wrong = {s.name for s in plan.simulators if s.cd0_factor == WRONG_POLAR}
     jobs = {job["name"]: job for job in manifest["jobs"]}
@@ -92,12 +118,35 @@ def _outcome(job: Mapping[str, Any], one: SetPlan, found: Mapping[str, Any], wro
 
 
 def stands_for(effect: str, group: frozenset[str], injected: str) -> bool:
-    """Whether an effect named with its group is the injected one, up to what cannot be observed at all."""
+    """Whether an effect named with its group is the injected one, up to what cannot be observed at all.
+
+    Args:
+        effect: Effect that was named.
+        group: It and what the diagnosis could not tell it from.
+        injected: Cause that was injected.
+
+    Example:
+        >>> stands_for("mass", frozenset({"mass", "drag_polar"}), "drag_polar")  # only their common scale is observed
+        True
+        >>> stands_for("temperature", frozenset({"temperature", "mass"}), "mass")
+        False
+    """
     return effect == injected or ({effect, injected} <= SCALE_GROUP and injected in group)
 
 
 def matched(named: Sequence[str], groups: Sequence[frozenset[str]], injected: Sequence[str]) -> bool:
-    """Whether the named effects are the injected ones, in any order."""
+    """Whether the named effects are the injected ones, in any order.
+
+    Args:
+        named: Effects that were named.
+        groups: Of each, it and what the diagnosis could not tell it from.
+        injected: Causes that were injected.
+
+    Example:
+        >>> groups = [frozenset({"temperature"}), frozenset({"speed_brake"})]
+        >>> matched(["temperature", "speed_brake"], groups, ["speed_brake", "temperature"])
+        True
+    """
     if len(named) != len(injected):
         return False
     return any(
@@ -107,7 +156,24 @@ def matched(named: Sequence[str], groups: Sequence[frozenset[str]], injected: Se
 
 
 def sizes(outcome: Outcome) -> list[dict[str, Any]]:
-    """Estimates beside the truth, for every parameter of every cause that was named by its own name."""
+    """Estimates beside the truth, for every parameter of every cause that was named by its own name.
+
+    Args:
+        outcome: Of one diagnosis.
+
+    Returns:
+        Rows of ``job cause parameter unit true estimate low high covered``; none where no interval is claimed.
+
+    Example:
+        >>> one = SetPlan("blind_0000", "blind", "single", {"mass": {"factor": 0.9}}, 1.0, "all", 400, "simulator_0", 1)
+        >>> size = {"estimate": -0.08, "low": -0.11, "high": -0.05, "unit": "1"}
+        >>> cause = {"effect": "mass", "group": [], "parameters": {"relative_change": size}}
+        >>> diagnosis = {"report": {"verdict": "effect", "causes": [cause]}, "cpu_s": 9.0}
+        >>> job = {"name": "blind_0000", "set": "blind_0000", "without": None}
+        >>> (found,) = outcomes(Plan(0, "00", (one,), ()), {"jobs": [job]}, {"blind_0000": diagnosis})
+        >>> sizes(found)[0]["covered"]
+        True
+    """
     found = []
     for cause in outcome.report.get("causes", []):
         truth = (

@@ -27,7 +27,13 @@ Diagnose = Callable[[Descents, str, Sequence[str]], dict[str, Any]]
 
 @dataclass(frozen=True)
 class TemperatureCheck:
-    """Flights near Bengaluru, diagnosed with TAS and without, geometric altitude kept from both."""
+    """Flights near Bengaluru, diagnosed with TAS and without, geometric altitude kept from both.
+
+    Example:
+        >>> check = check_temperature(lambda descents, typecode, channels: {"causes": [], "channels": channels})
+        >>> check.with_channel["channels"], check.without["channels"]
+        (('IAS', 'Mach', 'vertical_rate', 'TAS'), ('IAS', 'Mach', 'vertical_rate'))
+    """
 
     with_channel: dict[str, Any]
     without: dict[str, Any]
@@ -38,7 +44,16 @@ class TemperatureCheck:
 
 @dataclass(frozen=True)
 class WindCheck:
-    """Flights over the Netherlands, diagnosed with the wind's channels and without."""
+    """Flights over the Netherlands, diagnosed with the wind's channels and without.
+
+    Example:
+        >>> rows = pl.read_parquet("rows.parquet")
+        >>> others = pl.col("icao24") > rows["icao24"].min()  # diagnosed is one aircraft, by the wind of the others
+        >>> rows = rows.with_columns(typecode=pl.when(others).then(pl.lit("B772")).otherwise("typecode"))
+        >>> check = check_wind(rows, Path("."), lambda descents, typecode, channels: {"causes": []})
+        >>> check.profile["aircraft"].max() == rows["icao24"].n_unique() - 1
+        True
+    """
 
     with_channel: dict[str, Any]
     without: dict[str, Any]
@@ -54,6 +69,14 @@ def check_temperature(diagnose: Diagnose, bottom_fl: int = 60) -> TemperatureChe
     Args:
         diagnose: The diagnosis under test.
         bottom_fl: Lowest level: most of these arrivals start below FL220.
+
+    Returns:
+        The two diagnoses, and the deviations that they did not see.
+
+    Example:
+        >>> check = check_temperature(lambda descents, typecode, channels: {"causes": []})
+        >>> round(check.by_height.mean_k), round(check.by_speed.mean_k)  # kelvins above the standard, near Bengaluru
+        (17, 14)
     """
     descents = prepare(embedded_rows(), types=embedded_types(), typecode=["A20N", "A21N"], bottom_fl=bottom_fl)
     hidden = Descents(descents.frame.drop("geoaltitude"), descents.metadata)
@@ -74,6 +97,19 @@ def check_wind(rows: pl.DataFrame, folder: Path, diagnose: Diagnose, bottom_fl: 
         folder: For a file of rows with gaps filled.
         diagnose: The diagnosis under test.
         bottom_fl: Lowest level.
+
+    Returns:
+        The two diagnoses, and the wind that they did not see.
+
+    Raises:
+        DataError: If the other aircraft give no wind, or no descent is left.
+
+    Example:
+        >>> rows = pl.read_parquet("rows.parquet")  # A320 alone: no other aircraft to tell the wind
+        >>> check_wind(rows, Path("."), lambda descents, typecode, channels: {"causes": []})
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.DataError: 0 layers with a wind...
     """
     path = folder / "filled.parquet"
     filled(rows, WIND).write_parquet(path)

@@ -14,7 +14,21 @@ KEY, MANIFEST, DIAGNOSES = "sealed_key.json", "manifest.json", "diagnoses.json"
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON, whole or not at all."""
+    """Write JSON, whole or not at all.
+
+    Args:
+        path: The file.
+        content: Primitives; keys are sorted, so that one content is one file and has one hash.
+
+    Raises:
+        ValueError: If a number is not finite.
+        DataError: If the file's folder does not exist.
+
+    Example:
+        >>> write_json(Path("small.json"), {"b": 1, "a": 2})
+        >>> Path("small.json").read_text().split()
+        ['{', '"a":', '2,', '"b":', '1', '}']
+    """
     with whole_file(path) as temporary:
         temporary.write_text(json.dumps(content, indent=1, sort_keys=True, allow_nan=False), encoding="utf-8")
 
@@ -24,6 +38,12 @@ def read_json(path: Path) -> Any:
 
     Raises:
         DataError: If the file is missing or damaged.
+
+    Example:
+        >>> read_json(Path("no_study/manifest.json"))
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.DataError: ...no_study/manifest.json...
     """
     try:
         return json.loads(path.read_text(encoding="utf-8"))
@@ -34,13 +54,24 @@ def read_json(path: Path) -> Any:
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file."""
+    """SHA-256 of a file.
+
+    Example:
+        >>> _ = Path("empty").write_bytes(b"")
+        >>> digest(Path("empty"))[:16]
+        'e3b0c44298fc1c14'
+    """
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def seal_key(folder: Path, plan: Plan) -> str:
-    """Write the key and return its hash, which the manifest publishes."""
+    """Write the key and return its hash, which the manifest publishes.
+
+    Example:
+        >>> seal_key(Path("."), Plan(0, "00", (), ())) == digest(Path(KEY))
+        True
+    """
     write_json(folder / KEY, plan.as_dict())
     return digest(folder / KEY)
 
@@ -50,6 +81,17 @@ def seal_diagnoses(folder: Path, names: list[str]) -> int:
 
     Raises:
         DataError: If a diagnosis was changed since it was recorded.
+
+    Example:
+        >>> Path("sealed/diagnoses").mkdir(parents=True)
+        >>> write_json(Path("sealed/diagnoses/blind_0000.json"), {"report": None})
+        >>> seal_diagnoses(Path("sealed"), ["blind_0000", "blind_0001"])  # the other is not there yet
+        1
+        >>> write_json(Path("sealed/diagnoses/blind_0000.json"), {"report": {"verdict": "none"}})
+        >>> seal_diagnoses(Path("sealed"), ["blind_0000"])
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.DataError: ...blind_0000.json is not the diagnosis that was sealed...
     """
     path = folder / DIAGNOSES
     known: dict[str, str] = read_json(path) if path.is_file() else {}
@@ -74,6 +116,15 @@ def open_key(folder: Path) -> tuple[Plan, dict[str, Any], dict[str, Any]]:
 
     Raises:
         DataError: If the key, a set of flights or a diagnosis is not what was sealed, or no diagnosis was sealed.
+
+    Example:
+        >>> folder, plan = Path("opened"), Plan(0, "00", (), ())
+        >>> folder.mkdir()
+        >>> write_json(folder / MANIFEST, {"key_sha256": seal_key(folder, plan), "jobs": []})
+        >>> seal_diagnoses(folder, [])
+        0
+        >>> open_key(folder)[0] == plan
+        True
     """
     manifest = read_json(folder / MANIFEST)
     if digest(folder / KEY) != manifest["key_sha256"]:

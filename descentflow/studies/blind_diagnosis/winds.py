@@ -70,6 +70,12 @@ class Gradient:
         mean_per_s: Over the flights, weighted by their levels (m/s per m).
         error_per_s: Standard error, from the scatter between flights.
         by_flight: Columns ``flight_id slope_per_s levels``.
+
+    Example:
+        >>> by_flight = pl.DataFrame({"flight_id": ["a", "b"], "slope_per_s": [0.001, 0.003], "levels": [100, 100]})
+        >>> found = Gradient(*weighted_mean(by_flight["slope_per_s"].to_numpy(), np.ones(2)), by_flight)
+        >>> found.mean_per_s, found.error_per_s
+        (0.002, 0.001)
     """
 
     mean_per_s: float

@@ -21,7 +21,12 @@ RIDGES = tuple(10.0**power for power in range(-6, 1))
 
 @dataclass(frozen=True)
 class HiddenError:
-    """Root mean square error on hidden levels, in the profile's unit, of one method and pattern of gaps."""
+    """Root mean square error on hidden levels, in the profile's unit, of one method and pattern of gaps.
+
+    Example:
+        >>> HiddenError("ridge", "top", rmse=3.0, n_flights=40, n_levels=900).rmse
+        3.0
+    """
 
     method: str
     pattern: str
@@ -52,6 +57,16 @@ def hidden_errors(
 
     Raises:
         DataError: If there are too few flights to hide any level.
+
+    Returns:
+        An error per method, in the order of :data:`METHODS`.
+
+    Example:
+        >>> size, heights = torch.randn(40, 1).double(), torch.linspace(0, 1, 30).double()
+        >>> values, mask = 280 + 10 * size * heights, torch.rand(40, 30) > 0.1
+        >>> errors = {error.method: error.rmse for error in hidden_errors(values, mask, "random")}
+        >>> errors["probabilistic PCA"] < errors["mean fill"]
+        True
     """
     hidden = hide(mask, pattern, share, torch.Generator().manual_seed(seed))
     if not bool(hidden.any()):
@@ -106,7 +121,22 @@ def _penalised(basis: FunctionalBasis, values: Tensor, seen: Tensor, ridge: floa
 
 
 def complete(method: str, values: Tensor, mask: Tensor, explained_variance: float = 0.95) -> Tensor:
-    """Whole profiles (n, L) that one of :data:`METHODS` makes of gappy ones."""
+    """Whole profiles (n, L) that one of :data:`METHODS` makes of gappy ones.
+
+    Args:
+        method: One of :data:`METHODS`.
+        values: (n, L) profiles.
+        mask: (n, L) observed; masked values are ignored.
+        explained_variance: Of the components of the iteration and ridge.
+
+    Returns:
+        (n, L) values without gaps.
+
+    Example:
+        >>> values, mask = torch.tensor([[280.0, 290.0], [300.0, 0.0]]), torch.tensor([[True, True], [True, False]])
+        >>> complete("mean fill", values, mask)[1]
+        tensor([290., 290.])
+    """
     return _COMPLETE[method](values, mask, explained_variance)
 
 

@@ -32,6 +32,11 @@ def make_descents(plan: StudyPlan, typecode: str, folder: Path) -> None:
 
     Raises:
         DescentflowError: If the flights cannot be simulated or prepared.
+
+    Example:
+        >>> make_descents(StudyPlan({"A320": 120}, store="descents.parquet"), "A320", Path("study_descents"))
+        >>> "TAS" in read_descents("study_descents/descents.parquet").frame.columns
+        False
     """
     folder.mkdir(parents=True, exist_ok=True)
     if plan.store is not None:
@@ -63,6 +68,14 @@ def fit_and_score(plan: StudyPlan, name: str, folder: Path) -> None:
 
     Raises:
         DescentflowError: If the model cannot be fitted, or too few of its draws are plausible.
+
+    Example:
+        >>> plan, folder = StudyPlan({"A320": 120}, models=("gaussian",), n_samples=200), Path("study_model")
+        >>> (folder / "gaussian").mkdir(parents=True)
+        >>> _ = shutil.copy("descents.parquet", folder), shutil.copy("best.ckpt", folder / "gaussian" / "model.ckpt")
+        >>> fit_and_score(plan, "gaussian", folder)  # fitted already: only the scores are left
+        >>> sorted(path.name for path in (folder / "gaussian").glob("*.csv"))
+        ['intervals.csv', 'scores.csv']
     """
     from descentflow.evaluation.evaluate import evaluate
 
@@ -81,7 +94,23 @@ def fit_and_score(plan: StudyPlan, name: str, folder: Path) -> None:
 
 
 def draw_type(plan: StudyPlan, typecode: str, folder: Path) -> None:
-    """Leave the figures of one type, see :func:`descentflow.studies.paper.type_figures.write_type_figures`."""
+    """Leave the figures of one type, see :func:`descentflow.studies.paper.type_figures.write_type_figures`.
+
+    Args:
+        plan: The study.
+        typecode: One of its types.
+        folder: The type's folder, with its descents and a checkpoint of every model.
+
+    Raises:
+        DescentflowError: If a checkpoint cannot be used, or too few of its draws are plausible.
+
+    Example:
+        >>> Path("study_figures").mkdir()
+        >>> draw_type(StudyPlan({"A320": 120}), "A320", Path("study_figures"))  # no model is fitted yet
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.CheckpointError: ...study_figures/gaussian/model.ckpt...
+    """
     from descentflow.studies.paper.type_figures import write_type_figures
 
     with logged_to(folder / "figures.log"):

@@ -50,6 +50,10 @@ class StudyPlan:
         store: Prepared descents to use instead of simulated ones.
         max_epochs: Bound on the epochs of every fit; each config's own if absent.
         scenario: Settings of the simulated world, see :mod:`descentflow.simulation.scenarios`.
+
+    Example:
+        >>> StudyPlan({"A320": 2_000}, models=("gaussian", "flow")).n_samples
+        10000
     """
 
     flights: dict[str, int]
@@ -109,6 +113,13 @@ def begin(plan: "DataclassInstance", folder: Path) -> None:
 
     Raises:
         ConfigError: If the folder holds another study.
+
+    Example:
+        >>> begin(StudyPlan({"A320": 200}), Path("study_begun"))
+        >>> begin(StudyPlan({"A320": 300}), Path("study_begun"))
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.ConfigError: study_begun holds a study of another plan...
     """
     folder.mkdir(parents=True, exist_ok=True)
     path, text = folder / "plan.json", json.dumps(asdict(plan), indent=1)

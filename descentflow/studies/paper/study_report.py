@@ -29,7 +29,12 @@ yardstick of order of magnitude, not a target."""
 
 @dataclass(frozen=True)
 class Published:
-    """The paper's figures: scores (its five tables) and types (its tables 1 and 2); either may be missing."""
+    """The paper's figures: scores (its five tables) and types (its tables 1 and 2); either may be missing.
+
+    Example:
+        >>> Published(types=pl.DataFrame({"typecode": ["A320"], "n_trajectories": [28_723]})).scores is None
+        True
+    """
 
     scores: pl.DataFrame | None = None
     types: pl.DataFrame | None = None
@@ -77,6 +82,18 @@ def write_report(plan: StudyPlan, folder: Path, published: Path | None = None) -
 
     Raises:
         DataError: If ``published`` holds no figures.
+
+    Example:
+        >>> folder = Path("study_reported")
+        >>> (folder / "A320" / "gmm").mkdir(parents=True)
+        >>> one = {"quantity": "time_to_bottom_of_descent", "statistic": "ks"}
+        >>> rest = dict.fromkeys(("score", "equal_size", "floor", "floor_high", "nominal", "worst_fl"))
+        >>> pl.DataFrame([one | rest]).write_csv(folder / "A320" / "gmm" / "scores.csv")
+        >>> pl.DataFrame([one | {"low": 0.1, "high": 0.2}]).write_csv(folder / "A320" / "gmm" / "intervals.csv")
+        >>> write_report(StudyPlan({"A320": 120}, models=("gmm",)), folder, published=Path("nowhere"))
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.DataError: no published figures at nowhere...
     """
     scores, theirs = all_scores(plan, folder), read_published(published)
     source = "simulated flights" if plan.store is None else plan.store

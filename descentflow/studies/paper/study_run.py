@@ -57,6 +57,15 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, progress: Progress)
 
     Raises:
         DescentflowError: If a step fails; its log in the type's folder has the message too.
+
+    Example:
+        >>> from descentflow.core.workers import ProcessEngine
+        >>> plan, folder = StudyPlan({"A320": 120}, models=("gaussian",), store="descents.parquet"), Path("study_run")
+        >>> (folder / "A320" / "gaussian").mkdir(parents=True)
+        >>> for name in ("gaussian/done", LAST):  # as if a run had left all but the descents
+        ...     (folder / "A320" / name).touch()
+        >>> run_study(plan, folder, ProcessEngine(1), print)
+        descents: 1 of 1 done (0 were there); last A320
     """
     place = _Place(plan, folder.resolve())
     # The largest first: a worker that ends with it would keep the others waiting.

@@ -25,6 +25,18 @@ def flights(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> list[
         plan: The study.
         folder: Its folder, with ``flights.json`` and ``mass_range.png`` of every type.
         theirs: The paper's table 1, columns ``typecode n_trajectories max_fl``; ``None`` for no columns of it.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> plan, folder = StudyPlan({"A320": 120}, models=("gaussian",)), Path("study_flights")
+        >>> (folder / "A320" / "gaussian").mkdir(parents=True)
+        >>> facts = {"prepared": 118, "bottom_fl": 150, "top_fl": 353, "spanning": 0.2, "from_fl": 340, "bada_s": 600.0}
+        >>> facts |= {"time_s": [500.0, 600.0, 700.0], "bada_range_s": [550.0, 650.0], "explained": 0.4}
+        >>> _ = (folder / "A320" / "flights.json").write_text(json.dumps(facts))
+        >>> Figure().savefig(folder / "A320" / "mass_range.png")
+        >>> text, rows, drawing = flights(plan, folder, None)
+        >>> "FL150-353" in str(rows)
+        True
     """
     rows: list[Row] = []
     for typecode, n in plan.flights.items():
@@ -56,7 +68,14 @@ def flights(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> list[
 
 
 def means_over_types(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Html]:
-    """Means over types of every score; ``frame`` from :func:`descentflow.studies.paper.study_tables.means`."""
+    """Means over types of every score; ``frame`` from :func:`descentflow.studies.paper.study_tables.means`.
+
+    Example:
+        >>> row = {"quantity": "time_to_bottom_of_descent", "statistic": "ks", "unit": "1", "model": "gmm", "types": 13}
+        >>> row |= {"score": 0.12, "floor": 0.1, "over_floor": 1.1, "nominal": None}
+        >>> "half 1.10 floors" in str(means_over_types(pl.DataFrame([row]), ("gmm",))[1])
+        True
+    """
     rows: list[Row] = []
     for part in frame.partition_by("quantity", "statistic", maintain_order=True):
         first = part.row(0, named=True)
@@ -79,14 +98,30 @@ def means_over_types(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Html]
 
 
 def boxes(scores: pl.DataFrame, plan: StudyPlan) -> Html:
-    """Scores over types as boxes (the paper's figure 7); ``scores`` of all types and models."""
+    """Scores over types as boxes (the paper's figure 7); ``scores`` of all types and models.
+
+    Example:
+        >>> row = {"quantity": "time_to_bottom_of_descent", "statistic": "ks", "unit": "1", "model": "gaussian"}
+        >>> scores = pl.DataFrame([row | {"score": s, "floor": 0.1, "nominal": None} for s in (0.2, 0.3)])
+        >>> "Each dot is a type" in str(boxes(scores, StudyPlan({"A320": 120}, models=("gaussian",))))
+        True
+    """
     drawn = boxes_figure(scores, {name: MODELS[name] for name in plan.models})
     caption = "Each dot is a type; boxes are quartiles over types. Floor: two halves of the held-out flights."
     return figure(drawn, "Boxes of each score over types, a box per model", caption)
 
 
 def likelihoods(plan: StudyPlan, folder: Path) -> list[Html]:
-    """Negative log likelihood of the held-out flights, from every type's ``nll.csv``."""
+    """Negative log likelihood of the held-out flights, from every type's ``nll.csv``.
+
+    Example:
+        >>> plan, folder = StudyPlan({"A320": 120}, models=("gaussian",)), Path("study_nll")
+        >>> (folder / "A320" / "gaussian").mkdir(parents=True)
+        >>> nll = pl.DataFrame({"model": ["gaussian"], "nll": [5.52], "error": [0.3], "n": [24]})
+        >>> nll.write_csv(folder / "A320" / "nll.csv")
+        >>> "5.52" in str(likelihoods(plan, folder)[1])
+        True
+    """
     rows: list[Row] = []
     for typecode in plan.flights:
         frame = pl.read_csv(folder / typecode / "nll.csv")
@@ -104,7 +139,14 @@ def likelihoods(plan: StudyPlan, folder: Path) -> list[Html]:
 
 
 def scores_of_quantity(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Html]:
-    """One of the five tables; ``frame`` from :func:`descentflow.studies.paper.study_tables.table`."""
+    """One of the five tables; ``frame`` from :func:`descentflow.studies.paper.study_tables.table`.
+
+    Example:
+        >>> row = {"typecode": "A320", "statistic": "ks", "unit": "1", "gmm": 0.12, "best": "gmm", "floor": 0.1}
+        >>> row |= {"gmm_low": 0.1, "gmm_high": 0.15, "gmm_equal_size": 0.2, "nominal": None}
+        >>> "[0.1, 0.15]" in str(scores_of_quantity(pl.DataFrame([row]), ("gmm",))[0])
+        True
+    """
     papers = [c for c in frame.columns if c.startswith("paper_")]
     head = ["type", "statistic", *(MODELS[m] for m in models), "floor", "BADA", *(_paper_column(c) for c in papers)]
     rows: list[Row] = []
@@ -121,7 +163,15 @@ def scores_of_quantity(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Htm
 
 
 def components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> list[Html]:
-    """The paper's table 2: principal components of drag and CAS, and components of the mixture by BIC."""
+    """The paper's table 2: principal components of drag and CAS, and components of the mixture by BIC.
+
+    Example:
+        >>> plan, folder = StudyPlan({"A320": 120}, models=("gaussian",)), Path("study_components")
+        >>> (folder / "A320" / "gaussian").mkdir(parents=True)
+        >>> _ = (folder / "A320" / "gaussian" / "model.ckpt").write_bytes(Path("best.ckpt").read_bytes())
+        >>> ">86</td>" in str(components(plan, folder, None)[1])  # flights that it was trained on
+        True
+    """
     names = ("n_train", "n_alpha", "n_beta", "n_c", "gmm_max_components", "gmm_components_bic")
     rows: list[Row] = []
     for typecode in plan.flights:
@@ -142,7 +192,15 @@ def components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> li
 
 
 def rejections(plan: StudyPlan, folder: Path) -> Html:
-    """Share of draws that were rejected, by type and model, from ``rejections.json``."""
+    """Share of draws that were rejected, by type and model, from ``rejections.json``.
+
+    Example:
+        >>> plan, folder = StudyPlan({"A320": 120}, models=("gaussian",)), Path("study_rejections")
+        >>> (folder / "A320" / "gaussian").mkdir(parents=True)
+        >>> _ = (folder / "A320" / "gaussian" / "rejections.json").write_text('{"acceptance": 0.96}')
+        >>> "outside the training flights" in str(rejections(plan, folder))
+        True
+    """
     rates: dict[str, dict[str, float]] = {}
     for typecode in plan.flights:
         facts = {m: json.loads((folder / typecode / m / "rejections.json").read_text()) for m in plan.models}
@@ -152,7 +210,17 @@ def rejections(plan: StudyPlan, folder: Path) -> Html:
 
 
 def of_type(folder: Path) -> list[Html]:
-    """Figures of one type; ``folder`` is the type's."""
+    """Figures of one type; ``folder`` is the type's.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> folder = Path("A320_figures")
+        >>> folder.mkdir()
+        >>> for name in ("profiles", "cuts", "mass_range"):
+        ...     Figure().savefig(folder / f"{name}.png")
+        >>> len(of_type(folder))
+        3
+    """
     captions = {
         "profiles": "Held-out flights beside samples of each model.",
         "cuts": "Time to bottom, and CAS and rate at the transition altitude (the grid's middle if it has none).",

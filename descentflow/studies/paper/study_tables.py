@@ -21,6 +21,20 @@ def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
     Returns:
         Columns ``typecode model``, those of :class:`descentflow.evaluation.metrics.score_table.Score`, and ``low
         high``, the ends of the score's 90 % interval over held-out flights.
+
+    Args:
+        plan: The study.
+        folder: Its folder, with ``scores.csv`` and ``intervals.csv`` of every type and model.
+
+    Example:
+        >>> plan, folder = StudyPlan({"A320": 120}, models=("gmm",)), Path("study_scores")
+        >>> (folder / "A320" / "gmm").mkdir(parents=True)
+        >>> one = {"quantity": "time_to_bottom_of_descent", "statistic": "ks"}
+        >>> rest = dict.fromkeys(("equal_size", "floor", "floor_high", "nominal", "worst_fl"))
+        >>> pl.DataFrame([one | rest | {"score": 0.12}]).write_csv(folder / "A320" / "gmm" / "scores.csv")
+        >>> pl.DataFrame([one | {"low": 0.1, "high": 0.2}]).write_csv(folder / "A320" / "gmm" / "intervals.csv")
+        >>> all_scores(plan, folder).select("model", "score", "low", "high").row(0)
+        ('gmm', 0.12, 0.1, 0.2)
     """
     parts = []
     for typecode in plan.flights:
@@ -39,7 +53,21 @@ def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
 
 
 def with_best(scores: pl.DataFrame) -> pl.DataFrame:
-    """Mark, for each type, quantity and statistic, the models within 5 % of the best."""
+    """Mark, for each type, quantity and statistic, the models within 5 % of the best.
+
+    Args:
+        scores: From :func:`all_scores`.
+
+    Returns:
+        The scores with a column ``best`` of booleans.
+
+    Example:
+        >>> about = {"typecode": "A320", "quantity": "time_to_bottom_of_descent", "statistic": "ks", "unit": "1"}
+        >>> about |= {"equal_size": 0.2, "floor": 0.1, "nominal": None, "low": 0.1, "high": 0.3}
+        >>> scores = pl.DataFrame([about | {"model": m, "score": s} for m, s in (("gaussian", 0.2), ("gmm", 0.12))])
+        >>> with_best(scores)["best"].to_list()
+        [False, True]
+    """
     best = pl.col("score").min().over("typecode", "quantity", "statistic")
     return scores.with_columns(best=(pl.col("score") <= WITHIN * best).fill_null(False))
 
@@ -56,6 +84,13 @@ def table(scores: pl.DataFrame, quantity: str, published: pl.DataFrame | None = 
         scores: From :func:`all_scores`.
         quantity: One of :data:`QUANTITIES`.
         published: Columns ``quantity typecode statistic gaussian gmm flow bada``.
+
+    Example:
+        >>> about = {"typecode": "A320", "quantity": "time_to_bottom_of_descent", "statistic": "ks", "unit": "1"}
+        >>> about |= {"equal_size": 0.2, "floor": 0.1, "nominal": None, "low": 0.1, "high": 0.3}
+        >>> scores = pl.DataFrame([about | {"model": m, "score": s} for m, s in (("gaussian", 0.2), ("gmm", 0.12))])
+        >>> table(scores, "time_to_bottom_of_descent").select("gaussian", "gmm", "best").row(0)
+        (0.2, 0.12, 'gmm')
     """
     chosen = with_best(scores).filter(pl.col("quantity") == quantity)
     keys = ["typecode", "statistic", "unit"]
@@ -79,7 +114,21 @@ def table(scores: pl.DataFrame, quantity: str, published: pl.DataFrame | None = 
 
 
 def means(scores: pl.DataFrame) -> pl.DataFrame:
-    """Means over types: one row per quantity, statistic and model, with the floor and the number of types behind it."""
+    """Means over types: one row per quantity, statistic and model, with the floor and the number of types behind it.
+
+    Args:
+        scores: From :func:`all_scores`.
+
+    Returns:
+        Columns ``quantity statistic unit model types score equal_size floor over_floor nominal``.
+
+    Example:
+        >>> about = {"typecode": "A320", "quantity": "time_to_bottom_of_descent", "statistic": "ks", "unit": "1"}
+        >>> about |= {"equal_size": 0.2, "floor": 0.1, "nominal": None, "low": 0.1, "high": 0.3}
+        >>> scores = pl.DataFrame([about | {"model": m, "score": s} for m, s in (("gaussian", 0.2), ("gmm", 0.12))])
+        >>> means(scores).select("model", "types", "over_floor").rows()
+        [('gaussian', 1, 2.0), ('gmm', 1, 2.0)]
+    """
     by_quantity = scores.group_by("quantity", "statistic", "unit", "model", maintain_order=True).agg(
         types=pl.col("score").is_not_null().sum(),
         score=pl.col("score").mean(),

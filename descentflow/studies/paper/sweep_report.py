@@ -14,7 +14,24 @@ from descentflow.studies.paper.sweeps import PAPER_SIZE
 
 
 def sweep_sections(plan: StudyPlan, folder: Path) -> list[tuple[str, list[Html]]]:
-    """Heading and HTML of each sweep of which files are there."""
+    """Heading and HTML of each sweep of which files are there.
+
+    Args:
+        plan: The study.
+        folder: Its folder.
+
+    Returns:
+        A section per sweep; none where no sweep was run.
+
+    Example:
+        >>> own = Path("study_swept/sweeps/flow")
+        >>> own.mkdir(parents=True)
+        >>> for flows, nll in ((5, 5.5), (8, 5.4)):
+        ...     result = {"flows": flows, "hidden": 2, "nll": nll, "parameters": 900}
+        ...     _ = (own / f"A320-{flows}-2.json").write_text(json.dumps(result))
+        >>> [heading for heading, _ in sweep_sections(StudyPlan({"A320": 120}), Path("study_swept"))]
+        ['Sizes of the flow']
+    """
     makers = {
         "variance": ("Variance explained by the components", _variance),
         "gappy": ("Levels hidden from gappy flights", _gappy),

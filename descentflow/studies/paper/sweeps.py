@@ -47,6 +47,11 @@ class SweepPlan:
         flows: Numbers of flows.
         hidden: Hidden units per weight.
         max_epochs: Bound on the epochs of every flow; its config's own if absent.
+
+    Example:
+        >>> plan = SweepPlan(flows=(5,), hidden=(1, 2))
+        >>> len(_jobs_of("flow", "A320", plan)), len(_jobs_of("variance", "A320", plan))
+        (2, 5)
     """
 
     flights: int = 4_000
@@ -111,6 +116,13 @@ def run_sweeps(
 
     Raises:
         ConfigError: If a name is not among them, or the folder holds sweeps of another plan.
+
+    Example:
+        >>> from descentflow.core.workers import ProcessEngine
+        >>> run_sweeps(StudyPlan({"A320": 120}), SweepPlan(), Path("."), ("depth",), ProcessEngine(1), print)
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.ConfigError: sweeps depth...
     """
     unknown = sorted(set(names) - set(NAMES))
     if unknown:

@@ -35,6 +35,15 @@ def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
 
     Raises:
         DescentflowError: If a checkpoint cannot be used, or too few of its draws are plausible.
+
+    Example:
+        >>> plan, folder = StudyPlan({"A320": 120}, models=("gaussian",), n_samples=100), Path("study_type")
+        >>> (folder / "gaussian").mkdir(parents=True)
+        >>> for source, name in (("descents.parquet", "descents.parquet"), ("best.ckpt", "gaussian/model.ckpt")):
+        ...     _ = (folder / name).write_bytes(Path(source).read_bytes())
+        >>> write_type_figures(plan, folder, "A320")
+        >>> json.loads((folder / LAST).read_text())["prepared"]
+        120
     """
     checkpoints = {name: folder / name / "model.ckpt" for name in plan.models}
     data = DescentDataModule(folder / "descents.parquet", checkpoint=next(iter(checkpoints.values())))

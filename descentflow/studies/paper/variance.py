@@ -57,7 +57,18 @@ def fold_scores(
         shares: Shares of variance to be explained.
 
     Returns:
-        One row per share, quantity and statistic, with the columns of :class:`_FoldScore`.
+        One row per share, quantity and statistic, with the columns ``share fold components clusters quantity
+        statistic unit score``; scores are NaN where no sample was plausible or a quantity has no level.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> aircraft = open_aircraft("A320")
+        >>> profiles = profiles_from_frame(read_descents("descents.parquet").frame, aircraft, 250, 300)
+        >>> found = fold_scores(profiles, aircraft, transition_fl=275.0, fold=0, folds=2, shares=(0.5,))
+        >>> len(found), found["statistic"].unique(maintain_order=True).to_list()
+        (6, ['ks', 'wasserstein', 'mae'])
     """
     order = torch.randperm(len(profiles), generator=torch.Generator().manual_seed(0))
     held_out = order[fold::folds]

@@ -21,6 +21,12 @@ def real_figure(temperature: TemperatureCheck, wind: WindCheck | None) -> Figure
 
     Returns:
         A figure of two panels, or of one.
+
+    Example:
+        >>> from descentflow.studies.blind_diagnosis.real_flights import check_temperature
+        >>> check = check_temperature(lambda descents, typecode, channels: {"causes": []})
+        >>> len(real_figure(check, None).axes)
+        1
     """
     figure = Figure(figsize=(11.0 if wind else 6.0, 5.2), layout="constrained")
     panels = figure.subplots(1, 2 if wind else 1, squeeze=False).ravel()

@@ -63,7 +63,18 @@ def boxes_figure(scores: pl.DataFrame, models: Mapping[str, str]) -> Figure:
 def box_values(
     chosen: pl.DataFrame, models: Mapping[str, str], *, with_nominal: bool
 ) -> list[tuple[str, Sequence[float]]]:
-    """Name and values over types of each box of one quantity and statistic: models, floor, nominal BADA."""
+    """Name and values over types of each box of one quantity and statistic: models, floor, nominal BADA.
+
+    Args:
+        chosen: Scores of one quantity and statistic, a row per type and model, as :func:`boxes_figure` takes them.
+        models: Model -> its name in the figure.
+        with_nominal: Whether nominal BADA has this statistic.
+
+    Example:
+        >>> scores = pl.DataFrame({"model": ["gmm", "gmm"], "score": [0.1, 0.3], "floor": [0.05, 0.06]})
+        >>> box_values(scores, {"gmm": "Gaussian mixture"}, with_nominal=False)
+        [('Gaussian mixture', [0.1, 0.3]), ('floor', [0.05, 0.06])]
+    """
     first = next(iter(models))
     found: list[tuple[str, Sequence[float]]] = [
         (name, chosen.filter(pl.col("model") == m)["score"].drop_nulls().to_list()) for m, name in models.items()

@@ -27,6 +27,12 @@ class MassRange:
 
     Shapes: ``levels_fl`` (L,); ``time_s`` (n, L), zero at the common level, of flights observed on all L levels;
     ``nominal_time_s`` (N_MASSES, L); ``reference_time_s`` (L,).
+
+    Example:
+        >>> time, nominal = torch.tensor([[700.0, 0.0], [990.0, 0.0]]), torch.tensor([[600.0, 0.0], [800.0, 0.0]])
+        >>> found = MassRange(torch.tensor([150.0, 350.0]), time, nominal, nominal[0])
+        >>> found.range_s, found.explained
+        ((600.0, 800.0), 0.5)
     """
 
     levels_fl: Tensor

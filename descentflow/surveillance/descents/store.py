@@ -76,6 +76,11 @@ class Parts:
 def write_file(parts: Parts, metadata: dict[str, Any], path: Path) -> None:
     """Write one Parquet file with its description, chunk by chunk, whole or not at all.
 
+    Args:
+        parts: What to write.
+        metadata: The description, as JSON in the file's metadata.
+        path: The file.
+
     Example:
         >>> write_file(Parts.of([pl.scan_parquet("descents.parquet")]), {"bottom_fl": 150}, Path("copy.parquet"))
         >>> pl.read_parquet_metadata("copy.parquet")[KEY]
@@ -87,6 +92,11 @@ def write_file(parts: Parts, metadata: dict[str, Any], path: Path) -> None:
 
 def write_store(parts: Parts, metadata: dict[str, Any], folder: Path) -> None:
     """Write a store into a folder that does not exist yet; it is whole once its manifest is there.
+
+    Args:
+        parts: What to write.
+        metadata: The description, with which the manifest begins.
+        folder: The store.
 
     Example:
         >>> write_store(Parts.of([pl.scan_parquet("descents.parquet")]), {"bottom_fl": 150}, Path("copy_by_type"))

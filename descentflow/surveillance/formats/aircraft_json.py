@@ -55,6 +55,12 @@ def rows(documents: Iterable[object], label: str, report: DropReport, block_rows
     Aircraft on the ground have the word "ground" for an altitude; it becomes missing, and the row is dropped and
     counted later, like those of aircraft that report no airspeed.
 
+    Args:
+        documents: JSON documents of the file.
+        label: Name of the file in messages.
+        report: Takes the counts of what could not be read.
+        block_rows: About the most rows in a part.
+
     Raises:
         DataError: If no document has a list of aircraft.
 

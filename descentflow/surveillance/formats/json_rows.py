@@ -21,6 +21,12 @@ NAMES_LOOKED_AT = 1000
 def rows(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
     """Rows as they are, numbers as floats and the rest as text.
 
+    Args:
+        documents: JSON documents of the file.
+        label: Name of the file in messages.
+        report: Takes the counts of what could not be read.
+        block_rows: About the most rows in a part.
+
     Raises:
         DataError: If the JSON has no rows.
 

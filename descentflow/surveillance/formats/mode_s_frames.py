@@ -37,6 +37,15 @@ def is_message(document: object) -> bool:
 def jet1090(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
     """Rows of jet1090's lines: as decoded by the receiver, or decoded here where a line has only time and frame.
 
+    Args:
+        documents: Lines of the file.
+        label: Name of the file in messages.
+        report: Takes the counts of what could not be read.
+        block_rows: Not used: a part is made of each batch of messages.
+
+    Raises:
+        DataError: If frames have to be decoded and the decoder is not installed.
+
     Example:
         >>> reply = {"icao24": "4ca001", "df": "20", "altitude": 30000, "bds60": {"IAS": 263, "Mach": 0.7}}
         >>> messages = ({**reply, "timestamp": 1.7e9 + second} for second in range(6))
@@ -105,6 +114,9 @@ def is_table(table: pl.DataFrame) -> bool:
 
 def of_tables(tables: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.DataFrame]:
     """Rows of tables of times and frames.
+
+    Raises:
+        DataError: If the decoder is not installed.
 
     Example:
         >>> times = [1.7e9 + second for second in range(6)]

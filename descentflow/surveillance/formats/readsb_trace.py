@@ -73,6 +73,12 @@ def is_trace(document: object) -> bool:
 def rows(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[Trace]:
     """Traces for :func:`joined`.
 
+    Args:
+        documents: JSON documents of the file.
+        label: Name of the file in messages.
+        report: Takes the counts of what could not be read.
+        block_rows: Not used: a trace is a part.
+
     Raises:
         DataError: If a document lacks the address, the time or the list of points.
 

@@ -81,6 +81,15 @@ def held_parts(
 ) -> tuple[Format, Iterator[Columns]]:
     """As :func:`recognised`, of a table in memory.
 
+    Args:
+        table: Rows with the columns of any source.
+        label: Its name in messages.
+        report: Takes the counts of what could not be read.
+        block_rows: About the most rows in a part.
+
+    Raises:
+        DataError: If a column cannot hold values of a row, or it holds frames and the decoder is not installed.
+
     Example:
         >>> found, parts = held_parts(pl.read_parquet("rows.parquet"), "a table", DropReport(), block_rows=1000)
         >>> len(next(parts))

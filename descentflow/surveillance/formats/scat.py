@@ -42,6 +42,12 @@ CLEARED = ("cleared_flight_level", "cleared_speed_kt", "cleared_mach")
 def rows(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
     """Rows of flights, a table each.
 
+    Args:
+        documents: JSON documents of the file.
+        label: Name of the file in messages.
+        report: Takes the counts of what could not be read.
+        block_rows: Not used: a flight is a part.
+
     Raises:
         DataError: If a document is no flight.
 

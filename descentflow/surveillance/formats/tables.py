@@ -17,6 +17,9 @@ CSV_BYTES = 32 << 20
 def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
     """Rows of a Parquet file, a slice at a time; inside gzip or an archive it is held whole.
 
+    Raises:
+        DataError: If a needed column cannot hold values of a row (a list), or the file is too large to be held whole.
+
     Example:
         >>> with Path("rows.parquet").open("rb") as file:
         ...     print([len(part) for part in parquet(Input(file, "rows.parquet"), DropReport(), 20_000)])
@@ -28,6 +31,9 @@ def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
 def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
     """Rows of an Arrow IPC file (Feather version 2).
 
+    Raises:
+        DataError: If a needed column cannot hold values of a row (a list), or the file is too large to be held whole.
+
     Example:
         >>> content = pl.DataFrame({"IAS": [250.0]}).write_ipc(None).getvalue()
         >>> next(feather(Input(io.BytesIO(content), "rows.feather"), DropReport(), 100)).rows()
@@ -38,6 +44,9 @@ def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
 
 def held(table: pl.DataFrame, label: str, rows: int) -> Iterator[pl.DataFrame]:
     """Rows of a table in memory.
+
+    Raises:
+        DataError: If a column that is needed cannot hold values of a row (a list, for instance).
 
     Example:
         >>> [len(part) for part in held(pl.DataFrame({"IAS": [250.0, 251.0, 252.0]}), "a table", 2)]

@@ -181,6 +181,9 @@ def read_groups(
         engine: Where groups are read.
         progress: Progress callback.
 
+    Raises:
+        DataError: As :func:`~descentflow.surveillance.read_rows.row_blocks`.
+
     Example:
         >>> files, memory = [Path("rows.parquet")], Memory(4_000_000)
         >>> intake = read_groups(files, None, Path("groups.work"), memory, LocalEngine(1), lambda stage: None)

@@ -76,6 +76,14 @@ def clean_partitions(
 ) -> Cleaned:
     """Clean partition after partition into files of levels; those of an earlier run are kept.
 
+    Args:
+        request: What is to be prepared.
+        intake: Rows in buckets on disk; its report takes the steps of the cleaning.
+        folder: Folder of work.
+        memory: Bound on what is held.
+        engine: Where partitions are cleaned.
+        progress: Progress callback.
+
     Raises:
         DataError: If one aircraft has more rows than fit in memory, or no usable row was left.
 

@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 def pressure_ratio(altitude_ft: Array) -> Array:
     """Pressure over sea-level pressure (BADA 3 user manual, section 3.1).
 
+    Args:
+        altitude_ft: (...) pressure altitude.
+
     Example:
         >>> np.round(pressure_ratio(np.array([0.0, 36_089.0])), 3)
         array([1.   , 0.223])

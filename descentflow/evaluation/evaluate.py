@@ -122,6 +122,15 @@ def evaluate_profiles(
     Raises:
         DataError: If there is no flight to compare with.
         SamplingError: If too few draws are plausible.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> model = load_model("best.ckpt")
+        >>> flights = encode_flights(read_descents("descents.parquet").frame, model.representation)["test"]
+        >>> found = evaluate_profiles(model, model.representation, flights.profiles, n=200, n_splits=2)
+        >>> len(found.real), found.rejections.accepted
+        (24, 200)
     """
     if len(real) == 0:
         raise DataError(

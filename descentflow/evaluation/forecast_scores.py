@@ -88,7 +88,12 @@ def forecast_scores(
 
 @dataclass(frozen=True)
 class Skill:
-    """Mean of a score's difference over flights, with its 90 % bootstrap interval; below zero the first is better."""
+    """Mean of a score's difference over flights, with its 90 % bootstrap interval; below zero the first is better.
+
+    Example:
+        >>> print(Skill(mean=-0.5, low=-0.7, high=-0.3))
+        -0.500 [-0.700, -0.300]
+    """
 
     mean: float
     low: float

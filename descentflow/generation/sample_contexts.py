@@ -76,6 +76,12 @@ def entry_levels(
 
     Raises:
         ConfigError: If the levels are not on the grid, are given twice, or are not as many as the contexts.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> representation = load_representation("best.ckpt")
+        >>> representation.decoder.levels_fl[entry_levels(representation, None, [300, 320])]
+        tensor([300., 320.], dtype=torch.float64)
     """
     own = None if contexts is None or "entry_fl" not in contexts.columns else contexts["entry_fl"]
     levels = representation.decoder.levels_fl

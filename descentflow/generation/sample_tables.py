@@ -25,7 +25,7 @@ UNITS = {
 """Column of a sample -> unit."""
 
 
-def quantities(flown: Trajectories) -> dict[str, np.ndarray]:
+def _quantities(flown: Trajectories) -> dict[str, np.ndarray]:
     """Each quantity of :data:`UNITS` as (n, L) float64, on ascending levels."""
     altitude_ft = (flown.levels_fl * 100).expand(flown.time_s.shape)
     tensors = {
@@ -50,6 +50,13 @@ def to_frame(flown: Trajectories, context: pl.DataFrame | None = None) -> pl.Dat
     Returns:
         Columns ``sample_id level_fl`` and those of :data:`UNITS`; then the sample's context, its columns called
         ``given_...``.
+
+    Example:
+        >>> from descentflow.generation.sample import sample
+        >>> flown = sample("best.ckpt", 3, entry_fl=330).trajectories
+        >>> table = to_frame(flown, pl.DataFrame({"deviation_k": [0.0, 10.0]}))
+        >>> table.filter(level_fl=330).select("sample_id", "time_s", "given_deviation_k").rows()
+        [(0, 0.0, 0.0), (1, 0.0, 10.0), (2, 0.0, 0.0)]
     """
     n, n_levels = flown.time_s.shape
     # Reversed levels put each sample's rows in the order in which they are flown.
@@ -57,7 +64,7 @@ def to_frame(flown: Trajectories, context: pl.DataFrame | None = None) -> pl.Dat
     sample_id = np.broadcast_to(np.arange(n, dtype=np.int32)[:, None], (n, n_levels))[keep]
     levels = flown.levels_fl.cpu().numpy().astype(np.int32)[::-1]
     level_fl = np.broadcast_to(levels, (n, n_levels))[keep]
-    columns = {name: values[:, ::-1][keep] for name, values in quantities(flown).items()}
+    columns = {name: values[:, ::-1][keep] for name, values in _quantities(flown).items()}
     table = pl.DataFrame({"sample_id": sample_id, "level_fl": level_fl, **columns})
     if context is None:
         return table
@@ -74,11 +81,18 @@ def to_dataset(flown: Trajectories, context: pl.DataFrame | None = None) -> Any:
 
     Raises:
         ConfigError: If xarray is not installed.
+
+    Example:
+        >>> from descentflow.generation.sample import sample
+        >>> flown = sample("best.ckpt", 3, entry_fl=330).trajectories
+        >>> data = to_dataset(flown)
+        >>> data["CAS"].dims, data["CAS"].attrs["units"]
+        (('sample', 'level'), 'kt')
     """
     mask = flown.mask.cpu().numpy()
     variables = {
         name: (("sample", "level"), np.where(mask, values, np.nan), {"units": UNITS[name]})
-        for name, values in quantities(flown).items()
+        for name, values in _quantities(flown).items()
     }
     coordinates: dict[str, Any] = {"level_fl": ("level", flown.levels_fl.cpu().numpy().astype(np.int32))}
     if context is not None:
@@ -98,6 +112,13 @@ def write_samples(flown: Trajectories, path: Path, context: pl.DataFrame | None 
     Raises:
         ConfigError: If the extension is none of these.
         DataError: If the folder does not exist.
+
+    Example:
+        >>> from descentflow.generation.sample import sample
+        >>> flown = sample("best.ckpt", 3, entry_fl=330).trajectories
+        >>> write_samples(flown, Path("three.csv"))
+        >>> pl.read_csv("three.csv")["sample_id"].n_unique()
+        3
     """
     writers = {".parquet": _write_parquet, ".csv": _write_csv, ".nc": _write_netcdf}
     if path.suffix not in writers:
@@ -129,7 +150,7 @@ def _write_netcdf(flown: Trajectories, path: Path, context: pl.DataFrame | None)
             row = file.createVariable("given_row", "i4", ("sample",))
             row[:] = np.arange(n, dtype=np.int32) % len(context)
         mask = flown.mask.cpu().numpy()
-        for name, values in quantities(flown).items():
+        for name, values in _quantities(flown).items():
             variable = file.createVariable(name, "f8", ("sample", "level"))
             variable.units = UNITS[name]
             variable[:] = np.where(mask, values, np.nan)

@@ -54,7 +54,15 @@ def components_figure(drag_basis: FunctionalBasis, cas_basis: FunctionalBasis, l
 
 
 def weight_deviations(basis: FunctionalBasis) -> Tensor | None:
-    """Standard deviation (k,) of each weight under the basis' probabilistic PCA; None where it has none."""
+    """Standard deviation (k,) of each weight under the basis' probabilistic PCA; None where it has none.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> basis = load_representation("best.ckpt").decoder.cas_basis
+        >>> deviations = weight_deviations(basis)
+        >>> len(deviations) == basis.n_components, bool((deviations > 0).all())
+        (True, True)
+    """
     if basis.loadings.shape[1] == 0:
         return None
     # The variance of phi' x dh, where x has covariance loadings loadings' + noise I and phi' phi dh = 1.

@@ -118,6 +118,10 @@ def bandwidth(values: Tensor) -> float:
 
     Returns:
         In the unit of the values; above zero even where all values are equal.
+
+    Example:
+        >>> round(bandwidth(torch.arange(32.0)), 2)  # in kt if the values are
+        4.22
     """
     quartiles = values.quantile(torch.tensor([0.25, 0.75], dtype=values.dtype))
     spreads = [float(values.std()), float(quartiles.diff()) / 1.34]
@@ -126,7 +130,12 @@ def bandwidth(values: Tensor) -> float:
 
 
 def density(values: Tensor, points: Tensor, width: float) -> Tensor:
-    """Gaussian kernel density (p,) of values (n,) at points (p,)."""
+    """Gaussian kernel density (p,) of values (n,) at points (p,).
+
+    Example:
+        >>> density(torch.zeros(5), torch.tensor([0.0, 1.0]), width=1.0)  # the standard normal
+        tensor([0.3989, 0.2420])
+    """
     kernels = torch.exp(-0.5 * ((points[:, None] - values) / width) ** 2)
     return kernels.mean(1) / (width * math.sqrt(2 * math.pi))
 

@@ -87,7 +87,15 @@ def _fields(descents: DescentSet) -> Fields:
 
 
 def since_entry_s(descents: DescentSet) -> Tensor:
-    """Seconds (n, L) since each descent's highest observed level; masked values are meaningless."""
+    """Seconds (n, L) since each descent's highest observed level; masked values are meaningless.
+
+    Example:
+        >>> from descentflow.generation.sample import sample
+        >>> flown = DescentSet.of_trajectories(sample("best.ckpt", 5, entry_fl=330).trajectories)
+        >>> at_entry = int((flown.levels_fl == 330).nonzero())
+        >>> since_entry_s(flown)[:, at_entry]
+        tensor([0., 0., 0., 0., 0.], dtype=torch.float64)
+    """
     positions = torch.arange(len(descents.levels_fl), device=descents.mask.device)
     entry = torch.where(descents.mask, positions, 0).amax(1, keepdim=True)
     return descents.time_s - descents.time_s.gather(1, entry)

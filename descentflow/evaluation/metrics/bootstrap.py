@@ -24,7 +24,13 @@ NORMAL_90 = 1.645
 
 @dataclass(frozen=True)
 class Interval:
-    """A 90 % interval of one score."""
+    """A 90 % interval of one score.
+
+    Example:
+        >>> found = Interval("cas_below_transition", "wasserstein", low=1.2, high=2.0)
+        >>> found.low <= 1.5 <= found.high
+        True
+    """
 
     quantity: str
     statistic: str

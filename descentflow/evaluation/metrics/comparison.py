@@ -26,6 +26,13 @@ class Comparison:
     against one half of the flights and the other half against it (:func:`split_distances`). A statistic of whole
     profiles has one value for each of the m flights in ``whole`` (m,), and means in ``same`` and ``floor``
     (n_splits, 1). Statistics without a noise floor are not in ``same`` and ``floor``. ``n_half`` flights in a half.
+
+    Example:
+        >>> samples, real = torch.arange(20.0)[:, None], torch.arange(8.0)[:, None] + 3
+        >>> samples, real = (samples, samples > -1), (real, real > -1)
+        >>> found = compare(samples, real, seed=0, n_splits=5)
+        >>> found.whole["mae"], found.floor["mae"].shape, found.n_half
+        (tensor([3.], dtype=torch.float64), torch.Size([5, 1]), 4)
     """
 
     whole: Mapping[str, Tensor]
@@ -45,6 +52,13 @@ def compare(
         seed: Of the splits.
         n_splits: How many.
         progress: Progress callback: called with 1 after each split.
+
+    Example:
+        >>> samples, real = torch.arange(20.0)[:, None], torch.arange(8.0)[:, None] + 3
+        >>> samples, real = (samples, samples > -1), (real, real > -1)
+        >>> found = compare(samples, real, seed=0, n_splits=5)
+        >>> found.whole["mae"], found.same["mae"].shape  # the means are 9.5 and 6.5
+        (tensor([3.], dtype=torch.float64), torch.Size([5, 1]))
     """
     splits = split_distances(samples, real, seed=seed, n_splits=n_splits, progress=progress)
     same, floor = (_enough(side) for side in splits)
@@ -54,7 +68,17 @@ def compare(
 def compare_profiles(
     statistic: ProfileStatistic, samples: Values, real: Values, seed: int, n_splits: int
 ) -> Comparison:
-    """As :func:`compare`, by a statistic of whole profiles."""
+    """As :func:`compare`, by a statistic of whole profiles.
+
+    Example:
+        >>> from descentflow.evaluation.metrics.score_registry import profile_statistics
+        >>> (energy,) = profile_statistics()
+        >>> values = torch.arange(24.0)[:, None].expand(24, 3)
+        >>> samples, real = (values, values > -1), (values[:10], values[:10] > -1)
+        >>> found = compare_profiles(energy, samples, real, seed=0, n_splits=2)
+        >>> found.whole["energy"].shape, found.floor["energy"].shape
+        (torch.Size([10]), torch.Size([2, 1]))
+    """
     name, whole = statistic.name, statistic.compute(samples, real)
     if int((~whole.isnan()).sum()) < MIN_VALUES:
         whole = torch.full_like(whole, torch.nan)
@@ -66,7 +90,17 @@ def compare_profiles(
 
 
 def whole_distances(samples: Values, real: Values) -> dict[str, Tensor]:
-    """Level statistics (K,) of all samples against all flights, NaN at levels with too few values of a set."""
+    """Level statistics (K,) of all samples against all flights, NaN at levels with too few values of a set.
+
+    Example:
+        >>> samples, real = torch.arange(20.0)[:, None], torch.arange(8.0)[:, None] + 3
+        >>> samples, real = (samples, samples > -1), (real, real > -1)
+        >>> whole_distances(samples, real)["mae"]
+        tensor([3.], dtype=torch.float64)
+        >>> three = real[0][:3], real[1][:3]
+        >>> whole_distances(samples, three)["mae"]  # too few
+        tensor([nan], dtype=torch.float64)
+    """
     return _enough(level_distances(*samples, *real))
 
 

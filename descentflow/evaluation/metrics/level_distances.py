@@ -16,6 +16,11 @@ class Distances:
     """Statistics by name, (L,) each in float64; NaN where either set has no value.
 
     ``n_first`` and ``n_second`` (L,) count the observed values of the two sets.
+
+    Example:
+        >>> found = Distances({"ks": torch.tensor([0.2, 0.4])}, torch.tensor([30, 20]), torch.tensor([30, 25]))
+        >>> found["ks"][found.n_first >= 25]
+        tensor([0.2000])
     """
 
     by_name: Mapping[str, Tensor]
@@ -62,7 +67,14 @@ def level_distances(
 
 
 def stacked(splits: Sequence[Distances]) -> Distances:
-    """The same statistics of several comparisons, (n_splits, L) each."""
+    """The same statistics of several comparisons, (n_splits, L) each.
+
+    Example:
+        >>> one = torch.ones(1, 5)
+        >>> splits = [level_distances(k * one, one > 0, 0 * one, one > 0) for k in (1, 2)]
+        >>> stacked(splits)["mae"].shape
+        torch.Size([2, 5])
+    """
     by_name = {name: torch.stack([one[name] for one in splits]) for name in splits[0].by_name}
     counts = (torch.stack([getattr(one, name) for one in splits]) for name in ("n_first", "n_second"))
     return Distances(by_name, *counts)

@@ -43,7 +43,7 @@ def split_distances(
     """
     chosen = [one for one in level_statistics() if one.has_floor]
     same, floor = [], []
-    for drawn, first, second in halves(samples, real, seed, n_splits):
+    for drawn, first, second in _halves(samples, real, seed, n_splits):
         stand_in, other = _equally_many(drawn, second)
         same.append(level_distances(*stand_in, *first, chosen))
         floor.append(level_distances(*other, *first, chosen))
@@ -60,9 +60,17 @@ def split_profile_scores(
     The splits are those of :func:`split_distances`. A flight that one of the two cannot be scored against is left out
     of both means; a split with fewer than ``MIN_VALUES`` others is NaN. Large halves are cut to
     :data:`MAX_SCORED` flights, scored against :data:`MAX_MEMBERS` samples or flights.
+
+    Example:
+        >>> from descentflow.evaluation.metrics.score_registry import profile_statistics
+        >>> values = torch.randn(60, 5).double()
+        >>> samples, real = (values[:30], values[:30] < 9), (values[30:], values[30:] < 9)
+        >>> same, floor = split_profile_scores(profile_statistics()[0], samples, real, n_splits=4)
+        >>> same.shape, floor.shape
+        (torch.Size([4]), torch.Size([4]))
     """
     found = []
-    for drawn, first, second in halves(samples, real, seed, n_splits):
+    for drawn, first, second in _halves(samples, real, seed, n_splits):
         scored = _first(first, MAX_SCORED)
         same, floor = (statistic.compute(_first(one, MAX_MEMBERS), scored) for one in (drawn, second))
         both = ~(same.isnan() | floor.isnan())
@@ -72,7 +80,7 @@ def split_profile_scores(
     return means[:, 0], means[:, 1]
 
 
-def halves(samples: Values, real: Values, seed: int, n_splits: int) -> Iterator[tuple[Values, Values, Values]]:
+def _halves(samples: Values, real: Values, seed: int, n_splits: int) -> Iterator[tuple[Values, Values, Values]]:
     """For each split, as many samples as half of the flights, one half and the other half."""
     generator = torch.Generator().manual_seed(seed)
     flights, drawn = _seen(real), _seen(samples)
@@ -88,7 +96,13 @@ def halves(samples: Values, real: Values, seed: int, n_splits: int) -> Iterator[
 
 
 def half_size(samples: Values, real: Values) -> int:
-    """Flights in each half: half of those observed anywhere, or as many as there are samples if these are fewer."""
+    """Flights in each half: half of those observed anywhere, or as many as there are samples if these are fewer.
+
+    Example:
+        >>> samples, real = torch.ones(100, 3), torch.ones(31, 3)
+        >>> half_size((samples, samples > 0), (real, real > 0))
+        15
+    """
     return min(len(_seen(real)) // 2, len(_seen(samples)))
 
 

@@ -25,6 +25,12 @@ class Pooled:
 
     Shapes: ``widths, below_first, below_second`` (K, N); ``n_first, n_second`` (K, 1) observed values and
     ``mean_first, mean_second`` (K, 1) their means, NaN where there is none.
+
+    Example:
+        >>> one, two = torch.tensor([[1.0], [3.0]]), torch.tensor([[2.0]])
+        >>> pooled = pool(one, one > 0, two, two > 0)
+        >>> pooled.below_first, pooled.below_second, pooled.widths
+        (tensor([[1, 1, 2]]), tensor([[0, 1, 1]]), tensor([[1., 1., 0.]], dtype=torch.float64))
     """
 
     widths: Tensor
@@ -57,6 +63,12 @@ def pool(first: Tensor, first_mask: Tensor, second: Tensor, second_mask: Tensor)
 
     Raises:
         DataError: If an observed value is not finite.
+
+    Example:
+        >>> one, two = torch.tensor([[1.0, 1.0], [3.0, torch.nan]]), torch.tensor([[2.0, 2.0]])
+        >>> pool(one, one > 0, two, two > 0).mean_first  # the masked value is ignored
+        tensor([[2.],
+                [1.]], dtype=torch.float64)
     """
     # Values in single precision are doubles too, so that one path serves both without rounding.
     values = torch.cat([first.T.double(), second.T.double()], 1)

@@ -59,13 +59,25 @@ def crps(samples: Tensor, samples_mask: Tensor, real: Tensor, real_mask: Tensor)
 
 
 def crps_of(pooled: Pooled) -> Tensor:
-    """:func:`crps` (K,) of samples (first) and real values (second) already pooled."""
+    """:func:`crps` (K,) of samples (first) and real values (second) already pooled.
+
+    Example:
+        >>> samples, real = torch.tensor([[0.0], [2.0]]), torch.tensor([[3.0]])
+        >>> crps_of(pool(samples, samples > -1, real, real > -1))  # 2 - 2 / 2
+        tensor([1.], dtype=torch.float64)
+    """
     n, m = pooled.n_first, pooled.n_second
     return _across(pooled) / (n * m)[:, 0] - _among(pooled.below_first, n, pooled) / (n * (n - 1))[:, 0] / 2
 
 
 def crps_of_one(one: Values, real: Values) -> Tensor:
-    """CRPS (K,) of one descent as a certain forecast: its mean absolute difference from the real ones."""
+    """CRPS (K,) of one descent as a certain forecast: its mean absolute difference from the real ones.
+
+    Example:
+        >>> one, real = torch.tensor([[2.0]]), torch.tensor([[1.0], [5.0]])
+        >>> crps_of_one((one, one > 0), (real, real > 0))
+        tensor([2.], dtype=torch.float64)
+    """
     values, mask = real
     total = torch.where(mask, (values - one[0]).abs(), 0.0).sum(0, dtype=torch.float64)
     return (total / mask.sum(0)).where(one[1][0], torch.nan)
@@ -107,7 +119,13 @@ def energy_scores(samples: Values, real: Values) -> Tensor:
 
 
 def energy_scores_of_one(one: Values, real: Values) -> Tensor:
-    """Energy scores (m,) of one profile as a certain forecast: its root mean square difference from each real one."""
+    """Energy scores (m,) of one profile as a certain forecast: its root mean square difference from each real one.
+
+    Example:
+        >>> one, real = torch.zeros(1, 2), torch.tensor([[3.0, 3.0], [1.0, -1.0]])
+        >>> energy_scores_of_one((one, one == 0), (real, real != 0))
+        tensor([3., 1.], dtype=torch.float64)
+    """
     mask = real[1] & one[1]
     squares = torch.where(mask, (real[0] - one[0]).double().square(), 0.0).sum(1)
     return (squares / mask.sum(1)).sqrt().where((mask == real[1]).all(1), torch.nan)
@@ -172,6 +190,10 @@ def energy_score_each(samples: Tensor, real: Tensor) -> Tensor:
 
     Raises:
         ConfigError: If there are fewer than two samples a flight.
+
+    Example:
+        >>> energy_score_each(torch.tensor([[[0.0, 0.0], [0.0, 2.0]]]), torch.tensor([[0.0, 1.0]]))
+        tensor([0.])
     """
     m = samples.shape[1]
     _at_least_two(m)

@@ -28,6 +28,11 @@ class Quantity:
         of: Values and mask (n, K) of n descents.
         by_level: Whether K counts the levels; else there is one value for each descent.
         short: The label where there is little room; the label itself if empty.
+
+    Example:
+        >>> drag = Quantity("drag", "Drag", "kN", lambda descents: (descents.drag_n / 1000, descents.mask))
+        >>> [part.name for part in parts_of(drag)]
+        ['drag_above_transition', 'drag_below_transition']
     """
 
     name: str
@@ -52,6 +57,11 @@ class Statistic:
             has none.
         in_figure: Whether it is drawn by level.
         in_paper: Whether it is in the paper's tables.
+
+    Example:
+        >>> cas = QUANTITIES[1]
+        >>> STATISTICS["ks"].unit_of(cas), STATISTICS["wasserstein"].unit_of(cas)
+        ('1', 'kt')
     """
 
     name: str
@@ -70,7 +80,15 @@ class Statistic:
 
 @dataclass(frozen=True)
 class LevelStatistic(Statistic):
-    """A statistic at every level: ``compute`` takes samples (first) and flights (second) pooled, and gives (K,)."""
+    """A statistic at every level: ``compute`` takes samples (first) and flights (second) pooled, and gives (K,).
+
+    Example:
+        >>> from descentflow.evaluation.metrics.pooled import pool
+        >>> bias = LevelStatistic("bias", "bias", "bias", compute=lambda p: (p.mean_first - p.mean_second)[:, 0])
+        >>> one, two = torch.tensor([[1.0]]), torch.tensor([[3.0]])
+        >>> bias.compute(pool(one, one > 0, two, two > 0))
+        tensor([-2.], dtype=torch.float64)
+    """
 
     compute: Callable[[Pooled], Tensor] = error_of_the_mean
 
@@ -80,6 +98,11 @@ class ProfileStatistic(Statistic):
     """A statistic of whole profiles: ``compute`` takes samples and m flights, and gives one number a flight (m,).
 
     Flights that cannot be scored are NaN; the score is the mean over the others.
+
+    Example:
+        >>> samples, real = torch.zeros(9, 3), torch.ones(2, 3)
+        >>> STATISTICS["energy"].compute((samples, samples == 0), (real, real == 1))
+        tensor([1., 1.], dtype=torch.float64)
     """
 
     compute: Callable[[Values, Values], Tensor] = energy_scores
@@ -124,12 +147,22 @@ STATISTICS: dict[str, Statistic] = {
 
 
 def level_statistics() -> list[LevelStatistic]:
-    """The registered statistics that are computed level by level."""
+    """The registered statistics that are computed level by level.
+
+    Example:
+        >>> [one.name for one in level_statistics()]
+        ['ks', 'wasserstein', 'mae', 'crps']
+    """
     return [one for one in STATISTICS.values() if isinstance(one, LevelStatistic)]
 
 
 def profile_statistics() -> list[ProfileStatistic]:
-    """The registered statistics of whole profiles."""
+    """The registered statistics of whole profiles.
+
+    Example:
+        >>> [one.name for one in profile_statistics()]
+        ['energy']
+    """
     return [one for one in STATISTICS.values() if isinstance(one, ProfileStatistic)]
 
 
@@ -142,6 +175,11 @@ class Part:
         label: In tables.
         short: The label where there is little room.
         side: ``above``, ``at or below``, or nothing.
+
+    Example:
+        >>> above = level_parts()["cas_above_transition"]
+        >>> above.levels(torch.tensor([280.0, 290.0, 300.0]), transition_fl=290.0)
+        tensor([False, False,  True])
     """
 
     quantity: Quantity
@@ -159,7 +197,12 @@ class Part:
 
 
 def parts_of(quantity: Quantity) -> list[Part]:
-    """Above and at or below the transition for what is compared by level, else the whole."""
+    """Above and at or below the transition for what is compared by level, else the whole.
+
+    Example:
+        >>> [part.name for part in parts_of(QUANTITIES[1])]
+        ['cas_above_transition', 'cas_below_transition']
+    """
     short = quantity.short or quantity.label
     if not quantity.by_level:
         return [Part(quantity, quantity.name, quantity.label, short)]
@@ -176,7 +219,12 @@ def parts_of(quantity: Quantity) -> list[Part]:
 
 
 def profile_of(quantity: Quantity) -> Part:
-    """The whole profile of a quantity."""
+    """The whole profile of a quantity.
+
+    Example:
+        >>> profile_of(QUANTITIES[2]).label
+        'Rate of climb or descent, whole profile'
+    """
     short = quantity.short or quantity.label
     return Part(quantity, f"{quantity.name}_profile", f"{quantity.label}, whole profile", f"{short} profile")
 

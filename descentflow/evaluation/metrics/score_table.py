@@ -25,6 +25,11 @@ class Score:
     ``worst_fl``: the level with the largest distance.
 
     Only ``equal_size`` compares with ``floor``: ``score`` is of larger sets, whose distance is smaller by chance.
+
+    Example:
+        >>> row = Score("cas_below_transition", "wasserstein", "kt", equal_size=2.6, floor=2.4, floor_high=3.5)
+        >>> row.equal_size < row.floor_high  # no further from the flights than flights may be by chance
+        True
     """
 
     quantity: str
@@ -49,6 +54,12 @@ class LevelScores:
 
     ``equal_size`` is at matched size; ``floor_low`` and ``floor_high`` are the 5th and 95th percentile over the
     halvings.
+
+    Example:
+        >>> from descentflow.evaluation.evaluate import evaluate
+        >>> levels = evaluate("best.ckpt", "descents.parquet", n=100, n_splits=2).scores.levels
+        >>> levels[0].quantity, levels[0].statistic, levels[0].score.shape == levels[0].levels_fl.shape
+        ('cas', 'ks', True)
     """
 
     quantity: str
@@ -64,7 +75,15 @@ class LevelScores:
 
 @dataclass(frozen=True)
 class ScoreTable:
-    """Scores in the order of the paper's tables, and CAS and rate by level behind them."""
+    """Scores in the order of the paper's tables, and CAS and rate by level behind them.
+
+    Example:
+        >>> table = ScoreTable((Score("cas_below_transition", "wasserstein", "kt", score=2.1, floor=2.4),))
+        >>> table.get("cas_below_transition", "wasserstein").floor
+        2.4
+        >>> table.scalars()
+        {'cas_below_transition/wasserstein': 2.1, 'cas_below_transition/wasserstein_floor': 2.4}
+    """
 
     rows: tuple[Score, ...]
     levels: tuple[LevelScores, ...] = ()

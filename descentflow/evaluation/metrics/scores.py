@@ -96,7 +96,12 @@ def score(
 
 
 def n_comparisons(n_splits: int) -> int:
-    """How often :func:`score` calls its progress callback."""
+    """How often :func:`score` calls its progress callback.
+
+    Example:
+        >>> n_comparisons(n_splits=20)  # three quantities
+        60
+    """
     return len(QUANTITIES) * n_splits
 
 

@@ -19,6 +19,15 @@ class LinearCurves:
     a flight would be thought to follow the kept components to within white noise, and its future known too well.
 
     Shapes: ``offset`` and ``noise_variance`` (2 L,), ``loadings`` (2 L, d + r); drag stands before CAS.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> curves = linear_curves(load_representation("best.ckpt").decoder)
+        >>> at_mean = torch.zeros(1, curves.loadings.shape[1], dtype=torch.float64)
+        >>> drag_n, cas_mps = curves.profiles(at_mean)
+        >>> precision, shift = curves.evidence(drag_n[0], cas_mps[0], torch.ones(drag_n.shape[1], dtype=torch.bool))
+        >>> bool((shift.abs() < 1e-6).all())  # an observed mean profile does not move the weights
+        True
     """
 
     offset: Tensor
@@ -59,6 +68,12 @@ def linear_curves(decoder: DescentDecoder) -> LinearCurves:
 
     Raises:
         ConfigError: If the bases were fitted by the paper's iteration, which has no model of what they leave out.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> curves = linear_curves(load_representation("best.ckpt").decoder)
+        >>> curves.loadings.shape[1] == curves.n_weights + curves.n_residual
+        True
     """
     bases = (decoder.drag_basis, decoder.cas_basis)
     if any(basis.loadings.shape[1] == 0 for basis in bases):

@@ -28,6 +28,13 @@ class Continuations:
 
     ``trajectories`` start at the last observed level, at time zero. ``effective`` of the draws are independent (all of
     them where the posterior is in closed form), and ``rejected`` did not descend all the way.
+
+    Example:
+        >>> from descentflow.generation.prediction.predict import predict
+        >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=50)
+        >>> one = ahead.flights[0]
+        >>> len(one.trajectories) + one.rejected, one.effective
+        (50, 50.0)
     """
 
     flight_id: str

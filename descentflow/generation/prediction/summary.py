@@ -18,6 +18,13 @@ def time_intervals(predictions: Sequence[Continuations]) -> pl.DataFrame:
 
     Returns:
         Columns ``flight_id level_fl mean_s q05_s q25_s q50_s q75_s q95_s``, a row a flight and level, downwards.
+
+    Example:
+        >>> from descentflow.generation.prediction.predict import predict
+        >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=50)
+        >>> table = time_intervals(ahead.flights)
+        >>> table["level_fl"].max(), bool((table["q05_s"] <= table["q95_s"]).all())
+        (289, True)
     """
     parts = []
     for one in predictions:
@@ -76,6 +83,13 @@ def actual_times(predictions: Sequence[Continuations], flights: Profiles) -> pl.
 
     Returns:
         Columns ``flight_id level_fl actual_s``.
+
+    Example:
+        >>> from descentflow.generation.prediction.predict import predict
+        >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=50)
+        >>> times = actual_times(ahead.flights, ahead.observed)
+        >>> times.columns, bool((times["actual_s"] > 0).all())
+        (['flight_id', 'level_fl', 'actual_s'], True)
     """
     position = {name: i for i, name in enumerate(flights.flight_ids)}
     parts = [pl.DataFrame(schema={"flight_id": pl.String, "level_fl": pl.Int32, "actual_s": pl.Float64})]
@@ -99,6 +113,13 @@ def coverage(intervals: pl.DataFrame, actual: pl.DataFrame, low: str = "q05_s", 
 
     Returns:
         Columns ``level_fl flights covered``.
+
+    Example:
+        >>> flights = pl.DataFrame({"flight_id": ["a", "b"], "level_fl": [150, 150]})
+        >>> intervals = flights.with_columns(q05_s=pl.Series([80.0, 90.0]), q95_s=pl.Series([99.0, 99.0]))
+        >>> actual = flights.with_columns(actual_s=pl.Series([85.0, 120.0]))
+        >>> coverage(intervals, actual).row(0, named=True)
+        {'level_fl': 150, 'flights': 2, 'covered': 0.5}
     """
     both = intervals.join(actual, on=["flight_id", "level_fl"])
     inside = pl.col("actual_s").is_between(pl.col(low), pl.col(high))
@@ -110,6 +131,13 @@ def occupancy_table(predictions: Sequence[Continuations], step_s: float) -> pl.D
 
     Returns:
         Columns ``flight_id time_s level_fl probability``.
+
+    Example:
+        >>> from descentflow.generation.prediction.predict import predict
+        >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=50)
+        >>> table = occupancy_table(ahead.flights[:1], step_s=30.0)
+        >>> table.filter(time_s=0.0)["probability"].sum()
+        1.0
     """
     parts = []
     for one in predictions:

@@ -36,7 +36,7 @@ report = df.diagnose(real, model, out=folder / "gap")
 print(report)
 
 # %%
-# Where: each quantity in bands of altitude, in spreads of the flights.
+# Where: each quantity in bands of altitude, in standard errors of the difference.
 
 from descentflow.diagnosis.report.gap_figures import where_figure
 

@@ -5,7 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from descentflow.aircraft_types.open_types.open_aircraft import CoefficientSource, open_type, open_typecodes
-from descentflow.reporting.html_elements import Html, bold, details, figure, paragraph, subheading, table
+from descentflow.reporting.html_elements import Html, bold, details, paragraph, subheading, table
+from descentflow.reporting.html_figures import figure
 from descentflow.reporting.html_page import HtmlPage
 from descentflow.studies.aircraft.open_aircraft_figures import open_aircraft_figure
 

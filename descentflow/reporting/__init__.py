@@ -1,7 +1,8 @@
 """How results are shown everywhere: one style of figures, one builder of HTML pages.
 
 Read :mod:`~descentflow.reporting.html_page` first (a page and its sections), then
-:mod:`~descentflow.reporting.html_elements` (what a section holds: paragraphs, tables, figures). The pages' one style
-sheet is :mod:`~descentflow.reporting.page_style`, the figures' one style :mod:`~descentflow.reporting.figure_style`;
-:mod:`~descentflow.reporting.number_text` writes numbers for readers.
+:mod:`~descentflow.reporting.html_elements` (what a section holds: paragraphs, lists, tables) and
+:mod:`~descentflow.reporting.html_figures`. The pages' one style sheet is :mod:`~descentflow.reporting.page_style`, the
+figures' one style :mod:`~descentflow.reporting.figure_style`; :mod:`~descentflow.reporting.number_text` writes numbers
+for readers.
 """

@@ -20,13 +20,25 @@ MODELS = (
 
 
 def model_style(position: int) -> dict[str, Any]:
-    """Line style of the model at this position; styles repeat after the fourth."""
+    """Line style of the model at this position; styles repeat after the fourth.
+
+    Example:
+        >>> model_style(0)["color"], model_style(4) == model_style(0)
+        ('#d55e00', True)
+    """
     colour, dashes = MODELS[position % len(MODELS)]
     return {"color": colour, "linestyle": dashes, "linewidth": 1.8}
 
 
 def tidy(axes: Iterable[Axes]) -> None:
-    """A light grid behind the data and no frame above or to the right."""
+    """A light grid behind the data and no frame above or to the right.
+
+    Example:
+        >>> ax = Figure().subplots()
+        >>> tidy([ax])
+        >>> ax.spines["top"].get_visible()
+        False
+    """
     for ax in axes:
         ax.grid(color="#e0e0e0", linewidth=0.6)
         ax.set_axisbelow(True)
@@ -35,7 +47,16 @@ def tidy(axes: Iterable[Axes]) -> None:
 
 
 def legend_below(figure: Figure, axes: Iterable[Axes], columns: int = 5) -> None:
-    """One legend below all panels, each name once."""
+    """One legend below all panels, each name once.
+
+    Example:
+        >>> figure = Figure()
+        >>> panels = figure.subplots(1, 2)
+        >>> lines = [ax.plot([0, 1], label="flights") for ax in panels]
+        >>> legend_below(figure, panels)
+        >>> [text.get_text() for text in figure.legends[0].get_texts()]
+        ['flights']
+    """
     named = {name: handle for ax in axes for handle, name in zip(*ax.get_legend_handles_labels(), strict=True)}
     if named:
         columns = min(len(named), columns)

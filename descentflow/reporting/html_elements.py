@@ -1,25 +1,14 @@
-"""What an HTML page is made of: paragraphs, lists, boxes, tables, figures.
+"""What an HTML page is made of: paragraphs, lists, boxes, tables.
 
 Every function takes text and returns :class:`Html`. A plain ``str`` is always text and is escaped, so that the name
 of a flight or of a column can never become markup; only what is :class:`Html` is taken as it is.
 """
 
-import base64
-import io
-import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from descentflow.core.errors import DataError
-from descentflow.core.files import whole_file
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
 class Html(str):
@@ -43,6 +32,10 @@ class Cell:
         text: Text, or :class:`Html`.
         kind: ``best`` (bold), ``reference`` (muted), ``good`` or ``bad`` (coloured); empty for none.
         note: Small text below.
+
+    Example:
+        >>> "0.71<small>of 20 flights</small>" in table(["score"], [[Cell("0.71", "best", "of 20 flights")]])
+        True
     """
 
     text: str
@@ -51,32 +44,62 @@ class Cell:
 
 
 def joined(*parts: str) -> Html:
-    """Pieces of text and markup one after the other, the text escaped."""
+    """Pieces of text and markup one after the other, the text escaped.
+
+    Example:
+        >>> joined("drag < ", bold("thrust"))
+        'drag &lt; <b>thrust</b>'
+    """
     return Html("".join(part if isinstance(part, Html) else escape(part) for part in parts))
 
 
 def bold(text: str) -> Html:
-    """Text in bold."""
+    """Text in bold.
+
+    Example:
+        >>> bold("A320")
+        '<b>A320</b>'
+    """
     return _element("b", text)
 
 
 def code(text: str) -> Html:
-    """Text in a typewriter face, as names of columns and hashes are set."""
+    """Text in a typewriter face, as names of columns and hashes are set.
+
+    Example:
+        >>> code("vertical_rate")
+        '<code>vertical_rate</code>'
+    """
     return _element("code", text)
 
 
 def link(target: str, text: str) -> Html:
-    """A link to an address, a file beside the page, or an anchor (``#name``)."""
+    """A link to an address, a file beside the page, or an anchor (``#name``).
+
+    Example:
+        >>> link("gap.json", "all numbers")
+        '<a href="gap.json">all numbers</a>'
+    """
     return Html(f'<a href="{escape(target)}">{joined(text)}</a>')
 
 
 def marked(text: str, kind: str) -> Html:
-    """Text in the colour of ``good``, ``bad`` or ``reference``."""
+    """Text in the colour of ``good``, ``bad`` or ``reference``.
+
+    Example:
+        >>> marked("named", "good")
+        '<span class="good">named</span>'
+    """
     return Html(f'<span class="{escape(kind)}">{joined(text)}</span>')
 
 
 def lines(parts: Iterable[str]) -> Html:
-    """Pieces below each other, as in one cell of a table."""
+    """Pieces below each other, as in one cell of a table.
+
+    Example:
+        >>> lines([bold("mass"), "lighter aircraft"])
+        '<b>mass</b><br>lighter aircraft'
+    """
     return Html("<br>".join(joined(part) for part in parts))
 
 
@@ -95,32 +118,62 @@ def paragraph(*parts: str, kind: str = "") -> Html:
 
 
 def box(*parts: str, kind: str = "") -> Html:
-    """A paragraph in a box, for the answer of a page: ``good`` (green), ``warn`` or ``bad`` (red); empty is blue."""
+    """A paragraph in a box, for the answer of a page: ``good`` (green), ``warn`` or ``bad`` (red); empty is blue.
+
+    Example:
+        >>> box("No gap.", kind="good")
+        '<p class="box good">No gap.</p>'
+    """
     return _element("p", *parts, kind=f"box {kind}".strip())
 
 
 def bullets(items: Iterable[str]) -> Html:
-    """A list, one line per item."""
+    """A list, one line per item.
+
+    Example:
+        >>> bullets(["geoaltitude", "groundspeed"])
+        '<ul><li>geoaltitude</li><li>groundspeed</li></ul>'
+    """
     return Html(f"<ul>{''.join(_element('li', item) for item in items)}</ul>")
 
 
 def preformatted(text: str) -> Html:
-    """Text whose spaces and lines are kept, such as a report for a terminal."""
+    """Text whose spaces and lines are kept, such as a report for a terminal.
+
+    Example:
+        >>> preformatted("kept   90 %")
+        '<pre>kept   90 %</pre>'
+    """
     return _element("pre", text)
 
 
 def subheading(text: str) -> Html:
-    """A heading within a section."""
+    """A heading within a section.
+
+    Example:
+        >>> subheading("Times of descent")
+        '<h3>Times of descent</h3>'
+    """
     return _element("h3", text)
 
 
 def details(summary: str, *content: str) -> Html:
-    """Content that is folded until the summary is clicked; on paper it is unfolded."""
+    """Content that is folded until the summary is clicked; on paper it is unfolded.
+
+    Example:
+        >>> details("Settings", "seed 0")
+        '<details><summary>Settings</summary><p>seed 0</p></details>'
+    """
     return Html(f"<details><summary>{joined(summary)}</summary>{blocks(content)}</details>")
 
 
 def blocks(content: Iterable[str]) -> Html:
-    """Content below each other; a plain string becomes a paragraph."""
+    r"""Content below each other; a plain string becomes a paragraph.
+
+    Example:
+        >>> blocks([subheading("Flights"), "120 of them"])
+        '<h3>Flights</h3>\n<p>120 of them</p>'
+    """
     return Html("\n".join(part if isinstance(part, Html) else paragraph(part) for part in content))
 
 
@@ -175,66 +228,6 @@ def table(
         f'<div class="scroll" tabindex="0"><table>{above}<thead><tr>{top}</tr></thead>'
         f"<tbody>{''.join(body)}</tbody></table></div>"
     )
-
-
-def figure(picture: "Figure | bytes | Path", alt: str, caption: str = "", *, dpi: float = 100) -> Html:
-    """A figure whose PNG is inside the page.
-
-    Args:
-        picture: A matplotlib figure, the bytes of a PNG, or a PNG's path.
-        alt: What the figure shows, for readers who do not see it.
-        caption: Below the figure; empty for none.
-        dpi: Dots per inch of a matplotlib figure.
-
-    Raises:
-        DataError: If bytes or file are no PNG.
-
-    Example:
-        >>> from matplotlib.figure import Figure
-        >>> figure(Figure(figsize=(2, 1)), "An empty figure")[:79]
-        '<figure><div class="scroll" tabindex="0"><img alt="An empty figure" width="200"'
-    """
-    data = _png(picture, dpi)
-    return _figure(f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}", data, alt, caption)
-
-
-def figure_beside(path: Path, picture: "Figure | bytes", alt: str, caption: str = "", *, dpi: float = 100) -> Html:
-    """Write a figure's PNG to a file, whole, and show it in a page that lies in the same folder.
-
-    Args:
-        path: Of the PNG; its folder must exist.
-        picture: A matplotlib figure or the bytes of a PNG.
-        alt: What the figure shows, for readers who do not see it.
-        caption: Below the figure; empty for none.
-        dpi: Dots per inch of a matplotlib figure.
-
-    Raises:
-        DataError: If the folder does not exist, or the bytes are no PNG.
-    """
-    data = _png(picture, dpi)
-    with whole_file(path) as temporary:
-        temporary.write_bytes(data)
-    return _figure(escape(path.name), data, alt, caption)
-
-
-def _figure(source: str, data: bytes, alt: str, caption: str) -> Html:
-    width, height = struct.unpack(">II", data[16:24])
-    image = f'<img alt="{escape(alt)}" width="{width}" height="{height}" src="{source}">'
-    below = _element("figcaption", caption) if caption else ""
-    return Html(f'<figure><div class="scroll" tabindex="0">{image}</div>{below}</figure>')
-
-
-def _png(picture: "Figure | bytes | Path", dpi: float) -> bytes:
-    if not isinstance(picture, bytes | Path):
-        buffer = io.BytesIO()
-        # Without the version of matplotlib: the same figure is the same bytes.
-        picture.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
-        return buffer.getvalue()
-    data = picture.read_bytes() if isinstance(picture, Path) else picture
-    if not data.startswith(PNG_START):
-        name = str(picture) if isinstance(picture, Path) else "the bytes"
-        raise DataError(f"{name}: no PNG", expected="a file that begins with PNG's signature", mend="save it as PNG")
-    return data
 
 
 def _cell(cell: Cell, side: str, again: bool) -> str:

@@ -9,6 +9,7 @@ import pytest
 
 from descentflow.core.errors import DataError
 from descentflow.reporting import html_elements as html
+from descentflow.reporting.html_figures import figure, figure_beside
 from descentflow.reporting.html_page import CONTENTS_FROM, HtmlPage, anchor_of
 
 HOSTILE = '<script>alert("x")</script>&"'
@@ -43,7 +44,7 @@ def full_page() -> HtmlPage:
     page.section(HOSTILE, HOSTILE, html.table([HOSTILE, "n"], cells, caption=HOSTILE))
     page.section("b", html.bullets([HOSTILE]), html.preformatted(HOSTILE), html.subheading(HOSTILE))
     page.section("c", html.details(HOSTILE, HOSTILE), html.paragraph(HOSTILE, html.link(HOSTILE, HOSTILE)))
-    page.section("d", html.figure(small_figure(), HOSTILE, HOSTILE), html.code(HOSTILE), html.lines([HOSTILE, "2"]))
+    page.section("d", figure(small_figure(), HOSTILE, HOSTILE), html.code(HOSTILE), html.lines([HOSTILE, "2"]))
     return page
 
 
@@ -98,15 +99,15 @@ def test_numbers_stand_on_the_right_and_groups_show_their_name_once() -> None:
 
 
 def test_a_figure_is_inside_or_beside_the_page(tmp_path: Path) -> None:
-    inside = html.figure(small_figure(), "A line", "Below")
+    inside = figure(small_figure(), "A line", "Below")
     assert 'width="300" height="200"' in inside
     assert "<figcaption>Below</figcaption>" in inside
-    beside = html.figure_beside(tmp_path / "line.png", small_figure(), "A line")
+    beside = figure_beside(tmp_path / "line.png", small_figure(), "A line")
     assert 'src="line.png"' in beside
-    assert html.figure(tmp_path / "line.png", "A line", "Below") == inside
+    assert figure(tmp_path / "line.png", "A line", "Below") == inside
     assert [p.name for p in tmp_path.iterdir()] == ["line.png"]
     with pytest.raises(DataError, match="no PNG"):
-        html.figure(b"GIF89a", "Another format")
+        figure(b"GIF89a", "Another format")
 
 
 def test_a_page_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

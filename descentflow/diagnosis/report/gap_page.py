@@ -7,7 +7,8 @@ from descentflow.diagnosis.findings.plain_values import number, percent
 from descentflow.diagnosis.report.gap_figures import closure_figure, curves_figure, singles_figure, where_figure
 from descentflow.diagnosis.report.text import sentences
 from descentflow.measurements.quantity_registry import label_of
-from descentflow.reporting.html_elements import Html, bold, box, bullets, figure, joined, lines, paragraph, table
+from descentflow.reporting.html_elements import Html, bold, box, bullets, joined, lines, paragraph, table
+from descentflow.reporting.html_figures import figure
 from descentflow.reporting.html_page import HtmlPage
 
 VERDICTS = {
@@ -25,7 +26,15 @@ SHOWN_CURVES = 4
 
 
 def page(found: Findings) -> str:
-    """The whole page, figures inside."""
+    """The whole page, figures inside.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> page(report).count("<h2")  # sections
+        7
+    """
     whole = HtmlPage(f"Gap: {_title(found)}", [box(" ".join(sentences(found)), kind=BOXES[found.verdict])])
     if found.causes:
         whole.section("What it is", _causes(found))

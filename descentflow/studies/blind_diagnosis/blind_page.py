@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from descentflow.reporting.html_elements import Html, code, figure, marked, paragraph, table
+from descentflow.reporting.html_elements import Html, code, marked, paragraph, table
+from descentflow.reporting.html_figures import figure
 from descentflow.reporting.html_page import HtmlPage
 from descentflow.reporting.number_text import number, percent
 from descentflow.studies.blind_diagnosis.figures import blind_figures as figures

@@ -8,7 +8,8 @@ import polars as pl
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.component_search import max_components
 from descentflow.evaluation.metrics.score_registry import STATISTICS, level_parts
-from descentflow.reporting.html_elements import Cell, Html, bold, figure, paragraph, table
+from descentflow.reporting.html_elements import Cell, Html, bold, paragraph, table
+from descentflow.reporting.html_figures import figure
 from descentflow.reporting.number_text import number
 from descentflow.studies.paper.figures.boxes import boxes_figure
 from descentflow.studies.paper.figures.rejection_rates import rejection_rates_figure

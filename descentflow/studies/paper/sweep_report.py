@@ -5,7 +5,8 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.reporting.html_elements import Cell, Html, figure, paragraph, table
+from descentflow.reporting.html_elements import Cell, Html, paragraph, table
+from descentflow.reporting.html_figures import figure
 from descentflow.reporting.number_text import number
 from descentflow.studies.paper.figures.sweep_curves import STATISTICS, flow_sizes_figure, variance_figure
 from descentflow.studies.paper.hidden_levels import METHODS

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.reporting.html_elements import figure_beside, preformatted, table
+from descentflow.reporting.html_elements import preformatted, table
+from descentflow.reporting.html_figures import figure_beside
 from descentflow.reporting.html_page import HtmlPage
 from descentflow.surveillance.figures.cleaning_figure import cleaning_figure
 from descentflow.surveillance.rows.drop_report import DropReport

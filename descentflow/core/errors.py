@@ -25,24 +25,71 @@ to mend it, rename the airspeed column to IAS (knots)
 
 
 class DescentflowWarning(UserWarning):
-    """What a user should know although the work goes on; the command line prints it in one line."""
+    """What a user should know although the work goes on; the command line prints it in one line.
+
+    Example:
+        >>> import warnings
+        >>> with warnings.catch_warnings(record=True) as seen:
+        ...     warnings.simplefilter("always", DescentflowWarning)
+        ...     warnings.warn("these descents do not say how they were cleaned", DescentflowWarning, stacklevel=1)
+        >>> print(seen[0].message)
+        these descents do not say how they were cleaned
+    """
 
 
 class DataError(DescentflowError):
-    """Surveillance rows or prepared descents that cannot be used."""
+    """Surveillance rows or prepared descents that cannot be used.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> read_descents("no_such.parquet")
+        Traceback (most recent call last):
+        descentflow.core.errors.DataError: ...no_such.parquet...; expected ...; to mend it, ...
+    """
 
 
 class AircraftError(DescentflowError):
-    """Aircraft coefficients that are missing, unreadable or out of range."""
+    """Aircraft coefficients that are missing, unreadable or out of range.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> aircraft("A399")
+        Traceback (most recent call last):
+        descentflow.core.errors.AircraftError: ...A399...; expected ...; to mend it, ...
+    """
 
 
 class CheckpointError(DescentflowError):
-    """A checkpoint that is truncated, of another version or not written by descentflow."""
+    """A checkpoint that is truncated, of another version or not written by descentflow.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> load_model("rows.parquet")
+        Traceback (most recent call last):
+        descentflow.core.errors.CheckpointError: rows.parquet...; expected ...; to mend it, ...
+    """
 
 
 class SamplingError(DescentflowError):
-    """A draw budget spent before enough plausible descents were found."""
+    """A draw budget spent before enough plausible descents were found.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.generation.rejection import sample_descents
+        >>> model = load_model("best.ckpt")
+        >>> parts = model.representation
+        >>> sample_descents(model, parts.decoder, parts.plausibility, n=100, seed=0, draw_budget=10)
+        Traceback (most recent call last):
+        descentflow.core.errors.SamplingError: only ...; expected 100 plausible descents within 10 draws; to ...
+    """
 
 
 class ConfigError(DescentflowError):
-    """Settings that contradict each other or the data."""
+    """Settings that contradict each other or the data.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> diagnose("descents.parquet", "A320", channels=["callsign"])
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: channel 'callsign'; expected some of ...; to mend it, correct it
+    """

@@ -21,7 +21,14 @@ FINALISTS = 4
 
 
 class Steps(Protocol):
-    """What EM needs of the training flights and of the kind of mixture component."""
+    """What EM needs of the training flights and of the kind of mixture component.
+
+    Example:
+        >>> steps: Steps = GaussianSteps(torch.randn(100, 2).double())
+        >>> one = steps.maximise(torch.ones(100, 1).double())  # all flights in one mixture component
+        >>> steps.log_joint(one).shape
+        torch.Size([100, 1])
+    """
 
     def points_to_group(self, seed: int) -> Tensor:
         """What k-means starts from, (n, d)."""

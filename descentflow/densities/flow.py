@@ -19,6 +19,12 @@ class FlowDensity(Density):
     removed after them. While the flows are the identity the density is that Gaussian. (When the correlation was removed
     first, splines saw rotated weights, whose clusters lie across their axes: held-out NLL was half a nat worse on small
     types.)
+
+    Example:
+        >>> flow: FlowDensity = SplineFlowDensity(dimension=2, n_flows=1, whitened=True)
+        >>> flow.whiten(torch.tensor([1.0, 0.0]), torch.zeros(2, 0), torch.tensor([[2.0, 0.0], [0.0, 1.0]]))
+        >>> (flow.sample(10_000, seed=0).std(0) / torch.tensor([2.0, 1.0]) - 1).abs().max() < 0.05
+        tensor(True)
     """
 
     flow: nf.NormalizingFlow

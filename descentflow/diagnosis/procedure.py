@@ -51,6 +51,12 @@ class Settings:
         channels: Channels to use.
         seed: Of permutations, folds, bootstrap and samples.
         progress: Called with what is being done.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.effects import EFFECTS
+        >>> round(Settings(Simulator(aircraft("A320")), EFFECTS, ["IAS", "vertical_rate"], 0, print).transition_fl)
+        318
     """
 
     simulator: Simulator
@@ -75,6 +81,14 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
 
     Raises:
         DataError: If too few flights show levels of the simulator's grid.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.effects import EFFECTS
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> asked = Settings(Simulator(aircraft("A320")), {"mass": EFFECTS["mass"]}, ["IAS", "vertical_rate"], 0, str)
+        >>> run(frame, asked, {}).verdict
+        'effect'
     """
     simulator = settings.simulator
     check_type(frame, simulator)
@@ -104,11 +118,20 @@ def _with_shared_effects(report: GapReport, real: Quantities, settings: Settings
     if not (faint or report.verdict == "none"):
         return report
     found = shared_effects(real, settings.simulator.aircraft, settings.catalogue, settings.seed, settings.progress)
-    return report if found is None else refit_report(report, found, settings)
+    return report if found is None else _refit_report(report, found, settings)
 
 
 class Diagnosis:
-    """The steps of one diagnosis, in their order."""
+    """The steps of one diagnosis, in their order.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import EFFECTS, example_sides
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> asked = Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, str)
+        >>> sides = example_sides(EFFECTS["mass"], [0.2])
+        >>> Diagnosis(sides, asked, "training flights").report({}, pl.DataFrame()).verdict
+        'effect'
+    """
 
     def __init__(self, compared: Compared, settings: Settings, source: str) -> None:
         """Prepare the likelihood of effects.
@@ -156,7 +179,7 @@ class Diagnosis:
         causes = causes_of(likelihood, chosen, measure, shift, spreads, progress) if verdict == "effect" else []
         progress("asking at which stage the simulator loses most")
         stages = stages_of(settings.simulator, frame, settings.seed)
-        hidden = not_identifiable(settings, self.source)
+        hidden = _not_identifiable(settings, self.source)
         write = corrected(settings.simulator, self.compared.state.mass_kg, settings.catalogue, fit.theta)
         return GapReport(
             verdict=verdict,
@@ -220,7 +243,7 @@ class Diagnosis:
         )
 
 
-def refit_report(report: GapReport, found: SharedEffects, settings: Settings) -> GapReport:
+def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -> GapReport:
     """The report of flights that are as the simulator's own were, and not as it assumes.
 
     Args:
@@ -247,11 +270,11 @@ def refit_report(report: GapReport, found: SharedEffects, settings: Settings) ->
         causes=causes,
         details=replace(report.details, regime="refit", curves=curves(likelihood, fit.shift)),
         write_corrected=corrected(settings.simulator, mass_kg, settings.catalogue, fit.theta, inherited=True),
-        would_split=not_identifiable(settings, "training flights"),
+        would_split=_not_identifiable(settings, "training flights"),
     )
 
 
-def not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:
+def _not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:
     """What no comparison with a simulator of the same flights could show."""
     if source == "physics":
         return []

@@ -66,7 +66,15 @@ def check_type(frame: pl.DataFrame, simulator: Simulator) -> None:
 
 
 def check_count(real: Quantities, frame: pl.DataFrame, low: float, high: float) -> None:
-    """Refuse too few flights on the grid (DataError)."""
+    """Refuse too few flights on the grid (DataError).
+
+    Example:
+        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> check_count(quantities_of(frame, 150, 340, CHANNELS).rows(torch.arange(5)), frame, 150, 340)
+        Traceback (most recent call last):
+        descentflow.core.errors.DataError: 5 flights with levels between FL150 and FL340 (of 120 given); ...
+    """
     if len(real) < MIN_FLIGHTS:
         raise DataError(
             f"{len(real)} flights with levels between FL{low:.0f} and FL{high:.0f} "
@@ -77,7 +85,15 @@ def check_count(real: Quantities, frame: pl.DataFrame, low: float, high: float) 
 
 
 def kept_channels(reference: Quantities, real: Quantities) -> Quantities:
-    """The simulator's flights with the quantities that the real ones show: a channel left out is left out of both."""
+    """The simulator's flights with the quantities that the real ones show: a channel left out is left out of both.
+
+    Example:
+        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> every, few = (quantities_of(frame, 150, 340, names) for names in (CHANNELS, ["IAS", "vertical_rate"]))
+        >>> set(kept_channels(every, few).values) == set(few.values) < set(every.values)
+        True
+    """
     names = set(real.values)
     values = {name: value for name, value in reference.values.items() if name in names}
     physics = dict(reference.physics)

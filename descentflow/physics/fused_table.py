@@ -27,7 +27,14 @@ INVERSE_EXPONENT = (KAPPA - 1) / KAPPA
 
 @dataclass(frozen=True)
 class LevelTable:
-    """Constants of each level (L,) for one aircraft, mass and temperature deviation; :func:`level_table` fills it."""
+    """Constants of each level (L,) for one aircraft, mass and temperature deviation; :func:`level_table` fills it.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> table = level_table(aircraft("A320"), torch.tensor([6000.0, 9000.0]))
+        >>> table.thrust_n.shape, bool((table.pressure_ratio > 1).all())
+        (torch.Size([2]), True)
+    """
 
     pressure_ratio: Tensor
     """Sea-level pressure over the pressure of the level."""

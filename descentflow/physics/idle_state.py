@@ -13,7 +13,14 @@ from descentflow.physics.forces import descent_thrust_n
 
 
 class IdleState(NamedTuple):
-    """Mach, true airspeed, idle thrust and energy share factor, each broadcast to the batch; see :func:`idle_state`."""
+    """Mach, true airspeed, idle thrust and energy share factor, each broadcast to the batch; see :func:`idle_state`.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> mach, tas_mps, thrust_n, share = idle_state(aircraft("A320"), torch.tensor([150.0]), torch.tensor([6000.0]))
+        >>> round(float(thrust_n) / 1000, 1), round(float(share), 2)  # kN; part of the excess power that changes height
+        (1.4, 0.83)
+    """
 
     mach: Tensor
     tas_mps: Tensor

@@ -27,7 +27,14 @@ _CELL_M = 1000 * FT_M
 
 @dataclass(frozen=True)
 class NominalState:
-    """State of the nominal descent at n altitudes, see :func:`nominal_state`; every field is ``(..., n)``."""
+    """State of the nominal descent at n altitudes, see :func:`nominal_state`; every field is ``(..., n)``.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> state = nominal_state(aircraft("A320"), torch.tensor([6000.0]))
+        >>> bool(state.drag_n > state.thrust_n), round(float(state.rate_mps), 1)
+        (True, -9.4)
+    """
 
     cas_mps: Tensor
     mach: Tensor
@@ -43,7 +50,14 @@ class NominalState:
 
 @dataclass(frozen=True)
 class NominalDescent:
-    """A nominal descent, see :func:`nominal_descent`: ``level_fl`` (L,) ascending flight levels, all else (..., L)."""
+    """A nominal descent, see :func:`nominal_descent`: ``level_fl`` (L,) ascending flight levels, all else (..., L).
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> descent = nominal_descent(aircraft("A320"), torch.arange(150, 351))
+        >>> round(float(descent.time_s[0]) / 60, 1), float(descent.time_s[-1])  # minutes from FL350 to FL150
+        (10.0, 0.0)
+    """
 
     level_fl: Tensor
     time_s: Tensor

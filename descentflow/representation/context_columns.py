@@ -48,6 +48,11 @@ def read_table(path: Path) -> pl.DataFrame:
 
     Raises:
         DataError: If it cannot be read.
+
+    Example:
+        >>> pl.DataFrame({"flight_id": ["A320-0-00003"], "deviation_k": [7.5]}).write_csv("context.csv")
+        >>> read_table(Path("context.csv")).shape
+        (1, 2)
     """
     try:
         return pl.read_csv(path) if path.suffix == ".csv" else pl.read_parquet(path)

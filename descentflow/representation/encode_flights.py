@@ -21,7 +21,14 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class EncodedFlights:
-    """n flights: profiles on the grid, standardised weights (n, d) and encoded context (n, c) or None."""
+    """n flights: profiles on the grid, standardised weights (n, d) and encoded context (n, c) or None.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> flights = encode_flights(pl.read_parquet("descents.parquet"), load_representation("best.ckpt"))["test"]
+        >>> len(flights), len(flights.subset([0, 3]).weights), flights.context is None
+        (24, 2, True)
+    """
 
     profiles: Profiles
     weights: Tensor
@@ -92,6 +99,15 @@ def encode_parts(
         table: Context, one row for each flight; None without an encoder.
         encoder: Of the context; None for a density without one.
         say: Called with a line for each column of context that some flights lack: they are left out.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> known = load_representation("best.ckpt")
+        >>> low, high = int(known.decoder.levels_fl[0]), int(known.decoder.levels_fl[-1])
+        >>> flights = profiles_from_frame(pl.read_parquet("descents.parquet"), known.decoder.aircraft, low, high)
+        >>> parts = encode_parts(flights, known.split, known.decoder, None, None, print)
+        >>> parts["validation"].weights.shape[0]
+        10
     """
     parts = parts_of(with_context(profiles, table, encoder, say), split)
     return {
@@ -110,6 +126,10 @@ def context_of(
     Raises:
         ConfigError: If there is a table although nothing is named, or a column is nowhere to be found.
         DataError: If the table cannot be read.
+
+    Example:
+        >>> context_of(pl.read_parquet("descents.parquet"), ["entry_fl"], None).columns
+        ['flight_id', 'entry_fl']
     """
     if names:
         return flight_context(descents, names, read_context_table(context_table))
@@ -124,7 +144,14 @@ def context_of(
 
 
 def summary_of(parts: dict[Part, EncodedFlights], representation: Representation) -> str:
-    """One line on flights, grid, components and context."""
+    """One line on flights, grid, components and context.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> known = load_representation("best.ckpt")
+        >>> summary_of(encode_flights(pl.read_parquet("descents.parquet"), known), known)
+        'flights: 86 train, 10 validation, 24 test; grid FL150-...; components: ... of drag, ... of CAS'
+    """
     decoder = representation.decoder
     counts = ", ".join(f"{len(parts[part])} {part}" for part in PARTS)
     return (

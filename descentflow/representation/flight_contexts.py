@@ -14,7 +14,14 @@ from descentflow.representation.profiles import Profiles
 def contexts_of(
     flight_ids: tuple[str, ...], table: pl.DataFrame | None, encoder: ContextEncoder | None
 ) -> Tensor | None:
-    """Encoded context (n, c) of flights in their order; None without an encoder."""
+    """Encoded context (n, c) of flights in their order; None without an encoder.
+
+    Example:
+        >>> table = pl.DataFrame({"flight_id": ["a", "b", "c"], "deviation_k": [0.0, 5.0, 10.0]})
+        >>> contexts_of(("c", "a"), table, ContextEncoder.fit(table, ["deviation_k"]))
+        tensor([[ 1.],
+                [-1.]], dtype=torch.float64)
+    """
     if encoder is None or table is None:
         return None
     order = pl.DataFrame({"flight_id": list(flight_ids)}, schema={"flight_id": pl.String})
@@ -24,7 +31,18 @@ def contexts_of(
 def with_context(
     profiles: Profiles, table: pl.DataFrame | None, encoder: ContextEncoder | None, say: Callable[[str], None]
 ) -> Profiles:
-    """The flights whose context can be encoded; ``say`` is called with a count of the others for each column."""
+    """The flights whose context can be encoded; ``say`` is called with a count of the others for each column.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> flights = profiles_from_frame(pl.read_parquet("descents.parquet"), aircraft("A320"), 150)
+        >>> table = pl.DataFrame({"flight_id": flights.flight_ids, "deviation_k": [None, *range(1, len(flights))]})
+        >>> encoder = ContextEncoder.fit(table.drop_nulls(), ["deviation_k"])
+        >>> len(with_context(flights, table, encoder, print))
+        left out 1 flight(s) whose deviation_k is missing or was never trained on
+        119
+    """
     if encoder is None or table is None:
         return profiles
     order = pl.DataFrame({"flight_id": list(profiles.flight_ids)})
@@ -44,6 +62,13 @@ def without_missing(
 
     Raises:
         DataError: If no flight has a value for every column.
+
+    Example:
+        >>> descents = pl.DataFrame({"flight_id": ["a", "a", "b"], "level_fl": [150, 151, 150]})
+        >>> table = pl.DataFrame({"flight_id": ["a", "b"], "deviation_k": [5.0, None]})
+        >>> without_missing(descents, table, "drop", print)["flight_id"].to_list()
+        left out 1 of 2 flight(s) that lack a value of their context
+        ['a', 'a']
     """
     if table is None or missing == "indicator":
         return frame

@@ -15,7 +15,16 @@ REACHED_BY = 0.25
 
 
 def top_level(train: Profiles) -> int:
-    """Highest flight level that at least a quarter of the training flights reach (paper, appendix A)."""
+    """Highest flight level that at least a quarter of the training flights reach (paper, appendix A).
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = profiles_from_frame(read_descents("descents.parquet").frame, aircraft("A320"), 150)
+        >>> float((flights.levels_fl[flights.entry_level] >= top_level(flights)).double().mean()) >= 0.25
+        True
+    """
     entries = train.levels_fl[train.entry_level].sort(descending=True).values
     needed = -(-len(entries) * int(REACHED_BY * 100) // 100)
     return int(entries[needed - 1])
@@ -46,6 +55,15 @@ def with_levels(profiles: Profiles, say: Callable[[str], None]) -> Profiles:
     Args:
         profiles: Flights on the grid.
         say: Called with a line that counts the others, if there are any.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = profiles_from_frame(read_descents("descents.parquet").frame, aircraft("A320"), 150)
+        >>> len(flights), len(with_levels(flights.up_to(150), print))  # one level is left
+        left out 120 flight(s) with fewer than two levels on the grid
+        (120, 0)
     """
     enough = profiles.mask.sum(1) >= 2
     if not bool(enough.all()):
@@ -54,7 +72,18 @@ def with_levels(profiles: Profiles, say: Callable[[str], None]) -> Profiles:
 
 
 def parts_of(profiles: Profiles, split: Split) -> dict[Part, Profiles]:
-    """Profiles of each part; a split may name flights that are not among them."""
+    """Profiles of each part; a split may name flights that are not among them.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = profiles_from_frame(read_descents("descents.parquet").frame, aircraft("A320"), 150)
+        >>> first, second, *rest = flights.flight_ids
+        >>> parts = parts_of(flights, Split(train=tuple(rest), validation=(first,), test=(second, "not there")))
+        >>> {part: len(profiles) for part, profiles in parts.items()}
+        {'train': 118, 'validation': 1, 'test': 1}
+    """
     position = {flight: i for i, flight in enumerate(profiles.flight_ids)}
     named = {"train": split.train, "validation": split.validation, "test": split.test}
     return {part: profiles.subset([position[f] for f in named[part] if f in position]) for part in PARTS}

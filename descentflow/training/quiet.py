@@ -6,7 +6,12 @@ import warnings
 
 
 def quiet() -> None:
-    """Silence advice that does not apply here; everything else that Lightning says still comes through."""
+    """Silence advice that does not apply here; everything else that Lightning says still comes through.
+
+    Example:
+        >>> quiet()
+        >>> warnings.warn("The dataloader does not have many workers", stacklevel=1)  # prints nothing
+    """
     # Lightning's own calls of jsonargparse are what is deprecated, not anything a user wrote.
     os.environ.setdefault("JSONARGPARSE_DEPRECATION_WARNINGS", "off")
     for advice in (

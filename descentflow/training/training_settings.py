@@ -34,6 +34,11 @@ class TrainingSettings:
         checkpoint: Options of Lightning's ModelCheckpoint: what decides which epoch was the best.
         trainer: Options of Lightning's Trainer, without callbacks and logger.
         callbacks: Class path and arguments of each callback.
+
+    Example:
+        >>> settings = TrainingSettings("descentflow.training.models.Gaussian", model={"jitter": 1e-4})
+        >>> settings.new_model().jitter, settings.checkpoint["monitor"]
+        (0.0001, 'val/nll')
     """
 
     class_path: str = ""

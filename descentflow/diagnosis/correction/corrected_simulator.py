@@ -29,6 +29,15 @@ def corrected(
     """What writes the corrected checkpoint; None where there is no checkpoint to correct.
 
     Effects of the user's own cannot be written: a checkpoint that names code outside the package would not load.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.diagnosis.open_simulator import open_simulator
+        >>> theta = {"temperature": torch.tensor([10.0])}
+        >>> write = corrected(open_simulator("best.ckpt"), 64_000.0, EFFECTS, theta)
+        >>> write(Path("warm.ckpt"))
+        >>> load_model("warm.ckpt").representation.decoder.correction.effects
+        {'temperature': [10.0]}
     """
     if simulator.content is None or simulator.representation is None:
         return None

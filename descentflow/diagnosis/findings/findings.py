@@ -103,6 +103,13 @@ class Details:
         curves: By quantity.
         flights: Counts of flights and rows.
         labels: Effect -> its name for readers.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> report.details.normal_from, report.details.label("mass")
+        ('physics', 'mass')
     """
 
     simulator: str
@@ -143,6 +150,13 @@ class Findings:
         would_split: Channels or slices that would separate what these data cannot.
         dropped: Counts of flights and rows left out, by reason.
         details: Everything else: settings, every effect alone, curves behind the figures.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> isinstance(report, Findings), report.verdict, report.gap_after < report.gap_before
+        (True, 'effect', True)
     """
 
     verdict: str

@@ -59,7 +59,12 @@ class Stage:
 
 @dataclass(frozen=True)
 class LargestDifference:
-    """The largest difference of means that is left once the causes are in the simulator."""
+    """The largest difference of means that is left once the causes are in the simulator.
+
+    Example:
+        >>> LargestDifference("rate", 315.0, 330.0, difference=-0.02, in_negligible_shifts=2.0).quantity
+        'rate'
+    """
 
     quantity: str
     level_low_fl: float
@@ -70,7 +75,12 @@ class LargestDifference:
 
 @dataclass(frozen=True)
 class Block:
-    """The neighbouring bands whose mean rate differs most from the rest."""
+    """The neighbouring bands whose mean rate differs most from the rest.
+
+    Example:
+        >>> Block("rate", 150.0, 195.0, difference=0.04).difference
+        0.04
+    """
 
     quantity: str
     level_low_fl: float
@@ -87,6 +97,11 @@ class Remaining:
         share_unexplained: Of what effects and a free discrepancy explain together.
         largest: Where the largest difference is.
         block: Where the rate differs most from its own mean; None where no rate is compared.
+
+    Example:
+        >>> largest = LargestDifference("rate", 315.0, 330.0, difference=-0.02, in_negligible_shifts=2.0)
+        >>> Remaining(gap=0.01, share_unexplained=0.05, largest=largest, block=None).largest.level_low_fl
+        315.0
     """
 
     gap: float

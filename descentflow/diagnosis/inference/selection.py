@@ -54,6 +54,17 @@ class Chosen:
     ``null`` the fit without effects; ``singles`` each effect alone; ``fit`` the named ones together; ``groups`` by
     named effect: the names that could stand in its place; ``probability`` of each against those; ``gains`` of each over
     the set without it, with their standard errors.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> chosen = select(likelihood, columns, lambda stage: None)
+        >>> gain, error = chosen.gains["temperature"]
+        >>> gain > 10 * error, chosen.groups["temperature"]
+        (True, ())
     """
 
     null: Fit

@@ -116,7 +116,7 @@ def best_candidate(
         counts = (
             counts_as_first(likelihood, candidate)
             if not chosen.effects
-            else counts_as_further(likelihood, candidate, chosen, so_far)
+            else _counts_as_further(likelihood, candidate, chosen, so_far)
         )
         large = counts and is_credible(likelihood, candidate.fit, name)
         if large and mean_shift(likelihood, name, theta) >= MIN_MEAN_SHIFT:
@@ -159,7 +159,7 @@ def counts_as_first(likelihood: EffectsLikelihood, candidate: Candidate) -> bool
     return candidate.gain >= least and candidate.gain >= MIN_GAIN_Z * candidate.error
 
 
-def counts_as_further(likelihood: EffectsLikelihood, candidate: Candidate, chosen: Fit, so_far: float) -> bool:
+def _counts_as_further(likelihood: EffectsLikelihood, candidate: Candidate, chosen: Fit, so_far: float) -> bool:
     """Whether a further effect gains enough as a whole, or in one of two parts by itself.
 
     What the chosen effects leave of themselves lies where they act. So a further one may show elsewhere, or where they

@@ -38,7 +38,21 @@ DEGREE = 3
 
 @dataclass(frozen=True)
 class SharedEffects:
-    """What was found against physics alone."""
+    """What was found against physics alone.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.effects import EFFECTS
+        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> frame = read_descents("descents.parquet").frame
+        >>> warm = frame.with_columns(TAS=frame["TAS"] * 1.02)  # two per cent of the airspeed are some ten kelvin
+        >>> flights = quantities_of(warm, 150, 340, CHANNELS)
+        >>> catalogue = {"temperature": EFFECTS["temperature"]}
+        >>> found = shared_effects(flights, aircraft("A320"), catalogue, 0, lambda stage: None)
+        >>> found.chosen.fit.effects
+        ('temperature',)
+    """
 
     likelihood: EffectsLikelihood
     chosen: Chosen

@@ -40,6 +40,21 @@ def causes_of(
         spreads: How widely the shares spread between flights, by effect.
         progress: Called with what is being done.
         inherited: Whether the simulator's own flights have the effects as well.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shift
+        >>> from descentflow.diagnosis.inference.selection import select
+        >>> chosen = select(likelihood, columns, lambda stage: None)
+        >>> measure = GapMeasure(likelihood, likelihood.compared.of("tas"), seed=0)
+        >>> shift, spreads = heterogeneous_shift(likelihood, chosen.fit)
+        >>> found = causes_of(likelihood, chosen, measure, shift, spreads, lambda stage: None)
+        >>> [(cause.effect, round(cause.parameters["deviation_k"].estimate)) for cause in found]
+        [('temperature', 10)]
     """
     fit = chosen.fit
     spread = covariance(likelihood, fit).diagonal().clamp(min=0.0).sqrt()

@@ -11,7 +11,12 @@ from descentflow.diagnosis.inference.where import strongest_block
 
 
 def discrepancy_of(outside: Outside) -> Discrepancy:
-    """What a shift of no particular cause explains beyond the named effects."""
+    """What a shift of no particular cause explains beyond the named effects.
+
+    Example:
+        >>> discrepancy_of(Outside(explained=300.0, rest=100.0, error=20.0, named=True)).share_explained
+        0.75
+    """
     return Discrepancy(outside.explained, outside.rest, outside.error, outside.share_explained, outside.named)
 
 
@@ -44,6 +49,14 @@ def remaining_of(likelihood: EffectsLikelihood, shift: Tensor, gap: float, outsi
         shift: (n, p) of the causes.
         gap: Left above the noise floor, in spreads.
         outside: What a free discrepancy explains.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> outside = Outside(explained=300.0, rest=0.0, error=20.0, named=False)
+        >>> remaining_of(likelihood, torch.zeros_like(likelihood.y), 0.5, outside).largest.quantity
+        'tas'
     """
     compared = likelihood.compared
     left = compared.y - shift

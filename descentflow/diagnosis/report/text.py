@@ -60,7 +60,17 @@ def _causes(found: Findings) -> list[str]:
 
 
 def summary(found: Findings) -> str:
-    """For a terminal."""
+    """For a terminal.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> print(summary(report))
+        The flights ...
+        The cause is ...
+        With it in the simulator the gap shrinks from ... to ... spreads, ...
+    """
     lines = sentences(found)
     for cause in found.causes:
         lines += [f"  {line}" for line in _sizes(found, cause)]

@@ -18,7 +18,22 @@ from descentflow.representation.profiles import Profiles
 
 
 class FlownCorrection(Protocol):
-    """A change of descents after they were flown, for instance by the effects that a diagnosis found."""
+    """A change of descents after they were flown, for instance by the effects that a diagnosis found.
+
+    Example:
+        >>> class Slower:
+        ...     def apply(self, aircraft, flown, draws):
+        ...         return replace(flown, time_s=1.1 * flown.time_s)
+        ...     def to_state(self):
+        ...         return {"kind": "slower"}
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> decoder, weights = model.representation.decoder, model.sample(3, seed=0)
+        >>> before = decoder(weights).time_s
+        >>> decoder.correction = Slower()
+        >>> torch.equal(decoder(weights).time_s, 1.1 * before)
+        True
+    """
 
     def apply(self, aircraft: Aircraft, flown: Trajectories, draws: DrawNumbers) -> Trajectories:
         """The corrected descents; ``draws`` numbers them, for effects that only a share of the flights has."""

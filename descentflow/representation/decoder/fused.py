@@ -67,6 +67,14 @@ def integrate_fast(
         out: Arrays for the result, in its order; new ones if absent. On the CPU the system may take longer to hand
             out new memory than the descents take to compute.
         compiled: Fuse the arithmetic by ``torch.compile``.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> altitude_m = torch.arange(150, 351).double() * 30.48
+        >>> drag_n, cas_mps = torch.full((1, 201), 45e3).double(), torch.full((1, 201), 140.0).double()
+        >>> time_s, *_ = integrate_fast(aircraft("A320"), altitude_m, drag_n, cas_mps, torch.tensor([200]), None, 0.0)
+        >>> round(float(time_s[0, 0]) / 60)  # minutes from FL350 to FL150
+        8
     """
     breaks = rate_breaks(aircraft, altitude_m)
     tables = tuple(level_table(aircraft, h, mass_kg, deviation_k) for h in (altitude_m, breaks.altitude_m))

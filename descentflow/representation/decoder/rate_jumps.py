@@ -24,6 +24,12 @@ class Breaks(NamedTuple):
     slowness at the level below, at the level above and, in ``inner`` (b, c), at the extras: together the trapezoid rule
     from level to extra, between extras, and on to the next level. All carry gradients where the coefficients that
     place a jump do: time changes as the jump moves.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> breaks = rate_breaks(aircraft("A320"), torch.arange(150.0, 351.0).double() * 30.48)
+        >>> len(breaks.cells), breaks.continued(torch.full((1, 201), 140.0).double()).tolist()  # one jump, two sides
+        (1, [[140.0, 140.0]])
     """
 
     altitude_m: Tensor

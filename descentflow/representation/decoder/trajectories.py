@@ -136,7 +136,12 @@ def integrate(
 
 
 class Slopes(NamedTuple):
-    """Slopes (1/s) of the profiles that enter the energy share factor: of wind, and of CAS if it is exact."""
+    """Slopes (1/s) of the profiles that enter the energy share factor: of wind, and of CAS if it is exact.
+
+    Example:
+        >>> Slopes(wind=-0.002).cas is None  # the energy share factor is BADA's
+        True
+    """
 
     wind: Number = 0.0
     cas: Tensor | None = None
@@ -158,7 +163,18 @@ def integrate_plain(
     deviation_k: Number = 0.0,
     slopes: Slopes | None = None,
 ) -> Trajectories:
-    """:func:`integrate` in the equations' own order, differentiable in all its arguments."""
+    """:func:`integrate` in the equations' own order, differentiable in all its arguments.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> levels_fl = torch.arange(150, 351).double()
+        >>> drag_n = torch.full((1, 201), 45e3).double().requires_grad_()
+        >>> profiles = drag_n, torch.full((1, 201), 140.0).double(), torch.tensor([200])
+        >>> flown = integrate_plain(aircraft("A320"), levels_fl, levels_fl * 30.48, *profiles)
+        >>> flown.time_s[0, 0].backward()
+        >>> bool((drag_n.grad < 0).all())  # more drag is less time
+        True
+    """
     breaks, slopes = rate_breaks(aircraft, altitude_m), slopes or Slopes()
     mach, tas_mps, rate_mps = _fly(aircraft, altitude_m, drag_n, cas_mps, mass_kg, deviation_k, slopes)
     extra_rate = _fly(

@@ -22,6 +22,12 @@ class PPCA:
     """A fitted model: loadings (L, q), noise variance (), mean log-likelihood per observed value by iteration (nats).
 
     :func:`em` returns it.
+
+    Example:
+        >>> fitted = PPCA(torch.tensor([[3.0], [4.0]]), torch.tensor(0.5), [-2.0, -1.5], converged=True)
+        >>> fitted.loadings @ fitted.loadings.T + fitted.noise_variance * torch.eye(2)  # covariance of the profiles
+        tensor([[ 9.5000, 12.0000],
+                [12.0000, 16.5000]])
     """
 
     loadings: Tensor
@@ -32,7 +38,15 @@ class PPCA:
 
 @dataclass(frozen=True)
 class MaskGroups:
-    """Flights grouped by their mask of observed levels: gaps are contiguous, so few masks are distinct."""
+    """Flights grouped by their mask of observed levels: gaps are contiguous, so few masks are distinct.
+
+    Example:
+        >>> groups = group_masks(torch.tensor([[True, False], [True, True], [True, False]]))
+        >>> groups.masks[groups.group]  # the mask of each flight again
+        tensor([[1., 0.],
+                [1., 1.],
+                [1., 0.]], dtype=torch.float64)
+    """
 
     masks: Tensor
     """(U, L) distinct masks as numbers."""

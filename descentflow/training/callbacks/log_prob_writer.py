@@ -14,7 +14,19 @@ from descentflow.core.files import whole_file
 
 
 class WriteLogProb(BasePredictionWriter):
-    """``log_prob.csv`` in the run's folder: flight and log density (nats), the least usual flight first."""
+    """``log_prob.csv`` in the run's folder: flight and log density (nats), the least usual flight first.
+
+    Example:
+        >>> from lightning.pytorch import Trainer
+        >>> from descentflow.training.datamodule import DescentDataModule
+        >>> from descentflow.training.fit import fit
+        >>> data = DescentDataModule("descents.parquet")
+        >>> options = {"logger": False, "enable_progress_bar": False, "default_root_dir": "usual"}
+        >>> trainer = Trainer(callbacks=[WriteLogProb()], accelerator="cpu", **options)
+        >>> found = trainer.predict(fit(data, "gaussian"), data)
+        >>> pl.read_csv("usual/log_prob.csv").columns, len(pl.read_csv("usual/log_prob.csv"))
+        (['flight_id', 'log_prob'], 24)
+    """
 
     def __init__(self) -> None:
         super().__init__(write_interval="epoch")

@@ -18,6 +18,16 @@ class ScoreCallback(Callback):
 
     Logged to TensorBoard: acceptance, rejections by rule, every score with its floor, and the figures. `test` also
     writes `scores.csv`, `rejections.json` and the figures into the run's folder.
+
+    Example:
+        >>> from descentflow.training.datamodule import DescentDataModule
+        >>> from descentflow.training.fit import fit
+        >>> data = DescentDataModule("descents.parquet")
+        >>> options = {"logger": False, "enable_progress_bar": False, "default_root_dir": "scored"}
+        >>> trainer = Trainer(callbacks=[ScoreCallback(n_test_samples=100)], accelerator="cpu", **options)
+        >>> found = trainer.test(fit(data, "gaussian"), data, verbose=False)
+        >>> Path("scored/scores.csv").is_file()
+        True
     """
 
     def __init__(

@@ -51,6 +51,14 @@ def adam_with_cosine(
         learning_rate: At the start.
         weight_decay: Of all parameters but :data:`UNDECAYED`.
         still_first: Train nothing in the first epoch (unless it is the only one), so that the start is validated too.
+
+    Example:
+        >>> from lightning.pytorch import Trainer
+        >>> module = LightningModule()
+        >>> module.layer, module.trainer = nn.Linear(2, 1), Trainer(max_epochs=10, accelerator="cpu", logger=False)
+        >>> groups = adam_with_cosine(module, 1e-3, weight_decay=0.1)["optimizer"].param_groups
+        >>> [group["weight_decay"] for group in groups]  # of the weights, and of the bias
+        [0.1, 0.0]
     """
     groups: dict[bool, list[nn.Parameter]] = {True: [], False: []}
     for name, parameter in module.named_parameters():

@@ -14,7 +14,7 @@ class GaussianDensity(Density):
 
     Example:
         >>> density = GaussianDensity(dimension=2)
-        >>> round(float(density.log_prob(torch.zeros(1, 2)).exp()), 4)  # 1 / (2 pi)
+        >>> round(density.log_prob(torch.zeros(1, 2)).exp().item(), 4)  # 1 / (2 pi)
         0.1592
     """
 

@@ -148,7 +148,7 @@ def draw_plans(airframe: Airframe, numbers: Sequence[int], seed: int, config: Js
         config: Spreads.
 
     Returns:
-        One plan a flight.
+        One plan per flight.
 
     Example:
         >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of

@@ -43,9 +43,9 @@ class JsbsimWorld:
     rows: pl.DataFrame
     """Surveillance reports in the package's row schema."""
     flights: pl.DataFrame
-    """One row a flight: everything drawn and injected."""
+    """One row per flight: everything drawn and injected."""
     truth: pl.DataFrame
-    """One row a flight and time, see :func:`fly`."""
+    """One row per flight and time, see :func:`fly`."""
     failures: pl.DataFrame
     """Flights that are not in the other tables: ``flight_id``, ``number`` and ``reason``."""
 
@@ -201,7 +201,7 @@ def _truth_table(named: Sequence[Flight], records: Sequence[Record]) -> pl.DataF
 
 
 def _flights_table(named: Sequence[Flight], plans: Sequence[FlightPlan]) -> pl.DataFrame:
-    """One row a flight: names, and every number of its plan, in field units for levels and speeds."""
+    """One row per flight: names, and every number of its plan, in field units for levels and speeds."""
     about = {name: [getattr(f, name) for f in named] for name in ("flight_id", "icao24", "callsign", "typecode")}
     in_field_units = {"cas_mps": ("cas_kt", KT_MPS), "hold_rate_mps": ("hold_rate_fpm", FPM_MPS)}
     in_field_units |= {f"{k}_m": (f"{k}_fl", FL_M) for k in ("top", "bottom", *_WINDOWS)}

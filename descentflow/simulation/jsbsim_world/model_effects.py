@@ -218,7 +218,7 @@ def checked(effects: Mapping[str, Values]) -> dict[str, dict[str, float]]:
 def inject(
     airframe: Airframe, plans: Sequence[FlightPlan], effects: Mapping[str, Values], seed: int
 ) -> list[FlightPlan]:
-    """Plant effects; what a flight gets depends on the seed, its number and the effect alone.
+    """Inject effects; what a flight gets depends on the seed, its number and the effect alone.
 
     Args:
         airframe: The model.

@@ -61,7 +61,7 @@ and a diagnosis reports what cleaning leaves of them."""
 
 
 def reported(cause: str, values: Values) -> dict[str, float]:
-    """Sizes that a diagnosis should report for a injected cause; empty where they are not comparable.
+    """Sizes that a diagnosis should report for an injected cause; empty where they are not comparable.
 
     Example:
         >>> reported("mass", {"factor": 0.9})

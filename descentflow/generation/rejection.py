@@ -1,4 +1,7 @@
-"""Rejection sampling of plausible descents, with or without a context, within a draw budget."""
+"""Rejection sampling of plausible descents, with or without a context, within a draw budget.
+
+The bounds themselves are in :mod:`descentflow.representation.plausibility`.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -8,10 +8,12 @@ from drag, and drag from the rate), :mod:`~descentflow.physics.descent_speeds` a
 descent). The decoder uses :mod:`~descentflow.physics.idle_state` and, where speed counts,
 :mod:`~descentflow.physics.fused_table`.
 
-To fly climbs: :mod:`~descentflow.physics.energy` holds for them too; they need a thrust for climb beside the one for
-descent in :mod:`~descentflow.physics.forces`, climb speeds beside those in :mod:`~descentflow.physics.descent_speeds`
-and in :class:`~descentflow.aircraft_types.aircraft.Aircraft` (the APF file has them), and times that grow upwards in
-:mod:`descentflow.representation.decoder.trajectories`.
+To fly climbs: :mod:`~descentflow.physics.energy` holds for them too, and :mod:`~descentflow.physics.forces` has the
+maximum climb thrust. They need climb speeds beside those in :mod:`~descentflow.physics.descent_speeds` and in
+:class:`~descentflow.aircraft_types.aircraft.Aircraft` (the APF file has them), times that grow upwards in
+:mod:`descentflow.representation.decoder.trajectories`, a bound for them beside ``descends_too_slowly`` in
+:mod:`descentflow.representation.plausibility`, and a filter that keeps climbs beside the one that keeps descents in
+:mod:`descentflow.surveillance.cleaning.filters`.
 
 To fly another performance model, BADA 4 for instance: its drag and thrust go into
 :mod:`~descentflow.physics.forces`, its coefficients into :mod:`descentflow.aircraft_types`.

@@ -9,4 +9,7 @@ diagnosis is to find are injected by :mod:`~descentflow.simulation.causes` throu
 :mod:`~descentflow.simulation.injected`. Nothing of this shares an equation with the
 decoder that it tests. A second world, :mod:`~descentflow.simulation.jsbsim_world`, flies the aircraft of another
 program.
+
+Descents alone are flown. To fly climbs, begin with what :mod:`descentflow.physics` says of them; here an autopilot that
+climbs goes beside the one that descends.
 """

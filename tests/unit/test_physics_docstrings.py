@@ -12,6 +12,7 @@ from descentflow.physics import (
     airspeed,
     atmosphere,
     configuration,
+    descent_speeds,
     energy,
     envelope,
     forces,
@@ -19,7 +20,6 @@ from descentflow.physics import (
     fused_table,
     idle_state,
     nominal_descent,
-    speed_schedule,
     transition,
 )
 
@@ -34,7 +34,7 @@ EQUATIONS = (
     fused_table,
     idle_state,
     nominal_descent,
-    speed_schedule,
+    descent_speeds,
     transition,
 )
 """Modules in which every public function computes something of the manual."""

@@ -10,6 +10,7 @@ from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.hidden import hide, noise_length
 from descentflow.representation.fpca.iterative import iterate
+from descentflow.representation.fpca.number_of_components import explained_share, number_of_components
 
 Method = Literal["ppca", "iterative"]
 MAX_ITERATIONS = 100
@@ -101,8 +102,8 @@ class GappyFPCA:
         while True:
             fitted = self._model(centred, mask, q)
             eigenvalues, eigenvectors = _spectrum(fitted)
-            share = eigenvalues.cumsum(0) / eigenvalues.sum()
-            k = int((share < self.explained_variance - 1e-12).sum()) + 1
+            share = explained_share(eigenvalues)
+            k = number_of_components(share, self.explained_variance)
             if k < q or q == largest:
                 break
             # All q latent directions would be kept: give the model room to see how the spectrum goes on.
@@ -135,8 +136,8 @@ class GappyFPCA:
 
     def _fit_iterative(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
         fitted = iterate(values, mask, self.explained_variance, max_iterations=MAX_ITERATIONS)
-        share = fitted.eigenvalues.clamp(min=0).cumsum(0) / fitted.eigenvalues.clamp(min=0).sum()
-        k = int((share < self.explained_variance - 1e-12).sum()) + 1
+        share = explained_share(fitted.eigenvalues)
+        k = number_of_components(share, self.explained_variance)
         self.n_iterations_, self.converged_ = fitted.n_iterations, fitted.converged
         self._keep(
             fitted.mean, fitted.eigenvectors[:, :k], share.diff(prepend=share.new_zeros(1))[:k], spacing_m,

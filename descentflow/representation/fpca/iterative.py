@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from descentflow.representation.fpca.number_of_components import explained_share, number_of_components
 from descentflow.representation.fpca.ppca import observed_mean, pairwise_covariance
 
 QUIET_CHANGE = 0.01
@@ -86,8 +87,7 @@ def iterate(values: Tensor, mask: Tensor, explained_variance: float, *, max_iter
     while n_iterations < max_iterations and quiet < QUIET_ITERATIONS:
         n_iterations += 1
         eigenvalues, eigenvectors = _eigen(covariance)
-        share = eigenvalues.clamp(min=0).cumsum(0) / eigenvalues.clamp(min=0).sum()
-        k = int((share < explained_variance).sum()) + 1
+        k = number_of_components(explained_share(eigenvalues), explained_variance)
         rebuilt = mean + modewise_weights(values - mean, mask, eigenvectors[:, :k]) @ eigenvectors[:, :k].T
         filled = torch.where(mask, values, rebuilt)
         mean = filled.mean(0)

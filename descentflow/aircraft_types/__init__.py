@@ -9,8 +9,9 @@ To add an open type: copy a file of ``open_types/coefficients/``, one TOML file 
 
 To read another source, BADA 4 for instance: add a folder beside :mod:`~descentflow.aircraft_types.bada3` whose reader
 returns an :class:`~descentflow.aircraft_types.aircraft.Aircraft`, and choose it in
-:func:`~descentflow.aircraft_types.registry.aircraft`. BADA 4's drag and thrust are other equations: they belong into
-:mod:`descentflow.physics.forces`.
+:func:`~descentflow.aircraft_types.registry.aircraft`. BADA 4 has other equations for drag and thrust, and so
+other coefficients: its equations belong in :mod:`descentflow.physics.forces`, its coefficients in a class beside
+``Aircraft``.
 
 Example:
     >>> from descentflow.aircraft_types.registry import aircraft

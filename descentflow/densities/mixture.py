@@ -75,7 +75,7 @@ class GaussianMixtureDensity(Density):
     Example:
         >>> density = GaussianMixtureDensity(2, n_clusters=3)
         >>> density.mixture = Mixture(torch.ones(3) / 3, 10 * torch.eye(3)[:, :2], torch.eye(2).expand(3, 2, 2))
-        >>> round(float(density.log_prob(torch.zeros(1, 2))), 4)
+        >>> round(density.log_prob(torch.zeros(1, 2)).item(), 4)
         -2.9365
     """
 

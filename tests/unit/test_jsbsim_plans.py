@@ -56,7 +56,7 @@ def test_models_that_are_not_flown_are_refused(name: str) -> None:
         airframe_of(name)
 
 
-@pytest.mark.parametrize("name", set(EFFECTS) & set(CAUSES))
+@pytest.mark.parametrize("name", sorted(set(EFFECTS) & set(CAUSES)))
 def test_effects_have_the_values_of_the_causes_of_the_same_name(name: str) -> None:
     needed = {k: unit for k, unit in EFFECTS[name].units.items() if k not in EFFECTS[name].optional}
     assert needed == CAUSES[name].units

@@ -4,9 +4,9 @@ import normflows as nf
 import torch
 from torch import Tensor, nn
 
-MOST_INPUT = 3.0
+MAX_INPUT = 3.0
 """Standard deviations beyond which a weight no longer changes the maps of later ones in a whitened affine flow."""
-MOST_LOG_SCALE = 1.0
+MAX_LOG_SCALE = 1.0
 """Bound of the log scale. With 2, held-out NLL of small types is 0.07 nats worse, most of it from a few flights."""
 
 
@@ -117,7 +117,7 @@ class ExponentialAffine(nf.flows.MaskedAffineAutoregressive):  # type: ignore[mi
 
     def _log_scale_and_shift(self, autoregressive_params: Tensor) -> tuple[Tensor, Tensor]:
         raw, shift = self._unconstrained_scale_and_shift(autoregressive_params)
-        return MOST_LOG_SCALE * torch.tanh(raw / MOST_LOG_SCALE), shift
+        return MAX_LOG_SCALE * torch.tanh(raw / MAX_LOG_SCALE), shift
 
 
 class Bounded(nn.Module):
@@ -130,7 +130,7 @@ class Bounded(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Bound."""
-        return MOST_INPUT * torch.tanh(x / MOST_INPUT)
+        return MAX_INPUT * torch.tanh(x / MAX_INPUT)
 
 
 def made(net: nn.Module) -> nn.Module:

@@ -15,7 +15,7 @@ Kind = Literal["number", "category", "hour"]
 Missing = Literal["drop", "indicator"]
 OTHER = "(other)"
 """Category of the rare and the unseen."""
-FEWEST_OF_A_CATEGORY = 10
+MIN_OF_A_CATEGORY = 10
 """Training flights below which a category is one of the others."""
 
 
@@ -187,7 +187,7 @@ def _fit_column(series: pl.Series, indicator: bool) -> Column:
             mend="convert the column (a time, for instance, to an hour)",
         )
     counts = series.cast(pl.String).drop_nulls().value_counts().sort(["count", name], descending=[True, False])
-    often = counts.filter(pl.col("count") >= FEWEST_OF_A_CATEGORY)[name].to_list()
+    often = counts.filter(pl.col("count") >= MIN_OF_A_CATEGORY)[name].to_list()
     rest = [OTHER] if len(often) < len(counts) else []
     if len(often) + len(rest) < 2 and not indicator:
         raise _constant(name, f"the category {counts[name].to_list()}")

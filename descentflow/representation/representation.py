@@ -105,10 +105,10 @@ class Representation(nn.Module):
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Representation":
         """Rebuild from :meth:`to_state`."""
-        told, cleaning = state["decoder"].get("correction"), kept_cleaning(state.get("cleaning"))
+        corrected, cleaning = state["decoder"].get("correction"), kept_cleaning(state.get("cleaning"))
         return cls(
             DescentDecoder.from_state(
-                state["decoder"], None if told is None else Correction.from_state(told, cleaning)
+                state["decoder"], None if corrected is None else Correction.from_state(corrected, cleaning)
             ),
             Plausibility.from_state(state["plausibility"]),
             Split.from_state(state["split"]),

@@ -22,7 +22,7 @@ from descentflow.surveillance.unpacking.source_files import files_of
 from descentflow.surveillance.unpacking.streams import Input, opened, unpacked
 from descentflow.surveillance.unpacking.unreadable import Unreadable
 
-FEWEST_IN_LATER_PARTS = 1000
+MIN_IN_LATER_PARTS = 1000
 """Rows from which units are checked again in a later part of a file: the first may say nothing, a small one errs."""
 
 Source = str | Path | pl.DataFrame
@@ -162,6 +162,6 @@ def _normalised(tables: Iterator[SourceTable], report: DropReport) -> Iterator[p
     """Rows in our names, types and units; units of tables that anybody may have made are checked."""
     for table in tables:
         rows = normalise(table.columns, table.label, report)
-        if table.any_columns and (table.first or len(rows) >= FEWEST_IN_LATER_PARTS):
+        if table.any_columns and (table.first or len(rows) >= MIN_IN_LATER_PARTS):
             check_units(rows, table.label)
         yield rows

@@ -15,7 +15,7 @@ from descentflow.simulation.causes import CATALOGUED
 from descentflow.studies.blind_diagnosis.blind_plan import Plan, SetPlan, SimulatorPlan
 from descentflow.studies.blind_diagnosis.blind_run import diagnose_all, generate, package_diagnosis
 from descentflow.studies.blind_diagnosis.blind_score import score
-from descentflow.studies.blind_diagnosis.closing import FEWEST_CELLS, closing
+from descentflow.studies.blind_diagnosis.closing import MIN_CELLS, closing
 from descentflow.studies.blind_diagnosis.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json
 
 SCRIPT = runpy.run_path(str(Path(__file__).resolve().parents[2] / "scripts" / "withheld_effects.py"))
@@ -146,4 +146,4 @@ def test_a_corrected_simulator_comes_closer_to_the_flights(folder: Path, tmp_pat
     assert 0 < whole["cells"] < 200
     assert whole["after"] < whole["before"]
     assert whole["true"] == whole["after"]
-    assert whole["of_true"] == (pytest.approx(1.0) if whole["cells"] >= FEWEST_CELLS else None)
+    assert whole["of_true"] == (pytest.approx(1.0) if whole["cells"] >= MIN_CELLS else None)

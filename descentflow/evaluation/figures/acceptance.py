@@ -42,12 +42,12 @@ def _share(count: int, report: RejectionReport) -> float:
 
 def _draw_fates(ax: Axes, report: RejectionReport) -> None:
     left = 0.0
-    fates = (
+    outcomes = (
         ("kept", report.accepted, BLUE, ""),
         ("plausible, not needed", report.surplus, _SURPLUS, ".."),
         ("rejected", report.rejected, RED, "//"),
     )
-    for name, count, colour, hatch in fates:
+    for name, count, colour, hatch in outcomes:
         share = _share(count, report)
         label = f"{name} ({count:,})"
         ax.barh([""], [share], left=left, color=colour, hatch=hatch, edgecolor="white", linewidth=0, label=label)

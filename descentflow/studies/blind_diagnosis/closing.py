@@ -16,9 +16,9 @@ SAMPLES: Final = 2000
 CLOSABLE: Final = 0.1
 """Standard deviations by which the true effect comes closer at a level where it acts; less is lost in the chance of
 who flies: operators go by aircraft, and a hundred aircraft leave some knots between two fleets."""
-FEWEST_CELLS: Final = 10
+MIN_CELLS: Final = 10
 """Levels of CAS and rate at which it has to act to be judged."""
-FEWEST: Final = 50
+MIN_FLIGHTS: Final = 50
 """Flights at a level for it to count."""
 _QUANTILES: Final = torch.linspace(0.01, 0.99, 50, dtype=torch.float64)
 
@@ -64,7 +64,7 @@ def closing(rows: Path, simulator: Path, corrected: Path, true: Path) -> dict[st
     closable = found["before"] - found["true"]
     acts = closable >= CLOSABLE
     of_true = None
-    if int(acts.sum()) >= FEWEST_CELLS:
+    if int(acts.sum()) >= MIN_CELLS:
         of_true = float((found["before"] - found["after"])[acts].sum() / closable[acts].sum())
     means = {name: float(cells[acts].mean()) if bool(acts.any()) else None for name, cells in found.items()}
     return {**means, "cells": int(acts.sum()), "of_true": of_true}
@@ -82,7 +82,7 @@ def _distances(real: DescentSet, generated: DescentSet, bottom: int, top: int) -
     for name in ("cas_mps", "rate_mps"):
         mine = torch.where(real.mask, getattr(real, name).double(), torch.nan)[:, at_real]
         made = torch.where(generated.mask, getattr(generated, name).double(), torch.nan)[:, at_made]
-        enough = (mine.isfinite().sum(0) >= FEWEST) & (made.isfinite().sum(0) >= FEWEST)
+        enough = (mine.isfinite().sum(0) >= MIN_FLIGHTS) & (made.isfinite().sum(0) >= MIN_FLIGHTS)
         gap = (torch.nanquantile(mine, _QUANTILES, dim=0) - torch.nanquantile(made, _QUANTILES, dim=0)).abs().mean(0)
         centred = mine - mine.nanmean(0)
         parts.append(torch.where(enough, gap / centred.square().nanmean(0).sqrt(), torch.nan))

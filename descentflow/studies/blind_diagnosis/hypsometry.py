@@ -15,7 +15,7 @@ from descentflow.core.units import FT_M, KT_MPS
 
 Array = NDArray[np.float64]
 EARTH_RADIUS_M: Final = 6_371_000.0
-FEWEST_SPAN_FT: Final = 3000.0
+MIN_SPAN_FT: Final = 3000.0
 """Below this the steps of 25 ft leave a flight's deviation too uncertain."""
 
 
@@ -98,7 +98,7 @@ def hypsometric_deviation(frame: pl.DataFrame, *, latitude_deg: float | None = N
         pressure = flight["level_fl"].to_numpy() * 100 * FT_M
         height = flight["geoaltitude"].to_numpy() * FT_M
         span = float(np.ptp(pressure)) / FT_M if len(flight) else 0.0
-        if span < FEWEST_SPAN_FT:
+        if span < MIN_SPAN_FT:
             continue
         weight = np.ones_like(height)
         if latitude_deg is not None:

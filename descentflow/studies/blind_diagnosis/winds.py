@@ -12,7 +12,7 @@ from descentflow.studies.blind_diagnosis.hypsometry import weighted_mean
 
 Array = NDArray[np.float64]
 LAYER_FT = 2000.0
-FEWEST_REPORTS = 10
+MIN_REPORTS = 10
 """A layer with fewer says nothing."""
 FASTEST_MPS = 100.0
 """A wind beyond this is a register misread."""
@@ -50,7 +50,7 @@ def wind_profile(rows: pl.DataFrame, declination_deg: float) -> pl.DataFrame:
             pl.len().alias("reports"),
             pl.col("icao24").n_unique().alias("aircraft"),
         )
-        .filter(pl.col("reports") >= FEWEST_REPORTS)
+        .filter(pl.col("reports") >= MIN_REPORTS)
         .sort("altitude_ft")
     )
     if len(profile) < 2:

@@ -35,7 +35,7 @@ FIELDS = {
 TEXT = {"icao24": "hex", "callsign": "flight", "typecode": "t"}
 MILLISECONDS = 1e11
 """Larger numbers cannot be seconds since 1970 before the year 5138."""
-MOST = 50_000
+MAX_ROWS = 50_000
 """Aircraft that are held as JSON at a time."""
 
 
@@ -84,7 +84,7 @@ def rows(documents: Iterable[object], label: str, report: DropReport, block_rows
         waiting += objects
         now = float(snapshot["now"])
         times += [now / 1000 if now > MILLISECONDS else now] * len(objects)
-        if len(waiting) >= min(block_rows, MOST):
+        if len(waiting) >= min(block_rows, MAX_ROWS):
             yield _frame(times, waiting)
             times, waiting = [], []
     if not any_snapshot:

@@ -12,7 +12,7 @@ from descentflow.surveillance.rows.drop_report import DropReport
 
 TIME = frozenset({"timestamp", "time"})
 ADDRESS = frozenset({"icao24", "hex"})
-MOST = 50_000
+MAX_ROWS = 50_000
 """Rows that are held as JSON at a time."""
 NAMES_LOOKED_AT = 1000
 """Rows whose keys name the columns; later rows have no others."""
@@ -44,7 +44,7 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
     each = (document if isinstance(document, list) else [document] for document in each_document)
     stream = itertools.chain.from_iterable(each)
     names: list[str] | None = None
-    while batch := list(itertools.islice(stream, min(block_rows, MOST))):
+    while batch := list(itertools.islice(stream, min(block_rows, MAX_ROWS))):
         objects = [row for row in batch if type(row) is dict]
         report.note("JSON values that are no row", len(batch) - len(objects))
         if names is None:

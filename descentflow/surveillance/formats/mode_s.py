@@ -30,7 +30,7 @@ AGREES = 0.03
 """Relative difference of IAS and the CAS of Mach up to which bits that may be BDS 5,0 or 6,0 are taken for 6,0.
 
 Replies that can only be 6,0 agree within 0.013 (4,688 seconds of an A319 over France)."""
-FEWEST_REPLIES = 5
+MIN_REPLIES = 5
 """Fewest replies of an address without squitters: bit errors make false addresses, but rarely the same twice."""
 
 Message = dict[str, Any]
@@ -118,7 +118,7 @@ def rows(batches: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.Dat
 
 def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: DropReport) -> pl.DataFrame:
     """Rows at those reports of BDS 6,0 that are due, with the values of other messages near them."""
-    counts = messages["icao24"].value_counts().filter(pl.col("count") >= FEWEST_REPLIES)
+    counts = messages["icao24"].value_counts().filter(pl.col("count") >= MIN_REPLIES)
     trusted = pl.col("icao24").is_in([*known, *counts["icao24"]])
     report.note(
         "Mode S messages of addresses that hardly appear (bit errors)", messages.select((~trusted & due).sum()).item()

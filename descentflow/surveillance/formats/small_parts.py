@@ -8,9 +8,9 @@ import polars as pl
 from descentflow.surveillance.formats.file_format import Columns, Part
 from descentflow.surveillance.rows.drop_report import DropReport
 
-MOST_POINTS = 50_000
+MAX_POINTS = 50_000
 """Points of traces that are held as JSON."""
-MOST_TABLES = 2000
+MAX_TABLES = 2000
 """Tables that are put together at once."""
 
 
@@ -75,5 +75,5 @@ def _belongs(part: Part, waiting: Sequence[Part], block_rows: int) -> bool:
     if part.format.join is not waiting[0].format.join:
         return False
     if part.format.join:
-        return count < MOST_POINTS
-    return part.rows.schema == waiting[0].rows.schema and count < block_rows and len(waiting) < MOST_TABLES
+        return count < MAX_POINTS
+    return part.rows.schema == waiting[0].rows.schema and count < block_rows and len(waiting) < MAX_TABLES

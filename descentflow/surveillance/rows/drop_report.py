@@ -7,7 +7,7 @@ from typing import Any
 
 import polars as pl
 
-MOST_NAMED = 4
+MAX_NAMED = 4
 """Steps that a summary names."""
 
 
@@ -111,7 +111,7 @@ class DropReport:
         """
         if not self.steps:
             return []
-        most = sorted((s for s in self.steps if s.rows_dropped), key=lambda s: -s.rows_dropped)[:MOST_NAMED]
+        most = sorted((s for s in self.steps if s.rows_dropped), key=lambda s: -s.rows_dropped)[:MAX_NAMED]
         dropped = ", ".join(f"{s.step} {s.rows_dropped:,}" for s in most) or "nothing"
         left = self.steps[-1].rows_left
         return [f"  rows: {self.steps[0].rows_left:,} read, {left:,} left", f"  dropped most by: {dropped}"]

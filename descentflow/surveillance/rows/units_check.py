@@ -14,9 +14,9 @@ SAMPLE = 20_000
 """Rows that are checked."""
 RATE_SAMPLE = 200_000
 """First rows of a file whose rates are checked: differences need neighbours."""
-FEWEST = 20
+MIN_VALUES = 20
 """Rows below which nothing is checked."""
-FEWEST_AIRCRAFT = 3
+MIN_AIRCRAFT = 3
 """Aircraft below which groundspeed is not checked: one in 160 kt of headwind looks as if it were in m/s."""
 
 
@@ -54,10 +54,10 @@ def check_units(rows: pl.DataFrame, source: str) -> None:
 def _check_others(rows: pl.DataFrame, source: str) -> None:
     """TAS, groundspeed and geometric altitude against Mach and pressure altitude; temperature against zero."""
     for name, (unit, size, spread, wanted) in OTHER_UNITS.items():
-        if name not in rows.columns or (name == "groundspeed" and rows["icao24"].n_unique() < FEWEST_AIRCRAFT):
+        if name not in rows.columns or (name == "groundspeed" and rows["icao24"].n_unique() < MIN_AIRCRAFT):
             continue
         seen = _sample(rows, name).filter((pl.col("altitude") > 3000) & (pl.col(name) > 0))
-        if len(seen) < FEWEST:
+        if len(seen) < MIN_VALUES:
             continue
         altitude, mach, values = (seen[column].to_numpy() for column in ("altitude", "Mach", name))
         expected = altitude if name == "geoaltitude" else isa_tas_of_mach_kt(mach, altitude)
@@ -70,7 +70,7 @@ def _check_others(rows: pl.DataFrame, source: str) -> None:
             )
     if "temperature" in rows.columns:
         temperatures = rows["temperature"].drop_nulls().to_numpy()
-        if len(temperatures) >= FEWEST and float(np.median(temperatures)) < 100:
+        if len(temperatures) >= MIN_VALUES and float(np.median(temperatures)) < 100:
             raise DataError(
                 f"{source}: temperature seems to be in degrees Celsius",
                 expected="temperature in K",
@@ -91,7 +91,7 @@ def _check_airspeeds(rows: pl.DataFrame, source: str) -> None:
     that one.
     """
     usable = _sample(rows, "IAS").filter(pl.col("IAS").is_between(1.0, 1000.0))
-    if len(usable) < FEWEST:
+    if len(usable) < MIN_VALUES:
         return
     altitude, ias, mach = (usable[name].to_numpy() for name in ("altitude", "IAS", "Mach"))
     expected = _misfit(ias, mach, altitude)
@@ -147,7 +147,7 @@ def check_rate_units(rows: pl.DataFrame, source: str) -> None:
     steady = steps.filter(
         pl.col("same") & pl.col("seconds").is_between(2, 60) & pl.col("differenced").abs().is_between(800, 6000)
     ).drop_nulls()
-    if len(steady) < FEWEST:
+    if len(steady) < MIN_VALUES:
         return
     ratio = float(np.median(steady["reported"].to_numpy() / steady["differenced"].to_numpy()))
     if 0.5 < ratio * (1 / FPM_MPS) < 2.0:

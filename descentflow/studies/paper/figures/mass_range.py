@@ -16,7 +16,7 @@ from descentflow.reporting.figure_style import BAND, BLACK, BLUE, GREY, legend_b
 
 N_MASSES = 9
 """From the smallest to the largest mass, both among them."""
-FEWEST = 10
+MIN_FLIGHTS = 10
 """Flights below which no percentile is drawn."""
 _BROWN = "#d9b38c"
 
@@ -163,7 +163,7 @@ def _draw_times(ax: Axes, found: MassRange, n_lines: int, seed: int) -> None:
 def _draw_band(ax: Axes, flights: DescentSet, values: Tensor, by_mass: Tensor, plain: Tensor) -> None:
     """The flights' 5th to 95th percentile and mean at each level, and the band of all masses."""
     levels = flights.levels_fl
-    enough = flights.mask.sum(0) >= FEWEST
+    enough = flights.mask.sum(0) >= MIN_FLIGHTS
     seen = torch.where(flights.mask, values.double(), torch.nan)
     low, high = (torch.where(enough, seen.nanquantile(q, 0), torch.nan) for q in (0.05, 0.95))
     ax.fill_betweenx(levels, low, high, color=BAND, linewidth=0, label="5-95 % of flights")

@@ -104,7 +104,7 @@ def test_test_scores_the_held_out_flights(run: Path, tmp_path: Path) -> None:
     assert main(["test", "--ckpt_path", str(checkpoint), *where, "--scores.n_test_samples=500"]) == 0
     folder = next((tmp_path / "gaussian").iterdir())
     rows = pl.read_csv(folder / "scores.csv")
-    assert len(rows) == 15
+    assert len(rows) == 22
     assert set(rows["quantity"]) >= {"time_to_bottom_of_descent", "rocd_below_transition"}
     assert (folder / "profiles.png").stat().st_size > 10_000
 

@@ -1,19 +1,24 @@
 """The lines that the README shows run, in memory and by paths, and each result says something."""
 
+import re
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
 
 import descentflow as df
+from descentflow.simulation.world_config import WorldConfig
+
+README = Path(__file__).resolve().parents[2] / "README.md"
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """``rows.parquet`` of 150 A320 and ``other.parquet`` of 120 others whose rates are reported late."""
+    """``rows.parquet`` of 150 A320 and ``other.parquet`` of 120 others in air that is 10 K warmer."""
     folder = tmp_path_factory.mktemp("door")
-    for name, flights, seed in (("rows", 150, 0), ("other", 120, 1)):
-        df.simulate("A320", flights, seed, out=folder / f"{name}.parquet")
+    df.simulate("A320", 150, 0, out=folder / "rows.parquet")
+    df.simulate("A320", 120, 1, scenario=WorldConfig(deviation_mean_k=10.0), out=folder / "other.parquet")
     return folder
 
 
@@ -27,23 +32,27 @@ def says_something(result: object) -> None:
 
 
 def test_the_lines_of_the_readme(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The very lines, as the README prints them."""
+    readme = README.read_text(encoding="utf-8")
+    block = re.search(r"<!-- the dozen lines -->\n```python\n(.*?)```", readme, re.DOTALL)
+    assert block is not None
     monkeypatch.chdir(folder)
+    found: dict[str, Any] = {}
 
-    descents = df.prepare("rows.parquet", typecode="A320")
-    model = df.fit(descents, model="flow", max_epochs=4)
-    samples = df.sample(model, n=300, seed=0)
-    scores = df.evaluate(model, descents, n=300)
-    report = df.diagnose(real="other.parquet", simulator=model)
+    exec(block[1], found)
 
-    for result in (descents, model, samples, scores, report):
-        says_something(result)
-    assert len(samples) == 300
-    assert samples.to_polars()["level_fl"].min() == 150
-    assert report.verdict in ("none", "explained", "unknown")
-    nominal = df.diagnose("other.parquet", "A320")
+    for name in ("descents", "model", "samples", "scores", "report"):
+        says_something(found[name])
+    assert len(found["samples"]) == 10_000
+    assert found["samples"].to_polars()["level_fl"].min() == 150
+    assert [cause.effect for cause in found["report"].causes] == ["temperature"]
+    assert found["report"].causes[0].closure.marginal.estimate > 0.8
+
+
+def test_a_type_designator_stands_for_its_nominal_descent(folder: Path) -> None:
+    nominal = df.diagnose(folder / "other.parquet", "A320")
     says_something(nominal)
-    assert nominal.causes
-    assert nominal.causes[0].closure.marginal is not None
+    assert nominal.causes[0].closure.marginal.estimate > 0.5
 
 
 def test_each_takes_what_the_last_returns_or_a_path_of_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

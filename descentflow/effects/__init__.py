@@ -1,7 +1,10 @@
 """Effects: physical and operational causes that may set flights and a simulator apart, a file each.
 
 Read :mod:`~descentflow.effects.effect` (what an effect is), then any of them;
-:mod:`~descentflow.effects.flight_state` is what they look at. A user's own is an entry more in the catalogue.
+:mod:`~descentflow.effects.flight_state` is what they look at.
+
+To add an effect: write its file here and enter it in ``EFFECTS`` below; without a change to the package, pass a
+catalogue with it to :func:`descentflow.diagnosis.diagnose.diagnose`.
 """
 
 from descentflow.effects.airspeed_bias import AirspeedBias

@@ -4,4 +4,6 @@ Reading order: :mod:`~descentflow.generation.sample` (what a user calls), :mod:`
 one rejection loop), :mod:`~descentflow.generation.samples` (what it returns),
 :mod:`~descentflow.generation.prediction.predict` (prediction in flight). To change the rejection bounds, see
 :mod:`descentflow.representation.plausibility`.
+
+Descents alone are generated: what climbs need is in :mod:`descentflow.physics`.
 """

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from scipy.io import netcdf_file
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
@@ -139,6 +138,8 @@ def _write_csv(flown: Trajectories, path: Path, context: pl.DataFrame | None) ->
 
 def _write_netcdf(flown: Trajectories, path: Path, context: pl.DataFrame | None) -> None:
     """Dimensions sample and level (ascending); NaN above a sample's entry level."""
+    from scipy.io import netcdf_file  # here: whatever draws samples would pay for it otherwise
+
     n, n_levels = flown.time_s.shape
     with netcdf_file(path, "w") as file:
         file.title = "Sampled aircraft descents (descentflow)"

@@ -10,7 +10,7 @@ from torch import Tensor
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.correction.closure import Gap, GapMeasure
 from descentflow.diagnosis.correction.corrected_simulator import corrected
-from descentflow.diagnosis.findings.findings import Details, NullTest
+from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import WouldSplit
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shift
@@ -215,8 +215,8 @@ class Diagnosis:
         is_matter = any(self.settings.catalogue[name].is_noise for name in effects)
         return affected if is_matter or not bool((affected & ~noise).any()) else affected & ~noise
 
-    def _verdict(self, p_value: float, chosen: Chosen) -> str:
-        """``none``, ``effect`` or ``unknown``."""
+    def _verdict(self, p_value: float, chosen: Chosen) -> Verdict:
+        """Whether there is a gap, and a named cause."""
         # Samples always differ from flights a little, however many permutations say so: it must matter too.
         idle = self.source == "samples" and not chosen.fit.effects and not chosen.outside.named
         if p_value > SIGNIFICANT or idle:

@@ -60,5 +60,5 @@ def test_terminal_page_and_json_speak_of_it_in_its_own_words(report: GapReport, 
     assert "stretch of the height: <b>0.0" in page
     written = json.loads((tmp_path / "gap.json").read_text())
     assert written["causes"][0]["effect"] == "stretched_height"
-    assert set(written["causes"][0]["parameters"]["stretch"]) == {"estimate", "low", "high", "unit"}
+    assert set(written["causes"][0]["parameters"]["stretch"]) == {"estimate", "low", "high", "unit", "label"}
     assert written["details"]["contest"][0]["effect"] == "stretched_height"

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, number, percent
+from descentflow.diagnosis.findings.plain_values import number, percent
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class ParameterEstimate:
     low: float | None
     high: float | None
     unit: str
-    label: str = field(default="", metadata=NOT_WRITTEN)
+    label: str = ""
 
     @property
     def interval(self) -> str:
@@ -135,6 +135,10 @@ class Cause:
         inherited: Whether the simulator's own flights have it as well.
         label: Its name for readers.
         text: What it is in words, with the direction that was found.
+        inclusion: Probability that the effect is among the causes; None where not computed.
+        share_of_flights: Share of the flights that have it, of which ``parameters`` are then the sizes; None where all
+            have it alike or the data do not say.
+        own_closure: How much of the gap it closes beside the others; None where not computed.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -154,9 +158,12 @@ class Cause:
     heterogeneity: Heterogeneity = field(metadata={"json": "law"})
     closure: Closure
     rivals: list[RivalClosure]
-    inherited: bool = field(default=False, metadata={"optional": True})
-    label: str = field(default="", metadata=NOT_WRITTEN)
-    text: str = field(default="", metadata=NOT_WRITTEN)
+    inherited: bool = False
+    label: str = ""
+    text: str = ""
+    inclusion: float | None = None
+    share_of_flights: ClosedShare | None = None
+    own_closure: ClosedShare | None = None
 
     def __str__(self) -> str:
         """Its name and its size."""

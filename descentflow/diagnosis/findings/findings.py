@@ -1,10 +1,18 @@
 """All that a diagnosis finds, as typed objects."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from descentflow.diagnosis.findings.cause_found import Cause
+from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep, Score
+from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.findings.gap_found import GapCell, Remaining, Stage, WouldSplit
-from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN
+from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel, Provenance
+from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
+
+Verdict = Literal["none", "effect", "partial", "unknown"]
+"""``none``: no gap; ``effect``: a gap with named causes; ``partial``: the named causes are real, and what they leave is
+still a gap, of no named cause; ``unknown``: a gap of no named cause."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +111,8 @@ class Details:
         curves: By quantity.
         flights: Counts of flights and rows.
         labels: Effect -> its name for readers.
+        subsets: The best sets of effects, heaviest first.
+        detection_limits: Of each effect, the smallest size that would be named in 80 of 100 cases.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -125,7 +135,9 @@ class Details:
     singles: list[SingleEffect] = field(metadata={"json": "contest"})
     curves: dict[str, Curve]
     flights: dict[str, int]
-    labels: dict[str, str] = field(default_factory=dict, metadata=NOT_WRITTEN)
+    labels: dict[str, str] = field(default_factory=dict)
+    subsets: list[Subset] = field(default_factory=list)
+    detection_limits: list[DetectionLimit] = field(default_factory=list)
 
     def label(self, effect: str) -> str:
         """What readers call an effect of the catalogue; ``unknown`` is the one outside it."""
@@ -137,7 +149,7 @@ class Findings:
     """All that a diagnosis found; :class:`descentflow.diagnosis.report.gap_report.GapReport` prints and writes it.
 
     Attributes:
-        verdict: ``none``, ``effect`` or ``unknown``.
+        verdict: See :data:`Verdict`.
         p_value: Probability of a gap as large as this between flights of one population.
         floor: Gap that two samples of one population of these sizes show.
         gap_before: Gap between simulator and flights (mean over the affected quantities of the Wasserstein distance in
@@ -150,6 +162,14 @@ class Findings:
         would_split: Channels or slices that would separate what these data cannot.
         dropped: Counts of flights and rows left out, by reason.
         details: Everything else: settings, every effect alone, curves behind the figures.
+        global_p: The p-value corrected for how many effects were looked for; None where not computed.
+        costs: What the gap costs, the whole range of levels first, then parts of it.
+        recipe: What to change in the simulator, cause by cause.
+        scores: Of the simulator's flights before and after the causes, as `evaluate` has them.
+        left_out_channels: Channels that one side lacks.
+        flights_worth_a_look: Those with most of what no named cause explains, largest first.
+        previous: The round before, where one was given.
+        provenance: What went in; None where it is not known.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -159,7 +179,7 @@ class Findings:
         (True, 'effect', True)
     """
 
-    verdict: str
+    verdict: Verdict
     p_value: float
     floor: float
     gap_before: float
@@ -171,3 +191,11 @@ class Findings:
     would_split: list[WouldSplit]
     dropped: dict[str, int]
     details: Details
+    global_p: float | None = None
+    costs: list[Cost] = field(default_factory=list)
+    recipe: list[RecipeStep] = field(default_factory=list)
+    scores: list[Score] = field(default_factory=list)
+    left_out_channels: list[LeftOutChannel] = field(default_factory=list)
+    flights_worth_a_look: list[FlightWorthALook] = field(default_factory=list)
+    previous: Previous | None = None
+    provenance: Provenance | None = None

@@ -4,7 +4,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 NOT_WRITTEN = {"json": None}
-"""Metadata of fields that are for readers of the objects and pages, and not in `gap.json`."""
+"""Metadata of fields that `gap.json` does not hold."""
 
 
 def primitives(value: Any) -> Any:
@@ -20,10 +20,9 @@ def primitives(value: Any) -> Any:
     if is_dataclass(value):
         found = {}
         for one in fields(value):
-            key, content = one.metadata.get("json", one.name), getattr(value, one.name)
-            optional = one.metadata.get("optional", False) and content == one.default
-            if key is not None and not optional:
-                found[key] = primitives(content)
+            key = one.metadata.get("json", one.name)
+            if key is not None:
+                found[key] = primitives(getattr(value, one.name))
         return found
     if isinstance(value, dict):
         return {key: primitives(content) for key, content in value.items()}

@@ -14,10 +14,11 @@ from descentflow.reporting.html_page import HtmlPage
 VERDICTS = {
     "none": "No gap",
     "effect": "A gap with a known cause",
+    "partial": "A gap with a cause that explains part of it",
     "unknown": "A gap whose cause is not in the catalogue",
 }
 """Verdict -> how the page's title begins."""
-BOXES = {"none": "good", "effect": "", "unknown": "warn"}
+BOXES = {"none": "good", "effect": "", "partial": "warn", "unknown": "warn"}
 """Verdict -> colour of the box with the answer."""
 SHOWN_CELLS = 10
 """Cells of the table of where, largest share first."""

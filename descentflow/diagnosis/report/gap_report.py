@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 from descentflow.core.files import whole_file
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, primitives
+from descentflow.diagnosis.findings.read_gap import SCHEMA_VERSION
 from descentflow.diagnosis.report.gap_page import page
 from descentflow.diagnosis.report.text import summary
 
 if TYPE_CHECKING:
     import polars as pl
 
-SCHEMA_VERSION = 1
-"""Of `gap.json`."""
 KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name != "details"))
 """Keys of `gap.json` that readers may rely on; `details` holds the rest."""
 
@@ -51,12 +50,7 @@ class GapReport(Findings):
 
     def as_dict(self) -> dict[str, Any]:
         """Primitives for `gap.json`, the keys of :data:`KEYS` first."""
-        found = primitives(self)
-        # By name, and the seconds of all stages together: so since version 1 of the schema.
-        found["stages"] = {s.name: s.share for s in self.stages}
-        if self.stages:
-            found["stages"]["seconds"] = {s.name: s.seconds for s in self.stages}
-        return {"schema_version": SCHEMA_VERSION, **found}
+        return {"schema_version": SCHEMA_VERSION, **primitives(self)}
 
     def to_polars(self) -> "pl.DataFrame":
         """Where the gap lies as a table: a row for each cell, largest share first."""

@@ -1,0 +1,95 @@
+"""What the owner of a simulator does with the answer: the recipe, the scores it reaches, and the round before."""
+
+from dataclasses import dataclass, field
+
+from descentflow.diagnosis.findings.cause_found import ClosedShare
+from descentflow.diagnosis.findings.costs_found import Measured
+
+
+@dataclass(frozen=True)
+class RecipeNumber:
+    """One number to enter into a simulator, with its 90 % interval, for a range of levels.
+
+    Example:
+        >>> RecipeNumber("deviation from the standard atmosphere", "K", Measured(7.2, 6.8, 7.6)).unit
+        'K'
+    """
+
+    label: str
+    unit: str
+    value: Measured
+    low_fl: float | None = None
+    high_fl: float | None = None
+
+
+@dataclass(frozen=True)
+class RecipeStep:
+    """What to change in the simulator for one cause.
+
+    Attributes:
+        effect: The cause.
+        text: In words, physical units and levels: ``ISA + 7.2 K [6.8, 7.6]``.
+        numbers: The same for programs.
+        share_of_flights: Share of the flights that have it (1 is all).
+
+    Example:
+        >>> step = RecipeStep("temperature", "ISA + 7.2 K [6.8, 7.6]", [RecipeNumber("deviation", "K", Measured(7.2))])
+        >>> step.share_of_flights
+        1.0
+    """
+
+    effect: str
+    text: str
+    numbers: list[RecipeNumber] = field(default_factory=list)
+    share_of_flights: float = 1.0
+
+
+@dataclass(frozen=True)
+class Score:
+    """A score of the simulator's flights against the real ones, as `evaluate` has it, before and after the causes.
+
+    Attributes:
+        name: Of the score.
+        unit: Of its value; ``1`` for a plain number.
+        before: The simulator as it is.
+        after: With the causes; None where none is named.
+        floor: Of two samples of one population; None where the score has none.
+
+    Example:
+        >>> Score("mean absolute error of the time", "s", before=25.0, after=4.0, floor=3.0).after
+        4.0
+    """
+
+    name: str
+    unit: str
+    before: float
+    after: float | None
+    floor: float | None
+
+
+@dataclass(frozen=True)
+class Previous:
+    """The diagnosis before the owner changed the simulator, held against this one.
+
+    Attributes:
+        report: Its `gap.json`.
+        causes: What it named.
+        predicted: Closure that it predicted.
+        achieved: Closure that the changed simulator reached.
+        gap_before: Gap then, in spreads between flights, over what both diagnoses measure.
+        gap_now: Gap now, over the same.
+        text: What is done, what remains and what is next, in words.
+
+    Example:
+        >>> predicted, achieved = ClosedShare(0.9, 0.85, 0.95), ClosedShare(0.88, 0.8, 0.94)
+        >>> Previous("gap/gap.json", ["temperature"], predicted, achieved, 0.6, 0.1).causes
+        ['temperature']
+    """
+
+    report: str
+    causes: list[str]
+    predicted: ClosedShare
+    achieved: ClosedShare
+    gap_before: float | None = None
+    gap_now: float | None = None
+    text: str = ""

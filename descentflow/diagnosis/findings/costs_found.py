@@ -1,0 +1,61 @@
+"""What a gap costs, in the units of the trade: seconds, nautical miles, feet per minute, knots."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A number with its 90 % interval; no ends where none is claimed.
+
+    Example:
+        >>> Measured(12.0, 10.5, 13.4).estimate
+        12.0
+    """
+
+    estimate: float
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def excludes_zero(self) -> bool:
+        """Whether the interval leaves no room for zero; false where there is none.
+
+        Example:
+            >>> Measured(12.0, 10.5, 13.4).excludes_zero, Measured(1.0, -0.5, 2.0).excludes_zero
+            (True, False)
+        """
+        return self.low is not None and self.high is not None and (self.low > 0 or self.high < 0)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the gap costs in one quantity between two flight levels: the flights' mean minus the simulator's.
+
+    Attributes:
+        name: ``time``, ``distance``, ``rate``, ``cas`` or ``tas``.
+        label: What readers call it.
+        unit: ``s``, ``NM``, ``ft/min`` or ``kt``.
+        low_fl: Lower end of the levels.
+        high_fl: Upper end.
+        simulator: Mean of the simulator, in ``unit``.
+        flights: Mean of the flights.
+        before: Flights minus simulator.
+        after: The same once the named causes are in the simulator; None where none is named.
+        floor: Size that nine of ten pairs of samples of one population stay below.
+
+    Example:
+        >>> cost = Cost("time", "time", "s", 150.0, 370.0, 520.0, 545.0, Measured(25.0, 22.0, 28.0), None, 3.0)
+        >>> cost.before.estimate == cost.flights - cost.simulator
+        True
+    """
+
+    name: str
+    label: str
+    unit: str
+    low_fl: float
+    high_fl: float
+    simulator: float
+    flights: float
+    before: Measured
+    after: Measured | None
+    floor: float

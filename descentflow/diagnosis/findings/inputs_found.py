@@ -1,0 +1,98 @@
+"""What went into a diagnosis: both sides by name, versions, settings; and channels that could not be used."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class InputUsed:
+    """One side of the comparison.
+
+    Attributes:
+        name: File, folder, or what was passed in memory.
+        kind: What it is: ``prepared descents``, ``rows``, ``checkpoint``, ``nominal BADA`` and the like.
+        flights: Flights in it.
+        aircraft: Airframes that flew them; None where not known.
+        first: Day of the first flight (ISO 8601); None where not known.
+        last: Day of the last one.
+        typecodes: Aircraft types.
+
+    Example:
+        >>> InputUsed("rows.parquet", "rows", 400, 80, "2026-10-01", "2026-10-31", ["A320"]).flights
+        400
+    """
+
+    name: str
+    kind: str
+    flights: int
+    aircraft: int | None = None
+    first: str | None = None
+    last: str | None = None
+    typecodes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """How the answer can be made again.
+
+    Attributes:
+        real: The flights.
+        simulator: What they were held against.
+        versions: Version of descentflow and of what else decides numbers, by name.
+        settings: Settings, by name, as text.
+        user_files: Files of the user's own code that were run (``--catalogue``).
+
+    Example:
+        >>> one = InputUsed("rows.parquet", "rows", 400)
+        >>> Provenance(one, InputUsed("best.ckpt", "checkpoint", 300), {"descentflow": "0.1"}).user_files
+        []
+    """
+
+    real: InputUsed
+    simulator: InputUsed
+    versions: dict[str, str] = field(default_factory=dict)
+    settings: dict[str, str] = field(default_factory=dict)
+    user_files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class LeftOutChannel:
+    """A channel that one side lacks and that was left out of both.
+
+    Attributes:
+        channel: Its name.
+        lacking: Side that lacks it: ``simulator`` or ``real``.
+        would_have_told_apart: Effects that it would have told apart.
+
+    Example:
+        >>> LeftOutChannel("TAS", "simulator", ["temperature", "mass"]).channel
+        'TAS'
+    """
+
+    channel: str
+    lacking: str
+    would_have_told_apart: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class FlightWorthALook:
+    """A flight that shows most of what no named cause explains.
+
+    Attributes:
+        flight: Its identifier in the prepared descents.
+        excess: What it shows beyond the simulator and the named causes, in ``unit``.
+        unit: Of ``excess``.
+        quantity: Name of the quantity, see :data:`descentflow.measurements.quantity_registry.QUANTITIES`, or ``time``.
+        low_fl: Lower end of the levels where it shows most.
+        high_fl: Upper end.
+
+    Example:
+        >>> FlightWorthALook("DLH4AB-3", 41.0, "s", "time", 190.0, 235.0).flight
+        'DLH4AB-3'
+    """
+
+    flight: str
+    excess: float
+    unit: str
+    quantity: str
+    low_fl: float
+    high_fl: float

@@ -1,0 +1,181 @@
+"""Findings of a diagnosis with every field filled, and of each verdict, made by hand."""
+
+from dataclasses import replace
+
+from descentflow.diagnosis.findings.cause_found import (
+    Cause,
+    ClosedShare,
+    Closure,
+    Heterogeneity,
+    ParameterEstimate,
+    RivalClosure,
+    ScoreGain,
+)
+from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumber, RecipeStep, Score
+from descentflow.diagnosis.findings.costs_found import Cost, Measured
+from descentflow.diagnosis.findings.findings import Curve, Details, Discrepancy, Findings, NullTest, SingleEffect
+from descentflow.diagnosis.findings.gap_found import Block, GapCell, LargestDifference, Remaining, Stage, WouldSplit
+from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, InputUsed, LeftOutChannel, Provenance
+from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
+from descentflow.effects import EFFECTS
+
+CLOSED = ClosedShare(0.84, 0.79, 0.88)
+LABELS = {name: effect.text for name, effect in EFFECTS.items()}
+
+
+def cause(effect: str, parameters: dict[str, ParameterEstimate], **more: object) -> Cause:
+    """A cause with the words that the effect has for it."""
+    first = next(iter(parameters.values())).estimate
+    plain = Cause(
+        effect=effect,
+        group=[],
+        probability=0.97,
+        parameters=parameters,
+        score_gain=ScoreGain(210.0, 180.0, 240.0),
+        heterogeneity=Heterogeneity(EFFECTS[effect].heterogeneity, 0.2),
+        closure=Closure(CLOSED, CLOSED, ClosedShare(0.7, None, None)),
+        rivals=[RivalClosure("mass", 0.72), RivalClosure("level_off", None)],
+        label=EFFECTS[effect].text,
+        text=EFFECTS[effect].in_words(first),
+        inclusion=0.99,
+        own_closure=ClosedShare(0.5, 0.45, 0.55),
+    )
+    return replace(plain, **more)  # type: ignore[arg-type]
+
+
+def brakes() -> Cause:
+    """Brakes out in 62 % of the flights."""
+    sizes = {
+        "extra_cd0": ParameterEstimate(0.58, 0.54, 0.62, "1", "parasitic drag added"),
+        "low_fl": ParameterEstimate(190.0, 187.0, 193.0, "FL", "lower end"),
+        "high_fl": ParameterEstimate(265.0, 262.0, 268.0, "FL", "upper end"),
+    }
+    return cause("speed_brake", sizes, share_of_flights=ClosedShare(0.62, 0.58, 0.66))
+
+
+def warm() -> Cause:
+    """Air that is 7.2 K warmer."""
+    sizes = {"deviation_k": ParameterEstimate(7.2, 6.8, 7.6, "K", "deviation from the standard atmosphere")}
+    return cause("temperature", sizes, group=["mass"])
+
+
+def costs(after: bool = True) -> list[Cost]:
+    """Of the whole range and of its thirds."""
+    rest = Measured(1.5, -1.0, 4.0) if after else None
+    found = []
+    for low, high, part in ((150.0, 360.0, 1.0), (150.0, 220.0, 0.3), (220.0, 290.0, 0.4), (290.0, 360.0, 0.3)):
+        found += [
+            Cost(
+                "time",
+                "time",
+                "s",
+                low,
+                high,
+                520 * part,
+                545 * part,
+                Measured(25 * part, 22 * part, 28 * part),
+                rest,
+                3.0,
+            ),
+            Cost(
+                "distance",
+                "distance",
+                "NM",
+                low,
+                high,
+                61 * part,
+                63 * part,
+                Measured(2 * part, 1.8 * part, 2.2),
+                rest,
+                0.4,
+            ),
+            Cost(
+                "rate",
+                "rate of descent",
+                "ft/min",
+                low,
+                high,
+                2450,
+                2340,
+                Measured(-110, -120, -100),
+                Measured(-8, -20, 5) if after else None,
+                15.0,
+            ),
+            Cost(
+                "cas",
+                "calibrated airspeed",
+                "kt",
+                low,
+                high,
+                281,
+                281.4,
+                Measured(0.4, -0.3, 1.1),
+                Measured(0.4, -0.3, 1.1) if after else None,
+                0.9,
+            ),
+        ]
+    return found  # fmt: skip
+
+
+def details() -> Details:
+    """Curves of two quantities, one of the whole flight; every effect alone."""
+    levels: list[float | None] = [157.5 + 15 * k for k in range(14)]
+    return Details(
+        simulator="house_simulator.parquet",
+        regime="anchored",
+        typecode="A320",
+        normal_from="simulator flights",
+        seed=0,
+        quantities=["rate", "tas", "level"],
+        transition_fl=318.0,
+        mass_kg=60_000.0,
+        test=NullTest(1 / 2000, 41.0, 25.0, 1999),
+        discrepancy=Discrepancy(300.0, 12.0, 9.0, 0.96, False),
+        singles=[SingleEffect("temperature", 210.0, 15.0, {"deviation_k": 7.2}), SingleEffect("mass", 90.0, 12.0, {})],
+        curves={
+            "rate": Curve(levels, [-0.05 + 0.001 * k for k in range(14)], [0.002] * 14, [0.004] * 14),
+            "tas": Curve(levels, [0.016] * 14, [0.0] * 14, [0.001] * 14),
+            "level": Curve([None], [3.0], [0.0], [2.0]),
+        },
+        flights={"flights_compared": 400},
+        labels=LABELS,
+        subsets=[Subset(["temperature"], 0.9), Subset(["temperature", "mass"], 0.1)],
+        detection_limits=[
+            DetectionLimit("temperature", "deviation_k", 1.2, "K", "deviation from the standard atmosphere"),
+            DetectionLimit("mass", "relative_change", None, "1", "relative change of the mass"),
+        ],
+    )
+
+
+def findings() -> Findings:
+    """Two causes, one of which leaves something: every optional field is filled."""
+    where = GapCell("tas", 150.0, 195.0, "below", "all", 0.02, 0.001, "relative", 0.02, 0.005, 0.4)
+    left = LargestDifference("rate", 315.0, 330.0, difference=-0.02, in_negligible_shifts=2.0)
+    real = InputUsed("radar.parquet", "rows", 400, 80, "2026-10-01", "2026-10-31", ["A320"])
+    simulator = InputUsed("house_simulator.parquet", "prepared descents", 350)
+    recipe = [
+        RecipeStep("temperature", "ISA + 7.2 K [6.8, 7.6]", [RecipeNumber("deviation", "K", Measured(7.2, 6.8, 7.6))]),
+        RecipeStep("speed_brake", "CD0 x 1.58 [1.54, 1.62] between FL190 and FL265 in 62 % of flights", [], 0.62),
+    ]
+    return Findings(
+        verdict="partial",
+        p_value=1 / 2000,
+        floor=0.08,
+        gap_before=0.67,
+        where=[where],
+        stages=[Stage("representation", 0.6, 3.6), Stage("decoder", 0.4, 2.4)],
+        causes=[warm(), brakes()],
+        gap_after=0.2,
+        remaining=Remaining(0.12, 0.05, left, Block("rate", 150.0, 195.0, 0.04)),
+        would_split=[WouldSplit(["temperature", "mass"], ["TAS"], "they look alike in the channels given")],
+        dropped={"flights_given": 412, "flights_compared": 400},
+        details=details(),
+        global_p=0.001,
+        costs=costs(),
+        recipe=recipe,
+        scores=[Score("mean absolute error of the time", "s", 25.0, 4.0, 3.0)],
+        left_out_channels=[LeftOutChannel("geoaltitude", "simulator", ["temperature"])],
+        flights_worth_a_look=[FlightWorthALook("DLH4AB-3", 41.0, "s", "time", 190.0, 235.0)],
+        previous=Previous("gap/gap.json", ["temperature"], CLOSED, CLOSED, 0.6, 0.1, "The air is as it was found."),
+        provenance=Provenance(real, simulator, {"descentflow": "0.1.0"}, {"seed": "0"}, ["own_effects.py"]),
+    )

@@ -1,0 +1,75 @@
+"""BlueSky flies what it is commanded; needs the extra `bluesky`."""
+
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from descentflow.core.errors import DataError
+from descentflow.core.units import FT_M, KT_MPS
+from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+from flying.bluesky_fleet import Orders, fly, start
+from flying.flight_plans import FlightPlan
+from flying.profiles import Profile
+
+START = datetime(2024, 3, 1, 10, tzinfo=UTC)
+pytestmark = pytest.mark.filterwarnings("ignore")  # BlueSky's own, at import
+
+
+def plan(typecode: str = "A320", mach: float = 0.78, cas_kt: float = 290.0) -> FlightPlan:
+    return FlightPlan("f", "a1", typecode, START, 360, 150, mach, cas_kt, (4.0,), ("Mach",))
+
+
+@pytest.fixture(scope="module")
+def bluesky() -> object:
+    pytest.importorskip("bluesky", reason="BlueSky is an extra: pip install 'descentflow[bluesky]'")
+    return start()
+
+
+def test_commanded_rates_speeds_and_wind_are_flown(bluesky: object) -> None:
+    """Tolerances: BlueSky moves in steps of 0.5 s and changes its vertical speed by 300 ft/min a second."""
+    rates, wind = Profile((150.0, 350.0), (-1500.0, -2500.0)), Profile((150.0, 350.0), (20.0, 60.0))
+    state = fly(bluesky, [plan(), plan("B738", cas_kt=270.0)], Orders(step_ft=1000.0, rates_fpm=rates, wind_kt=wind))[0]
+    level = state["altitude"] / 100
+    settled = level < 340
+    expected = np.interp(level, rates.levels_fl, rates.values)
+    assert np.abs(state["vertical_rate"] - expected)[settled].max() < 60
+    tailwind = state["groundspeed"] - state["TAS"]
+    assert np.abs(tailwind - np.interp(level, wind.levels_fl, wind.values)).max() < 1
+    assert np.abs(state["IAS"] - 290)[level < 290].max() < 2
+    assert np.abs(state["Mach"] - 0.78)[(level > 325) & settled].max() < 0.005
+
+
+def test_its_speeds_agree_with_each_other_in_the_standard_atmosphere(bluesky: object) -> None:
+    """Within half a knot: its constants are rounded."""
+    state = fly(bluesky, [plan()], Orders(step_ft=1000.0))[0]
+    mach, height = torch.from_numpy(state["Mach"]), torch.from_numpy(state["altitude"] * FT_M)
+    assert np.abs(mach_to_cas_mps(mach, height).numpy() / KT_MPS - state["IAS"]).max() < 0.5
+    assert np.abs(mach_to_tas_mps(mach, height).numpy() / KT_MPS - state["TAS"]).max() < 0.5
+
+
+def test_a_deep_altitude_commanded_at_once_slows_the_flight(bluesky: object) -> None:
+    """What the page tells: 1.1.1 holds the speed against its limits at the commanded altitude, not at its own."""
+    at_once, stepped = (fly(bluesky, [plan()], Orders(step_ft=step))[0] for step in (None, 1000.0))
+    for state, slow in ((at_once, True), (stepped, False)):
+        mach = state["Mach"][np.abs(state["altitude"] - 33000) < 300].mean()
+        assert (mach < 0.70) == slow
+
+
+def test_own_rate_is_1500_and_its_spread_is_of_the_flights(bluesky: object) -> None:
+    own = fly(bluesky, [plan()], Orders())[0]["vertical_rate"]
+    assert np.abs(own[20:] + 1500).max() < 5
+    spread = Orders(rates_fpm=Profile((100.0,), (-2000.0,)), rate_spread=0.2, step_ft=1000.0, seed=4)
+    rates = [np.median(state["vertical_rate"]) for state in fly(bluesky, [plan()] * 3, spread)]
+    own_size = np.exp(0.2 * np.random.default_rng(4).standard_normal(3) - 0.02)
+    assert rates == pytest.approx(-2000 * own_size, abs=3)
+
+
+def test_type_that_it_does_not_know_is_refused(bluesky: object) -> None:
+    with pytest.raises(DataError, match="XXXX, which BlueSky would fly as a B744"):
+        fly(bluesky, [plan("XXXX")], Orders())

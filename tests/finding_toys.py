@@ -12,7 +12,7 @@ from descentflow.diagnosis.findings.cause_found import (
     ScoreGain,
 )
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumber, RecipeStep, Score
-from descentflow.diagnosis.findings.costs_found import Cost, Measured
+from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
 from descentflow.diagnosis.findings.findings import Curve, Details, Discrepancy, Findings, NullTest, SingleEffect
 from descentflow.diagnosis.findings.gap_found import Block, GapCell, LargestDifference, Remaining, Stage, WouldSplit
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, InputUsed, LeftOutChannel, Provenance
@@ -139,6 +139,7 @@ def details() -> Details:
         },
         flights={"flights_compared": 400},
         labels=LABELS,
+        profile=[LevelMeans(157.5 + 15 * k, 2000.0 + 50 * k, 280.0, 350.0 + 7 * k) for k in range(14)],
         subsets=[Subset(["temperature"], 0.9), Subset(["temperature", "mass"], 0.1)],
         detection_limits=[
             DetectionLimit("temperature", "deviation_k", 1.2, "K", "deviation from the standard atmosphere"),

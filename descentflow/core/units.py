@@ -16,3 +16,5 @@ KT_MPS = 0.514444
 """Metres a second in a knot."""
 FPM_MPS = FT_M / 60
 """Metres a second in a foot a minute."""
+NM_M = 1852.0
+"""Metres in a nautical mile."""

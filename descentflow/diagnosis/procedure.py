@@ -10,6 +10,7 @@ from torch import Tensor
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.correction.closure import Gap, GapMeasure
 from descentflow.diagnosis.correction.corrected_simulator import corrected
+from descentflow.diagnosis.correction.costs import costs_of, profile_of
 from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import WouldSplit
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
@@ -194,6 +195,7 @@ class Diagnosis:
             would_split=hidden if verdict == "none" else would_split(likelihood, causes),
             dropped=dict(counts),
             details=self._details(chosen, test, fit.shift, counts),
+            costs=costs_of(self.compared, shift if causes else None, settings.seed),
             write_corrected=write if verdict == "effect" else None,
         )
 
@@ -240,6 +242,7 @@ class Diagnosis:
             curves=curves(self.likelihood, shift),
             flights=dict(counts),
             labels={name: effect.text for name, effect in settings.catalogue.items()},
+            profile=profile_of(self.compared),
         )
 
 

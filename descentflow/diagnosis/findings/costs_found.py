@@ -59,3 +59,18 @@ class Cost:
     before: Measured
     after: Measured | None
     floor: float
+
+
+@dataclass(frozen=True)
+class LevelMeans:
+    """What the simulator flies on average in a band of altitude: relative differences become ft/min and kt by it.
+
+    Example:
+        >>> LevelMeans(157.5, rate_fpm=2100.0, cas_kt=280.0, tas_kt=352.0).rate_fpm
+        2100.0
+    """
+
+    level_fl: float
+    rate_fpm: float
+    cas_kt: float
+    tas_kt: float

@@ -5,7 +5,7 @@ from typing import Literal
 
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep, Score
-from descentflow.diagnosis.findings.costs_found import Cost
+from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import GapCell, Remaining, Stage, WouldSplit
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel, Provenance
 from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
@@ -113,6 +113,7 @@ class Details:
         labels: Effect -> its name for readers.
         subsets: The best sets of effects, heaviest first.
         detection_limits: Of each effect, the smallest size that would be named in 80 of 100 cases.
+        profile: What the simulator flies on average by level.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -138,6 +139,7 @@ class Details:
     labels: dict[str, str] = field(default_factory=dict)
     subsets: list[Subset] = field(default_factory=list)
     detection_limits: list[DetectionLimit] = field(default_factory=list)
+    profile: list[LevelMeans] = field(default_factory=list)
 
     def label(self, effect: str) -> str:
         """What readers call an effect of the catalogue; ``unknown`` is the one outside it."""

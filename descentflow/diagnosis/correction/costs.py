@@ -1,0 +1,235 @@
+r"""What the gap costs, in the units of the trade, before and after the named causes.
+
+A flight crosses a band of height :math:`\Delta h` at the rate :math:`R` in :math:`\Delta h / R` seconds and flies
+:math:`V \Delta h / R` meanwhile, so that from the top to the bottom of the levels
+
+.. math:: t = \sum_k \overline{\Delta h / R_k}, \qquad s = \sum_k \overline{(V_k + w_k)\, \Delta h / R_k},
+
+where the bars are means over the flights that show band k: flights that begin lower down, or miss a band, say what
+they can. Intervals are quantiles over fleets of whole aircraft drawn with replacement, one fewer than there are
+(McCarthy and Snowden, The Bootstrap and Finite Population Sampling, 1985: their variance is then unbiased).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import torch
+from torch import Tensor
+
+from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
+from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.effects.flight_state import log_rate
+from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+
+FLEETS = 400
+"""Fleets drawn: an end of a 90 % interval is then known to a ninth of a standard error."""
+CONFIDENCE = (0.05, 0.95)
+PARTS = 3
+"""Into which the levels are divided besides the whole."""
+LABELS = {
+    "time": ("time", "s"),
+    "air_distance": ("distance through the air", "NM"),
+    "ground_distance": ("distance over ground", "NM"),
+    "rate": ("rate of descent", "ft/min"),
+    "cas": ("calibrated airspeed", "kt"),
+    "tas": ("true airspeed", "kt"),
+    "level": ("time lost in level-offs", "s"),
+    "slow": ("time lost in slow stretches", "s"),
+}
+"""Cost -> its name for readers and its unit."""
+SUMMED = ("time", "air_distance", "ground_distance")
+"""Costs that add up over bands; of the others the mean over bands is told."""
+OF_FLIGHT = ("level", "slow")
+"""Costs with one number for each flight."""
+
+
+def costs_of(compared: Compared, shift: Tensor | None, seed: int) -> list[Cost]:
+    """What the gap costs over all levels that are compared, and over the lower, middle and upper third of them.
+
+    Args:
+        compared: Flights of both sides.
+        shift: (n, p) what the named causes make of each real flight; None where none is named.
+        seed: Of the fleets.
+
+    Returns:
+        The whole first, then the parts from below; nothing where no rate is compared.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import EFFECTS, example_sides
+        >>> warm = costs_of(example_sides(EFFECTS["temperature"], [10.0]), None, seed=0)
+        >>> [(cost.name, cost.unit) for cost in warm[:4]]
+        [('time', 's'), ('air_distance', 'NM'), ('rate', 'ft/min'), ('cas', 'kt')]
+        >>> warm[0].before.low < warm[0].flights - warm[0].simulator < warm[0].before.high
+        True
+    """
+    bands = sorted(e.band for e in compared.entries if e.quantity == "rate")
+    if not bands:
+        return []
+    sides = _Sides(compared, shift, seed)
+    parts = [bands, *_thirds(bands)]
+    found = []
+    for chosen in parts if len(bands) >= PARTS else parts[:1]:
+        low, high = chosen[0], chosen[-1]
+        half = compared.band_fl / 2
+        levels = (round(compared.middles_fl()[low] - half, 6), round(compared.middles_fl()[high] + half, 6))
+        names = [name for name in LABELS if name in sides.tables and (name not in OF_FLIGHT or chosen is bands)]
+        found += [sides.cost(name, chosen, levels) for name in names]
+    return found
+
+
+def profile_of(compared: Compared) -> list[LevelMeans]:
+    """What the simulator flies on average in each band where a rate is compared, from below.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> means = profile_of(example_sides())
+        >>> means[0].level_fl, means[-1].level_fl, means[0].tas_kt > means[0].cas_kt
+        (160.0, 360.0, True)
+    """
+    bands = sorted(e.band for e in compared.entries if e.quantity == "rate")
+    has_reference = bool((~compared.real).any())
+    table = flown(compared, compared.y if has_reference else 0.0 * compared.y)
+    simulator = ~compared.real if has_reference else compared.real
+    rate, seconds, distance = (table[name][simulator].nanmean(0) for name in ("rate", "time", "air_distance"))
+    cas = torch.where(table["rate"].isfinite(), compared.state.cas_mps / KT_MPS, torch.nan)[simulator].nanmean(0)
+    tas = distance / seconds * NM_M / KT_MPS
+    levels = compared.middles_fl()
+    return [LevelMeans(round(levels[k], 6), float(rate[k]), float(cas[k]), float(tas[k])) for k in bands]
+
+
+def _thirds(bands: Sequence[int]) -> list[list[int]]:
+    edges = [round(i * len(bands) / PARTS) for i in range(PARTS + 1)]
+    return [list(bands[a:b]) for a, b in pairwise(edges)]
+
+
+@dataclass(frozen=True)
+class _Tables:
+    """By cost, (n, K) or (n, 1) of the simulator's, the real and the corrected flights; NaN where not seen."""
+
+    simulator: dict[str, Tensor]
+    flights: dict[str, Tensor]
+    corrected: dict[str, Tensor] | None
+
+
+class _Sides:
+    """Both sides' tables, and fleets of whole aircraft drawn from each."""
+
+    def __init__(self, compared: Compared, shift: Tensor | None, seed: int) -> None:
+        c, real = compared, compared.real
+        self.has_reference = bool((~real).any())
+        every = flown(c, c.y)
+        # Nominal BADA flies each flight's own speed at the polar's rate: a rate of zero beyond the polar.
+        simulator = {k: v[~real] for k, v in every.items()} if self.has_reference else flown(c, 0.0 * c.y)
+        corrected = None if shift is None else {k: v[real] for k, v in flown(c, c.y - shift).items()}
+        self.all = _Tables(simulator, {name: table[real] for name, table in every.items()}, corrected)
+        self.tables = [name for name in every if bool(simulator[name].isfinite().any())]
+        generator = torch.Generator().manual_seed(seed)
+        self.owner_real, self.weights_real = _fleets(c.airframe[real], generator)
+        self.owner_own, self.weights_own = self.owner_real, self.weights_real
+        if self.has_reference:
+            self.owner_own, self.weights_own = _fleets(c.airframe[~real], generator)
+
+    def cost(self, name: str, bands: Sequence[int], levels: tuple[float, float]) -> Cost:
+        """One cost over some bands."""
+        simulator = self._over(name, bands, self.all.simulator, self.owner_own, self.weights_own)
+        flights = self._over(name, bands, self.all.flights, self.owner_real, self.weights_real)
+        before, after = flights - simulator, None
+        last = before
+        if self.all.corrected is not None:
+            last = self._over(name, bands, self.all.corrected, self.owner_real, self.weights_real) - simulator
+            after = _measured(last)
+        label, unit = LABELS[name]
+        floor = float((last[1:] - last[0]).abs().quantile(CONFIDENCE[1] - CONFIDENCE[0]))
+        return Cost(name, label, unit, *levels, float(simulator[0]), float(flights[0]), _measured(before), after, floor)
+
+    def _over(
+        self, name: str, bands: Sequence[int], tables: dict[str, Tensor], owner: Tensor, weights: Tensor
+    ) -> Tensor:
+        """The cost (1 + fleets,) of one side: of all its flights first, then of each fleet."""
+        table = tables[name] if name in OF_FLIGHT else tables[name][:, list(bands)]
+        seen = table.isfinite()
+        size = (weights.shape[1], table.shape[1])
+        total = torch.zeros(size, dtype=torch.float64).index_add_(0, owner, table.nan_to_num(0.0))
+        count = torch.zeros(size, dtype=torch.float64).index_add_(0, owner, seen.double())
+        drawn, number = weights @ total, weights @ count
+        # A fleet without a flight in a band says of it what all flights do.
+        mean = torch.where(number > 0, drawn / number.clamp(min=1), drawn[:1] / number[:1].clamp(min=1))
+        return mean.sum(1) if name in SUMMED else mean.mean(1)
+
+
+def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
+    """What flights with these entries fly and take, by cost.
+
+    Args:
+        compared: Flights of both sides.
+        y: (n, p) entries, as they are or with something taken off.
+
+    Returns:
+        (n, K) by cost, (n, 1) for those of :data:`OF_FLIGHT`; NaN where no rate is seen.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> sides = example_sides()
+        >>> found = flown(sides, sides.y)
+        >>> bool((found["time"] * found["rate"] / 60 - 2000).abs().max() < 1e-6)  # bands of 2,000 ft
+        True
+    """
+    state, quantities = compared.state, compared.quantities()
+
+    def moved(name: str) -> Tensor:
+        """By how much the entries differ from those that were measured."""
+        return (_entries(compared, y, name) - _entries(compared, compared.y, name)).nan_to_num(0.0)
+
+    cas_mps = state.cas_mps + moved("cas") * KT_MPS
+    rate = (_entries(compared, y, "rate") + log_rate(state, cas_mps=cas_mps)).exp()
+    # How late a report is takes no time.
+    crossed = rate * (-_entries(compared, y, "lag").nan_to_num(0.0)).exp()
+    standard = mach_to_tas_mps(cas_to_mach(cas_mps, state.altitude_m), state.altitude_m)
+    tas = standard * _entries(compared, y, "tas").nan_to_num(0.0).exp()
+    seconds = state.width_m / crossed
+    found = {
+        "time": seconds,
+        "air_distance": tas * seconds / NM_M,
+        "rate": rate / FPM_MPS,
+    }
+    if "cas" in quantities:
+        found["cas"] = torch.where(rate.isfinite(), cas_mps / KT_MPS, torch.nan)
+    if "tas" in quantities:
+        found["tas"] = torch.where(rate.isfinite(), tas / KT_MPS, torch.nan)
+    if "wind" in quantities and all(_measured_wind(compared)):
+        level = (tas**2 - crossed.nan_to_num(0.0) ** 2).clamp(min=0.0).sqrt()
+        found["ground_distance"] = (level + state.tailwind_mps + moved("wind")) * seconds / NM_M
+    for name in OF_FLIGHT:
+        if name in quantities:
+            found[name] = y[:, compared.columns(name)]
+    return found
+
+
+def _entries(compared: Compared, y: Tensor, name: str) -> Tensor:
+    """Entries (n, K) of a quantity; NaN in bands that are not compared."""
+    table = torch.full((len(y), len(compared.state.altitude_m)), torch.nan, dtype=torch.float64)
+    at = compared.columns(name)
+    table[:, [compared.entries[i].band for i in at.tolist()]] = y[:, at]
+    return table
+
+
+def _measured_wind(compared: Compared) -> list[bool]:
+    """Whether each side's flights measured their wind: without it there is no distance over ground."""
+    sides = [compared.real, ~compared.real] if bool((~compared.real).any()) else [compared.real]
+    return [bool((compared.state.tailwind_mps[side] != 0).any()) for side in sides]
+
+
+def _fleets(airframe: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Aircraft (n,) of each flight, and how often each is (1 + fleets, aircraft): all once, then fleets as drawn."""
+    names, owner = torch.unique(airframe, return_inverse=True)
+    count = len(names)
+    drawn = torch.randint(count, (FLEETS, max(count - 1, 1)), generator=generator)
+    weights = torch.zeros(FLEETS, count, dtype=torch.float64).scatter_add_(1, drawn, torch.ones(drawn.shape).double())
+    return owner, torch.cat([torch.ones(1, count, dtype=torch.float64), weights])
+
+
+def _measured(values: Tensor) -> Measured:
+    low, high = (float(values[1:].quantile(q)) for q in CONFIDENCE)
+    return Measured(float(values[0]), low, high)

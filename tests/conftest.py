@@ -1,9 +1,13 @@
 """Fixtures shared by all tests."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 import torch
+
+if TYPE_CHECKING:
+    from descentflow.measurements.quantities import Quantities
 
 # Small matrices gain nothing from threads, and lose tenfold to them where several runs share the cores.
 torch.set_num_threads(1)
@@ -16,3 +20,18 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip("reference material (../shared beside the repository) is not on this machine")
     return folder
+
+
+@pytest.fixture(scope="session")
+def halves(tmp_path_factory: pytest.TempPathFactory) -> "tuple[Quantities, Quantities]":
+    """Measured flights of two halves of one world's aircraft, some 100 each."""
+    import gap_toys
+
+    from descentflow.measurements.quantities import quantities_of
+    from descentflow.measurements.quantity_registry import CHANNELS
+    from descentflow.surveillance.descents.prepared_descents import read_descents
+
+    path = gap_toys.flights(tmp_path_factory.mktemp("gap"), 200, seed=3)
+    every = quantities_of(read_descents(path).frame, 150, 360, CHANNELS)
+    first = every.airframe % 2 == 0
+    return every.rows(first), every.rows(~first)

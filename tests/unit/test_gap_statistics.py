@@ -4,14 +4,12 @@ import dataclasses
 from pathlib import Path
 from types import SimpleNamespace
 
-import gap_toys
 import pytest
 import torch
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.diagnosis.inference import heterogeneity
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-from descentflow.diagnosis.inference.false_discovery import benjamini_hochberg
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import select
@@ -20,9 +18,7 @@ from descentflow.diagnosis.inference.uncertainty import covariance
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.diagnosis.report.causes import parameters
 from descentflow.effects import EFFECTS
-from descentflow.measurements.quantities import Quantities, quantities_of
-from descentflow.measurements.quantity_registry import CHANNELS
-from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.measurements.quantities import Quantities
 
 NONE_APART = torch.zeros(3, dtype=torch.bool)
 
@@ -50,19 +46,6 @@ def test_what_aircraft_share_counts_once() -> None:
     variance = torch.linalg.inv(found.precision[0]).diagonal()
     assert float(variance[0]) == pytest.approx(5.0, rel=0.2)
     assert float(variance[1]) == pytest.approx(1.0, rel=0.2)
-
-
-def test_benjamini_and_hochberg() -> None:
-    assert benjamini_hochberg([0.01, 0.5, 0.02]) == pytest.approx([0.03, 0.5, 0.03])
-
-
-@pytest.fixture(scope="module")
-def halves(tmp_path_factory: pytest.TempPathFactory) -> tuple[Quantities, Quantities]:
-    """Two halves of one world's aircraft."""
-    path = gap_toys.flights(tmp_path_factory.mktemp("gap"), 200, seed=3)
-    every = quantities_of(read_descents(path).frame, 150, 360, CHANNELS)
-    first = every.airframe % 2 == 0
-    return every.rows(first), every.rows(~first)
 
 
 def planted(halves: tuple[Quantities, Quantities], name: str, theta: list[float]) -> Compared:

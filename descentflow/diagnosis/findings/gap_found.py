@@ -17,7 +17,7 @@ class GapCell:
         floor: The same between flights of one population.
         unit: Of distance, floor and difference.
         difference: Mean of the flights minus that of the simulator's.
-        q_value: Smallest false-discovery rate at which it would be called.
+        p_value: Chance that any cell without a gap would be called with it, so corrected for how many are looked at.
         share: Share of the whole gap.
 
     Example:
@@ -34,7 +34,7 @@ class GapCell:
     floor: float
     unit: str
     difference: float
-    q_value: float
+    p_value: float
     share: float
 
 

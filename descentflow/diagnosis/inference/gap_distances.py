@@ -1,5 +1,7 @@
 """How far both sides are apart: Wasserstein distances of every entry, and their mean over quantities."""
 
+from collections.abc import Iterable
+
 import torch
 from torch import Tensor
 
@@ -26,6 +28,38 @@ def distances(y: Tensor, real: Tensor, scale: Tensor, counts: Tensor) -> Tensor:
     apart = (mine - torch.nanquantile(y[~real], QUANTILES, dim=0)).abs().mean(0)
     means = (y[real].nanmean(0) - y[~real].nanmean(0)).abs()
     return (torch.where(counts, means, apart) / scale).nan_to_num(0.0)
+
+
+def noise_floor(y: Tensor, real: Tensor, dealt: Iterable[Tensor], scale: Tensor, counts: Tensor) -> Tensor:
+    """Distance (p,) that two samples of one population of these sizes show: the mean over flights dealt anew.
+
+    What the sides differ by in their means is taken off before they are mixed, or it would blur the floor.
+
+    Args:
+        y: (n, p) flights.
+        real: (n,) bool.
+        dealt: Labellings (n,) of whole aircraft: bool, or signs where there is one side only.
+        scale: (p,) spread between flights.
+        counts: (p,) entries that are counts.
+
+    Example:
+        >>> generator = torch.Generator().manual_seed(0)
+        >>> y, real = torch.randn(200, 1, generator=generator).double(), torch.arange(200) >= 100
+        >>> dealt = [real[torch.randperm(200, generator=generator)] for _ in range(20)]
+        >>> floor = noise_floor(y + 3.0 * real[:, None], real, dealt, torch.ones(1).double(), torch.tensor([False]))
+        >>> bool(floor < 0.2)  # three spreads apart: none of it is noise
+        True
+    """
+    one_side = bool(real.all())
+    centred = y.clone()
+    for side in (real,) if one_side else (real, ~real):
+        centred[side] = y[side] - y[side].nanmean(0)
+    if one_side:
+        found = [distances(centred * signs[:, None], real, scale, counts) for signs in dealt]
+    else:
+        # A labelling that leaves a slice of the flights on one side says nothing of a distance.
+        found = [distances(centred, side, scale, counts) for side in dealt if bool(side.any()) and not bool(side.all())]
+    return torch.stack(found).mean(0) if found else torch.zeros_like(scale)
 
 
 def mean_over_quantities(compared: Compared, values: Tensor, chosen: Tensor) -> Tensor:

@@ -1,89 +1,49 @@
 """Where the gap lies: cells of quantity, altitude and slice, each against permuted flights."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from descentflow.diagnosis.findings.gap_found import Block, GapCell
-from descentflow.diagnosis.inference.false_discovery import benjamini_hochberg
-from descentflow.diagnosis.inference.gap_distances import distances
+from descentflow.diagnosis.inference.cells import Cell, cell_scores, cells
+from descentflow.diagnosis.inference.gap_distances import distances, noise_floor
+from descentflow.diagnosis.inference.labellings import Labellings, labellings_of
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
-from descentflow.diagnosis.inference.permutation import permuted_labels
+from descentflow.diagnosis.inference.step_down import step_down
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.measurements.quantity_registry import QUANTITIES
 
-BANDS_IN_CELL = 3
-"""Neighbouring bands of a cell, some 4,500 ft: fewer would be tests of little power, more would hide where it is."""
-PERMUTATIONS = 199
-"""Behind the p-value of each cell, which is at least one in 200."""
+PERMUTATIONS = 1999
+"""Behind the p-value of each cell, which is at least one in 2,000: 5 % is known to half a percent."""
 FLOORS = 10
 """Permutations behind the noise floor of each cell."""
-DISCOVERY = 0.05
-"""False-discovery rate at which a cell is called (Benjamini and Hochberg 1995)."""
+FALSE_CELLS = 0.05
+"""Chance that any cell is called where there is no gap."""
 MATTERS = 0.5
 """An excess over the floor below this many negligible shifts is not counted as a gap, however significant."""
 
 
 @dataclass(frozen=True)
-class Cell:
-    """Entries (k,) of one quantity in neighbouring bands on one side of the transition.
+class Slice:
+    """Some of the flights, by name, and the cells that are looked at in them; ``y`` (n, p) is NaN for the others.
 
     Example:
-        >>> cell = Cell("tas", torch.tensor([22, 23, 24]), 150.0, 210.0, "below")
-        >>> len(cell.at)
-        3
+        >>> Slice("slower half", torch.zeros(4, 2), torch.tensor([True, True, False, False]), []).name
+        'slower half'
     """
 
-    quantity: str
-    at: Tensor
-    low_fl: float
-    high_fl: float
-    regime: str
-
-
-def cells(compared: Compared, transition_fl: float) -> list[Cell]:
-    """Cut the entries into cells.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> [(c.low_fl, c.high_fl, c.regime) for c in cells(sides, transition_fl=290.0) if c.quantity == "tas"][:2]
-        [(150.0, 210.0, 'below'), (210.0, 270.0, 'below')]
-    """
-    found: list[Cell] = []
-    for quantity in compared.quantities():
-        run: list[int] = []
-        for i in [*compared.columns(quantity).tolist(), -1]:
-            if run and (
-                i < 0
-                or len(run) == BANDS_IN_CELL
-                or _regime(compared, i, transition_fl) != _regime(compared, run[0], transition_fl)
-            ):
-                low, high = (
-                    compared.level_range(compared.entries[run[0]])[0],
-                    compared.level_range(compared.entries[run[-1]])[1],
-                )
-                found.append(Cell(quantity, torch.tensor(run), low, high, _regime(compared, run[0], transition_fl)))
-                run = []
-            run.append(i)
-    return found
-
-
-def _regime(compared: Compared, i: int, transition_fl: float) -> str:
-    if compared.entries[i].band < 0:
-        return "all"
-    low, high = compared.level_range(compared.entries[i])
-    return "above" if (low + high) / 2 > transition_fl else "below"
+    name: str
+    y: Tensor
+    flights: Tensor
+    cells: list[Cell]
 
 
 def where(likelihood: EffectsLikelihood, transition_fl: float, seed: int) -> tuple[list[GapCell], Tensor]:
-    """Distances, noise floors and q-values of every cell, largest share first; and the entries (p,) that differ.
+    """Distances, noise floors and corrected p-values of every cell, largest share first; and entries (p,) that differ.
 
-    Labels are permuted by whole aircraft; the statistic of a cell is its standardised difference of means and of
-    spreads. Slices: all flights, and the slower and faster half (by the aircraft's mean CAS) for the rate.
+    Labels are permuted by whole aircraft. Slices: all flights, and the slower and faster half (by the flight's mean
+    CAS) for the rate.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
@@ -94,98 +54,71 @@ def where(likelihood: EffectsLikelihood, transition_fl: float, seed: int) -> tup
         ('tas', True)
     """
     compared = likelihood.compared
-    labels = permuted_labels(likelihood, PERMUTATIONS, seed)
-    every = torch.ones(len(compared.y), dtype=torch.bool)
+    dealt = labellings_of(compared, PERMUTATIONS, seed)
+    slices = _slices(compared, transition_fl)
+    p_values = step_down(torch.cat([cell_scores(part.y, dealt, part.cells) for part in slices], 1)).tolist()
+    measured = [row for part in slices for row in _measured(compared, part, dealt)]
+    negligible = compared.negligible()
+    affected = torch.zeros(len(compared.entries), dtype=torch.bool)
+    # The slices of the rate show more of the same: cells of all flights alone say what differs.
+    counted = []
+    for (row, cell, _), p_value in zip(measured, p_values, strict=True):
+        large = row.distance - row.floor > MATTERS * float(negligible[cell.at].mean())
+        counted.append(row.slice == slices[0].name and p_value <= FALSE_CELLS and large)
+        if counted[-1]:
+            affected[cell.at] = True
+    total = sum(excess for (_, _, excess), counts in zip(measured, counted, strict=True) if counts)
+    rows = [
+        replace(row, p_value=p_value, share=excess / total if counts else 0.0)
+        for (row, _, excess), p_value, counts in zip(measured, p_values, counted, strict=True)
+    ]
+    return sorted(rows, key=lambda row: (-row.share, row.p_value)), affected
+
+
+def _slices(compared: Compared, transition_fl: float) -> list[Slice]:
+    """All flights with all cells, and the slower and faster half with those of the rate."""
     cas = compared.state.cas_mps.mean(1)
     slow = cas <= cas.median()
     known = cells(compared, transition_fl)
     of_rate = [cell for cell in known if cell.quantity == "rate"]
-    parts = (("all", every, known), ("slower half", slow, of_rate), ("faster half", ~slow, of_rate))
-    measured = [one for name, part, chosen in parts for one in _measured(likelihood, labels, name, part, chosen)]
-    q_values = benjamini_hochberg([p_value for _, p_value, _ in measured])
-    affected = torch.zeros(len(compared.entries), dtype=torch.bool)
-    negligible = compared.negligible()
-    for cell, (row, _, _), q in zip(known, measured, q_values, strict=False):
-        if q <= DISCOVERY and row.distance - row.floor > MATTERS * float(negligible[cell.at].mean()):
-            affected[cell.at] = True
-    counted = [bool(affected[cell.at].all()) for cell in known] + [False] * (len(measured) - len(known))
-    total = sum(excess for (_, _, excess), counts in zip(measured, counted, strict=True) if counts)
-    rows = [
-        replace(row, q_value=q, share=excess / total if total > 0 and counts else 0.0)
-        for (row, _, excess), q, counts in zip(measured, q_values, counted, strict=True)
-    ]
-    return sorted(rows, key=lambda row: (-row.share, row.q_value)), affected
+    found = [Slice("all", compared.y, torch.ones_like(slow), known)]
+    for name, part in (("slower half", slow), ("faster half", ~slow)) if of_rate else ():
+        found.append(Slice(name, torch.where(part[:, None], compared.y, torch.nan), part, of_rate))
+    return found
 
 
-def _measured(
-    likelihood: EffectsLikelihood, labels: Tensor, name: str, part: Tensor, chosen: list[Cell]
-) -> Iterator[tuple[GapCell, float, float]]:
-    """Each cell of a slice (n,) of the flights, its p-value, and its excess over the floor in spreads."""
-    compared = likelihood.compared
-    statistic = _statistics(compared.y[part], labels[:, part], likelihood.has_reference)
-    apart = distances(compared.y[part], likelihood.real[part], compared.scale, compared.counts())
-    mixed = torch.stack([_mixed(likelihood, part, labels[1 + k]) for k in range(FLOORS)]).mean(0)
-    for cell in chosen:
-        total = statistic[:, cell.at].nan_to_num(0.0).sum(1)
-        p_value = float((total >= total[0] - 1e-12).double().mean())
-        excess = (apart - mixed)[cell.at].clamp(min=0.0)
+def _measured(compared: Compared, part: Slice, dealt: Labellings) -> list[tuple[GapCell, Cell, float]]:
+    """Each cell of a slice, still without a p-value, and its excess over the floor in spreads."""
+    some = [dealt.flights(1 + k)[part.flights] for k in range(min(FLOORS, len(dealt) - 1))]
+    y, real = compared.y[part.flights], compared.real[part.flights]
+    apart = distances(y, real, compared.scale, compared.counts())
+    mixed = noise_floor(y, real, some, compared.scale, compared.counts())
+    found = []
+    for cell in part.cells:
         scale = compared.scale[cell.at]
         row = GapCell(
             quantity=cell.quantity,
             level_low_fl=cell.low_fl,
             level_high_fl=cell.high_fl,
             regime=cell.regime,
-            slice=name,
+            slice=part.name,
             distance=float((apart[cell.at] * scale).mean()),
             floor=float((mixed[cell.at] * scale).mean()),
             unit=QUANTITIES[cell.quantity].unit,
-            difference=_difference(compared, part, cell),
-            q_value=1.0,
+            difference=_difference(y[:, cell.at], real),
+            p_value=1.0,
             share=0.0,
         )
-        yield row, p_value, float(excess.sum())
-
-
-def _difference(compared: Compared, part: Tensor, cell: Cell) -> float:
-    """Mean of the real flights minus that of the simulator's (zero where physics claims so)."""
-    real = compared.y[part & compared.real][:, cell.at].nanmean(0)
-    if bool((part & ~compared.real).any()):
-        real = real - compared.y[part & ~compared.real][:, cell.at].nanmean(0).nan_to_num(0.0)
-    return float(real.nanmean().nan_to_num(0.0))
-
-
-def _mixed(likelihood: EffectsLikelihood, part: Tensor, label: Tensor) -> Tensor:
-    y, scale = likelihood.compared.y[part], likelihood.compared.scale
-    if not likelihood.has_reference:
-        return distances(
-            (y - y.nanmean(0)) * label[part][:, None],
-            torch.ones(len(y), dtype=torch.bool),
-            scale,
-            likelihood.compared.counts(),
-        )
-    chosen = label[part] > 0.5
-    if not bool(chosen.any()) or bool(chosen.all()):
-        return torch.zeros_like(scale)
-    return distances(y, chosen, scale, likelihood.compared.counts())
-
-
-def _statistics(y: Tensor, labels: Tensor, two_sided: bool) -> Tensor:
-    """Squared standardised differences (b, p) of means, and of spreads, for every labelling."""
-    seen = y.isfinite().double()
-    centred = torch.where(seen > 0, y - y.nanmean(0), 0.0) if two_sided else y.nan_to_num(0.0)
-    spread = centred.square().sum(0) / seen.sum(0).clamp(min=1)
-    if not two_sided:
-        mean = labels @ centred / seen.sum(0).clamp(min=1)
-        return mean**2 / spread.clamp(min=1e-18) * seen.sum(0)
-    squares = torch.where(seen > 0, centred**2 / spread.clamp(min=1e-18) - 1, 0.0)
-    mine, theirs = labels @ seen, (1 - labels) @ seen
-    enough = (mine > 2) & (theirs > 2)
-    size = torch.where(enough, 1 / mine.clamp(min=1) + 1 / theirs.clamp(min=1), torch.inf)
-    found = torch.zeros_like(mine)
-    for values, variance in ((centred, spread), (squares, squares.square().sum(0) / seen.sum(0).clamp(min=1))):
-        difference = labels @ values / mine.clamp(min=1) - (1 - labels) @ values / theirs.clamp(min=1)
-        found = found + difference**2 / size / variance.clamp(min=1e-18)
+        found.append((row, cell, float((apart - mixed)[cell.at].clamp(min=0.0).sum())))
     return found
+
+
+def _difference(y: Tensor, real: Tensor) -> float:
+    """Mean of the real flights minus that of the simulator's (zero where physics claims so)."""
+    mean = y[real].nanmean(0)
+    if not bool(real.all()):
+        mean = mean - y[~real].nanmean(0).nan_to_num(0.0)
+    return float(mean.nanmean().nan_to_num(0.0))
 
 
 def strongest_block(likelihood: EffectsLikelihood, residual: Tensor) -> Block | None:

@@ -1,0 +1,135 @@
+"""Where a gap lies: statistics against other implementations, and cells that are called with and without a gap."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from gaussian_toys import FlightLaw
+from scipy.stats import binom, ttest_ind
+
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.diagnosis.correction.closure import GapMeasure
+from descentflow.diagnosis.inference.cells import cell_scores, cells, squared_t
+from descentflow.diagnosis.inference.gap_distances import noise_floor
+from descentflow.diagnosis.inference.labellings import AT_ONCE, labellings, labellings_of
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
+from descentflow.diagnosis.inference.step_down import step_down
+from descentflow.diagnosis.inference.two_sides import Compared, compare
+from descentflow.diagnosis.inference.where import FALSE_CELLS, where
+from descentflow.diagnosis.inference.whitening import whiten
+from descentflow.effects import EFFECTS
+from descentflow.measurements.quantities import Quantities
+
+TRANSITION_FL = 318.0
+
+
+@pytest.fixture(scope="module")
+def compared(halves: tuple[Quantities, Quantities]) -> Compared:
+    return compare(*halves, open_aircraft("A320"))
+
+
+def likelihood(compared: Compared) -> EffectsLikelihood:
+    weights = whiten(compared.y, compared.real, compared.airframe, compared.nugget(), compared.of_flight())
+    return EffectsLikelihood(compared, weights, EFFECTS, seed=0)
+
+
+def drawn(n: int, p: int, seed: int) -> torch.Tensor:
+    return torch.randn(n, p, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+def test_with_one_flight_an_aircraft_the_statistic_is_welchs() -> None:
+    y, real = drawn(60, 3, seed=0), torch.arange(60) >= 20
+    y[real] = 2.0 * y[real] + 0.4
+    y[5:15, 1] = torch.nan
+    found = squared_t(y, labellings(torch.arange(60), real, 0, seed=0))[0]
+    squares = (y - y.nanmean(0)) ** 2
+    of_both = [
+        ttest_ind(v[real], v[~real], equal_var=False, nan_policy="omit").statistic ** 2
+        for v in (y.numpy(), squares.numpy())
+    ]
+    torch.testing.assert_close(found, torch.tensor(of_both[0] + of_both[1]), rtol=1e-9, atol=0)
+
+
+def test_whole_aircraft_make_the_variance() -> None:
+    """Every flight copied four times over says nothing more."""
+    y, real = drawn(60, 2, seed=1), torch.arange(60) >= 30
+    once = squared_t(y, labellings(torch.arange(60), real, 5, seed=0))
+    five = [value.repeat_interleave(5, 0) for value in (y, torch.arange(60), real)]
+    again = squared_t(five[0], labellings(five[1], five[2], 5, seed=0))
+    torch.testing.assert_close(again, once, rtol=1e-9, atol=0)
+
+
+def test_sums_of_many_labellings_are_those_of_each() -> None:
+    airframe, real, values = torch.arange(40) // 2, torch.arange(40) >= 16, drawn(40, 3, seed=2)
+    dealt = labellings(airframe, real, AT_ONCE + 20, seed=4)
+    each = torch.stack([values[side].sum(0) for side in dealt])
+    torch.testing.assert_close(dealt.sums(dealt.by_aircraft(values)), each)
+    assert torch.equal(dealt.flights(0), real)
+    assert bool((dealt.sides.sum(1) == 12).all())
+
+
+def test_step_down_is_westfall_and_youngs_algorithm() -> None:
+    scores = drawn(200, 6, seed=5)
+    scores[0] += torch.tensor([4.0, 0.0, 2.0, 1.0, 2.5, -1.0])
+    order = sorted(range(6), key=lambda i: -float(scores[0, i]))
+    expected, so_far = [0.0] * 6, 0.0
+    for rank, i in enumerate(order):
+        count = sum(float(max(row[j] for j in order[rank:])) >= float(scores[0, i]) for row in scores)
+        so_far = max(so_far, count / 200)
+        expected[i] = so_far
+    assert step_down(scores).tolist() == pytest.approx(expected)
+
+
+def test_cells_are_called_by_chance_as_often_as_is_said(compared: Compared) -> None:
+    """Aircraft of unequal numbers of flights; at 5 %, more than 11 of 100 nulls come once in 230 times."""
+    law = FlightLaw.of(compared)
+    known = cells(compared, TRANSITION_FL)
+    called = 0
+    for seed in range(100):
+        null = law.draw([1] * 40 + [3] * 20, [1] * 40 + [3] * 20, seed)
+        scores = cell_scores(null.y, labellings_of(null, 199, seed), known)
+        called += float(step_down(scores).min()) <= FALSE_CELLS
+    assert called <= binom.isf(0.005, 100, FALSE_CELLS)
+
+
+def test_a_gap_in_two_cells_is_found_and_not_diluted(compared: Compared) -> None:
+    """Level-offs of 51 s a flight, in six flights of ten: the shares are the means in spreads between flights."""
+    taken = (torch.rand(len(compared.y), generator=torch.Generator().manual_seed(0)) < 0.6) & compared.real
+    y = compared.y.clone()
+    level, gaps = compared.columns("level"), compared.columns("level_gaps")
+    y[:, level] += 85.0 * taken[:, None]
+    y[:, gaps] += 1.0 * taken[:, None]
+    seconds, number = y[:, level], y[:, gaps]
+    late = replace(compared, y=y, scale=_spreads(y, compared))
+    found, affected = where(likelihood(late), TRANSITION_FL, seed=0)
+    assert {late.entries[i].quantity for i in affected.nonzero()[:, 0].tolist()} == {"level", "level_gaps"}
+    rows = {row.quantity: row for row in found[:2]}
+    assert rows["level"].difference == pytest.approx(51.0, abs=12.0)
+    assert rows["level"].p_value == pytest.approx(1 / 2000)
+    apart = {
+        name: float((v[late.real].mean() - v[~late.real].mean()) / late.scale[at])
+        for name, v, at in (("level", seconds, level), ("level_gaps", number, gaps))
+    }
+    # The floors, a tenth of the distances, are not alike in both.
+    for name, value in apart.items():
+        assert rows[name].share == pytest.approx(value / sum(apart.values()), abs=0.02)
+    assert sum(row.share for row in found) == pytest.approx(1.0)
+    gap = GapMeasure(likelihood(late), affected, seed=0).gap(torch.zeros_like(y))
+    assert gap.before == pytest.approx(sum(apart.values()) / 2, rel=1e-6)
+    everything = GapMeasure(likelihood(late), torch.ones_like(affected), seed=0).gap(torch.zeros_like(y))
+    assert gap.before > 3 * everything.before
+
+
+def _spreads(y: torch.Tensor, compared: Compared) -> torch.Tensor:
+    """As :func:`compare` pools them: of flights about their side's mean."""
+    centred = torch.cat([y[side] - y[side].nanmean(0) for side in (~compared.real, compared.real)])
+    seen = centred.isfinite().sum(0)
+    return (centred.nan_to_num(0.0).square().sum(0) / (seen - 2).clamp(min=1)).sqrt().clamp(min=1e-9)
+
+
+def test_a_gap_does_not_blur_its_own_floor(compared: Compared) -> None:
+    dealt = [labellings_of(compared, 10, seed=0).flights(k) for k in range(1, 11)]
+    counts = torch.zeros(len(compared.entries), dtype=torch.bool)
+    apart = compared.y + 5.0 * compared.scale * compared.real[:, None]
+    floors = [noise_floor(y, compared.real, dealt, compared.scale, counts) for y in (compared.y, apart)]
+    torch.testing.assert_close(floors[0], floors[1], rtol=1e-9, atol=1e-12)

@@ -169,15 +169,11 @@ class Effect(ABC):
         part = {quantity: shift[quantity] for quantity in FLOWN if quantity in shift}
         return FlightChange(reported=part) if self.sensor else FlightChange(flown=part)
 
-    def starts(self, state: FlightState) -> list[Tensor]:
-        """Parameter vectors from which a fit may start: where sensitivities are taken. One, unless windows vary."""
-        return [torch.tensor([p.start for p in self.parameters], dtype=torch.float64)]
+    def start(self) -> Tensor:
+        """Parameters (k,) from which a fit starts, and where sensitivities are taken."""
+        return torch.tensor([p.start for p in self.parameters], dtype=torch.float64)
 
-    def neighbours(self, theta: Tensor) -> list[Tensor]:
-        """Parameters to try beside a fit's, where derivatives may have led nowhere; none, unless windows vary."""
-        return []
-
-    def sensitivity(self, state: FlightState, theta: Tensor, first: int | None = None) -> dict[str, Tensor]:
+    def sensitivity(self, state: FlightState, theta: Tensor) -> dict[str, Tensor]:
         """Jacobian of the shift: quantity -> (n, K, k) or (n, k), by central differences.
 
         They need two plain evaluations a parameter, which is several times cheaper here than dual numbers, ask nothing
@@ -186,10 +182,9 @@ class Effect(ABC):
         Args:
             state: The flights.
             theta: Where it is taken.
-            first: Only so many of the parameters; all if absent.
         """
         columns: list[dict[str, Tensor]] = []
-        for i, parameter in enumerate(self.parameters[:first]):
+        for i, parameter in enumerate(self.parameters):
             step = torch.zeros_like(theta)
             step[i] = STEP * parameter.scale
             # Within the bounds, outside which a shift need not be defined.

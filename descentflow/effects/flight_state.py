@@ -115,10 +115,10 @@ class FlightState:
         count = self.mask.sum(1, keepdim=True).clamp(min=1)
         return values - (values * self.mask).sum(1, keepdim=True) / count
 
-    def share_between(self, low_m: Tensor, high_m: Tensor) -> Tensor:
-        """Share (K,) of each band that lies between two altitudes; differentiable in both."""
-        bottom, top = self.altitude_m - self.width_m / 2, self.altitude_m + self.width_m / 2
-        return (torch.minimum(top, high_m) - torch.maximum(bottom, low_m)).clamp(min=0.0) / self.width_m
+    def share_below(self, altitude_m: Tensor) -> Tensor:
+        """Share (E, K) of each band that lies below altitudes (E,); differentiable in them."""
+        bottom = self.altitude_m - self.width_m / 2
+        return ((altitude_m[:, None] - bottom) / self.width_m).clamp(0.0, 1.0)
 
 
 def _mean_where(chosen: Tensor, values: Tensor, otherwise: Tensor) -> Tensor:

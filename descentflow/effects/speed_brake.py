@@ -4,19 +4,16 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M
-from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.effect import Parameter, Shift
 from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.effects.windowed_effect import WindowedEffect
 
-LENGTHS_FL = (20.0, 40.0, 70.0)
-"""Lengths of the windows from which a fit starts."""
 NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
 ANSWERS_FL = 0.6
 """An aircraft takes some seconds to answer to brakes that run out or in."""
 LEAST_DRAG = 0.1
 """Share of CD0 below which nothing is out: small drag over a wide band is something else, of no fixed altitude."""
-MOVES_FL = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
-"""By which ends of a window are moved in the neighbour search."""
 RUN_OUT_M = 90.0
 """Height over which brakes run out and in: some 8 s of descent. Half of it at either end counts as without."""
 FROM_TOP_FL = 5.0
@@ -27,7 +24,7 @@ APART = 2.0
 """Two groups are told apart if their means are so many spreads within them apart; else all flights are one."""
 
 
-class SpeedBrake(Effect):
+class SpeedBrake(WindowedEffect):
     """CD0 higher between two altitudes on a share of the flights; ``extra_cd0`` is the mean over all flights.
 
     Example:
@@ -43,6 +40,9 @@ class SpeedBrake(Effect):
     name = "speed_brake"
     says = "speed brakes, or as much drag, within a band of altitude"
     inherited_from = 0.1
+    ends = (1, 2)
+    narrowest_fl = NARROWEST_FL
+    inset_fl = RUN_OUT_M / FL_M
     parameters = (
         Parameter("extra_cd0", 0.0, 2.0, "1", 0.1, 0.0, label="parasitic drag added, mean over all flights"),
         Parameter("low_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL, label="lower end"),
@@ -56,22 +56,26 @@ class SpeedBrake(Effect):
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """Brakes are felt where they are out; their window has a height, ends below the top and is no whole descent."""
-        low, high = _range_fl(state)
+        _, high = self.range_fl(state)
         height = float(theta[2] - theta[1])
         felt = float(theta[0] / theta[3]) >= LEAST_DRAG and float(theta[0]) < self.parameters[0].high - 1e-6
-        return felt and NARROWEST_FL <= height <= (high - low) / 2 and float(theta[2]) < high - FROM_TOP_FL
+        return felt and NARROWEST_FL <= height <= self.longest_fl(state) and float(theta[2]) < high - FROM_TOP_FL
+
+    def whole_change(self, state: FlightState, size: Tensor) -> Tensor:
+        """By the energy equation."""
+        return log_rate(state, parasitic=1 + size) - state.own_log_rate
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation within the window, on the share that flies it."""
-        within = state.share_between(theta[1] * FL_M + RUN_OUT_M / 2, theta[2] * FL_M - RUN_OUT_M / 2)
-        each = torch.ones_like(state.cas_mps[:, 0])
-        rate = theta[3] * within * (log_rate(state, parasitic=1 + theta[0] / theta[3]) - state.own_log_rate)
+        change = theta[3] * self.whole_change(state, theta[0] / theta[3])
+        shown = {quantity: weight * change for quantity, weight in self.within(state, theta[1], theta[2]).items()}
         # Edges of a window are steps of the rate, which count as short-scale noise.
-        return {"rate": rate, "noise_rate": theta[4] * each}
+        return {**shown, "noise_rate": theta[4] * torch.ones_like(change[:, 0])}
 
     def learn_heterogeneity(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
         """Share of the flights in the upper of two groups of mean excess within the window, minus that outside."""
-        within = state.share_between(theta[1] * FL_M, theta[2] * FL_M)
+        lower, upper = state.share_below(theta[1:3] * FL_M)
+        within = upper - lower
         inside, outside = excess[:, within > 0.7], excess[:, within == 0]
         if not inside.shape[1] or not outside.shape[1]:
             return theta
@@ -88,38 +92,6 @@ class SpeedBrake(Effect):
         share = theta[3]
         full = torch.stack([theta[0] / share, theta[1], theta[2], torch.ones_like(share), theta[4] / share])
         return float(share), full
-
-    def starts(self, state: FlightState) -> list[Tensor]:
-        """Windows of several lengths that tile the grid; none covers more than half of it (that would be a polar)."""
-        low, high = _range_fl(state)
-        found = []
-        for length in LENGTHS_FL:
-            if length > (high - low) / 2:
-                continue
-            count = max(int(2 * (high - low) / length) - 1, 1)
-            for bottom in torch.linspace(low, high - length, count).tolist():
-                found.append(torch.tensor([0.0, bottom, bottom + length, 1.0, 0.0], dtype=torch.float64))
-        return found
-
-    def neighbours(self, theta: Tensor) -> list[Tensor]:
-        """One end or both moved, with as much drag in all: within a band of altitude the next one is not felt."""
-        found, out = [], RUN_OUT_M / FL_M
-        height = float(theta[2] - theta[1]) - out
-        for low, high in ((1.0, 0.0), (0.0, 1.0), (-1.0, 1.0)):
-            for move in MOVES_FL:
-                moved = theta.clone()
-                moved[1] += low * move
-                moved[2] += high * move
-                if float(moved[2] - moved[1]) >= NARROWEST_FL:
-                    moved[0] *= max(height, 0.0) / (float(moved[2] - moved[1]) - out)
-                    found.append(moved)
-        return found
-
-
-def _range_fl(state: FlightState) -> tuple[float, float]:
-    """Lowest and highest level of the grid."""
-    half = state.width_m / 2
-    return float(state.altitude_m[0] - half) / FL_M, float(state.altitude_m[-1] + half) / FL_M
 
 
 def two_groups(values: Tensor) -> float:

@@ -8,6 +8,7 @@ from torch import Tensor
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects import Effect
+from descentflow.effects.windowed_effect import WindowedEffect
 
 CAS_RIDGE = 0.05
 """Share of the variance of CAS that is added to it before the rate is regressed on it: bands of CAS are alike."""
@@ -56,14 +57,19 @@ class EffectShifts:
             total = total + self.all_shift(name, value)
         return torch.where(self.real[:, None], total, 0.0)
 
-    def jacobian(self, name: str, theta: Tensor, first: int | None = None) -> Tensor:
-        """Sensitivity (n, p, k) of every flight to one effect's parameters (or the first of them)."""
+    def jacobian(self, name: str, theta: Tensor) -> Tensor:
+        """Sensitivity (n, p, k) of every flight to one effect's parameters."""
         effect = self.catalogue[name]
-        return self._with_rate(effect, self.compared.vector(effect.sensitivity(self.compared.state, theta, first)))
+        return self._with_rate(effect, self.compared.vector(effect.sensitivity(self.compared.state, theta)))
 
-    def starts_of(self, name: str) -> list[Tensor]:
-        """Parameter vectors from which fits of an effect may start."""
-        return self.catalogue[name].starts(self.compared.state)
+    def start_of(self, name: str) -> Tensor:
+        """Parameters from which fits of an effect start; those of windowed effects start where their search ends."""
+        return self.catalogue[name].start()
+
+    def windowed(self, name: str) -> WindowedEffect | None:
+        """The effect, if it acts within a window that is to be searched for."""
+        effect = self.catalogue[name]
+        return effect if isinstance(effect, WindowedEffect) else None
 
     def moved(self, theta: Mapping[str, Tensor], step: Tensor) -> dict[str, Tensor]:
         """Parameters after a step (k,) of all of them together, within their bounds."""

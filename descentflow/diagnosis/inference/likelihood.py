@@ -19,6 +19,7 @@ from descentflow.diagnosis.inference.effect_shifts import EffectShifts
 from descentflow.diagnosis.inference.linear_algebra import Design, Moments, sum_of
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.whitening import Whitening
+from descentflow.diagnosis.inference.window_search import FIRST_SIZE, band_columns
 from descentflow.effects import Effect
 
 HABIT_SIZE = 0.5
@@ -93,27 +94,28 @@ class EffectsLikelihood(EffectShifts):
 
     @cached_property
     def starts(self) -> dict[str, Design]:
-        """Sensitivities of every effect where its fits start: all parameters, or the first of each of many starts."""
+        """Sensitivities of every effect where its fits start; of windowed ones, those in every band."""
         found = {}
         for name in self.catalogue:
-            starts = self.starts_of(name)
-            if len(starts) == 1:
-                own = self.jacobian(name, starts[0])
+            windowed = self.windowed(name)
+            if windowed is None:
+                own = self.jacobian(name, self.start_of(name))
             else:
-                own = torch.cat([self.jacobian(name, start, 1) for start in starts], 2)
-            found[name] = self._with_common(own, torch.zeros(own.shape[2], dtype=self.y.dtype))
+                own = band_columns(self, windowed, FIRST_SIZE)
+            found[name] = self.with_common(own)
         return found
 
     def _habits(self) -> Design:
         """Sensitivities that tell flights of one side apart, for all flights alike, with a weak prior."""
         columns, prior = [torch.zeros(*self.y.shape, 0, dtype=self.y.dtype)], []
         for name, effect in self.catalogue.items() if self.has_reference else ():
-            starts = self.starts_of(name)
-            if len(starts) > 1:
+            if self.windowed(name) is not None:
                 continue
             # What physics claims to be zero is no habit of the simulator's flights; and sensitivities depend on speed,
             # so they would explain speeds by themselves.
-            jacobian = self.jacobian(name, starts[0]) * (self.compared.free & ~self.compared.of("cas"))[:, None]
+            jacobian = (
+                self.jacobian(name, self.start_of(name)) * (self.compared.free & ~self.compared.of("cas"))[:, None]
+            )
             spread = (jacobian - jacobian.mean(0)).abs().amax((0, 1))
             kept = [i for i in range(len(effect.parameters)) if float(spread[i]) > SHOWN_SPREAD]
             columns.append(jacobian[:, :, kept])
@@ -133,9 +135,11 @@ class EffectsLikelihood(EffectShifts):
         prior = torch.zeros(own.shape[2], dtype=self.y.dtype)
         if extra is not None:
             prior[-extra.shape[2] :] = ridge
-        return self._with_common(own, prior)
+        return self.with_common(own, prior)
 
-    def _with_common(self, own: Tensor, prior: Tensor) -> Design:
+    def with_common(self, own: Tensor, prior: Tensor | None = None) -> Design:
+        """Columns (n, p, k) of the real flights beside those of all flights, with their prior precision (k,) if any."""
+        prior = torch.zeros(own.shape[2], dtype=self.y.dtype) if prior is None else prior
         own = torch.where(self.real[:, None, None], own, 0.0)
         products = torch.zeros_like(own)
         products[self.real] = self.whitening.rows(self.real).apply(own[self.real])

@@ -75,13 +75,12 @@ def _standing(values: Tensor) -> Tensor:
 
 
 def _sensitivities(likelihood: EffectsLikelihood) -> tuple[Tensor, list[list[int]]]:
-    """Columns of the effects that have one place to start from, and which of them belong to each effect."""
+    """Columns of the effects that are not windowed, and which of them belong to each effect."""
     columns, own, count = [torch.zeros(*likelihood.y.shape, 0, dtype=likelihood.y.dtype)], [], 0
     for name in likelihood.catalogue:
-        starts = likelihood.starts_of(name)
-        if len(starts) > 1:
+        if likelihood.windowed(name) is not None:
             continue
-        jacobian = likelihood.jacobian(name, starts[0])
+        jacobian = likelihood.jacobian(name, likelihood.start_of(name))
         kept = jacobian[:, :, jacobian.abs().amax((0, 1)) > 1e-12]
         if kept.shape[2]:
             columns.append(kept)

@@ -1,4 +1,4 @@
-"""The search for the parameters at which effects are most likely: score-test gain, ascent, neighbour search."""
+"""The search for the parameters at which effects are most likely: score-test gain, windows, ascent."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,6 +8,7 @@ from torch import Tensor
 from descentflow.diagnosis.inference.heterogeneity import with_heterogeneity
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.linear_algebra import solve
+from descentflow.diagnosis.inference.window_search import FIRST_SIZE, SECANTS, band_columns, best_window
 
 MAX_STEPS = 5
 """Gauss-Newton steps of an ascent; effects are close to linear in their parameters, so two or three suffice."""
@@ -15,12 +16,9 @@ STEP_FACTORS = (1.0, 0.4, 0.1)
 """A step is shortened by these until it leads higher."""
 MIN_STEP_GAIN = 0.03
 """Nats of log-likelihood below which an ascent ends: far less than any rule of the selection looks at. Set by hand."""
-MIN_NEIGHBOUR_GAIN = 0.5
-"""Nats of log-likelihood by which a neighbour must be better for a fit to go on from there: less is no other window.
-Set by hand."""
-MIN_SIZE = 0.02
-"""A fit from the best of several starts begins with at least so much of the first parameter: at zero, where a window
-lies cannot be felt."""
+MIN_OTHER_WINDOW_GAIN = 0.5
+"""Nats of log-likelihood by which another window must be better for a fit to go on from there. Set by hand; a search
+ends after one window more where it is smaller, and nothing that is named depends on half a nat."""
 
 
 def fit_effects(
@@ -31,8 +29,7 @@ def fit_effects(
     Args:
         likelihood: Of the flights.
         effects: Their names; none for the fit of mean and habits alone.
-        start: Parameters to start from; where an effect has several starts, the one of the largest score-test gain is
-            taken.
+        start: Parameters to start from; windows without any are searched for.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
@@ -45,8 +42,12 @@ def fit_effects(
     theta: dict[str, Tensor] = {name: start[name] for name in effects if start and name in start}
     for name in effects:
         if name not in theta:
-            theta[name] = best_start(likelihood, name, theta)
-    theta = neighbour_search(likelihood, ascend(likelihood, {name: theta[name] for name in effects}))
+            theta[name] = first_guess(likelihood, name, theta)
+    theta = ascend(likelihood, {name: theta[name] for name in effects})
+    for name in start or ():
+        if name in theta:
+            # Beside other effects another window may be the best.
+            theta = with_other_window(likelihood, theta, name)
     learnt = with_heterogeneity(likelihood, theta)
     if learnt is not None:
         theta = ascend(likelihood, learnt)
@@ -69,12 +70,12 @@ def score_test_gain(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, f
     """
     rest, found = likelihood.weighted_rest(shift), {}
     for name, design in likelihood.starts.items():
-        information, gradient = likelihood.moments(rest, design).profiled()
-        own = slice(design.n_common, None)
-        if len(likelihood.starts_of(name)) > 1:
-            gain = 0.5 * gradient[own].clamp(min=0.0) ** 2 / information.diagonal()[own].clamp(min=1e-12)
-            found[name] = float(gain.max())
+        moments, windowed = likelihood.moments(rest, design), likelihood.windowed(name)
+        if windowed is not None:
+            n_bands = design.columns.shape[2] - design.n_common
+            found[name] = best_window(likelihood, windowed, moments, n_bands, FIRST_SIZE).gain
             continue
+        information, gradient = moments.profiled()
         step = solve(information + torch.diag(design.ridge), gradient, information.diagonal())
         without = design.common()
         base, common = information[: without.n_common, : without.n_common], gradient[: without.n_common]
@@ -83,28 +84,50 @@ def score_test_gain(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, f
     return found
 
 
-def best_start(likelihood: EffectsLikelihood, name: str, known: Mapping[str, Tensor]) -> Tensor:
-    """Where a fit of an effect starts beside known ones: of several starts, that of the largest score-test gain.
+def first_guess(likelihood: EffectsLikelihood, name: str, known: Mapping[str, Tensor]) -> Tensor:
+    """Parameters (k,) from which an effect's fit starts beside known ones: a windowed one in its best window.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> best_start(likelihood, "temperature", {})
-        tensor([0.], dtype=torch.float64)
+        >>> likelihood = example_likelihood(EFFECTS["speed_brake"], [0.3, 200.0, 240.0, 1.0, 0.0])
+        >>> first_guess(likelihood, "speed_brake", {})[:3].round(decimals=1)
+        tensor([  0.3000, 199.5000, 240.5000], dtype=torch.float64)
     """
-    starts = likelihood.starts_of(name)
-    if len(starts) == 1:
-        return starts[0]
-    design = likelihood.starts[name]
+    windowed, theta = likelihood.windowed(name), likelihood.start_of(name)
+    if windowed is None:
+        return theta
     rest = likelihood.weighted_rest(likelihood.shift(known))
-    information, whole = likelihood.moments(rest, design).profiled()
-    size = information.diagonal()[design.n_common :].clamp(min=1e-12)
-    gradient = whole[design.n_common :]
-    best = int((gradient.clamp(min=0.0) ** 2 / size).argmax())
-    begun = starts[best].clone()
-    begun[0] = (gradient / size)[best].clamp(min=MIN_SIZE)
-    return likelihood.catalogue[name].clamp(begun)
+    # Beside it the others may move, and so may what else it has: a window must not explain what they would.
+    beside = [likelihood.jacobian(other, value) for other, value in known.items()]
+    beside.append(likelihood.jacobian(name, theta))
+    size = FIRST_SIZE
+    for _ in range(SECANTS):
+        bands = band_columns(likelihood, windowed, size)
+        moments = likelihood.moments(rest, likelihood.with_common(torch.cat([*beside, bands], 2)))
+        window = best_window(likelihood, windowed, moments, bands.shape[2], size)
+        size = min(window.size, windowed.parameters[0].high)
+    return windowed.clamp(windowed.at_window(theta, size, window.low_fl, window.high_fl))
+
+
+def with_other_window(likelihood: EffectsLikelihood, theta: dict[str, Tensor], name: str) -> dict[str, Tensor]:
+    """Parameters with the best window of a windowed effect beside the others, where that leads higher.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["speed_brake"], [0.3, 200.0, 240.0, 1.0, 0.0])
+        >>> elsewhere = torch.tensor([0.1, 280.0, 320.0, 1.0, 0.0]).double()
+        >>> with_other_window(likelihood, {"speed_brake": elsewhere}, "speed_brake")["speed_brake"][1:3].round()
+        tensor([200., 240.], dtype=torch.float64)
+    """
+    if likelihood.windowed(name) is None:
+        return theta
+    others = {other: value for other, value in theta.items() if other != name}
+    value = likelihood.log_likelihood(likelihood.shift(theta))
+    found = ascend(likelihood, {**theta, name: first_guess(likelihood, name, others)})
+    better = likelihood.log_likelihood(likelihood.shift(found)) > value + MIN_OTHER_WINDOW_GAIN
+    return found if better else theta
 
 
 def ascend(likelihood: EffectsLikelihood, theta: dict[str, Tensor]) -> dict[str, Tensor]:
@@ -145,32 +168,6 @@ def gauss_newton_step(likelihood: EffectsLikelihood, theta: Mapping[str, Tensor]
     design = likelihood.design(theta)
     rest = likelihood.weighted_rest(likelihood.shift(theta))
     return likelihood.moments(rest, design).solved()[1][design.n_common :]
-
-
-def neighbour_search(likelihood: EffectsLikelihood, theta: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Go on from the best neighbour where that leads higher, until none does.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
-        >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> theta = {"temperature": torch.tensor([10.0]).double()}
-        >>> neighbour_search(likelihood, theta) == theta  # an effect without windows has no neighbours
-        True
-    """
-    for name in theta:
-        better = True
-        while better:
-            value = likelihood.log_likelihood(likelihood.shift(theta))
-            tried = [{**theta, name: beside} for beside in likelihood.catalogue[name].neighbours(theta[name])]
-            if not tried:
-                break
-            # Both ends of a window may have to move: the neighbour itself need not be better than where it is.
-            best = max(tried, key=lambda trial: likelihood.log_likelihood(likelihood.shift(trial)))
-            ascended = ascend(likelihood, best)
-            better = likelihood.log_likelihood(likelihood.shift(ascended)) > value + MIN_NEIGHBOUR_GAIN
-            theta = ascended if better else theta
-    return theta
 
 
 def parameters_of_part(likelihood: EffectsLikelihood, fit: Fit, keep: Tensor) -> dict[str, Tensor]:

@@ -126,7 +126,7 @@ def every_single(likelihood: EffectsLikelihood, null: Fit, progress: Callable[[s
     expected = score_test_gain(likelihood, null.shift)
     for name in likelihood.catalogue:
         if expected[name] < MIN_SCORE_TEST_GAIN:
-            start = likelihood.starts_of(name)[0]
+            start = likelihood.start_of(name)
             found[name] = Candidate(replace(null, effects=(name,), theta={name: start}), 0.0, 0.0)
             continue
         progress(f"fitting {name}")

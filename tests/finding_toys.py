@@ -10,6 +10,7 @@ from descentflow.diagnosis.findings.cause_found import (
     ParameterEstimate,
     RivalClosure,
     ScoreGain,
+    TradeSize,
 )
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumber, RecipeStep, Score
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
@@ -50,13 +51,19 @@ def brakes() -> Cause:
         "low_fl": ParameterEstimate(190.0, 187.0, 193.0, "FL", "lower end"),
         "high_fl": ParameterEstimate(265.0, 262.0, 268.0, "FL", "upper end"),
     }
-    return cause("speed_brake", sizes, share_of_flights=ClosedShare(0.62, 0.58, 0.66))
+    told = [
+        TradeSize("extra_cd0", "CD0 x 1.58 (1.54 to 1.62)", "factor", Measured(1.58, 1.54, 1.62)),
+        TradeSize("low_fl", "lower end FL190 (FL187 to FL193)", "FL", Measured(190.0, 187.0, 193.0)),
+        TradeSize("high_fl", "upper end FL265 (FL262 to FL268)", "FL", Measured(265.0, 262.0, 268.0)),
+    ]
+    return cause("speed_brake", sizes, share_of_flights=ClosedShare(0.62, 0.58, 0.66), sizes=told)
 
 
 def warm() -> Cause:
     """Air that is 7.2 K warmer."""
     sizes = {"deviation_k": ParameterEstimate(7.2, 6.8, 7.6, "K", "deviation from the standard atmosphere")}
-    return cause("temperature", sizes, group=["mass"])
+    told = [TradeSize("deviation_k", "ISA +7.2 K (+6.8 to +7.6)", "K", Measured(7.2, 6.8, 7.6))]
+    return cause("temperature", sizes, group=["mass"], sizes=told)
 
 
 def costs(after: bool = True) -> list[Cost]:

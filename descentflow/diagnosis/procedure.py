@@ -14,7 +14,7 @@ from descentflow.diagnosis.correction.costs import costs_of, profile_of
 from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import WouldSplit
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shift
+from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shifts, together
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
@@ -175,9 +175,10 @@ class Diagnosis:
         affected = self._without_by_products(affected, fit.effects)
         progress("measuring how far the gap shrinks")
         measure = GapMeasure(likelihood, affected, settings.seed)
-        shift, spreads = heterogeneous_shift(likelihood, fit)
+        shifts, spreads = heterogeneous_shifts(likelihood, fit)
+        shift = together(shifts, likelihood)
         gap = measure.gap(shift)
-        causes = causes_of(likelihood, chosen, measure, shift, spreads, progress) if verdict == "effect" else []
+        causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if verdict == "effect" else []
         progress("asking at which stage the simulator loses most")
         stages = stages_of(settings.simulator, frame, settings.seed)
         hidden = _not_identifiable(settings, self.source)
@@ -258,9 +259,9 @@ def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -
     cells, affected = where(likelihood, settings.transition_fl, settings.seed)
     entries = affected if bool(affected.any()) else torch.ones_like(affected)
     measure = GapMeasure(likelihood, entries, settings.seed)
-    shift, spreads = heterogeneous_shift(likelihood, fit)
-    gap: Gap = measure.gap(shift)
-    causes = causes_of(likelihood, found.chosen, measure, shift, spreads, settings.progress, inherited=True)
+    shifts, spreads = heterogeneous_shifts(likelihood, fit)
+    gap: Gap = measure.gap(together(shifts, likelihood))
+    causes = causes_of(likelihood, found.chosen, measure, shifts, spreads, settings.progress, inherited=True)
     mass_kg = report.details.mass_kg
     return replace(
         report,

@@ -21,7 +21,18 @@ class DragPolar(Effect):
     says = "more or less drag of the airframe"
     directions = ("more drag of the airframe", "less drag of the airframe")
     scale_group = THRUST_DRAG_WEIGHT
-    parameters = (Parameter("relative_change", -0.5, 1.0, "1", 0.05, label="relative change of the parasitic drag"),)
+    parameters = (
+        Parameter(
+            "relative_change",
+            -0.5,
+            1.0,
+            "1",
+            0.05,
+            label="relative change of the parasitic drag",
+            shown_as="change",
+            symbol="CD0",
+        ),
+    )
     heterogeneity = "gaussian"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:

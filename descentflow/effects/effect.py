@@ -1,5 +1,6 @@
 """What an effect is: its words, parameters and channels, the shift it makes in what is measured, and its correction."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,6 +9,7 @@ from typing import ClassVar, Literal
 import torch
 from torch import Tensor
 
+from descentflow.core.units import FT_M, KT_MPS
 from descentflow.effects.flight_state import FlightState
 from descentflow.effects.scale_group import ScaleGroup
 
@@ -17,6 +19,11 @@ STEP = 1e-4
 """Of differences, in sizes of a parameter that matter."""
 Shift = Mapping[str, Tensor]
 """Quantity -> change (n, K) at every band, or (n,) for quantities of a whole flight."""
+ShownAs = Literal["number", "change", "logarithm", "percent", "flights"]
+"""How readers are told a parameter: as a number in its unit; as a factor, 1 + value (``change``) or e to the value
+(``logarithm``), of what its symbol names; in percent; or as the share of the flights that have the effect."""
+TOLD_IN = {"m/s per m": ("kt per 1,000 ft", 1000 * FT_M / KT_MPS)}
+"""Unit of a parameter -> the unit of the trade in which readers are told it, and the factor to it."""
 FLOWN = ("rate", "cas", "tas")
 """Quantities that a simulator's flights have, so that a correction can change them."""
 
@@ -35,10 +42,15 @@ class Parameter:
         inexact: Standard error that comes on top of the data's: how well the equations of the effect place it.
         from_heterogeneity: Set by :meth:`Effect.learn_heterogeneity` from how flights differ, not by their mean.
         label: What readers call it; the name with spaces if empty.
+        shown_as: How readers are told it.
+        symbol: What stands before the number, such as ``CD0`` before a factor; the label if empty.
 
     Example:
         >>> Parameter("deviation_k", -40.0, 40.0, "K", 5.0).text
         'deviation k'
+        >>> drag = Parameter("relative_change", -0.5, 1.0, "1", 0.05, shown_as="change", symbol="CD0")
+        >>> drag.symbol, drag.told(0.58), drag.told_unit
+        ('CD0', 1.58, 'factor')
         >>> Parameter("deviation_k", -40.0, 40.0, "K", 5.0, label="deviation from the standard atmosphere").text
         'deviation from the standard atmosphere'
     """
@@ -52,11 +64,28 @@ class Parameter:
     inexact: float = 0.0
     from_heterogeneity: bool = False
     label: str = ""
+    shown_as: ShownAs = "number"
+    symbol: str = ""
 
     @property
     def text(self) -> str:
         """What readers call it."""
         return self.label or self.name.replace("_", " ")
+
+    @property
+    def told_unit(self) -> str:
+        """Unit in which readers are told it: ``factor``, ``%``, or a unit of the trade."""
+        if self.shown_as in ("change", "logarithm"):
+            return "factor"
+        return "%" if self.shown_as in ("percent", "flights") else TOLD_IN.get(self.unit, (self.unit, 1.0))[0]
+
+    def told(self, value: float) -> float:
+        """A value as readers are told it, in :attr:`told_unit`."""
+        if self.shown_as == "change":
+            return 1 + value
+        if self.shown_as == "logarithm":
+            return math.exp(value)
+        return value * (100.0 if self.told_unit == "%" else TOLD_IN.get(self.unit, ("", 1.0))[1])
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ class GeometricPath(Effect):
     name = "geometric_path"
     says = "a fixed path over the ground instead of an idle descent"
     parameters = (
-        Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights on a path"),
-        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by"),
+        Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights on a path", shown_as="flights"),
+        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
     )
     heterogeneity = "window mixture"
     splits = ("groundspeed",)

@@ -21,7 +21,18 @@ class IdleThrust(Effect):
     says = "more or less thrust at idle"
     directions = ("more thrust at idle", "less thrust at idle")
     scale_group = THRUST_DRAG_WEIGHT
-    parameters = (Parameter("relative_change", -1.5, 3.0, "1", 0.1, label="relative change of the idle thrust"),)
+    parameters = (
+        Parameter(
+            "relative_change",
+            -1.5,
+            3.0,
+            "1",
+            0.1,
+            label="relative change of the idle thrust",
+            shown_as="change",
+            symbol="idle thrust",
+        ),
+    )
     heterogeneity = "gaussian"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:

@@ -21,7 +21,18 @@ class Mass(Effect):
     says = "heavier or lighter aircraft"
     directions = ("heavier aircraft", "lighter aircraft")
     scale_group = THRUST_DRAG_WEIGHT
-    parameters = (Parameter("relative_change", -0.35, 0.5, "1", 0.05, label="relative change of the mass"),)
+    parameters = (
+        Parameter(
+            "relative_change",
+            -0.35,
+            0.5,
+            "1",
+            0.05,
+            label="relative change of the mass",
+            shown_as="change",
+            symbol="mass",
+        ),
+    )
     heterogeneity = "gaussian"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:

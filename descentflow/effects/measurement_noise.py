@@ -31,7 +31,16 @@ class MeasurementNoise(Effect):
     name = "measurement_noise"
     says = "noisier or coarser reports"
     parameters = tuple(
-        Parameter(f"ln_ratio_{name}", -3.0, 3.0, "1", 0.1, label=f"ln of the ratio of the noise of {label}")
+        Parameter(
+            f"ln_ratio_{name}",
+            -3.0,
+            3.0,
+            "1",
+            0.1,
+            label=f"ln of the ratio of the noise of {label}",
+            shown_as="logarithm",
+            symbol=f"noise of {label}",
+        )
         for name, label in CHANNELS.items()
     )
     sensor = True

@@ -44,13 +44,40 @@ class SpeedBrake(WindowedEffect):
     narrowest_fl = NARROWEST_FL
     inset_fl = RUN_OUT_M / FL_M
     parameters = (
-        Parameter("extra_cd0", 0.0, 2.0, "1", 0.1, 0.0, label="parasitic drag added, mean over all flights"),
+        Parameter(
+            "extra_cd0",
+            0.0,
+            2.0,
+            "1",
+            0.1,
+            0.0,
+            label="parasitic drag added, mean over all flights",
+            shown_as="change",
+            symbol="CD0",
+        ),
         Parameter("low_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL, label="lower end"),
         Parameter("high_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL, label="upper end"),
         Parameter(
-            "share", 0.05, 1.0, "1", 0.1, 1.0, from_heterogeneity=True, label="share of the flights with brakes out"
+            "share",
+            0.05,
+            1.0,
+            "1",
+            0.1,
+            1.0,
+            from_heterogeneity=True,
+            label="share of the flights with brakes out",
+            shown_as="flights",
         ),
-        Parameter("ln_ratio_noise", 0.0, 1.5, "1", 0.1, label="ln of the ratio of short-scale noise"),
+        Parameter(
+            "ln_ratio_noise",
+            0.0,
+            1.5,
+            "1",
+            0.1,
+            label="ln of the ratio of short-scale noise",
+            shown_as="logarithm",
+            symbol="short-scale noise",
+        ),
     )
     heterogeneity = "window mixture"
 

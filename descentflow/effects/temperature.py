@@ -23,7 +23,9 @@ class Temperature(Effect):
     says = "air warmer or colder than the standard atmosphere"
     directions = ("air warmer than the standard atmosphere", "air colder than the standard atmosphere")
     inherited_from = 2.0
-    parameters = (Parameter("deviation_k", -40.0, 40.0, "K", 5.0, label="deviation from the standard atmosphere"),)
+    parameters = (
+        Parameter("deviation_k", -40.0, 40.0, "K", 5.0, label="deviation from the standard atmosphere", symbol="ISA"),
+    )
     heterogeneity = "measured covariate"
     splits = ("TAS", "geoaltitude")
 

@@ -31,7 +31,17 @@ class VerticalRateLag(Effect):
     inherited_from = 6.0
     parameters = (
         Parameter("lag_s", -10.0, 60.0, "s", 2.0, label="lag"),
-        Parameter("ln_ratio_noise", -3.0, 0.0, "1", 0.1, -0.01, label="ln of the ratio of short-scale noise"),
+        Parameter(
+            "ln_ratio_noise",
+            -3.0,
+            0.0,
+            "1",
+            0.1,
+            -0.01,
+            label="ln of the ratio of short-scale noise",
+            shown_as="logarithm",
+            symbol="short-scale noise",
+        ),
     )
     needs = ("vertical_rate",)
     sensor = True

@@ -23,10 +23,19 @@ class VerticalSpeedMode(Effect):
     name = "vertical_speed_mode"
     says = "a selected vertical rate instead of an idle descent"
     parameters = (
-        Parameter("levels_cut_out", -0.2, 1.0, "1", 0.05, label="share of the levels cut out"),
+        Parameter(
+            "levels_cut_out",
+            -0.2,
+            1.0,
+            "1",
+            0.05,
+            label="share of the levels cut out",
+            shown_as="percent",
+            symbol="levels cut out",
+        ),
         Parameter("slower_in_gaps", -60.0, 600.0, "s per flight", 10.0, label="time lost in gaps"),
-        Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights at a held rate"),
-        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by"),
+        Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights at a held rate", shown_as="flights"),
+        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
     )
     heterogeneity = "window mixture"
 

@@ -22,7 +22,15 @@ class WindGradient(Effect):
     directions = ("a tailwind that grows with altitude", "a tailwind that falls with altitude")
     inherited_from = 0.0005
     parameters = (
-        Parameter("slope_per_s", -0.01, 0.01, "m/s per m", 0.001, label="growth of the tailwind with altitude"),
+        Parameter(
+            "slope_per_s",
+            -0.01,
+            0.01,
+            "m/s per m",
+            0.001,
+            label="growth of the tailwind with altitude",
+            symbol="tailwind",
+        ),
     )
     heterogeneity = "measured covariate"
     splits = ("groundspeed", "TAS", "track", "heading")

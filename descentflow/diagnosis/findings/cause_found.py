@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.plain_values import number, percent
 
 
@@ -75,6 +76,27 @@ class ParameterEstimate:
 
 
 @dataclass(frozen=True)
+class TradeSize:
+    """A size of the effect as readers are told it: in a unit of the trade, of the flights that have the effect.
+
+    Attributes:
+        parameter: Name of the parameter.
+        text: In words, with the 90 % interval.
+        unit: Of ``value``: a unit of the trade, ``factor`` or ``%``.
+        value: The number.
+
+    Example:
+        >>> TradeSize("extra_cd0", "CD0 x 1.58 (1.52 to 1.65)", "factor", Measured(1.58, 1.51, 1.65)).value.estimate
+        1.58
+    """
+
+    parameter: str
+    text: str
+    unit: str
+    value: Measured
+
+
+@dataclass(frozen=True)
 class ScoreGain:
     """Gain in held-out log score over the same effects without this one, with its 90 % interval.
 
@@ -136,9 +158,9 @@ class Cause:
         label: Its name for readers.
         text: What it is in words, with the direction that was found.
         inclusion: Probability that the effect is among the causes; None where not computed.
-        share_of_flights: Share of the flights that have it, of which ``parameters`` are then the sizes; None where all
-            have it alike or the data do not say.
-        own_closure: How much of the gap it closes beside the others; None where not computed.
+        share_of_flights: Share of the flights that have it; None where all have.
+        own_closure: How much of the gap it closes alone, without the other causes.
+        sizes: What ``parameters`` are in units of the trade, of the flights that have the effect.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -164,6 +186,7 @@ class Cause:
     inclusion: float | None = None
     share_of_flights: ClosedShare | None = None
     own_closure: ClosedShare | None = None
+    sizes: list[TradeSize] = field(default_factory=list)
 
     def __str__(self) -> str:
         """Its name and its size."""

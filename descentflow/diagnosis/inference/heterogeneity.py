@@ -44,8 +44,8 @@ def with_heterogeneity(likelihood: EffectsLikelihood, theta: Mapping[str, Tensor
     return found
 
 
-def heterogeneous_shift(likelihood: EffectsLikelihood, fit: Fit) -> tuple[Tensor, dict[str, float]]:
-    """Shift (n, p) with each flight's own share of every effect, and how widely the shares spread, by effect.
+def heterogeneous_shifts(likelihood: EffectsLikelihood, fit: Fit) -> tuple[dict[str, Tensor], dict[str, float]]:
+    """Shift (n, p) with each flight's own share of an effect, and how widely the shares spread, by effect.
 
     A flight's share is what it shows of the effect's own shape, drawn towards one by as much as shares differ no
     more between real flights than such shapes differ between the simulator's anyway.
@@ -55,20 +55,34 @@ def heterogeneous_shift(likelihood: EffectsLikelihood, fit: Fit) -> tuple[Tensor
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> shift, spreads = heterogeneous_shift(likelihood, fit_effects(likelihood, ["temperature"]))
-        >>> shift.shape, sorted(spreads)
+        >>> shifts, spreads = heterogeneous_shifts(likelihood, fit_effects(likelihood, ["temperature"]))
+        >>> shifts["temperature"].shape, sorted(spreads)
         (torch.Size([160, 33]), ['temperature'])
     """
     spreads: dict[str, float] = {}
-    total = torch.zeros_like(likelihood.y)
+    shifts: dict[str, Tensor] = {}
     for name in fit.theta:
         own, share, size = _shares(likelihood, fit, name)
         spread = _excess_variance(share[likelihood.real], share[~likelihood.real])
         spreads[name] = spread**0.5
         # Where shares do not spread every flight has the mean effect.
         held = spread * size / (1 + spread * size) * (share - 1) + 1
-        total = total + torch.where(likelihood.real[:, None], own * held[:, None], 0.0)
-    return total, spreads
+        shifts[name] = torch.where(likelihood.real[:, None], own * held[:, None], 0.0)
+    return shifts, spreads
+
+
+def together(shifts: Mapping[str, Tensor], likelihood: EffectsLikelihood) -> Tensor:
+    """The sum (n, p) of the shifts of effects; zero where there is none.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> float(together({}, example_likelihood()).abs().max())
+        0.0
+    """
+    total = torch.zeros_like(likelihood.y)
+    for shift in shifts.values():
+        total = total + shift
+    return total
 
 
 def spreads_as_claimed(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bool:

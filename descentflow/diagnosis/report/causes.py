@@ -1,6 +1,5 @@
 """Causes with their sizes, groups, closure and rivals, and what would separate what these data cannot."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 
 import torch
@@ -9,13 +8,13 @@ from torch import Tensor
 from descentflow.diagnosis.correction.closure import GapMeasure, rivals_closure
 from descentflow.diagnosis.findings.cause_found import Cause, Closure, Heterogeneity, ParameterEstimate, ScoreGain
 from descentflow.diagnosis.findings.gap_found import WouldSplit
+from descentflow.diagnosis.inference.heterogeneity import together
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.selection import Chosen
 from descentflow.diagnosis.inference.uncertainty import covariance
+from descentflow.diagnosis.report.sizes import NINETY, known_errors, share_of, sizes_of
 from descentflow.effects import UNKNOWN, Effect
 
-NINETY = 1.645
-"""Standard errors on either side of a 90 % interval."""
 SHOWS = {"TAS": "tas", "geoaltitude": "height", "groundspeed": "wind", "Mach": "mismatch"}
 """Channel -> the quantity that it makes, the one most often worth adding first."""
 
@@ -24,7 +23,7 @@ def causes_of(
     likelihood: EffectsLikelihood,
     chosen: Chosen,
     measure: GapMeasure,
-    shift: Tensor,
+    shifts: Mapping[str, Tensor],
     spreads: Mapping[str, float],
     progress: Callable[[str], None],
     *,
@@ -36,7 +35,7 @@ def causes_of(
         likelihood: Flights and catalogue.
         chosen: Outcome of the selection.
         measure: Of the gap.
-        shift: (n, p) with each flight's own share of the effects.
+        shifts: By effect, (n, p) with each flight's own share of it.
         spreads: How widely the shares spread between flights, by effect.
         progress: Called with what is being done.
         inherited: Whether the simulator's own flights have the effects as well.
@@ -47,18 +46,19 @@ def causes_of(
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
         >>> columns, _ = discrepancy_columns(likelihood.compared)
-        >>> from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shift
+        >>> from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shifts
         >>> from descentflow.diagnosis.inference.selection import select
         >>> chosen = select(likelihood, columns, lambda stage: None)
         >>> measure = GapMeasure(likelihood, likelihood.compared.of("tas"), seed=0)
-        >>> shift, spreads = heterogeneous_shift(likelihood, chosen.fit)
-        >>> found = causes_of(likelihood, chosen, measure, shift, spreads, lambda stage: None)
+        >>> shifts, spreads = heterogeneous_shifts(likelihood, chosen.fit)
+        >>> found = causes_of(likelihood, chosen, measure, shifts, spreads, lambda stage: None)
         >>> [(cause.effect, round(cause.parameters["deviation_k"].estimate)) for cause in found]
         [('temperature', 10)]
     """
     fit = chosen.fit
     spread = covariance(likelihood, fit).diagonal().clamp(min=0.0).sqrt()
     errors = dict(zip(fit.effects, torch.split(spread, [len(fit.theta[n]) for n in fit.effects]), strict=True))
+    shift = together(shifts, likelihood)
     progress("measuring what other effects would close")
     alone = {name: single.fit.shift for name, single in chosen.singles.items()}
     rivals = rivals_closure(measure, alone, measure.floor(shift))
@@ -80,6 +80,9 @@ def causes_of(
             inherited=inherited,
             label=effect.text,
             text=effect.in_words(None if first is None else first.estimate),
+            share_of_flights=share_of(effect, fit.theta[name], errors[name], int(likelihood.real.sum())),
+            own_closure=closure.marginal if len(shifts) == 1 else measure.marginal(shifts[name]),
+            sizes=sizes_of(effect, fit.theta[name], errors[name], int(likelihood.real.sum())),
         )
         causes.append(cause)
     return causes
@@ -101,12 +104,11 @@ def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> di
         deviation from the standard atmosphere 10 (9.18 to 10.8) K
     """
     found: dict[str, ParameterEstimate] = {}
-    for p, value, sd in zip(effect.parameters, theta.tolist(), error.tolist(), strict=True):
+    known = known_errors(effect, theta, error, flights)
+    for p, value, sd in zip(effect.parameters, theta.tolist(), known.tolist(), strict=True):
         if sd == 0.0 and not p.from_heterogeneity:
             # The data say nothing of it: a channel that is not there.
             continue
-        # A share is a count of flights.
-        sd = (value * (1 - value) / flights) ** 0.5 if p.from_heterogeneity else math.hypot(sd, p.inexact)
         low: float | None = None
         high: float | None = None
         if sd > 0.0:

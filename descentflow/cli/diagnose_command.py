@@ -8,13 +8,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.description = (
         "Compare a simulator with real descents: where they differ, which unmodelled effect causes it, and how far the "
-        "gap shrinks once it is added. Writes gap.json, gap.html and, for a checkpoint, corrected.ckpt."
+        "gap shrinks once it is added. The simulator is a checkpoint, or flights of any simulator. Writes gap.json, "
+        "gap.html and, with a cause, the corrected simulator (corrected.ckpt) or its flights (corrected.parquet)."
     )
-    parser.add_argument("--real", type=Path, required=True, help="rows, or prepared descents (descentflow prepare)")
-    which = parser.add_mutually_exclusive_group(required=True)
-    which.add_argument("--simulator", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
-    which.add_argument("--typecode", help="nominal BADA of this type at each flight's own speed, for instance A320")
-    parser.add_argument("--bada-dir", type=Path, help="BADA 3 files for --typecode (default: open aircraft)")
+    parser.add_argument(
+        "--real", type=Path, nargs="+", required=True, help="rows, or prepared descents (descentflow prepare)"
+    )
+    parser.add_argument(
+        "--simulator",
+        type=Path,
+        nargs="+",
+        help="checkpoint that `descentflow fit` wrote; or flights of any simulator, as rows or prepared descents: "
+        "files, folders, in every format that `descentflow prepare` reads; told apart by their content",
+    )
+    parser.add_argument(
+        "--typecode",
+        help="without --simulator: nominal BADA of this type at each flight's own speed, for instance A320; with a "
+        "simulator's flights: the type whose coefficients give the signatures of effects (default: their own)",
+    )
+    parser.add_argument(
+        "--nearest-type",
+        action="store_true",
+        help="where the flights' type has no coefficients, take those of the nearest type: as many engines of the "
+        "same kind, nearest in take-off mass",
+    )
+    parser.add_argument(
+        "--bada-dir", type=Path, help="BADA 3 files for --typecode or a simulator's flights (default: open aircraft)"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for the report")
     parser.add_argument("--channels", help="use these alone, for instance IAS,Mach,TAS,groundspeed (default: all)")
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same answer (default: 0)")
@@ -24,11 +44,8 @@ def run(args: argparse.Namespace) -> None:
     """Diagnose, write and print the answer."""
     from tqdm import tqdm
 
-    from descentflow.core.errors import ConfigError
     from descentflow.diagnosis.diagnose import diagnose
 
-    if args.bada_dir is not None and args.typecode is None:
-        raise ConfigError("--bada-dir without --typecode", expected="both", mend="name the type, or drop --bada-dir")
     channels = [name.strip() for name in args.channels.split(",")] if args.channels else None
     with tqdm(desc="diagnose", delay=2, leave=False, bar_format="{desc} [{elapsed}]") as bar:
 
@@ -37,9 +54,10 @@ def run(args: argparse.Namespace) -> None:
             bar.update()
 
         report = diagnose(
-            args.real,
-            args.simulator,
+            _one_or_several(args.real),
+            _one_or_several(args.simulator),
             typecode=args.typecode,
+            nearest_type=args.nearest_type,
             bada_dir=args.bada_dir,
             channels=channels,
             seed=args.seed,
@@ -48,3 +66,7 @@ def run(args: argparse.Namespace) -> None:
         )
     print(report)
     print(f"wrote {args.out / 'gap.json'} and {args.out / 'gap.html'}")
+
+
+def _one_or_several(paths: list[Path] | None) -> Path | list[Path] | None:
+    return paths[0] if paths is not None and len(paths) == 1 else paths

@@ -1,20 +1,17 @@
 """Opens flights and simulators, then runs the diagnosis (:mod:`descentflow.diagnosis.procedure`)."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError
-from descentflow.diagnosis.open_simulator import open_simulator
+from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.procedure import Settings, run
 from descentflow.diagnosis.report.gap_report import GapReport
-from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
 from descentflow.measurements.quantity_registry import CHANNELS
-from descentflow.representation.comparable_descents import comparable_descents
-from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.open_descents import open_descents
 
 
 def diagnose(
@@ -22,6 +19,7 @@ def diagnose(
     simulator: Any = None,
     *,
     typecode: str | None = None,
+    nearest_type: bool = False,
     bada_dir: Path | None = None,
     channels: Sequence[str] | None = None,
     catalogue: Mapping[str, Effect] | None = None,
@@ -31,20 +29,25 @@ def diagnose(
 ) -> GapReport:
     """Say where a simulator and real descents differ, which unmodelled effect causes it, and how far it shrinks.
 
-    Rows are cleaned with the settings of the simulator's own training descents: other settings would show as a gap.
+    Both sides go through the same cleaning: rows are cleaned with the settings of a checkpoint's training descents, or
+    with those of the other side's prepared descents. Other settings would show as a gap.
 
     Args:
         real: Path of rows or of prepared descents (file, folder or store), several such paths, descents as
             :func:`descentflow.surveillance.prepare.prepare` returns them, or a table (Polars or pandas) of them.
-        simulator: Path of a checkpoint, a density, or a fitted model; the designator of a type (``"A320"``) or its
-            coefficients, for nominal BADA at each flight's own speed.
-        typecode: Designator of a type in place of ``simulator``.
-        bada_dir: Folder of BADA files for a designator; the embedded open aircraft if absent.
-        channels: Channels to use, see :data:`descentflow.measurements.quantity_registry.CHANNELS`; all that the
-            flights have if absent.
+        simulator: Path of a checkpoint, a density, or a fitted model; flights of any simulator, in every form of
+            ``real``; the designator of a type (``"A320"``) or its coefficients, for nominal BADA at each flight's own
+            speed. Files are told apart by their content.
+        typecode: Designator of a type: in place of ``simulator``, its nominal descent; beside a simulator's flights,
+            whose coefficients give the signatures of effects (the flights' own type if absent).
+        nearest_type: Whether the nearest type may stand for flights whose type has no coefficients, see
+            :func:`descentflow.aircraft_types.nearest_type.nearest_type`.
+        bada_dir: Folder of BADA files for a designator or a simulator's flights; the embedded open aircraft if absent.
+        channels: Channels to use, see :data:`descentflow.measurements.quantity_registry.CHANNELS`; all that both sides
+            have if absent.
         catalogue: Effects that may be named; :data:`descentflow.effects.EFFECTS` if absent.
         seed: Of permutations, bootstrap and samples: the same seed gives the same answer.
-        out: Folder for `gap.json`, `gap.html` and `corrected.ckpt`; nothing is written if absent.
+        out: Folder for `gap.json`, `gap.html` and the corrected simulator; nothing is written if absent.
         progress: Called with what is being done.
 
     Returns:
@@ -54,7 +57,8 @@ def diagnose(
         AircraftError: If the type is not known.
         CheckpointError: If the checkpoint cannot be read.
         ConfigError: If no simulator is named, the catalogue cannot be used, or a channel does not exist.
-        DataError: If the flights cannot be used, are too few, or share no level with the simulator.
+        DataError: If the flights of either side cannot be used, are too few, or both have no type, no level or no
+            needed channel in common.
 
     Warns:
         DescentflowWarning: If prepared descents were cleaned with other settings than the simulator's, or the settings
@@ -67,21 +71,21 @@ def diagnose(
         The gap of 0.0... spreads is what two samples of one population show (0.1...).
         >>> diagnose("descents.parquet", "A320").causes[0].parameters["relative_change"].unit  # lighter than nominal
         '1'
+        >>> diagnose("rows.parquet", "descents.parquet").verdict  # flights of a simulator, here the same ones
+        'none'
     """
     say = progress or (lambda _: None)
-    if (simulator is None) == (typecode is None):
+    if simulator is None and typecode is None:
         raise ConfigError(
-            "neither a simulator nor a type" if simulator is None else "a simulator and a type",
-            expected="one of them",
-            mend="pass a checkpoint or a model, or the designator of a type for nominal BADA",
+            "neither a simulator nor a type",
+            expected="at least one of them",
+            mend="pass a checkpoint, a model or a simulator's flights, or the designator of a type for nominal BADA",
         )
     wanted = _channels(channels)
     effects = checked_catalogue(EFFECTS if catalogue is None else catalogue)
-    found = open_simulator(simulator, bada_dir) if typecode is None else Simulator(find_aircraft(typecode, bada_dir))
-    say("reading flights")
-    parts = found.representation
-    descents = open_descents(real, progress=say) if parts is None else comparable_descents(real, parts, progress=say)
-    report = run(descents.frame, Settings(found, effects, wanted, seed, say), _dropped(descents))
+    opened = open_both(real, simulator, SignatureSource(typecode, bada_dir, nearest_type), say)
+    report = run(opened.frame, Settings(opened.simulator, effects, wanted, seed, say), opened.dropped)
+    report = replace(report, provenance=opened.provenance({"seed": str(seed), "channels": ", ".join(wanted)}))
     if out is not None:
         say("writing the report")
         report.write(out)
@@ -98,9 +102,3 @@ def _channels(channels: Sequence[str] | None) -> tuple[str, ...]:
         )
     # Without speed and rate there is no descent to compare.
     return tuple(c for c in CHANNELS if c in channels or c in ("IAS", "vertical_rate"))
-
-
-def _dropped(descents: Descents) -> dict[str, int]:
-    report = descents.metadata.get("report") or {}
-    steps = report.get("steps", []) if isinstance(report, dict) else []
-    return {f"rows_{s['step']}": int(s["rows_dropped"]) for s in steps if s.get("rows_dropped")}

@@ -1,6 +1,5 @@
 """The simulator that a caller means: a checkpoint, a density, a fitted model, or nominal BADA of a type."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,14 +8,12 @@ from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import as_density, content_of
 from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.simulator_kind import is_designator
 from descentflow.representation.read_checkpoint import read_checkpoint
-
-DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
-"""Type designators of ICAO Doc 8643: two to four letters and digits, a letter first."""
 
 
 def open_simulator(simulator: object, bada_dir: Path | None = None) -> Simulator:
-    """The simulator that is diagnosed.
+    """The simulator that is diagnosed, where it is not given by its flights.
 
     Args:
         simulator: Path of a checkpoint; a density; a fitted model of :mod:`descentflow.training.models`; the designator
@@ -40,7 +37,7 @@ def open_simulator(simulator: object, bada_dir: Path | None = None) -> Simulator
     if bada_dir is not None:
         raise ConfigError(
             "BADA files for a simulator that has its own coefficients",
-            expected="them with the designator of a type",
+            expected="them with the designator of a type, or with a simulator's flights",
             mend="name the type, or leave the folder out",
         )
     density = as_density(simulator)
@@ -55,13 +52,3 @@ def open_simulator(simulator: object, bada_dir: Path | None = None) -> Simulator
         path = Path(simulator)
         return replace(found, content=lambda: read_checkpoint(path), name=path.name)
     return found
-
-
-def is_designator(simulator: object) -> bool:
-    """Whether a text is the designator of a type, and not the name of a file.
-
-    Example:
-        >>> is_designator("A320"), is_designator("best.ckpt"), is_designator(Path("A320"))
-        (True, False, False)
-    """
-    return isinstance(simulator, str) and DESIGNATOR.fullmatch(simulator) is not None and not Path(simulator).exists()

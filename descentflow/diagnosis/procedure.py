@@ -22,14 +22,15 @@ from descentflow.diagnosis.inference.shared_effects import SharedEffects, shared
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.inference.where import where
 from descentflow.diagnosis.inference.whitening import whiten
+from descentflow.diagnosis.left_out_channels import left_out_channels
 from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.report.causes import causes_of, would_split
 from descentflow.diagnosis.report.details import curves, discrepancy_of, remaining_of, singles_of
 from descentflow.diagnosis.report.gap_report import GapReport
-from descentflow.diagnosis.simulator import Simulator, check_count, check_type, kept_channels
+from descentflow.diagnosis.simulator import Simulator, check_type
 from descentflow.diagnosis.stages import stages_of
 from descentflow.effects import Effect
-from descentflow.measurements.quantities import Quantities, checked, grid_of, measured
+from descentflow.measurements.quantities import Quantities
 from descentflow.measurements.quantity_registry import QUANTITIES
 from descentflow.physics.transition import transition_altitude_m
 
@@ -38,6 +39,9 @@ SAMPLES_SLACK = 5.0
 percent of the rate about the transition."""
 MIN_NORMAL_FLIGHTS = 100
 """Flights of a simulator from which the spread between flights is learnt without the real ones."""
+OWN_FLIGHTS = ("training flights", "samples")
+"""Sources that hold a model's own flights, whose causes its inferred drag holds as well; flights of any simulator are
+what it flies, and what both sides have alike is no gap."""
 SIGNIFICANT = 0.02
 """A gap is called from this p-value; it leaves room below five false alarms in a hundred."""
 
@@ -93,23 +97,20 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
     """
     simulator = settings.simulator
     check_type(frame, simulator)
-    low, high = simulator.levels(frame)
     settings.progress("measuring flights")
-    grid = grid_of(frame, low, high, settings.channels)
-    check_count(checked(measured(grid)), frame, low, high)
-    reference, real, source = both_sides(simulator, grid, settings.seed)
-    if reference is not None:
-        reference = kept_channels(reference, real)
-    compared = compare(reference, real, simulator.aircraft, SAMPLES_SLACK if source == "samples" else 1.0)
+    sides = both_sides(simulator, frame, settings.channels, settings.seed)
+    real, source = sides.real, sides.source
+    compared = compare(sides.reference, real, simulator.aircraft, SAMPLES_SLACK if source == "samples" else 1.0)
     counts = {
         "flights_given": frame["flight_id"].n_unique(),
         "flights_off_the_grid": frame["flight_id"].n_unique() - len(real),
         "flights_compared": len(real),
-        "simulator_flights": 0 if reference is None else len(reference),
+        "simulator_flights": 0 if sides.reference is None else len(sides.reference),
         **dropped,
     }
     report = Diagnosis(compared, settings, source).report(counts, frame)
-    return _with_shared_effects(report, real, settings) if source != "physics" else report
+    report = replace(report, left_out_channels=left_out_channels(sides.lacked, settings.catalogue))
+    return _with_shared_effects(report, real, settings) if source in OWN_FLIGHTS else report
 
 
 def _with_shared_effects(report: GapReport, real: Quantities, settings: Settings) -> GapReport:
@@ -280,7 +281,7 @@ def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -
 
 def _not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:
     """What no comparison with a simulator of the same flights could show."""
-    if source == "physics":
+    if source not in OWN_FLIGHTS:
         return []
     names = [name for name, effect in settings.catalogue.items() if effect.inherited_from is None]
     why = "if the simulator's own flights had them as well, its inferred drag and speeds hold them: not identifiable"

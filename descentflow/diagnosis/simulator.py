@@ -1,4 +1,4 @@
-"""What is diagnosed: a sampler with its representation, or nominal BADA; and what flights it can be held against."""
+"""What is diagnosed: a sampler, flights of any simulator, or nominal BADA; and what flights it can be held against."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,17 +9,20 @@ import torch
 
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
+from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed
 from descentflow.generation.rejection import Sampler
 from descentflow.measurements.quantities import Quantities
 from descentflow.representation.representation import Representation
 
-MIN_FLIGHTS = 20
-"""Fewer flights say nothing of any effect; hundreds are needed to tell effects apart."""
+MIN_FLIGHTS = 60
+"""Of either side: twelve in each of five folds. Fewer say nothing of any effect; hundreds tell effects apart."""
+MIN_LEVELS_FL = 30.0
+"""Height of the levels that both sides show: six bands of 500 ft, the least that has a shape in altitude."""
 
 
 @dataclass(frozen=True)
 class Simulator:
-    """What is diagnosed: a sampler with its representation, or nominal BADA where there is none.
+    """What is diagnosed: a sampler with its representation, flights of any simulator, or nominal BADA.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -33,26 +36,60 @@ class Simulator:
     content: Callable[[], dict[str, Any]] | None = None
     """Reads the checkpoint again, to write a corrected one."""
     name: str = "nominal"
+    flights: pl.DataFrame | None = None
+    """Prepared descents of the simulator, where it is given by its flights."""
+    coefficients: CoefficientsUsed | None = None
+    """Whose coefficients these are, where it is given by its flights."""
 
     def levels(self, frame: pl.DataFrame) -> tuple[float, float]:
-        """Lowest and highest level of its grid."""
+        """Lowest and highest level of its grid.
+
+        Args:
+            frame: Prepared real descents.
+
+        Raises:
+            DataError: If flights of the simulator and real ones have too few levels in common.
+        """
         if self.representation is not None:
             levels = self.representation.decoder.levels_fl
             return float(levels[0]), float(levels[-1])
-        reached = frame.group_by("flight_id").agg(pl.col("level_fl").max())["level_fl"].to_numpy()
-        lowest = frame["level_fl"].to_numpy().min(initial=10_000)
-        top = sorted(reached.tolist(), reverse=True)[max(len(reached) // 4 - 1, 0)] if len(reached) else lowest
-        return float(lowest), float(max(top, lowest + 20))
+        if self.flights is None:
+            return _levels_of(frame)
+        low, high = _levels_of(self.flights)
+        lowest, highest = (
+            float(bound) for bound in frame.select(low=pl.min("level_fl"), high=pl.max("level_fl")).row(0)
+        )
+        common = max(low, lowest), min(high, highest)
+        if common[1] - common[0] < MIN_LEVELS_FL:
+            raise DataError(
+                f"real flights between FL{lowest:.0f} and FL{highest:.0f}, and a simulator's between FL{low:.0f} and "
+                f"FL{high:.0f}",
+                expected=f"levels that both have, over {100 * MIN_LEVELS_FL:,.0f} ft at least",
+                mend="prepare both with one --bottom-fl, and let the simulator fly the levels of the real flights",
+            )
+        return common
+
+
+def _levels_of(frame: pl.DataFrame) -> tuple[float, float]:
+    """Lowest level, and the highest that a quarter of the flights reach."""
+    reached = frame.group_by("flight_id").agg(pl.col("level_fl").max())["level_fl"].to_numpy()
+    lowest = frame["level_fl"].to_numpy().min(initial=10_000)
+    top = sorted(reached.tolist(), reverse=True)[max(len(reached) // 4 - 1, 0)] if len(reached) else lowest
+    return float(lowest), float(max(top, lowest + 20))
 
 
 def check_type(frame: pl.DataFrame, simulator: Simulator) -> None:
-    """Refuse flights of another type (DataError).
+    """Refuse flights of another type than a checkpoint's or a nominal descent's (DataError).
+
+    Types of a simulator's flights were chosen with the real ones, and its coefficients may be another type's.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> check_type(read_descents("descents.parquet").frame, Simulator(aircraft("A320")))  # no error: they are A320
     """
+    if simulator.flights is not None:
+        return
     types = {str(t) for t in frame["typecode"].drop_nulls().unique()} if "typecode" in frame.columns else set()
     known = {simulator.aircraft.typecode}
     if simulator.representation is not None:
@@ -65,22 +102,28 @@ def check_type(frame: pl.DataFrame, simulator: Simulator) -> None:
         )
 
 
-def check_count(real: Quantities, frame: pl.DataFrame, low: float, high: float) -> None:
-    """Refuse too few flights on the grid (DataError).
+def check_count(found: Quantities, given: int, low: float, high: float, whose: str = "real flights") -> None:
+    """Refuse too few flights of one side on the grid (DataError).
+
+    Args:
+        found: The flights that show a band.
+        given: How many there were.
+        low: Lowest level of the grid.
+        high: Highest.
+        whose: What they are called.
 
     Example:
         >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
         >>> frame = pl.read_parquet("descents.parquet")
-        >>> check_count(quantities_of(frame, 150, 340, CHANNELS).rows(torch.arange(5)), frame, 150, 340)
+        >>> check_count(quantities_of(frame, 150, 340, CHANNELS).rows(torch.arange(5)), 120, 150, 340)
         Traceback (most recent call last):
-        descentflow.core.errors.DataError: 5 flights with levels between FL150 and FL340 (of 120 given); ...
+        descentflow.core.errors.DataError: 5 real flights with levels between FL150 and FL340 (of 120 given); ...
     """
-    if len(real) < MIN_FLIGHTS:
+    if len(found) < MIN_FLIGHTS:
         raise DataError(
-            f"{len(real)} flights with levels between FL{low:.0f} and FL{high:.0f} "
-            f"(of {frame['flight_id'].n_unique()} given)",
-            expected=f"at least {MIN_FLIGHTS}, and hundreds to tell effects apart",
-            mend="give more flights, or a simulator of their levels",
+            f"{len(found)} {whose} with levels between FL{low:.0f} and FL{high:.0f} (of {given} given)",
+            expected=f"at least {MIN_FLIGHTS} flights a side, and hundreds to tell effects apart",
+            mend=f"give more {whose}, or both sides the same levels",
         )
 
 

@@ -236,15 +236,28 @@ def reference_state(
         120
     """
     try:
-        return quantities_of(_of_some_aircraft(frame, flights, MAX_REFERENCE), low_fl, high_fl, CHANNELS).to_state()
+        return quantities_of(of_some_aircraft(frame, flights), low_fl, high_fl, CHANNELS).to_state()
     except DataError:
         return None
 
 
-def _of_some_aircraft(frame: pl.DataFrame, among: Sequence[str], most: int) -> pl.DataFrame:
-    """Flights among some, of aircraft drawn until there are so many; all of them if they are no more."""
+def of_some_aircraft(frame: pl.DataFrame, among: Sequence[str] | None = None, most: int | None = None) -> pl.DataFrame:
+    """Flights of aircraft drawn until there are so many; all of them if they are no more.
+
+    Args:
+        frame: Prepared descents.
+        among: Flights of it to draw from; all if absent.
+        most: Flights; :data:`MAX_REFERENCE` if absent.
+
+    Example:
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> of_some_aircraft(frame, most=12)["icao24"].n_unique()  # whole aircraft of five flights, the last one cut
+        3
+    """
     flights = frame.group_by("flight_id").agg(pl.col("icao24").first().fill_null("")).sort("icao24", "flight_id")
-    flights = flights.filter(pl.col("flight_id").is_in(list(among)))
+    if among is not None:
+        flights = flights.filter(pl.col("flight_id").is_in(list(among)))
+    most = MAX_REFERENCE if most is None else most
     if len(flights) <= most:
         return frame.filter(pl.col("flight_id").is_in(flights["flight_id"].implode()))
     aircraft = flights["icao24"].unique().sort()

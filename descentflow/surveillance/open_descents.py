@@ -36,7 +36,7 @@ def open_descents(
     Args:
         source: A path to rows (a file or a folder), to a prepared file, a store or a folder of prepared files; several
             such paths; descents in memory; a table (Polars or pandas) of prepared descents, which has a column
-            `level_fl`, or of rows; or simulated flights.
+            `level_fl`, or of rows; simulated flights; or several of these in memory.
         cleaning: Settings that the descents must have: rows are cleaned with them, and of prepared descents that were
             cleaned with others a warning names every setting that differs. None if any will do.
         rows_cleaning: Settings for rows where ``cleaning`` is None; the defaults if absent.
@@ -55,10 +55,9 @@ def open_descents(
         >>> open_descents("rows.parquet", Cleaning(transient_s=60.0)).cleaning.transient_s
         60.0
     """
-    say = progress or (lambda _: None)
-    descents = _prepared(source)
+    descents = prepared_descents(source)
     if descents is None:
-        return _cleaned(source, cleaning, rows_cleaning, say)
+        return cleaned_rows(source, cleaning or rows_cleaning or Cleaning(), progress)
     if cleaning is not None:
         _compare(descents, cleaning)
     return descents
@@ -78,7 +77,7 @@ def open_prepared(source: Any) -> Descents:
         >>> open_prepared("descents.parquet").frame["flight_id"].n_unique()
         120
     """
-    descents = _prepared(source)
+    descents = prepared_descents(source)
     # Of what is not prepared, the reader of prepared files says best what it is.
     if descents is None and _are_rows(source):
         raise DataError(
@@ -109,8 +108,19 @@ def is_prepared(path: Path) -> bool:
         ) from error
 
 
-def _prepared(source: Any) -> Descents | None:
-    """Descents that are prepared already; None for rows."""
+def prepared_descents(source: Any) -> Descents | None:
+    """Descents that are prepared already; None for rows.
+
+    Args:
+        source: As :func:`open_descents`.
+
+    Raises:
+        DataError: If there is nothing there, prepared descents cannot be read, or they stand together with rows.
+
+    Example:
+        >>> prepared_descents("rows.parquet") is None, prepared_descents("descents.parquet").bottom_fl
+        (True, 150)
+    """
     descents = _in_memory(source)
     if descents is not None or _are_rows(source):
         return descents
@@ -153,7 +163,9 @@ def _expanded(paths: Sequence[Path]) -> list[Path]:
 
 
 def _are_rows(source: Any) -> bool:
-    """Whether it is rows in memory: a table, or what ``simulate`` returned."""
+    """Whether it is rows in memory: a table, several, or what ``simulate`` returned."""
+    if isinstance(source, list | tuple):
+        return bool(source) and all(_are_rows(one) for one in source)
     tables = pl.DataFrame | pl.LazyFrame
     return is_pandas(source) or isinstance(source, tables) or isinstance(getattr(source, "rows", None), tables)
 
@@ -161,6 +173,11 @@ def _are_rows(source: Any) -> bool:
 def _in_memory(source: Any) -> Descents | None:
     if isinstance(source, Descents):
         return source
+    if isinstance(source, list | tuple) and source:
+        held = [_in_memory(one) for one in source]
+        whole = [one for one in held if one is not None]
+        names = [f"table {number}" for number in range(1, len(held) + 1)]
+        return join_descents(whole, names) if len(whole) == len(held) else None
     table = from_pandas(source) if is_pandas(source) else source
     if not isinstance(table, pl.DataFrame) or "level_fl" not in table.columns:
         return None
@@ -176,12 +193,28 @@ def _in_memory(source: Any) -> Descents | None:
     return Descents(table, known)
 
 
-def _cleaned(rows: Any, cleaning: Cleaning | None, rows_cleaning: Cleaning | None, say: Say) -> Descents:
-    chosen = cleaning or rows_cleaning or Cleaning()
-    differences = different_settings(Cleaning(), chosen)
+def cleaned_rows(rows: Any, cleaning: Cleaning, progress: Say | None = None) -> Descents:
+    """Rows cleaned to descents; the settings are said where they are not the default ones.
+
+    Args:
+        rows: As :func:`~descentflow.surveillance.prepare.prepare` takes them.
+        cleaning: Settings.
+        progress: Progress callback, called with each stage and the settings.
+
+    Raises:
+        DataError: As :func:`~descentflow.surveillance.prepare.prepare`.
+
+    Example:
+        >>> cleaned_rows("rows.parquet", Cleaning(), print).flights
+        cleaning rows with the default settings
+        ...
+        {'A320': 120}
+    """
+    say = progress or (lambda _: None)
+    differences = different_settings(Cleaning(), cleaning)
     changed = ", ".join(f"{name} {value}" for name, (_, value) in differences.items())
     say(f"cleaning rows with {changed or 'the default settings'}")
-    return prepare(rows, cleaning=chosen, progress=say)
+    return prepare(rows, cleaning=cleaning, progress=say)
 
 
 def _compare(descents: Descents, cleaning: Cleaning) -> None:

@@ -43,6 +43,8 @@ def test_diagnose_cleans_rows_as_the_simulators_own(folder: Path, capsys: pytest
         words = ["diagnose", "--real", str(folder / f"{real}.parquet"), "--simulator", str(folder / "simulator.ckpt")]
         assert main([*words, "--out", str(folder / real)]) == 0
         found[real] = json.loads((folder / real / "gap.json").read_text())
+        # By which way the flights came is said, and is another one.
+        assert found[real].pop("provenance")["real"]["name"] == f"{real}.parquet"
     assert found["rows"] == found["alike"]
     assert found["rows"]["verdict"] == "none"
     assert "The flights do not differ" in capsys.readouterr().out

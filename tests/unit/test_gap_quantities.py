@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from descentflow.measurements.level_channels import LevelGrid
-from descentflow.measurements.quantities import _of_some_aircraft, reference_state
+from descentflow.measurements.quantities import of_some_aircraft, reference_state
 from descentflow.surveillance.descents.prepared_descents import read_descents
 
 
@@ -16,14 +16,14 @@ def test_a_reference_takes_whole_aircraft(monkeypatch: pytest.MonkeyPatch, tmp_p
     frame = read_descents(gap_toys.flights(tmp_path, 60, seed=5)).frame
     monkeypatch.setattr("descentflow.measurements.quantities.MAX_REFERENCE", 22)
     everyone = frame["flight_id"].unique().to_list()
-    kept = _of_some_aircraft(frame, everyone, 22)
+    kept = of_some_aircraft(frame, everyone, 22)
     assert kept["flight_id"].n_unique() == 22
     per_aircraft = kept.group_by("icao24").agg(pl.col("flight_id").n_unique())["flight_id"].sort().to_list()
     # Five flights an aircraft: the last one drawn is cut short and no other.
     assert per_aircraft == [2, 5, 5, 5, 5]
     assert len(reference_state(frame, 150, 340, everyone)["cluster"]) == 22
-    assert _of_some_aircraft(frame, everyone, 60).equals(frame)
-    assert set(_of_some_aircraft(frame, everyone[:7], 60)["flight_id"]) == set(everyone[:7])
+    assert of_some_aircraft(frame, everyone, 60).equals(frame)
+    assert set(of_some_aircraft(frame, everyone[:7], 60)["flight_id"]) == set(everyone[:7])
 
 
 def test_the_change_over_a_band_is_that_between_its_edges() -> None:

@@ -10,11 +10,15 @@ class InputUsed:
     Attributes:
         name: File, folder, or what was passed in memory.
         kind: What it is: ``prepared descents``, ``rows``, ``checkpoint``, ``nominal BADA`` and the like.
-        flights: Flights in it.
+        flights: Flights in it; 0 for nominal BADA, which has none.
         aircraft: Airframes that flew them; None where not known.
         first: Day of the first flight (ISO 8601); None where not known.
         last: Day of the last one.
         typecodes: Aircraft types.
+        version: Version of descentflow that prepared the flights; None where not known.
+        settings: Cleaning settings by name, as text; empty where not known.
+        files: Names of the files of rows behind the flights.
+        fingerprint: SHA-256 of the flights; None where there are none.
 
     Example:
         >>> InputUsed("rows.parquet", "rows", 400, 80, "2026-10-01", "2026-10-31", ["A320"]).flights
@@ -28,6 +32,44 @@ class InputUsed:
     first: str | None = None
     last: str | None = None
     typecodes: list[str] = field(default_factory=list)
+    version: str | None = None
+    settings: dict[str, str] = field(default_factory=dict)
+    files: list[str] = field(default_factory=list)
+    fingerprint: str | None = None
+
+
+@dataclass(frozen=True)
+class CoefficientsUsed:
+    """Whose coefficients gave the signatures of effects.
+
+    Attributes:
+        typecode: Type of the coefficients.
+        source: Where they come from.
+        of_flights: Types of the flights.
+        nearest: Whether they were taken as the nearest to a type that has none.
+
+    Example:
+        >>> print(CoefficientsUsed("B772", "open aircraft", ["B788"], nearest=True))
+        Signatures are those of the B772's coefficients, the nearest that there are to the B788.
+    """
+
+    typecode: str
+    source: str
+    of_flights: list[str]
+    nearest: bool = False
+
+    @property
+    def stand_in(self) -> bool:
+        """Whether they are another type's than the flights'."""
+        return bool(self.of_flights) and self.of_flights != [self.typecode]
+
+    def __str__(self) -> str:
+        """For readers."""
+        start = f"Signatures are those of the {self.typecode}'s coefficients"
+        flights = ", ".join(self.of_flights)
+        if not self.stand_in:
+            return f"{start}."
+        return f"{start}, {'the nearest that there are to' if self.nearest else 'which stand for'} the {flights}."
 
 
 @dataclass(frozen=True)
@@ -40,6 +82,7 @@ class Provenance:
         versions: Version of descentflow and of what else decides numbers, by name.
         settings: Settings, by name, as text.
         user_files: Files of the user's own code that were run (``--catalogue``).
+        coefficients: Whose coefficients gave the signatures, for a simulator that is given by its flights.
 
     Example:
         >>> one = InputUsed("rows.parquet", "rows", 400)
@@ -52,6 +95,7 @@ class Provenance:
     versions: dict[str, str] = field(default_factory=dict)
     settings: dict[str, str] = field(default_factory=dict)
     user_files: list[str] = field(default_factory=list)
+    coefficients: CoefficientsUsed | None = None
 
 
 @dataclass(frozen=True)
@@ -64,13 +108,19 @@ class LeftOutChannel:
         would_have_told_apart: Effects that it would have told apart.
 
     Example:
-        >>> LeftOutChannel("TAS", "simulator", ["temperature", "mass"]).channel
-        'TAS'
+        >>> print(LeftOutChannel("TAS", "simulator", ["temperature", "wind_gradient"]))
+        TAS is left out, for the simulator's flights lack it; it would have told: temperature, wind gradient
     """
 
     channel: str
     lacking: str
     would_have_told_apart: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        """For readers."""
+        told = ", ".join(name.replace("_", " ") for name in self.would_have_told_apart)
+        side = "the simulator's flights" if self.lacking == "simulator" else "the real flights"
+        return f"{self.channel} is left out, for {side} lack it{f'; it would have told: {told}' if told else ''}"
 
 
 @dataclass(frozen=True)

@@ -188,8 +188,15 @@ def _made(found: Findings) -> list[Html]:
     d = found.details
     rows = [[name.replace("_", " "), f"{count:,}"] for name, count in found.dropped.items()]
     note = (
-        f"Normal is what the simulator's {d.normal_from} show. {d.test.n_permutations} permutations of whole "
+        f"Normal is what {_normal(d.normal_from)} show. {d.test.n_permutations} permutations of whole "
         f"aircraft, seed {d.seed}. Sensitivities at a mass of {d.mass_kg:,.0f} kg. Transition at "
         f"FL{d.transition_fl:.0f}."
     )
-    return [paragraph(note, kind="note"), table(["counted", ""], rows)]
+    said = [str(channel) for channel in found.left_out_channels]
+    used = None if found.provenance is None else found.provenance.coefficients
+    said += [] if used is None else [str(used)]
+    return [paragraph(note, kind="note"), *([bullets(said)] if said else []), table(["counted", ""], rows)]
+
+
+def _normal(source: str) -> str:
+    return "the simulator's flights" if source == "simulator flights" else f"the simulator's {source}"

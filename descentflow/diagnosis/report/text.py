@@ -79,6 +79,10 @@ def summary(found: Findings) -> str:
         for s in found.would_split
         if s.channels
     ]
+    lines += [f"  {channel}" for channel in found.left_out_channels]
+    used = None if found.provenance is None else found.provenance.coefficients
+    if used is not None and used.stand_in:
+        lines.append(f"  {used}")
     return "\n".join(lines)
 
 

@@ -1,0 +1,90 @@
+"""Where the flights of either side come from: names, days, versions, settings, and a fingerprint of the flights."""
+
+import hashlib
+from dataclasses import asdict
+
+import numpy as np
+import polars as pl
+
+from descentflow.diagnosis.findings.inputs_found import InputUsed
+from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.simulator_flights import types_of
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.prepared_descents import Descents
+
+
+def input_of_flights(name: str, descents: Descents) -> InputUsed:
+    """Prepared descents, or rows that have been cleaned to such.
+
+    Args:
+        name: Of the file or folder that they were read from.
+        descents: The descents.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> found = input_of_flights("descents.parquet", read_descents("descents.parquet"))
+        >>> found.flights, found.aircraft, found.first, found.last, found.files
+        (120, 24, '2024-03-04', '2024-03-08', ['rows.parquet'])
+    """
+    frame, metadata = descents.frame, descents.metadata
+    first, last = frame.select(first=pl.min("timestamp"), last=pl.max("timestamp")).row(0)
+    cleaning = descents.cleaning
+    version = metadata.get("descentflow")
+    return InputUsed(
+        name=name,
+        kind="flights",
+        typecodes=types_of(frame),
+        flights=frame["flight_id"].n_unique(),
+        aircraft=frame["icao24"].n_unique(),
+        first=None if first is None else first.date().isoformat(),
+        last=None if last is None else last.date().isoformat(),
+        version=version if isinstance(version, str) else None,
+        settings=_settings(cleaning),
+        files=[str(one.get("name")) for one in metadata.get("inputs", []) if isinstance(one, dict)],
+        fingerprint=fingerprint(frame),
+    )
+
+
+def input_of_simulator(simulator: Simulator) -> InputUsed:
+    """A checkpoint, or a nominal descent.
+
+    Example:
+        >>> from descentflow.diagnosis.open_simulator import open_simulator
+        >>> input_of_simulator(open_simulator("A320")).kind, input_of_simulator(open_simulator("best.ckpt")).flights
+        ('nominal BADA', 86)
+    """
+    parts = simulator.representation
+    if parts is None:
+        code = simulator.aircraft.typecode
+        return InputUsed(f"nominal {code}", "nominal BADA", 0, typecodes=[code])
+    provenance = parts.provenance
+    return InputUsed(
+        name=simulator.name,
+        kind="checkpoint",
+        typecodes=[str(name) for name in provenance.get("typecodes") or [simulator.aircraft.typecode]],
+        flights=len(parts.split.train),
+        settings=_settings(parts.cleaning),
+        files=[str(provenance["descents"])] if provenance.get("descents") else [],
+    )
+
+
+def _settings(cleaning: Cleaning | None) -> dict[str, str]:
+    return {} if cleaning is None else {name: str(value) for name, value in asdict(cleaning).items()}
+
+
+def fingerprint(frame: pl.DataFrame) -> str:
+    """SHA-256 of prepared descents: the same for the same flights, wherever they are read from.
+
+    Example:
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> fingerprint(frame) == fingerprint(frame.sample(fraction=1.0, shuffle=True, seed=1))
+        True
+        >>> fingerprint(frame) == fingerprint(frame.head(-1))
+        False
+    """
+    ordered = frame.select("flight_id", "level_fl", "time_s").sort("flight_id", "level_fl")
+    digest = hashlib.sha256("\n".join(ordered["flight_id"].to_list()).encode())
+    digest.update(ordered["level_fl"].to_numpy().astype(np.int64).tobytes())
+    # To a thousandth of a second, so that a file in single precision holds the same flights.
+    digest.update((ordered["time_s"].to_numpy() * 1000).round().astype(np.int64).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,111 @@
+"""Real flights and the simulator opened together: one cleaning for both, and where either comes from."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
+from descentflow.core.version import __version__
+from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
+from descentflow.diagnosis.inputs import input_of_flights, input_of_simulator
+from descentflow.diagnosis.open_simulator import open_simulator
+from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.simulator_flights import (
+    SignatureSource,
+    check_no_source,
+    of_one_type,
+    simulator_of_flights,
+)
+from descentflow.diagnosis.simulator_kind import kind_of, name_of
+from descentflow.representation.comparable_descents import comparable_descents
+from descentflow.surveillance.descents.prepared_descents import Descents
+from descentflow.surveillance.open_descents import open_descents
+from descentflow.surveillance.open_pair import open_pair
+
+
+@dataclass(frozen=True)
+class Opened:
+    """What is compared.
+
+    Attributes:
+        frame: Prepared real descents.
+        simulator: What is diagnosed.
+        real_input: Where the former come from.
+        simulator_input: Where the simulator comes from.
+        dropped: Flights and rows that were left out, by reason.
+
+    Example:
+        >>> open_both("rows.parquet", "best.ckpt", SignatureSource()).simulator.name
+        'best.ckpt'
+    """
+
+    frame: pl.DataFrame
+    simulator: Simulator
+    real_input: InputUsed
+    simulator_input: InputUsed
+    dropped: dict[str, int]
+
+    def provenance(self, settings: dict[str, str]) -> Provenance:
+        """How the answer can be made again, with the settings of the diagnosis."""
+        return Provenance(
+            self.real_input,
+            self.simulator_input,
+            {"descentflow": __version__},
+            settings,
+            coefficients=self.simulator.coefficients,
+        )
+
+
+def open_both(
+    real: Any, simulator: Any, source: SignatureSource, progress: Callable[[str], None] | None = None
+) -> Opened:
+    """Open real flights and the simulator that they are held against.
+
+    Args:
+        real: As :func:`~descentflow.diagnosis.diagnose.diagnose` takes it.
+        simulator: The same; None for the nominal descent of the source's type.
+        source: Whose coefficients give the signatures.
+        progress: Called with what is being done.
+
+    Raises:
+        AircraftError: If a type has no coefficients.
+        CheckpointError: If a checkpoint cannot be read.
+        ConfigError: If the simulator and the source contradict each other.
+        DataError: If flights cannot be read, or both sides are of different types.
+
+    Example:
+        >>> opened = open_both("rows.parquet", "descents.parquet", SignatureSource())
+        >>> [(side.name, side.flights) for side in (opened.real_input, opened.simulator_input)]
+        [('rows.parquet', 120), ('descents.parquet', 120)]
+    """
+    say = progress or (lambda _: None)
+    if simulator is None:
+        simulator, source = source.typecode, SignatureSource(bada_dir=source.bada_dir, nearest=source.nearest)
+    kind = kind_of(simulator)
+    if kind == "flights":
+        return _with_flights(real, simulator, source, say)
+    check_no_source(source, "a checkpoint" if kind == "model" else "a type")
+    found = open_simulator(simulator, source.bada_dir)
+    say("reading flights")
+    parts = found.representation
+    descents = open_descents(real, progress=say) if parts is None else comparable_descents(real, parts, progress=say)
+    own = input_of_flights(name_of(real), descents)
+    return Opened(descents.frame, found, own, input_of_simulator(found), _rows_dropped(descents))
+
+
+def _with_flights(real: Any, simulator: Any, source: SignatureSource, say: Callable[[str], None]) -> Opened:
+    say("reading flights")
+    first, second = open_pair(real, simulator, progress=say)
+    sides = of_one_type(first.frame, second.frame)
+    name = name_of(simulator)
+    found = simulator_of_flights(sides.simulator, sides.typecodes, source, name)
+    inputs = input_of_flights(name_of(real), first), input_of_flights(name, second)
+    dropped = {**_rows_dropped(first), **_rows_dropped(second, "simulator_rows"), **sides.dropped}
+    return Opened(sides.real, found, *inputs, dropped)
+
+
+def _rows_dropped(descents: Descents, what: str = "rows") -> dict[str, int]:
+    report = descents.metadata.get("report") or {}
+    steps = report.get("steps", []) if isinstance(report, dict) else []
+    return {f"{what}_{s['step']}": int(s["rows_dropped"]) for s in steps if s.get("rows_dropped")}

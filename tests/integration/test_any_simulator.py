@@ -1,0 +1,238 @@
+"""Flights of any simulator, given as rows or descents: the same answer as by checkpoint, and every way to go wrong."""
+
+import warnings
+from pathlib import Path
+
+import gap_toys
+import polars as pl
+import pytest
+
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.cli.entry import main
+from descentflow.core.errors import AircraftError, CheckpointError, ConfigError, DataError, DescentflowWarning
+from descentflow.diagnosis.diagnose import diagnose
+from descentflow.diagnosis.findings.read_gap import read_gap
+from descentflow.diagnosis.open_both import open_both
+from descentflow.diagnosis.reference_flights import both_sides
+from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.diagnosis.simulator_flights import SignatureSource
+from descentflow.effects import EFFECTS
+from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.simulation.world import simulate
+from descentflow.simulation.world_config import WorldConfig
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
+from descentflow.surveillance.prepare import prepare
+
+SMALL = {name: EFFECTS[name] for name in ("temperature", "wind_gradient", "mass", "speed_schedule")}
+"""A catalogue that is fitted quickly."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The "foreign" simulator's 200 flights, its checkpoint, and 120 real flights in warmer air; rows and descents."""
+    place = tmp_path_factory.mktemp("any")
+    for name, n, seed, config in (
+        ("simulator", 200, 0, None),
+        ("real", 120, 1, WorldConfig(deviation_mean_k=10.0)),
+        ("same", 120, 2, None),
+    ):
+        simulate(open_aircraft("A320"), n, seed, config).rows.write_parquet(place / f"{name}_rows.parquet")
+        write_descents(prepare(place / f"{name}_rows.parquet"), place / f"{name}.parquet")
+    return place
+
+
+@pytest.fixture(scope="module")
+def simulator(folder: Path) -> Descents:
+    return read_descents(folder / "simulator.parquet")
+
+
+@pytest.fixture(scope="module")
+def real(folder: Path) -> Descents:
+    return read_descents(folder / "real.parquet")
+
+
+@pytest.fixture(scope="module")
+def by_flights(folder: Path, real: Descents, simulator: Descents) -> GapReport:
+    return diagnose(real, simulator, catalogue=SMALL, out=folder / "by_flights")
+
+
+def with_frame(descents: Descents, frame: pl.DataFrame) -> Descents:
+    return Descents(frame, descents.metadata)
+
+
+def fewer(descents: Descents, n: int) -> Descents:
+    names = descents.frame["flight_id"].unique().sort().head(n)
+    return with_frame(descents, descents.frame.filter(pl.col("flight_id").is_in(names.implode())))
+
+
+def test_flights_give_the_verdict_that_the_checkpoint_gives(folder: Path, by_flights: GapReport) -> None:
+    checkpoint = gap_toys.simulator(folder, folder / "simulator.parquet")
+    by_checkpoint = diagnose(folder / "real.parquet", checkpoint, catalogue=SMALL)
+    for report in (by_flights, by_checkpoint):
+        assert report.verdict == "effect"
+        assert [cause.effect for cause in report.causes] == ["temperature"]
+        size = report.causes[0].parameters["deviation_k"]
+        assert size.low - 0.1 < 10.0 < size.high + 0.1
+    assert by_flights.details.normal_from == "simulator flights"
+    assert by_flights.stages == []
+
+
+def test_flights_of_the_same_world_are_no_gap(folder: Path, simulator: Descents) -> None:
+    report = diagnose(folder / "same.parquet", simulator, catalogue=SMALL)
+    assert report.verdict == "none"
+    assert report.p_value > 0.03
+
+
+def test_what_both_sides_have_alike_is_no_gap(real: Descents) -> None:
+    """Warm air in both: against physics it would be named, but this simulator has it."""
+    frame = real.frame
+    names = frame["flight_id"].unique().sort()
+    halves = [frame.filter(pl.col("flight_id").is_in(part.implode())) for part in (names[:60], names[60:])]
+    first, second = (with_frame(real, half) for half in halves)
+    assert diagnose(first, second, catalogue=SMALL).verdict == "none"
+
+
+def test_rows_files_folders_and_tables_are_the_same_flights(folder: Path, real: Descents, simulator: Descents) -> None:
+    table = pl.read_parquet(folder / "simulator_rows.parquet")
+    several = folder / "several"
+    several.mkdir()
+    for part, rows in enumerate((table.filter(pl.col("icao24") < "5"), table.filter(pl.col("icao24") >= "5"))):
+        rows.write_csv(several / f"log{part}.csv")
+    forms = [
+        folder / "simulator.parquet",
+        str(folder / "simulator_rows.parquet"),
+        several,
+        [several / "log0.csv", several / "log1.csv"],
+        simulator,
+        table,
+        [table],
+    ]
+    opened = [open_both(real, form, SignatureSource()) for form in forms]
+    prints = {one.simulator_input.fingerprint for one in opened}
+    assert prints == {opened[0].simulator_input.fingerprint}
+    assert opened[2].simulator_input.name == "several"
+    assert opened[3].simulator_input.name == "log0.csv and 1 more"
+    assert {one.simulator.aircraft.typecode for one in opened} == {"A320"}
+
+
+def test_rows_of_either_side_take_the_other_side_s_settings(folder: Path) -> None:
+    strict = Cleaning(slowest_fpm=1200.0, transient_s=60.0)
+    write_descents(prepare(folder / "same_rows.parquet", cleaning=strict), folder / "strict.parquet")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DescentflowWarning)
+        opened = open_both(folder / "strict.parquet", folder / "simulator_rows.parquet", SignatureSource())
+    assert opened.simulator_input.settings == opened.real_input.settings
+    assert opened.real_input.settings["slowest_fpm"] == "1200.0"
+    message = r"slowest_fpm is 500 in the simulator's descents and 1200 in the real descents"
+    with pytest.warns(DescentflowWarning, match=message):
+        open_both(folder / "strict.parquet", folder / "simulator.parquet", SignatureSource())
+    with pytest.warns(DescentflowWarning, match="the cleaning settings of the simulator's descents are unknown"):
+        open_both(folder / "strict.parquet", read_descents(folder / "simulator.parquet").frame, SignatureSource())
+
+
+def test_a_channel_that_one_side_lacks_is_left_out_and_named(real: Descents, simulator: Descents) -> None:
+    lacking = with_frame(simulator, simulator.frame.drop("TAS").with_columns(geoaltitude=pl.lit(None, pl.Float64)))
+    report = diagnose(real, lacking, catalogue=SMALL)
+    assert {c.channel: c.lacking for c in report.left_out_channels} == {"TAS": "simulator", "geoaltitude": "simulator"}
+    assert "temperature" in report.left_out_channels[0].would_have_told_apart
+    assert not {"tas", "wind", "height"} & set(report.details.quantities)
+    assert "TAS is left out, for the simulator's flights lack it; it would have told: temperature" in str(report)
+    opened = open_both(with_frame(real, real.frame.drop("groundspeed")), simulator, SignatureSource())
+    sides = both_sides(opened.simulator, opened.frame, CHANNELS, seed=0)
+    assert sides.lacked == {"groundspeed": "real"}
+    assert set(sides.real.values) == set(sides.reference.values)
+
+
+def test_too_few_flights_of_either_side_are_refused(real: Descents, simulator: Descents) -> None:
+    with pytest.raises(DataError, match=r"59 real flights .* at least 60 flights a side"):
+        diagnose(fewer(real, 59), simulator)
+    with pytest.raises(DataError, match=r"59 simulated flights .* at least 60 flights a side"):
+        diagnose(real, fewer(simulator, 59))
+    with pytest.raises(DataError, match=r"59 real flights"):
+        diagnose(fewer(real, 59), typecode="A320")
+    alone = with_frame(simulator, simulator.frame.with_columns(icao24=pl.lit("abcdef")))
+    with pytest.raises(DataError, match=r"simulated flights of 1 aircraft .* give each an icao24 of its own"):
+        diagnose(real, alone)
+
+
+def test_other_types_levels_and_channels_are_refused(real: Descents, simulator: Descents) -> None:
+    frame = simulator.frame
+    with pytest.raises(DataError, match=r"real flights of A320 and a simulator's flights of B738"):
+        diagnose(real, with_frame(simulator, frame.with_columns(typecode=pl.lit("B738"))))
+    high = with_frame(simulator, frame.with_columns(pl.col("level_fl") + 300))
+    with pytest.raises(DataError, match=r"real flights between FL150 and FL\d+, and a simulator's between FL450"):
+        diagnose(real, high)
+    with pytest.raises(DataError, match=r"a simulator's with Mach, .* expected IAS and vertical_rate on both sides"):
+        diagnose(real, with_frame(simulator, frame.with_columns(IAS=pl.lit(None, pl.Float64))), channels=list(CHANNELS))
+
+
+def test_a_type_without_coefficients_is_asked_for(real: Descents, simulator: Descents) -> None:
+    sides = [with_frame(one, one.frame.with_columns(typecode=pl.lit("B788"))) for one in (real, simulator)]
+    with pytest.raises(
+        AircraftError, match=r"name a type whose coefficients stand for it \(--typecode\).*nearest-type"
+    ):
+        open_both(*sides, SignatureSource())
+    nearest = open_both(*sides, SignatureSource(nearest=True)).simulator
+    named = open_both(*sides, SignatureSource(typecode="A388")).simulator
+    assert (nearest.aircraft.typecode, named.aircraft.typecode) == ("B772", "A388")
+    assert str(nearest.coefficients).endswith("B772's coefficients, the nearest that there are to the B788.")
+    assert str(named.coefficients).endswith("A388's coefficients, which stand for the B788.")
+    mixed = [
+        with_frame(one, pl.concat([one.frame, two.frame.with_columns(flight_id=pl.col("flight_id") + "b")]))
+        for one, two in ((real, sides[0]), (simulator, sides[1]))
+    ]
+    with pytest.raises(DataError, match="flights of A320, B788, and no word whose coefficients"):
+        open_both(*mixed, SignatureSource())
+
+
+def test_flights_of_other_types_are_counted(real: Descents, simulator: Descents) -> None:
+    other = fewer(simulator, 3).frame.with_columns(typecode=pl.lit("B738"), flight_id=pl.col("flight_id") + "b")
+    opened = open_both(real, with_frame(simulator, pl.concat([simulator.frame, other])), SignatureSource())
+    assert opened.dropped["simulator_flights_of_other_types"] == 3
+    assert opened.simulator.flights["typecode"].unique().to_list() == ["A320"]
+
+
+def test_a_checkpoint_is_known_by_its_content(folder: Path, real: Descents) -> None:
+    checkpoint = folder / "simulator.ckpt"
+    if not checkpoint.exists():
+        gap_toys.simulator(folder, folder / "simulator.parquet")
+    renamed = folder / "flights_of_mine"
+    renamed.write_bytes(checkpoint.read_bytes())
+    assert open_both(real, renamed, SignatureSource()).simulator.sampler is not None
+    with pytest.raises(ConfigError, match=r"coefficients are to be taken, beside a checkpoint"):
+        open_both(real, checkpoint, SignatureSource(typecode="A320"))
+    with pytest.raises(ConfigError, match=r"simulator.ckpt among 2 paths"):
+        open_both(real, [checkpoint, folder / "simulator.parquet"], SignatureSource())
+    with pytest.raises(CheckpointError, match="no file"):
+        open_both(real, folder / "nothing.ckpt", SignatureSource())
+    with pytest.raises(DataError, match=r"no file A320.*--typecode"):
+        open_both(real, Path("A320"), SignatureSource())
+    cut = folder / "cut.ckpt"
+    cut.write_bytes(checkpoint.read_bytes()[:5000])
+    with pytest.raises(CheckpointError, match="truncated"):
+        open_both(real, cut, SignatureSource())
+    with pytest.raises(ConfigError, match="the nearest type, beside a type"):
+        open_both(real, None, SignatureSource(typecode="A320", nearest=True))
+
+
+def test_the_report_says_what_was_compared(folder: Path, by_flights: GapReport) -> None:
+    written = read_gap(folder / "by_flights" / "gap.json").provenance
+    assert written == by_flights.provenance
+    assert (written.real.flights, written.simulator.flights) == (120, 200)
+    assert written.simulator.files == ["simulator_rows.parquet"]
+    assert written.simulator.first == "2024-03-04"
+    assert written.coefficients.typecode == "A320"
+    assert written.real.fingerprint != written.simulator.fingerprint
+
+
+def test_the_command_line_takes_several_files(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """All effects: what a user types."""
+    out = folder / "typed"
+    rows = [str(folder / name) for name in ("same_rows.parquet", "simulator_rows.parquet")]
+    words = ["diagnose", "--real", str(folder / "real.parquet"), "--simulator", rows[1], "--channels", "TAS,Mach"]
+    assert main([*words, "--typecode", "A320", "--out", str(out)]) == 0
+    assert "air warmer" in capsys.readouterr().out
+    assert read_gap(out / "gap.json").provenance.simulator.name == "simulator_rows.parquet"
+    assert main(["diagnose", "--real", str(folder / "real.parquet"), "--out", str(out)]) == 2
+    assert "neither a simulator nor a type" in capsys.readouterr().err

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from descentflow.cli import plant_arguments
 from descentflow.core.errors import DescentflowError
 from descentflow.simulation.jsbsim_world.airframes import AIRFRAMES
 from descentflow.simulation.jsbsim_world.fly_models import fly
@@ -12,17 +13,11 @@ from descentflow.simulation.jsbsim_world.model_effects import EFFECTS
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.epilog = "effects:\n" + "\n".join(
-        f"  {one.name}: " + ", ".join(f"{value} [{unit}]" for value, unit in one.units.items())
-        for one in EFFECTS.values()
-    )
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--model", choices=list(AIRFRAMES), required=True)
     parser.add_argument("--flights", type=int, default=150)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--inject", action="append", default=[], type=effect, help="for instance temperature:mean_k=10,spread_k=4"
-    )
+    plant_arguments.add_arguments(parser, EFFECTS)
     parser.add_argument("--typecode", help="type that the rows name (default: the one to diagnose the model with)")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True, help="rows, a .parquet file")
@@ -35,7 +30,7 @@ def main() -> None:
                 args.model,
                 args.flights,
                 args.seed,
-                dict(args.inject),
+                plant_arguments.planted(args.plant),
                 typecode=typecode,
                 workers=args.workers,
                 progress=bar.update,
@@ -46,13 +41,6 @@ def main() -> None:
     if args.truth:
         world.truth.write_parquet(args.truth)
     print(f"{world}; wrote {args.out}")
-
-
-def effect(text: str) -> tuple[str, dict[str, float]]:
-    """``name:value=number,...``."""
-    name, _, values = text.partition(":")
-    pairs = [pair.partition("=") for pair in values.split(",") if pair]
-    return name, {key.strip(): float(number) for key, _, number in pairs}
 
 
 if __name__ == "__main__":

@@ -1,16 +1,21 @@
 """`descentflow simulate`: fly aircraft of known truth and write what a radar would report of them."""
 
 import argparse
+import textwrap
 from pathlib import Path
+
+from descentflow.cli import plant_arguments
+from descentflow.simulation.plantable import PLANTABLE
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.description = (
+    parser.description = textwrap.fill(
         "Fly descents of one aircraft type by the full equation of motion, with operators of different schedules, "
         "spread of mass, thrust and drag, level-offs and constant-rate stretches, and write the rows that a Mode S "
         "radar would report of them. The truth behind the rows is written beside them: OUT_truth.parquet, a row per "
-        "flight and time step, and OUT_flights.parquet, a row per flight with every parameter."
+        "flight and time step, and OUT_flights.parquet, a row per flight with every parameter and what was planted.",
+        100,
     )
     parser.add_argument("--typecode", default="A320", help="aircraft type (default: %(default)s)")
     parser.add_argument("--flights", type=int, default=2000, help="flights wanted (default: %(default)s)")
@@ -26,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bada-dir", type=Path, help="BADA 3 directory with the type's coefficients (default: the open aircraft)"
     )
+    plant_arguments.add_arguments(parser, PLANTABLE)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -35,6 +41,7 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.simulation.world import simulate
     from descentflow.simulation.world_files import WorldFiles
 
+    plant = plant_arguments.planted(args.plant)
     with tqdm(total=args.flights, desc="flights", delay=2) as bar:
         world = simulate(
             args.typecode,
@@ -42,6 +49,7 @@ def run(args: argparse.Namespace) -> None:
             args.seed,
             args.scenario,
             bada_dir=args.bada_dir,
+            plant=plant,
             out=args.out,
             truth_out=args.truth,
             progress=bar.update,

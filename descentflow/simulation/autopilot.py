@@ -159,7 +159,7 @@ def decide(
     drag, idle = dynamics.drag_n(state), dynamics.idle_n(state)
     limit = max_climb_thrust_n(dynamics.aircraft, state.altitude_m, state.tas_mps, p.deviation_k) - idle
     hold = drag - idle + p.mass_kg * (G0_MPS2 * torch.sin(pilot.gamma) - error / SPEED_LAG_S)
-    idling = 0.0 if p.injected is None else _kept_n(p.injected, pilot, drag - idle)
+    idling = 0.0 if p.injected is None else _kept_n(p.injected, state, pilot, drag - idle)
     wanted = torch.where(pilot.mode == IDLE, idling, hold.clamp(min=0.0).minimum(limit.clamp(min=0.0)))
     change = wanted - pilot.extra_n
     extra_rate = change * torch.where(change > 0, _lag(SPOOL_UP_S, period_s), _lag(SPOOL_DOWN_S, period_s))
@@ -179,10 +179,11 @@ def _lag(constant_s: float, period_s: float) -> float:
     return -math.expm1(-period_s / constant_s) / period_s
 
 
-def _kept_n(injected: Injected, pilot: Pilot, needed_n: Tensor) -> Tensor:
-    """Thrust above idle that is kept up after the top of descent, not after a level-off or a constant rate."""
+def _kept_n(injected: Injected, state: Motion, pilot: Pilot, needed_n: Tensor) -> Tensor:
+    """Thrust above idle: kept up after the top of descent (not after a level-off or a constant rate), or all along."""
     first = ~pilot.level_off_done & ~pilot.managed_done
-    return torch.where(first, injected.kept_share * needed_n * torch.exp(-pilot.age_s / injected.kept_s), 0.0)
+    decaying = torch.where(first, injected.kept_share * torch.exp(-pilot.age_s / injected.kept_s), 0.0)
+    return (decaying + injected.power(state.altitude_m)) * needed_n
 
 
 def labels(pilot: Pilot, drag_n: Tensor, injected: Injected | None = None) -> Tensor:

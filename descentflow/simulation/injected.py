@@ -33,6 +33,14 @@ class Injected:
     """Share of drag minus idle thrust that thrust keeps at the top of descent..."""
     kept_s: Tensor
     """...and the time in which that decays."""
+    power_share: Tensor
+    """Share of drag minus idle thrust that thrust keeps in all of the idle descent..."""
+    ice_share: Tensor
+    """...and between two pressure altitudes."""
+    ice_high_m: Tensor
+    ice_low_m: Tensor
+    induced_gain: Tensor
+    """Share by which CD2 is higher."""
     bank_rad: Tensor
     """Bank of a turn between two pressure altitudes."""
     turn_high_m: Tensor
@@ -62,6 +70,10 @@ class Injected:
         brakes = self.brake_gain * _inside(altitude_m, self.brake_low_m, self.brake_high_m)
         beyond = (mach - self.wave_onset).clamp(min=0.0) / (self.wave_mach - self.wave_onset)
         return 1 + brakes + self.wave_gain * beyond * beyond
+
+    def power(self, altitude_m: Tensor) -> Tensor:
+        """Thrust above idle that is never taken back, in units of drag minus idle thrust."""
+        return self.power_share + self.ice_share * _inside(altitude_m, self.ice_low_m, self.ice_high_m)
 
     def bank(self, altitude_m: Tensor) -> Tensor:
         """Bank at an altitude, radians."""

@@ -90,7 +90,8 @@ class Dynamics:
             return drag_n(self.aircraft, *where, p.mass_kg)
         gain = p.injected.drag_gain(state.altitude_m, tas_to_mach(*where))
         load_factor = 1 / torch.cos(p.injected.bank(state.altitude_m))
-        braked = replace(self.aircraft, cd0_cr=self.aircraft.cd0_cr * gain)
+        induced = self.aircraft.cd2_cr * (1 + p.injected.induced_gain)
+        braked = replace(self.aircraft, cd0_cr=self.aircraft.cd0_cr * gain, cd2_cr=induced)
         return drag_n(braked, *where, p.mass_kg, load_factor=load_factor)
 
     def idle_n(self, state: Motion) -> Tensor:

@@ -1,8 +1,8 @@
 """The parameters of every flight, as batched tensors that later work may change to inject an effect."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 import torch
@@ -71,10 +71,16 @@ class FlightParameters:
     """Rate held in units of the rate when selected."""
     number: Tensor
     """Number of the flight in its world, int64: what an effect draws from, so that a flight depends on nothing else."""
+    airframe: Tensor
+    """Number of the airframe in the world, int64..."""
+    day: Tensor
+    """...and of the day, int64: an airframe flies once a day."""
     injected: Injected | None = None
     """Effects beyond these parameters; None for none."""
     constant_rates: ConstantRates | None = None
     """Constant-rate segments from the top of descent; None for none."""
+    planted: Mapping[str, Tensor] = field(default_factory=dict)
+    """What each flight has got of the causes that were planted, by ``cause_value``; NaN for none."""
 
     def __len__(self) -> int:
         """Number of flights."""
@@ -82,14 +88,14 @@ class FlightParameters:
 
     def rows(self, index: Tensor) -> "FlightParameters":
         """Return the flights of an index tensor."""
-        own = {
-            f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in ("injected", "constant_rates")
-        }
+        other = ("injected", "constant_rates", "planted")
+        own = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in other}
         injected = None if self.injected is None else self.injected.rows(index)
         return FlightParameters(
             **own,
             injected=injected,
             constant_rates=None if self.constant_rates is None else self.constant_rates.rows(index),
+            planted={name: values[index] for name, values in self.planted.items()},
         )
 
 
@@ -162,6 +168,8 @@ def _draw(aircraft: Aircraft, numbers: Sequence[int], seed: int, config: WorldCo
         managed_s=_ranged(config.managed_s, own[:, 17]).round(),
         managed_rate=_ranged(config.managed_rate, own[:, 18]),
         number=torch.tensor(numbers, dtype=torch.int64),
+        airframe=torch.tensor(airframes, dtype=torch.int64),
+        day=torch.tensor([number % config.flights_per_aircraft for number in numbers], dtype=torch.int64),
         constant_rates=draw_constant_rates(numbers, seed, config, top, bottom),
     )
 

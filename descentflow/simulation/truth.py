@@ -85,7 +85,7 @@ def name_flights(
 
 
 def flights_table(named: Sequence[Flight], parameters: FlightParameters, operators: Sequence[Operator]) -> pl.DataFrame:
-    """One row per flight: names and parameters, in field units for levels and speeds.
+    """One row per flight: names and parameters, in field units for levels and speeds, and ``planted_...``.
 
     Example:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
@@ -119,8 +119,11 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
         "level_off_m",
         "managed_m",
         "number",
+        "airframe",
+        "day",
         "injected",
         "constant_rates",
+        "planted",
     }
     plain = [f.name for f in fields(parameters) if f.name not in already and not f.name.startswith("wander")]
     more = [pl.Series(name, getattr(parameters, name).numpy()) for name in plain]
@@ -137,6 +140,7 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
             for name, value in values.items()
             for k, which in enumerate(("first", "second"))
         ]
+    more += [pl.Series(f"planted_{name}", value.numpy()).fill_nan(None) for name, value in parameters.planted.items()]
     return table.with_columns(more).with_columns(pl.col("level_off_fl", "managed_fl").fill_nan(None))
 
 

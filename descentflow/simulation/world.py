@@ -1,7 +1,7 @@
 """A world: flights of known truth, and the surveillance rows that a radar would have of them."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,8 @@ from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.core.tabular import to_pandas
+from descentflow.simulation.cause_values import Values
+from descentflow.simulation.causes.injection import Injection
 from descentflow.simulation.flight import fly
 from descentflow.simulation.observe import observe
 from descentflow.simulation.parameters import FlightParameters, draw_parameters
@@ -34,6 +36,7 @@ class World:
         truth: One row per flight and time step, see :func:`~descentflow.simulation.truth.truth_table`.
         scenario: Name of the settings.
         seed: Of all random numbers.
+        planted: Effects that were planted, with all of their values.
 
     Example:
         >>> names = ("rows.parquet", "rows_flights.parquet", "rows_truth.parquet")
@@ -47,15 +50,24 @@ class World:
     truth: pl.DataFrame
     scenario: str = PLAIN
     seed: int = 0
+    planted: Mapping[str, Values] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        """One line: flights, rows, and how many flights leave idle descent on purpose."""
+        """One line: flights, rows, how many flights leave idle descent on purpose, and what was planted."""
         level_offs, managed = (int(self.flights[c].is_not_null().sum()) for c in ("level_off_fl", "managed_fl"))
         return (
             f"{len(self.flights)} flights of {', '.join(self.flights['typecode'].unique())}, scenario {self.scenario}, "
             f"seed {self.seed}: {len(self.rows)} rows; level-offs planned for {level_offs}, constant-rate stretches "
-            f"for {managed} flights"
+            f"for {managed} flights{self._planted()}"
         )
+
+    def _planted(self) -> str:
+        """What was planted, in the words of the command line."""
+        words = [
+            f"{name} ({', '.join(f'{value}={number:g}' for value, number in values.items())})"
+            for name, values in self.planted.items()
+        ]
+        return f"; planted: {', '.join(words)}" if words else ""
 
     def __repr__(self) -> str:
         """As printed: the tables are too long for a prompt."""
@@ -98,6 +110,7 @@ def simulate(
     scenario: str | Path | WorldConfig | None = None,
     *,
     bada_dir: str | Path | None = None,
+    plant: Mapping[str, Values] | None = None,
     inject: Callable[[FlightParameters], FlightParameters] | None = None,
     out: str | Path | None = None,
     truth_out: str | Path | None = None,
@@ -114,9 +127,12 @@ def simulate(
             same form, or settings of your own; ``plain`` if not given.
         bada_dir: Folder of BADA 3 files with the type's coefficients; the open aircraft that come with descentflow if
             not given. Only for a type designator.
-        inject: Changes the parameters of each chunk of flights before they are flown: the place to inject an effect,
-            see :class:`~descentflow.simulation.causes.Injection`. It sees flights chunk by chunk, so to keep results
-            free of the chunk it must act on each flight by itself.
+        plant: Effects to plant in the flights: some of the values of each by its name, all of them defaults where it
+            has none. They are those of :data:`descentflow.simulation.plantable.PLANTABLE`, which
+            ``descentflow simulate --help`` lists. What each flight has got of them stands in ``flights``.
+        inject: Changes the parameters of each chunk of flights before they are flown, after what is planted: the place
+            for an effect of your own. It sees flights chunk by chunk, so to keep results free of the chunk it must act
+            on each flight by itself.
         out: Write the world there too, see :meth:`World.write`; names are checked before anything is flown.
         truth_out: Where ``out`` puts the truth.
         chunk: Flights flown together; without effect on the result.
@@ -127,7 +143,7 @@ def simulate(
 
     Raises:
         ConfigError: If the count or the seed cannot be, there is no such scenario, the output cannot be written, or the
-            aircraft does not descend.
+            aircraft does not descend, or there is no such effect or value to plant, or it cannot be flown.
         AircraftError: If there is no such type.
 
     Example:
@@ -136,6 +152,9 @@ def simulate(
         (['A320-0-00000', 'A320-0-00001'], ['transient', 'idle'])
         >>> pl.read_parquet("two.parquet").equals(world.rows)
         True
+        >>> warm = simulate("A320", 2, seed=0, plant={"temperature": {"deviation_k": 10.0, "spread_k": 2.0}})
+        >>> warm.flights.select("planted_temperature_deviation_k", "deviation_k").row(0)
+        (7.4..., 7.4...)
     """
     files = None if out is None else WorldFiles.named(out, truth_out)
     kind = find_aircraft(aircraft, bada_dir) if isinstance(aircraft, str) else aircraft
@@ -146,15 +165,21 @@ def simulate(
             expected="at least one flight, a seed of at least 0 and chunks of at least one",
             mend="pass positive numbers",
         )
+    planting = Injection(kind, plant or {}, seed)
+
+    def change(parameters: FlightParameters) -> FlightParameters:
+        parameters = planting(parameters)
+        return parameters if inject is None else inject(parameters)
+
     parts = []
     for first in range(0, n_flights, chunk):
         numbers = range(first, min(first + chunk, n_flights))
-        parts.append(_chunk(kind, numbers, seed, config, inject))
+        parts.append(_chunk(kind, numbers, seed, config, change))
         if progress is not None:
             progress(len(numbers))
     rows, flights, truth = (pl.concat(tables) for tables in zip(*parts, strict=True))
     name = "of your own" if isinstance(scenario, WorldConfig) else str(scenario or PLAIN)
-    world = World(rows, flights, truth, name, seed)
+    world = World(rows, flights, truth, name, seed, planting.causes)
     if files is not None:
         files.write(rows, truth, flights)
     return world
@@ -165,13 +190,11 @@ def _chunk(
     numbers: range,
     seed: int,
     config: WorldConfig,
-    inject: Callable[[FlightParameters], FlightParameters] | None,
+    change: Callable[[FlightParameters], FlightParameters],
 ) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
     """Rows, flights and truth of some flights of a world."""
     operators = config.operators or default_operators(aircraft)
-    parameters = draw_parameters(aircraft, numbers, seed, config)
-    if inject is not None:
-        parameters = inject(parameters)
+    parameters = change(draw_parameters(aircraft, numbers, seed, config))
     prefixes = [operators[i].name for i in parameters.operator.tolist()]
     named = name_flights(aircraft.typecode, numbers, seed, config.flights_per_aircraft, prefixes)
     truth = truth_table(named, fly(aircraft, parameters, config))

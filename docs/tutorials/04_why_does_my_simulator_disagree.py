@@ -17,15 +17,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import descentflow as df
-from descentflow.simulation.causes.cause import Injection
 
 kept = TemporaryDirectory()
 folder = Path(kept.name)
 
 a320 = df.aircraft("A320")
 model = df.fit(df.prepare(df.simulate(a320, 400, seed=0).rows), model="gaussian")
-warmer = Injection(a320, {"temperature": {"mean_k": 12.0, "spread_k": 3.0}}, seed=1)
-real = df.prepare(df.simulate(a320, 400, seed=1, inject=warmer).rows)
+warmer = {"temperature": {"deviation_k": 12.0, "spread_k": 3.0}}  # `descentflow simulate --plant` does the same
+real = df.prepare(df.simulate(a320, 400, seed=1, plant=warmer).rows)
 
 # %%
 # The diagnosis

@@ -14,12 +14,10 @@ tutorial adds one.
 # compressibility does.
 
 import descentflow as df
-from descentflow.simulation.causes.cause import Injection
 
 a320 = df.aircraft("A320")
 model = df.fit(df.prepare(df.simulate(a320, 400, seed=0).rows), model="gaussian")
-compressible = Injection(a320, {"compressibility": {"gain": 0.2}}, seed=1)
-real = df.prepare(df.simulate(a320, 400, seed=1, inject=compressible).rows)
+real = df.prepare(df.simulate(a320, 400, seed=1, plant={"compressibility": {"gain": 0.2}}).rows)
 
 report = df.diagnose(real, model)
 print(report)

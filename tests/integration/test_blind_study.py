@@ -20,7 +20,7 @@ from descentflow.studies.blind_diagnosis.seal import DIAGNOSES, KEY, MANIFEST, o
 
 SCRIPT = runpy.run_path(str(Path(__file__).resolve().parents[2] / "scripts" / "withheld_effects.py"))
 NAMES = tuple(cause.name for cause in CATALOGUED)
-WARM = {"temperature": {"mean_k": 10.0, "spread_k": 2.0}}
+WARM = {"temperature": {"deviation_k": 10.0, "spread_k": 2.0}}
 BIASED = {"airspeed_bias": {"bias_kt": 2.0, "slope_kt_per_mach": 25.0}}
 PLAN = Plan(
     seed=0,

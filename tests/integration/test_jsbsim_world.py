@@ -56,7 +56,7 @@ def test_energy_balances(model: str, slope: float) -> None:
     In air whose wind changes, the air's own acceleration along the path counts as well. Within 2 % at every second of
     the settled descent (differences over two seconds; brief accelerations are rounded off), 0.1 % on the mean.
     """
-    wind = {"wind_gradient": {"mean_kt_per_kft": slope, "spread_kt_per_kft": 0.0}}
+    wind = {"wind_gradient": {"slope_kt_per_kft": slope, "spread_kt_per_kft": 0.0}}
     (_, truth), *_ = fly(model, 1, seed=5, effects=wind, config=JsbsimConfig(interval_s=1.0)).truth.group_by(
         "flight_id"
     )
@@ -101,7 +101,7 @@ def test_the_atmosphere_is_ours(plain: JsbsimWorld) -> None:
 
 
 def test_warm_air_raises_the_true_airspeed_at_a_mach_number(plain: JsbsimWorld) -> None:
-    warm = fly("MD11", 1, seed=5, effects={"temperature": {"mean_k": 10.0, "spread_k": 0.0}}, config=STEADY)
+    warm = fly("MD11", 1, seed=5, effects={"temperature": {"deviation_k": 10.0, "spread_k": 0.0}}, config=STEADY)
     levels = np.array([340, 320, 240, 180]) * FL_M
     for (name,), own in plain.truth.group_by("flight_id"):
         hot = warm.truth.filter(pl.col("flight_id") == name)
@@ -117,7 +117,7 @@ def test_warm_air_raises_the_true_airspeed_at_a_mach_number(plain: JsbsimWorld) 
 
 def test_a_tailwind_gradient_slows_the_descent_by_the_closed_form(plain: JsbsimWorld) -> None:
     """Rate times ``(1 + G)`` is the same, ``G = (V/g)(dV/dh + dw/dh)``: -8 % at FL330 and -5 % at FL150 for 2 kt."""
-    wind = {"wind_gradient": {"mean_kt_per_kft": 2.0, "spread_kt_per_kft": 0.0}}
+    wind = {"wind_gradient": {"slope_kt_per_kft": 2.0, "spread_kt_per_kft": 0.0}}
     windy = fly("MD11", 1, seed=5, effects=wind, config=STEADY)
     levels = np.arange(160, 250, 5) * FL_M
     for (name,), own in plain.truth.group_by("flight_id"):
@@ -192,7 +192,7 @@ def test_a_factor_of_drag_and_a_factor_of_mass_are_what_they_say(plain: JsbsimWo
 @pytest.mark.parametrize("kind", ["geometric_path", "vertical_speed_mode"])
 def test_paths_and_rates_are_held(kind: str) -> None:
     values = {"share": 1.0, "of_idle": 0.9} | ({"depth_fl": 80.0} if kind == "vertical_speed_mode" else {})
-    wind = {"wind_gradient": {"mean_kt_per_kft": 1.0, "spread_kt_per_kft": 0.0}}
+    wind = {"wind_gradient": {"slope_kt_per_kft": 1.0, "spread_kt_per_kft": 0.0}}
     world = fly("MD11", 1, seed=2, effects={kind: values, **wind}, config=STEADY)
     for (name,), own in world.truth.group_by("flight_id"):
         plan = world.flights.row(by_predicate=pl.col("flight_id") == name, named=True)

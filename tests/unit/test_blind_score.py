@@ -121,13 +121,13 @@ def test_right_is_right_up_to_the_gauge_only() -> None:
 def test_truth_is_in_the_units_of_the_report() -> None:
     assert reported("mass", {"factor": 0.9}) == {"relative_change": pytest.approx(-0.1)}
     # 2 kt in 1,000 ft: 1.0289 m/s in 304.8 m.
-    wind = reported("wind_gradient", {"mean_kt_per_kft": 2.0, "spread_kt_per_kft": 0.7})
+    wind = reported("wind_gradient", {"slope_kt_per_kft": 2.0, "spread_kt_per_kft": 0.7})
     assert wind == {"slope_per_s": pytest.approx(1.028888 / 304.8, rel=1e-6)}
     bias = reported("airspeed_bias", {"bias_kt": 2.0, "slope_kt_per_mach": 25.0})
     assert bias == {"bias_kt": pytest.approx(3.25), "growth_kt": pytest.approx(2.5)}
     assert reported("level_off", {"share": 0.6, "duration_s": 90.0}) == {}
     for name in NAMES:
-        reported(name, CAUSES[name].values(np.random.default_rng(0), 1.0))
+        reported(name, CAUSES[name].draw(np.random.default_rng(0), 1.0))
 
 
 def test_the_page_shows_everything_and_needs_nothing() -> None:

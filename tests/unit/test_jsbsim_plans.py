@@ -6,16 +6,16 @@ from typing import Any
 
 import pytest
 import torch
+from scipy import stats
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M
 from descentflow.physics import airspeed, atmosphere
-from descentflow.simulation.causes import CAUSES
 from descentflow.simulation.jsbsim_world import model_files, scalar_air
 from descentflow.simulation.jsbsim_world.airframes import AIRFRAMES, WITHHELD, airframe_of
 from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
 from descentflow.simulation.jsbsim_world.fly_models import fly
-from descentflow.simulation.jsbsim_world.model_effects import EFFECTS, inject
+from descentflow.simulation.jsbsim_world.model_effects import inject
 
 MD11 = AIRFRAMES["MD11"]
 
@@ -56,10 +56,28 @@ def test_models_that_are_not_flown_are_refused(name: str) -> None:
         airframe_of(name)
 
 
-@pytest.mark.parametrize("name", sorted(set(EFFECTS) & set(CAUSES)))
-def test_effects_have_the_values_of_the_causes_of_the_same_name(name: str) -> None:
-    needed = {k: unit for k, unit in EFFECTS[name].units.items() if k not in EFFECTS[name].optional}
-    assert needed == CAUSES[name].units
+def test_each_flight_differs_by_the_law_that_is_planted() -> None:
+    """Goodness of fit; each fails by chance once in a thousand."""
+    plans = draw_plans(MD11, range(300), 0, JsbsimConfig())
+
+    def fits(values: list[float], law: str, *numbers: float) -> bool:
+        return bool(stats.kstest(values, law, args=numbers).pvalue > 1e-3)
+
+    warm = inject(MD11, plans, {"temperature": {"deviation_k": 6.0, "spread_k": 2.0}}, seed=0)
+    assert fits([p.deviation_k for p in warm], "norm", 6, 2)
+    heavy = inject(MD11, plans, {"mass": {"factor": 1.05, "spread": 0.03}}, seed=0)
+    assert fits([p.mass_kg / q.mass_kg for p, q in zip(heavy, plans, strict=True)], "norm", 1.05, 0.03)
+    paths = inject(MD11, plans, {"geometric_path": {"share": 1.0, "of_idle": 0.9, "of_idle_range": 0.08}}, seed=0)
+    assert fits([p.hold_of_idle for p in paths], "uniform", 0.82, 0.16)
+    brakes = {"factor": 1.4, "share": 1.0, "depth_spread": 0.2, "strength_spread": 0.1}
+    braked = inject(MD11, plans, {"speed_brake": brakes}, seed=0)
+    assert fits([p.brake for p in braked], "norm", 0.4, 0.04)
+    assert fits([(p.brake_high_m - p.brake_low_m) / FL_M for p in braked], "norm", 50, 10)
+    days = inject(MD11, plans, {"wind_gradient": {"slope_kt_per_kft": 0.0, "daily_spread_kt_per_kft": 1.0}}, seed=0)
+    assert all(len({p.wind_slope_per_s for p in days[k::5]}) == 1 for k in range(5))
+    late = inject(MD11, plans, {"vertical_rate_lag": {"lag_s": 20.0, "spread_s": 3.0}}, seed=0)
+    assert fits([p.rate_lag_s for p in late[::5]], "norm", 20, 3)
+    assert all(late[k].rate_lag_s == late[k + 4].rate_lag_s for k in range(0, 300, 5))
 
 
 def test_a_share_of_the_flights_is_taken_and_each_at_its_own_levels() -> None:
@@ -77,9 +95,9 @@ def test_a_share_of_the_flights_is_taken_and_each_at_its_own_levels() -> None:
 @pytest.mark.parametrize(
     ("effects", "message"),
     [
-        ({"gremlins": {}}, "temperature with mean_k, spread_k"),
-        ({"mass": {}}, "mass with factor"),
-        ({"mass": {"factor": 1.1, "share": 1.0}}, "mass with factor"),
+        ({"gremlins": {}}, "one of temperature, wind_gradient"),
+        ({"mass": {"weight": 1.1}}, "mass with weight"),
+        ({"mass": {"factor": 1.1, "share": 2.0}}, "mass with share=2"),
         ({"mass": {"factor": math.nan}}, "finite"),
         ({"speed_brake": {"factor": 3.0, "share": 1.0, "low_fl": 230, "high_fl": 280}}, "a factor from 1 to 2.00"),
     ],

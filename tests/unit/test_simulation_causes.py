@@ -12,7 +12,8 @@ from polars.testing import assert_frame_equal
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.simulation.causes import CATALOGUED, CAUSES, OUTSIDE, Injection
+from descentflow.simulation.causes import BETWEEN, CATALOGUED, CAUSES, OUTSIDE, Injection
+from descentflow.simulation.plantable import PLANTABLE
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
 
@@ -52,6 +53,17 @@ def change(plain: World, injected: World, level_fl: float, column: str = "rate_m
     return after / before - 1
 
 
+def thrust_in_hand(plain: World, powered: World, name: str) -> pl.DataFrame:
+    """Truth of a flight, with its thrust above the idle thrust of the plain flight there, in units of drag minus it."""
+    flight, idle = powered.truth.filter(flight_id=name), plain.truth.filter(flight_id=name, label="idle")
+    idle = idle.sort("altitude_m")
+    begun = plain.flights.filter(flight_id=name)["cruise_s"].item() + 60
+    high, low = idle["altitude_m"].max(), idle["altitude_m"].min()
+    flight = flight.filter(pl.col("time_s") > begun, pl.col("altitude_m").is_between(low, high))
+    thrust = pl.Series(np.interp(flight["altitude_m"], idle["altitude_m"], idle["thrust_n"]))
+    return flight.with_columns(in_hand=(pl.col("thrust_n") - thrust) / (pl.col("drag_n") - thrust))
+
+
 def by_hand(plain: World, level_fl: float) -> dict[str, np.ndarray]:
     """Forces, speeds and energy share of the plain flights at a level, from the manual's formulas."""
     mach, tas = at_level(plain, level_fl, "mach"), at_level(plain, level_fl, "tas_mps")
@@ -89,8 +101,8 @@ def expected(name: str, h: dict[str, np.ndarray]) -> np.ndarray:
 
 
 ONE = {
-    "temperature": {"mean_k": 10.0, "spread_k": 0.0},
-    "wind_gradient": {"mean_kt_per_kft": 2.0, "spread_kt_per_kft": 0.0},
+    "temperature": {"deviation_k": 10.0},
+    "wind_gradient": {"slope_kt_per_kft": 2.0},
     "mass": {"factor": 0.9},
     "idle_thrust": {"factor": 1.8},
     "drag_polar": {"factor": 1.1},
@@ -144,6 +156,8 @@ def test_brakes_compressibility_and_banks_raise_the_drag_they_should(plain: Worl
     rise = 0.2 * ((h["mach"] - (A320.des_mach - 0.06)) / 0.06).clip(0) ** 2 * h["d0"] / (h["d0"] + h["di"])
     seen = np.isfinite(wave)
     assert np.abs(wave - rise)[seen].max() < 0.01
+    induced = change(plain, fly(induced_drag={"factor": 1.1}), 330, "drag_n")
+    assert np.abs(induced - 0.1 * h["di"] / (h["d0"] + h["di"]))[np.isfinite(induced)].max() < 5e-3
     turn = fly(turn={"bank_deg": 30.0, "share": 1.0, "depth_fl": 40.0})
     high = turn.flights["injected_turn_high_m"].to_numpy() / FL_M
     one = int(np.flatnonzero((high > 215) & (high < 235))[0])
@@ -159,17 +173,37 @@ def test_brakes_compressibility_and_banks_raise_the_drag_they_should(plain: Worl
 
 
 def test_thrust_kept_up_decays_from_the_top(plain: World) -> None:
-    truth = fly(kept_thrust={"share": 0.4, "decay_s": 150.0}).truth
-    # Extra thrust by the plain flights' idle thrust at the same altitude, from 60 s to 400 s after the descent begins.
-    for name in truth["flight_id"].unique(maintain_order=True).to_list()[:10]:
-        flight, idle = truth.filter(flight_id=name), plain.truth.filter(flight_id=name, label="idle").sort("altitude_m")
+    kept = fly(kept_thrust={"share": 0.4, "decay_s": 150.0})
+    for name in kept.flights["flight_id"].to_list()[:10]:
         cruise = plain.flights.filter(flight_id=name)["cruise_s"].item()
-        seen = flight.filter(pl.col("time_s").is_between(cruise + 60, cruise + 400))
-        seen = seen.filter(pl.col("altitude_m") < idle["altitude_m"].max())
-        thrust = np.interp(seen["altitude_m"], idle["altitude_m"], idle["thrust_n"])
-        share = (seen["thrust_n"] - thrust) / (seen["drag_n"] - thrust)
+        seen = thrust_in_hand(plain, kept, name).filter(pl.col("time_s") < cruise + 400)
         want = 0.4 * np.exp(-(seen["time_s"] - cruise) / 150)
-        assert np.abs(share.to_numpy() - want.to_numpy()).max() < 0.03
+        assert np.abs(seen["in_hand"].to_numpy() - want.to_numpy()).max() < 0.03
+
+
+def test_thrust_all_the_way_down_and_between_two_levels_is_that_share_of_drag(plain: World) -> None:
+    """By the energy balance the rate falls by the very share of drag minus idle thrust that thrust keeps."""
+    powered = fly(powered_descent={"share": 0.18, "share_range": 0.05})
+    iced = fly(anti_ice={"share": 1.0, "drag_share": 0.4, "low_fl": 200.0, "high_fl": 260.0, "spread_fl": 8.0})
+    slower = []
+    for name in powered.flights["flight_id"].to_list()[:10]:
+        share = powered.flights.filter(flight_id=name)["planted_powered_descent_share"].item()
+        seen = thrust_in_hand(plain, powered, name)
+        # Thrust follows drag and idle thrust, which change with altitude and at the crossover, by a lag of 4 to 8 s.
+        assert np.abs(seen["in_hand"].to_numpy() - share).max() < 0.01
+        idle = plain.truth.filter(flight_id=name, label="idle").sort("altitude_m")
+        steady = seen.filter(pl.col("altitude_m").is_between(170 * FL_M, 230 * FL_M))
+        rate = np.interp(steady["altitude_m"], idle["altitude_m"], idle["rate_mps"])
+        slower.append(np.median(steady["rate_mps"] / rate) - (1 - share))
+        about = iced.flights.filter(flight_id=name)
+        low, high = (about[f"planted_anti_ice_{end}_fl"].item() * FL_M for end in ("low", "high"))
+        assert (high - low) / FL_M == pytest.approx(60)
+        seen = thrust_in_hand(plain, iced, name)
+        inside = seen.filter(pl.col("altitude_m").is_between(low + 300, high - 600))
+        outside = seen.filter(~pl.col("altitude_m").is_between(low - 600, high + 100))
+        assert np.abs(inside["in_hand"].to_numpy() - 0.4).max() < 0.02
+        assert np.abs(outside["in_hand"].to_numpy()).max() < 0.02
+    assert np.abs(slower).max() < 2e-3
 
 
 def test_a_geometric_path_is_straight_and_a_held_rate_constant() -> None:
@@ -226,7 +260,7 @@ def test_instruments_err_exactly_as_injected(plain: World) -> None:
 
 
 def test_a_flight_depends_on_its_seed_and_number_alone() -> None:
-    causes = {name: cause.values(np.random.default_rng(0), 1.0) for name, cause in CAUSES.items()}
+    causes = {name: cause.draw(np.random.default_rng(0), 1.0) for name, cause in CAUSES.items()}
     together = {name: causes[name] for name in ("temperature", "speed_brake", "level_off", "turn")}
     inject = Injection(A320, together, SEED)
     config = WorldConfig(bottom_fl=240.0, low_top_share=0.0, step_s=2.0, interval_s=2)
@@ -236,15 +270,46 @@ def test_a_flight_depends_on_its_seed_and_number_alone() -> None:
     assert_frame_equal(whole.flights, parts.flights)
 
 
-def test_every_cause_draws_the_values_that_it_injects() -> None:
+def test_every_cause_draws_values_that_can_be_planted() -> None:
     assert len(CATALOGUED) == 13
-    assert len(OUTSIDE) == 3
+    assert {cause.name for cause in (*CATALOGUED, *OUTSIDE, *BETWEEN)} == set(CAUSES) == set(PLANTABLE)
+    assert len({cause.stream for cause in CAUSES.values()}) == len(CAUSES)
     for name, cause in CAUSES.items():
-        for size in (0.5, 1.0):
-            values = cause.values(np.random.default_rng(0), size)
-            assert set(values) == set(cause.units)
-            Injection(A320, {name: values}, 0)
-    with pytest.raises(ConfigError, match="to inject nonsense"):
-        Injection(A320, {"nonsense": {}}, 0)
-    with pytest.raises(ConfigError, match="mass with factor"):
-        Injection(A320, {"mass": {"percent": 3.0}}, 0)
+        for seed in range(20):
+            generator = np.random.default_rng(seed)
+            for size in (0.4, 1.15):
+                values = cause.draw(generator, size)
+                values |= cause.vary(generator, size) if cause.vary else {}
+                assert Injection(A320, {name: values}, 0).causes[name].items() >= values.items()
+
+
+@pytest.mark.parametrize(
+    ("plant", "message"),
+    [
+        ({"nonsense": {}}, "to plant nonsense; expected one of temperature, wind_gradient, mass"),
+        ({"mass": {"percent": 3.0}}, "mass with percent; expected of mass: factor=0.9 mean factor"),
+        ({"mass": {"factor": 9.0}}, "mass with factor=9; expected a finite number, at least 0.5 and at most 1.5"),
+        ({"temperature": {"deviation_k": math.nan}}, "finite"),
+        ({"speed_brake": {"low_fl": 300.0}}, "low_fl below high_fl"),
+        ({"geometric_path": {"of_idle": 0.95, "of_idle_range": 0.1}}, "together at most 1"),
+    ],
+)
+def test_what_cannot_be_planted_is_refused(plant: dict[str, dict[str, float]], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        simulate(A320, 1, plant=plant)
+
+
+def test_planting_is_injecting_and_the_flights_say_what_each_has_got() -> None:
+    plant = {"speed_brake": {"share": 0.5, "spread_fl": 20.0}, "temperature": {"deviation_k": 5.0}}
+    config = replace(QUIET, bottom_fl=260.0)
+    planted = simulate(A320, 12, SEED, config, plant=plant)
+    assert_frame_equal(planted.rows, simulate(A320, 12, SEED, config, inject=Injection(A320, plant, SEED)).rows)
+    assert planted.planted["speed_brake"]["factor"] == 1.6
+    assert "planted: speed_brake (factor=1.6, share=0.5" in str(planted)
+    assert planted.flights["planted_temperature_deviation_k"].to_list() == [5.0] * 12
+    braked = planted.flights["injected_brake_gain"] > 0
+    assert 0 < braked.sum() < 12
+    own = planted.flights["planted_speed_brake_high_fl"]
+    assert (own.is_not_null() == braked).all()
+    assert (own.drop_nulls() * FL_M).to_list() == planted.flights.filter(braked)["injected_brake_high_m"].to_list()
+    assert own.n_unique() == braked.sum() + 1

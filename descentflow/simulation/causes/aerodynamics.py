@@ -1,17 +1,19 @@
-"""Mass, thrust and drag that differ from the simulator's, and forces that it does not know."""
+"""Mass, thrust, drag and speed brakes that differ from the simulator's."""
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable
 
 import numpy as np
 import torch
 
 from descentflow.core.units import FL_M
-from descentflow.simulation.causes.cause import Cause, Fleet, sign
+from descentflow.simulation.cause_values import Values
+from descentflow.simulation.causes.cause import Cause, Fleet, Own, only, sign
 from descentflow.simulation.parameters import FlightParameters
 
-ONSET = 0.06
-"""Compressibility drag begins this far below the planned Mach number."""
+LEAST_FACTOR = 0.2
+"""A factor of a flight's own, however far out its draw, is no less."""
+NARROWEST_FL = 10.0
+"""Nor is a window of a flight's own less high."""
 
 
 class _Factor:
@@ -24,16 +26,26 @@ class _Factor:
         return {"factor": 1 + self.full * size * sign(generator)}
 
 
-def _load(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    return fleet.with_parameters(mass_kg=fleet.parameters.mass_kg * values["factor"])
+class _Multiply:
+    """Multiplies a parameter by a factor of each flight's own, on a share of the flights."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __call__(self, fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+        own = (v["factor"] + v["spread"] * fleet.normal[:, 0]).clamp(min=LEAST_FACTOR)
+        chosen = fleet.chosen(v["share"])
+        before = getattr(fleet.parameters, self.name)
+        return fleet.with_parameters(**{self.name: before * torch.where(chosen, own, 1.0)}), only(chosen, factor=own)
 
 
-def _idle(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    return fleet.with_parameters(thrust_factor=fleet.parameters.thrust_factor * values["factor"])
+def _by_flight(spread: float) -> Callable[[np.random.Generator, float], dict[str, float]]:
+    """Of a factor that each flight has of its own, or a share of the flights alone."""
 
+    def vary(generator: np.random.Generator, size: float) -> dict[str, float]:
+        return {"spread": spread * size, "share": float(generator.choice([1.0, generator.uniform(0.5, 0.9)]))}
 
-def _polar(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    return fleet.with_parameters(cd0_factor=fleet.parameters.cd0_factor * values["factor"])
+    return vary
 
 
 def _brake(generator: np.random.Generator, size: float) -> dict[str, float]:
@@ -42,53 +54,35 @@ def _brake(generator: np.random.Generator, size: float) -> dict[str, float]:
     return {"factor": 1 + 0.6 * size, "share": generator.uniform(0.4, 0.8), "low_fl": low, "high_fl": high}
 
 
-def _extend(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    gain = torch.where(fleet.chosen(values["share"]), values["factor"] - 1, 0.0).double()
-    high, low = values["high_fl"] * FL_M, values["low_fl"] * FL_M
-    return fleet.with_injected(brake_gain=gain, brake_high_m=high, brake_low_m=low)
+def _own_brakes(generator: np.random.Generator, size: float) -> dict[str, float]:
+    return {"spread_fl": generator.uniform(10.0, 40.0), "depth_spread": 0.2, "strength_spread": 0.2}
 
 
-def _wave(generator: np.random.Generator, size: float) -> dict[str, float]:
-    return {"gain": 0.2 * size}
+def _extend(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    z = fleet.normal.clamp(-3.0, 3.0)
+    middle = (v["low_fl"] + v["high_fl"]) / 2 + v["spread_fl"] * z[:, 0]
+    depth = ((v["high_fl"] - v["low_fl"]) * (1 + v["depth_spread"] * z[:, 1])).clamp(min=NARROWEST_FL)
+    gain = ((v["factor"] - 1) * (1 + v["strength_spread"] * z[:, 2])).clamp(min=0.0)
+    chosen = fleet.chosen(v["share"])
+    low, high = middle - depth / 2, middle + depth / 2
+    changed = fleet.with_injected(
+        brake_gain=torch.where(chosen, gain, 0.0).double(), brake_high_m=high * FL_M, brake_low_m=low * FL_M
+    )
+    return changed, only(chosen, factor=1 + gain, low_fl=low, high_fl=high)
 
 
-def _compress(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    planned = float(fleet.aircraft.des_mach)
-    return fleet.with_injected(wave_gain=values["gain"], wave_onset=planned - ONSET, wave_mach=planned)
+def _induce(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    n = torch.ones_like(fleet.parameters.mass_kg)
+    return fleet.with_injected(induced_gain=v["factor"] - 1), {"factor": v["factor"] * n}
 
 
-def _kept(generator: np.random.Generator, size: float) -> dict[str, float]:
-    return {"share": 0.4 * size, "decay_s": generator.uniform(120, 180)}
-
-
-def _keep(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    return fleet.with_injected(kept_share=values["share"], kept_s=values["decay_s"])
-
-
-def _bank(generator: np.random.Generator, size: float) -> dict[str, float]:
-    # The square of the load factor, on which drag depends, grows with the size: a bank of 30 degrees is its full size.
-    bank = math.acos((1 + size / 3) ** -0.5)
-    return {"bank_deg": math.degrees(bank), "share": generator.uniform(0.7, 0.9), "depth_fl": generator.uniform(30, 50)}
-
-
-def _turn(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    bank = torch.where(fleet.chosen(values["share"]), math.radians(values["bank_deg"]), 0.0).double()
-    side = torch.where(fleet.uniform[:, 1] < 0.5, -1.0, 1.0)
-    high = (190 + 110 * fleet.uniform[:, 0]) * FL_M
-    return fleet.with_injected(bank_rad=bank * side, turn_high_m=high, turn_low_m=high - values["depth_fl"] * FL_M)
-
-
-MASS = Cause("mass", {"factor": "1"}, _Factor(0.1), _load)
+MASS = Cause("mass", _Factor(0.1), _Multiply("mass_kg"), stream=2, vary=_by_flight(0.05))
 """10 % lighter or heavier at full size."""
-IDLE_THRUST = Cause("idle_thrust", {"factor": "1"}, _Factor(0.8), _idle)
+IDLE_THRUST = Cause("idle_thrust", _Factor(0.8), _Multiply("thrust_factor"), stream=3, vary=_by_flight(0.3))
 """80 % less or more at full size: only a twentieth of the open A320's retarding force is idle thrust."""
-DRAG_POLAR = Cause("drag_polar", {"factor": "1"}, _Factor(0.1), _polar)
+DRAG_POLAR = Cause("drag_polar", _Factor(0.1), _Multiply("cd0_factor"), stream=4, vary=_by_flight(0.04))
 """CD0 10 % lower or higher at full size."""
-SPEED_BRAKE = Cause("speed_brake", {"factor": "1", "share": "1", "low_fl": "FL", "high_fl": "FL"}, _brake, _extend)
-"""CD0 up by 60 % at full size between two levels, on a share of the flights."""
-COMPRESSIBILITY = Cause("compressibility", {"gain": "1"}, _wave, _compress)
-"""Wave drag near M_MO: 20 % of CD0 at the planned Mach number at full size, as the square from 0.06 below."""
-KEPT_THRUST = Cause("kept_thrust", {"share": "1", "decay_s": "s"}, _kept, _keep)
-"""Thrust kept up at the top of descent: 40 % of drag minus idle thrust at full size, decaying in some 150 s."""
-TURN = Cause("turn", {"bank_deg": "deg", "share": "1", "depth_fl": "FL"}, _bank, _turn)
-"""A turn of 30 degrees of bank at full size, over 3,000 to 5,000 ft at a height of each flight's own."""
+SPEED_BRAKE = Cause("speed_brake", _brake, _extend, stream=5, vary=_own_brakes)
+"""CD0 up by 60 % at full size between two levels, on a share of the flights; levels and drag may be each flight's."""
+INDUCED_DRAG = Cause("induced_drag", _Factor(0.1), _induce, stream=16)
+"""CD2 10 % lower or higher at full size: a polar of the wrong shape, which the catalogue does not have."""

@@ -1,6 +1,6 @@
-"""What a cause is, how its size is drawn, and how one or several are injected in the flights of a world."""
+"""What a cause is: how a study draws its values, and how it changes flights."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,13 +9,12 @@ import torch
 from torch import Tensor
 
 from descentflow.aircraft_types.aircraft import Aircraft
-from descentflow.core.errors import ConfigError
+from descentflow.simulation.cause_values import Values
 from descentflow.simulation.injected import Injected, neutral
 from descentflow.simulation.parameters import FlightParameters
 
-_STREAM = 4
-"""Of a flight's random numbers; the world's own are 0 to 3."""
-_DRAWS = 6
+Own = Mapping[str, Tensor]
+"""Number of a cause -> what each flight has of it, (n,); NaN for flights that the cause does not take."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +24,8 @@ class Fleet:
     Example:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
         >>> from descentflow.simulation.parameters import draw_parameters
-        >>> aircraft = open_aircraft("A320")
-        >>> fleet = Fleet(aircraft, draw_parameters(aircraft, range(3), seed=0), torch.tensor([[0.1], [0.4], [0.9]]))
+        >>> aircraft, one = open_aircraft("A320"), torch.tensor([[0.1], [0.4], [0.9]])
+        >>> fleet = Fleet(aircraft, draw_parameters(aircraft, range(3), seed=0), one, daily=one, airframe=one)
         >>> fleet.chosen(0.5)
         tensor([ True,  True, False])
         >>> fleet.with_injected(rate_lag_s=12.0).injected.rate_lag_s
@@ -37,16 +36,23 @@ class Fleet:
     parameters: FlightParameters
     uniform: Tensor
     """Random numbers of each flight for this cause, (n, 6) in [0, 1)."""
+    daily: Tensor
+    """Random numbers that flights of one day share, (n, 1)."""
+    airframe: Tensor
+    """Random numbers that flights of one aircraft share, (n, 1)."""
 
     @property
     def normal(self) -> Tensor:
-        """The same numbers as standard normal ones."""
-        normal: Tensor = torch.special.ndtri(self.uniform.clamp(1e-9, 1 - 1e-9))
-        return normal
+        """The flights' own numbers as standard normal ones."""
+        return normal(self.uniform)
 
     def chosen(self, share: float) -> Tensor:
         """Which flights the cause takes, (n,); the last random number decides."""
         return self.uniform[:, -1] < share
+
+    def about(self, middle: float, half_width: float, index: int) -> Tensor:
+        """A number of each flight's own, uniform about a middle, (n,)."""
+        return middle + half_width * (2 * self.uniform[:, index] - 1)
 
     def with_parameters(self, **changes: Tensor) -> FlightParameters:
         """The flights with some parameters changed."""
@@ -62,23 +68,37 @@ class Fleet:
         return replace(self.parameters, injected=injected)
 
 
+def normal(uniform: Tensor) -> Tensor:
+    """Uniform numbers as standard normal ones.
+
+    Example:
+        >>> normal(torch.tensor([0.5]))
+        tensor([0.])
+    """
+    found: Tensor = torch.special.ndtri(uniform.clamp(1e-9, 1 - 1e-9))
+    return found
+
+
 @dataclass(frozen=True)
 class Cause:
     """Something that makes real flights differ from a simulator's.
 
     Example:
         >>> from descentflow.simulation.causes import CAUSES
-        >>> CAUSES["mass"].values(np.random.default_rng(0), 1.0)
+        >>> CAUSES["mass"].draw(np.random.default_rng(0), 1.0)
         {'factor': 1.1}
     """
 
     name: str
-    units: Mapping[str, str]
-    """Unit of every value."""
-    values: Callable[[np.random.Generator, float], dict[str, float]]
-    """Draws the values for a size; 1 is the full size, 0.5 the half size."""
-    inject: Callable[[Fleet, Mapping[str, float]], FlightParameters]
-    """Changes flights."""
+    """Its key in :data:`~descentflow.simulation.plantable.PLANTABLE`, which has its values."""
+    draw: Callable[[np.random.Generator, float], dict[str, float]]
+    """Draws what a study injects, alike in all flights that have it: 1 is the full size, 0.5 the half size."""
+    inject: Callable[[Fleet, Values], tuple[FlightParameters, Own]]
+    """Changes flights, and says what each of them has got."""
+    stream: int
+    """Of random numbers, one for each cause."""
+    vary: Callable[[np.random.Generator, float], dict[str, float]] | None = None
+    """Draws how flights differ, for a size; None for a cause that all have alike."""
     channels: tuple[str, ...] = ()
     """Reported fields without which this cause cannot be distinguished from others."""
 
@@ -93,54 +113,16 @@ def sign(generator: np.random.Generator) -> float:
     return float(generator.choice([-1.0, 1.0]))
 
 
-@dataclass(frozen=True)
-class Injection:
-    """Injects causes in the flights of a world: the ``inject`` of :func:`descentflow.simulation.world.simulate`.
+def only(chosen: Tensor, **own: Tensor | float) -> dict[str, Tensor]:
+    """What each flight has of a cause; NaN where it is not taken.
 
-    A flight depends on the seed, its own number and the cause alone. Causes act in the order of the registry, so that
-    a constant path is planned for the drag and the air that the flight really meets.
+    Args:
+        chosen: (n,) which flights are taken.
+        own: Values by name, (n,) or one for all.
 
     Example:
-        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> from descentflow.simulation.parameters import draw_parameters
-        >>> aircraft = open_aircraft("A320")
-        >>> inject = Injection(aircraft, {"mass": {"factor": 0.9}}, seed=3)
-        >>> plain = draw_parameters(aircraft, range(4), seed=3)
-        >>> inject(plain).mass_kg / plain.mass_kg
-        tensor([0.9000, 0.9000, 0.9000, 0.9000], dtype=torch.float64)
+        >>> only(torch.tensor([True, False]), lag_s=12.0)
+        {'lag_s': tensor([12., nan], dtype=torch.float64)}
     """
-
-    aircraft: Aircraft
-    causes: Mapping[str, Mapping[str, float]]
-    """Values of each cause by its name."""
-    seed: int
-
-    def __post_init__(self) -> None:
-        """Refuse causes and values that do not exist."""
-        for name, values in self.causes.items():
-            known = _registry()
-            if name not in known or set(values) != set(known[name].units):
-                raise ConfigError(
-                    f"to inject {name} with {', '.join(values) or 'nothing'}",
-                    expected="; ".join(f"{cause.name} with {', '.join(cause.units)}" for cause in known.values()),
-                    mend="name a cause and all of its values",
-                )
-
-    def __call__(self, parameters: FlightParameters) -> FlightParameters:
-        """Inject every cause."""
-        for index, (name, cause) in enumerate(_registry().items()):
-            if name in self.causes:
-                uniform = _uniform(self.seed, parameters.number.tolist(), index)
-                parameters = cause.inject(Fleet(self.aircraft, parameters, uniform), self.causes[name])
-        return parameters
-
-
-def _registry() -> dict[str, Cause]:
-    from descentflow.simulation.causes import CAUSES
-
-    return CAUSES
-
-
-def _uniform(seed: int, numbers: Sequence[int], index: int) -> Tensor:
-    rows = [np.random.default_rng((seed, number, _STREAM, index)).random(_DRAWS) for number in numbers]
-    return torch.from_numpy(np.stack(rows))
+    nothing = torch.full(chosen.shape, torch.nan, dtype=torch.float64)
+    return {name: torch.where(chosen, torch.zeros_like(nothing) + value, nothing) for name, value in own.items()}

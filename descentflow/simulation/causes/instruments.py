@@ -1,11 +1,11 @@
-"""Instruments that report other than what is flown."""
-
-from collections.abc import Mapping
+"""Instruments that report other than what is flown; an airframe's error is its own and that of all its flights."""
 
 import numpy as np
+import torch
 
 from descentflow.core.units import KT_MPS
-from descentflow.simulation.causes.cause import Cause, Fleet, sign
+from descentflow.simulation.cause_values import Values
+from descentflow.simulation.causes.cause import Cause, Fleet, Own, normal, sign
 from descentflow.simulation.parameters import FlightParameters
 
 
@@ -14,30 +14,42 @@ def _bias(generator: np.random.Generator, size: float) -> dict[str, float]:
     return {"bias_kt": 2.0 * size * side, "slope_kt_per_mach": 25.0 * size * side}
 
 
-def _misread(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    bias, slope = values["bias_kt"] * KT_MPS, values["slope_kt_per_mach"] * KT_MPS
-    return fleet.with_injected(cas_bias_mps=bias, cas_bias_slope_mps=slope)
+def _own_bias(generator: np.random.Generator, size: float) -> dict[str, float]:
+    return {"spread_kt": generator.uniform(0.5, 1.0) * size}
+
+
+def _misread(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    bias = v["bias_kt"] + v["spread_kt"] * normal(fleet.airframe[:, 0])
+    slope = v["slope_kt_per_mach"] * torch.ones_like(bias)
+    changed = fleet.with_injected(cas_bias_mps=bias * KT_MPS, cas_bias_slope_mps=slope * KT_MPS)
+    return changed, {"bias_kt": bias, "slope_kt_per_mach": slope}
 
 
 def _lag(generator: np.random.Generator, size: float) -> dict[str, float]:
     return {"lag_s": 12.0 * size}
 
 
-def _delay(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    return fleet.with_injected(rate_lag_s=values["lag_s"])
+def _own_lag(generator: np.random.Generator, size: float) -> dict[str, float]:
+    return {"spread_s": 3.0 * size}
+
+
+def _delay(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    lag = (v["lag_s"] + v["spread_s"] * normal(fleet.airframe[:, 0])).clamp(min=0.0)
+    return fleet.with_injected(rate_lag_s=lag), {"lag_s": lag}
 
 
 def _noise(generator: np.random.Generator, size: float) -> dict[str, float]:
     return {"factor": 1 + 2.0 * size}
 
 
-def _scatter(fleet: Fleet, values: Mapping[str, float]) -> FlightParameters:
-    return fleet.with_injected(noise_factor=values["factor"])
+def _scatter(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    own = v["factor"] * torch.ones_like(fleet.parameters.mass_kg)
+    return fleet.with_injected(noise_factor=own), {"factor": own}
 
 
-AIRSPEED_BIAS = Cause("airspeed_bias", {"bias_kt": "kt", "slope_kt_per_mach": "kt"}, _bias, _misread)
+AIRSPEED_BIAS = Cause("airspeed_bias", _bias, _misread, stream=10, vary=_own_bias)
 """IAS off by 2 kt at M 0.6 and by 7 kt at M 0.8 at full size."""
-VERTICAL_RATE_LAG = Cause("vertical_rate_lag", {"lag_s": "s"}, _lag, _delay)
+VERTICAL_RATE_LAG = Cause("vertical_rate_lag", _lag, _delay, stream=11, vary=_own_lag)
 """12 s more in the time constant of the reported rate at full size."""
-MEASUREMENT_NOISE = Cause("measurement_noise", {"factor": "1"}, _noise, _scatter)
+MEASUREMENT_NOISE = Cause("measurement_noise", _noise, _scatter, stream=12)
 """Three times the standard deviation of every reported field at full size."""

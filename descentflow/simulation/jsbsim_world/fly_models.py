@@ -112,7 +112,13 @@ def fly(
             mend="pass positive numbers",
         )
     jsbsim()
-    plans = inject(airframe, draw_plans(airframe, range(n_flights), seed, config), effects or {}, seed)
+    plans = inject(
+        airframe,
+        draw_plans(airframe, range(n_flights), seed, config),
+        effects or {},
+        seed,
+        config.flights_per_aircraft,
+    )
     prefixes = [OPERATORS[p.operator] for p in plans]
     named = name_flights(typecode or airframe.typecode, range(n_flights), seed, config.flights_per_aircraft, prefixes)
     outcomes = _flown(airframe, plans, config, workers, progress)

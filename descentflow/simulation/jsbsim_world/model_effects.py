@@ -10,22 +10,24 @@ differs a little from what the same number means there:
   lift that they spoil is lost too. All four models have speed brakes.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, KT_MPS
+from descentflow.simulation.cause_values import CauseValue, Plantable, Values, completed
+from descentflow.simulation.causes.aerodynamics import LEAST_FACTOR, NARROWEST_FL
 from descentflow.simulation.causes.air import KT_PER_KFT
 from descentflow.simulation.jsbsim_world.airframes import Airframe
 from descentflow.simulation.jsbsim_world.flight_plans import FlightPlan
+from descentflow.simulation.plantable import PLANTABLE
 
-_STREAM = 4
+_STREAM, _DAY_STREAM, _AIRFRAME_STREAM = 4, 6, 7
 _DRAWS = 6
-Values = Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,8 @@ class Case:
         >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
         >>> from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
         >>> model = airframe_of("MD11")
-        >>> case = Case(model, draw_plans(model, [0], 0, JsbsimConfig())[0], uniform=[0.5, 0.3])
+        >>> plan = draw_plans(model, [0], 0, JsbsimConfig())[0]
+        >>> case = Case(model, plan, uniform=[0.5, 0.3], daily=0.0, by_airframe=0.0)
         >>> case.chosen(0.4), case.chosen(0.2), case.normal()
         (True, False, 0.0)
     """
@@ -45,6 +48,10 @@ class Case:
     plan: FlightPlan
     uniform: Sequence[float]
     """Random numbers of this flight for this effect."""
+    daily: float
+    """A standard normal number that flights of the day share..."""
+    by_airframe: float
+    """...and one that flights of the airframe share."""
 
     def chosen(self, share: float) -> bool:
         """Whether the effect takes the flight; the last random number decides."""
@@ -52,44 +59,36 @@ class Case:
 
     def normal(self, index: int = 0) -> float:
         """A random number as a standard normal one."""
-        return NormalDist().inv_cdf(min(max(self.uniform[index], 1e-9), 1 - 1e-9))
+        return _normal(self.uniform[index])
+
+    def about(self, middle: float, half_width: float, index: int) -> float:
+        """A number of the flight's own, uniform about a middle."""
+        return middle + half_width * (2 * self.uniform[index] - 1)
 
 
-@dataclass(frozen=True)
-class ModelEffect:
-    """An effect, the units of its values, and those values that may be left out.
-
-    Example:
-        >>> EFFECTS["temperature"].units
-        {'mean_k': 'K', 'spread_k': 'K'}
-    """
-
-    name: str
-    units: Mapping[str, str]
-    inject: Callable[[Case, Values], FlightPlan]
-    optional: Mapping[str, float] = field(default_factory=dict)
-    """Value -> what it is if left out."""
+def _normal(uniform: float) -> float:
+    return NormalDist().inv_cdf(min(max(uniform, 1e-9), 1 - 1e-9))
 
 
 def _warm(case: Case, v: Values) -> FlightPlan:
-    return replace(case.plan, deviation_k=case.plan.deviation_k + v["mean_k"] + v["spread_k"] * case.normal())
+    own = v["deviation_k"] + v["spread_k"] * case.normal() + v["daily_spread_k"] * case.daily
+    return replace(case.plan, deviation_k=case.plan.deviation_k + own)
 
 
 def _blow(case: Case, v: Values) -> FlightPlan:
-    slope = KT_PER_KFT * (v["mean_kt_per_kft"] + v["spread_kt_per_kft"] * case.normal())
-    return replace(case.plan, wind_slope_per_s=case.plan.wind_slope_per_s + slope)
+    own = v["slope_kt_per_kft"] + v["spread_kt_per_kft"] * case.normal() + v["daily_spread_kt_per_kft"] * case.daily
+    return replace(case.plan, wind_slope_per_s=case.plan.wind_slope_per_s + KT_PER_KFT * own)
 
 
-def _load(case: Case, v: Values) -> FlightPlan:
-    return replace(case.plan, mass_kg=case.plan.mass_kg * v["factor"])
+def _multiply(name: str) -> Callable[[Case, Values], FlightPlan]:
+    """Multiply a number of the plan by a factor of the flight's own, if it is taken."""
 
+    def inject(case: Case, v: Values) -> FlightPlan:
+        factor = max(v["factor"] + v["spread"] * case.normal(), LEAST_FACTOR) if case.chosen(v["share"]) else 1.0
+        changed: dict[str, Any] = {name: getattr(case.plan, name) * factor}
+        return replace(case.plan, **changed)
 
-def _idle(case: Case, v: Values) -> FlightPlan:
-    return replace(case.plan, idle_factor=case.plan.idle_factor * v["factor"])
-
-
-def _polar(case: Case, v: Values) -> FlightPlan:
-    return replace(case.plan, cd0_factor=case.plan.cd0_factor * v["factor"])
+    return inject
 
 
 def _induced(case: Case, v: Values) -> FlightPlan:
@@ -101,40 +100,47 @@ def _wave(case: Case, v: Values) -> FlightPlan:
 
 
 def _extend(case: Case, v: Values) -> FlightPlan:
-    command = (v["factor"] - 1) * case.airframe.zero_lift_drag / case.airframe.brake_drag
-    if not 0 <= command <= 1:
-        most = 1 + case.airframe.brake_drag / case.airframe.zero_lift_drag
+    full = case.airframe.brake_drag / case.airframe.zero_lift_drag
+    if v["factor"] - 1 > full:
         raise ConfigError(
             f"speed brakes of the {case.airframe.name} at a factor of {v['factor']:g}",
-            expected=f"a factor from 1 to {most:.2f}, brakes fully out",
+            expected=f"a factor from 1 to {1 + full:.2f}, brakes fully out",
             mend="choose a factor within it",
         )
     if not case.chosen(v["share"]):
         return case.plan
-    shift = v["spread_fl"] * case.normal()
-    high, low = ((v[name] + shift) * FL_M for name in ("high_fl", "low_fl"))
-    return replace(case.plan, brake=command, brake_high_m=high, brake_low_m=low)
+    shift, deeper, stronger = (max(-3.0, min(3.0, case.normal(k))) for k in range(3))
+    command = (v["factor"] - 1) / full * (1 + v["strength_spread"] * stronger)
+    middle = (v["low_fl"] + v["high_fl"]) / 2 + v["spread_fl"] * shift
+    half = max((v["high_fl"] - v["low_fl"]) * (1 + v["depth_spread"] * deeper), NARROWEST_FL) / 2
+    high, low = (middle + half) * FL_M, (middle - half) * FL_M
+    return replace(case.plan, brake=max(0.0, min(1.0, command)), brake_high_m=high, brake_low_m=low)
 
 
 def _hold_path(case: Case, v: Values) -> FlightPlan:
     p = case.plan
     if not case.chosen(v["share"]):
         return p
-    return replace(p, hold_high_m=p.top_m, hold_low_m=p.bottom_m, hold_of_idle=v["of_idle"], hold_path=True)
+    of_idle = case.about(v["of_idle"], v["of_idle_range"], 1)
+    return replace(p, hold_high_m=p.top_m, hold_low_m=p.bottom_m, hold_of_idle=of_idle, hold_path=True)
 
 
 def _hold_rate(case: Case, v: Values) -> FlightPlan:
-    p, depth = case.plan, v["depth_fl"] * FL_M
+    p, depth = case.plan, case.about(v["depth_fl"], v["depth_range_fl"], 2) * FL_M
     if not case.chosen(v["share"]):
         return p
     room = max(p.top_m - p.bottom_m - depth - 50 * FL_M, 0.0)
     low = p.bottom_m + 20 * FL_M + room * case.uniform[0]
     high = min(low + depth, p.top_m - 20 * FL_M)
-    return replace(p, hold_high_m=high, hold_low_m=low, hold_of_idle=v["of_idle"], hold_path=False)
+    of_idle = case.about(v["of_idle"], v["of_idle_range"], 1)
+    return replace(p, hold_high_m=high, hold_low_m=low, hold_of_idle=of_idle, hold_path=False)
 
 
 def _keep(case: Case, v: Values) -> FlightPlan:
-    return replace(case.plan, kept_share=v["share"], kept_s=v["decay_s"])
+    if not case.chosen(v["of_flights"]):
+        return case.plan
+    share, decay = case.about(v["share"], v["share_range"], 0), case.about(v["decay_s"], v["decay_range_s"], 1)
+    return replace(case.plan, kept_share=share, kept_s=decay)
 
 
 def _set_idle(case: Case, v: Values) -> FlightPlan:
@@ -142,81 +148,65 @@ def _set_idle(case: Case, v: Values) -> FlightPlan:
 
 
 def _speeds(case: Case, v: Values) -> FlightPlan:
-    return replace(case.plan, cas_mps=case.plan.cas_mps + v["cas_kt"] * KT_MPS, mach=case.plan.mach + v["mach"])
+    if not case.chosen(v["share"]):
+        return case.plan
+    cas = (v["cas_kt"] + v["spread_kt"] * case.normal()) * KT_MPS
+    return replace(case.plan, cas_mps=case.plan.cas_mps + cas, mach=case.plan.mach + v["mach"])
 
 
 def _misread(case: Case, v: Values) -> FlightPlan:
-    slope = v["slope_kt_per_mach"] * KT_MPS
-    return replace(case.plan, cas_bias_mps=v["bias_kt"] * KT_MPS, cas_bias_slope_mps=slope)
+    bias, slope = v["bias_kt"] + v["spread_kt"] * case.by_airframe, v["slope_kt_per_mach"]
+    return replace(case.plan, cas_bias_mps=bias * KT_MPS, cas_bias_slope_mps=slope * KT_MPS)
 
 
 def _delay(case: Case, v: Values) -> FlightPlan:
-    return replace(case.plan, rate_lag_s=v["lag_s"])
+    return replace(case.plan, rate_lag_s=max(v["lag_s"] + v["spread_s"] * case.by_airframe, 0.0))
 
 
 def _scatter(case: Case, v: Values) -> FlightPlan:
     return replace(case.plan, noise_factor=v["factor"])
 
 
-_FACTOR = {"factor": "1"}
-_WIND = {"mean_kt_per_kft": "kt/1000 ft", "spread_kt_per_kft": "kt/1000 ft"}
-_BRAKE = {"factor": "1", "share": "1", "low_fl": "FL", "high_fl": "FL", "spread_fl": "FL"}
-
-EFFECTS = {
-    effect.name: effect
-    for effect in (
-        ModelEffect("temperature", {"mean_k": "K", "spread_k": "K"}, _warm),
-        ModelEffect("wind_gradient", _WIND, _blow),
-        ModelEffect("mass", _FACTOR, _load),
-        ModelEffect("idle_thrust", _FACTOR, _idle),
-        ModelEffect("drag_polar", _FACTOR, _polar),
-        ModelEffect("speed_brake", _BRAKE, _extend, {"spread_fl": 0.0}),
-        ModelEffect("geometric_path", {"share": "1", "of_idle": "1"}, _hold_path),
-        ModelEffect("vertical_speed_mode", {"share": "1", "of_idle": "1", "depth_fl": "FL"}, _hold_rate),
-        ModelEffect("speed_schedule", {"cas_kt": "kt", "mach": "1"}, _speeds),
-        ModelEffect("airspeed_bias", {"bias_kt": "kt", "slope_kt_per_mach": "kt"}, _misread),
-        ModelEffect("vertical_rate_lag", {"lag_s": "s"}, _delay),
-        ModelEffect("measurement_noise", _FACTOR, _scatter),
-        ModelEffect("kept_thrust", {"share": "1", "decay_s": "s"}, _keep),
-        ModelEffect("idle_setting", {"lever": "1"}, _set_idle),
-        ModelEffect("induced_drag", _FACTOR, _induced),
-        ModelEffect("wave_drag", _FACTOR, _wave),
-    )
+_INJECT: dict[str, Callable[[Case, Values], FlightPlan]] = {
+    "temperature": _warm,
+    "wind_gradient": _blow,
+    "mass": _multiply("mass_kg"),
+    "idle_thrust": _multiply("idle_factor"),
+    "drag_polar": _multiply("cd0_factor"),
+    "speed_brake": _extend,
+    "geometric_path": _hold_path,
+    "vertical_speed_mode": _hold_rate,
+    "speed_schedule": _speeds,
+    "airspeed_bias": _misread,
+    "vertical_rate_lag": _delay,
+    "measurement_noise": _scatter,
+    "kept_thrust": _keep,
+    "idle_setting": _set_idle,
+    "induced_drag": _induced,
+    "wave_drag": _wave,
 }
-"""Effects by name, in the order in which they are injected. The last four have no entry in the diagnosis's catalogue:
-thrust kept up after the top of descent, a thrust lever left at a setting (0 to 1), and factors of the model's induced
-drag and of its drag due to Mach. ``spread_fl`` of the speed brakes shifts each flight's window by its own amount."""
-
-
-def checked(effects: Mapping[str, Values]) -> dict[str, dict[str, float]]:
-    """Complete the values of effects by those that may be left out.
-
-    Args:
-        effects: Values by the name of the effect.
-
-    Raises:
-        ConfigError: If an effect or a value is unknown, missing or not finite.
-
-    Example:
-        >>> checked({"speed_brake": {"factor": 1.6, "share": 1, "low_fl": 240, "high_fl": 290}})
-        {'speed_brake': {'spread_fl': 0.0, 'factor': 1.6, 'share': 1, 'low_fl': 240, 'high_fl': 290}}
-    """
-    complete = {}
-    for name, values in effects.items():
-        effect = EFFECTS.get(name)
-        given = {**effect.optional, **values} if effect else {}
-        if effect is None or set(given) != set(effect.units) or not all(map(math.isfinite, given.values())):
-            raise ConfigError(
-                f"to inject {name} with {', '.join(f'{k}={v}' for k, v in values.items()) or 'nothing'}",
-                expected="; ".join(f"{one.name} with {', '.join(one.units)}" for one in EFFECTS.values()),
-                mend="name an effect and all of its values, each a finite number",
-            )
-        complete[name] = given
-    return complete
+"""In the order in which they are injected."""
+_OWN = {
+    "idle_setting": Plantable(
+        "the thrust lever left at a setting in the descent",
+        (CauseValue("lever", "1", 0.12, "lever, 0 at idle and 1 at full thrust", 0.0, 1.0),),
+    ),
+    "wave_drag": Plantable(
+        "more or less of the model's drag due to Mach",
+        (CauseValue("factor", "1", 3.0, "factor of that drag", 0.0, 20.0),),
+    ),
+}
+EFFECTS: dict[str, Plantable] = {name: _OWN.get(name) or PLANTABLE[name] for name in _INJECT}
+"""Effects by name. The last four have no entry in the diagnosis's catalogue: thrust kept up after the top of descent, a
+thrust lever left at a setting, and factors of the model's induced drag and of its drag due to Mach."""
 
 
 def inject(
-    airframe: Airframe, plans: Sequence[FlightPlan], effects: Mapping[str, Values], seed: int
+    airframe: Airframe,
+    plans: Sequence[FlightPlan],
+    effects: Mapping[str, Values],
+    seed: int,
+    flights_per_aircraft: int = 5,
 ) -> list[FlightPlan]:
     """Inject effects; what a flight gets depends on the seed, its number and the effect alone.
 
@@ -225,12 +215,13 @@ def inject(
         plans: The flights.
         effects: Values by the name of the effect.
         seed: Seed of the flights.
+        flights_per_aircraft: Consecutive numbers are an aircraft's, on consecutive days.
 
     Returns:
         The flights with the effects.
 
     Raises:
-        ConfigError: If an effect is unknown or its values cannot be.
+        ConfigError: If there is no such effect or value, or it cannot be flown.
 
     Example:
         >>> from descentflow.simulation.jsbsim_world.airframes import airframe_of
@@ -240,11 +231,19 @@ def inject(
         >>> round(heavier[0].mass_kg / plans[0].mass_kg, 6)
         1.1
     """
-    complete, changed = checked(effects), list(plans)
-    for index, (name, effect) in enumerate(EFFECTS.items()):
+    complete = {name: completed(name, EFFECTS, values) for name, values in effects.items()}
+    changed = list(plans)
+    for index, (name, change) in enumerate(_INJECT.items()):
         if name in complete:
-            uniform = [np.random.default_rng((seed, p.number, _STREAM, index)).random(_DRAWS).tolist() for p in changed]
-            changed = [
-                effect.inject(Case(airframe, p, u), complete[name]) for p, u in zip(changed, uniform, strict=True)
-            ]
+            cases = [_case(airframe, plan, seed, index, flights_per_aircraft) for plan in changed]
+            changed = [change(case, complete[name]) for case in cases]
     return changed
+
+
+def _case(airframe: Airframe, plan: FlightPlan, seed: int, index: int, flights_per_aircraft: int) -> Case:
+    """A flight with its random numbers for an effect."""
+    number, day = divmod(plan.number, flights_per_aircraft)
+    uniform = np.random.default_rng((seed, plan.number, _STREAM, index)).random(_DRAWS).tolist()
+    shared = ((day, _DAY_STREAM), (number, _AIRFRAME_STREAM))
+    daily, by_airframe = (_normal(np.random.default_rng((seed, k, stream, index)).random()) for k, stream in shared)
+    return Case(airframe, plan, uniform, daily, by_airframe)

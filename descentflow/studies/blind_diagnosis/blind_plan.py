@@ -159,7 +159,7 @@ def draw_plan(
     more: list[tuple[Kind, list[str]]] = [("null", [])] * more_null
     for kind, names in [*_contents(generator, n_blind, shares), *more]:
         size = 0.0 if kind == "null" else generator.uniform(*(HALF if generator.random() < shares.half_size else FULL))
-        causes = {name: CAUSES[name].values(generator, size) for name in names}
+        causes = {name: CAUSES[name].draw(generator, size) for name in names}
         is_wrong = kind != "null" and bool(wrong) and generator.random() < shares.wrong_polar
         if kind == "null":
             simulators.append(SimulatorPlan(f"simulator_{len(simulators):03d}", next(seeds), 1.0, {}))
@@ -191,7 +191,7 @@ def draw_plan(
     if extra:
         seed_of = {one.name: one.seed for one in simulators}
         for cause in CATALOGUED:
-            causes = {cause.name: cause.values(generator, 1.0)}
+            causes = {cause.name: cause.draw(generator, 1.0)}
             held = str(generator.choice(right))
             sets.append(_full(f"withheld_{cause.name}", "withheld", causes, held, next(seeds)))
             # The same aircraft and crews as the one that is corrected, so that nothing but the cause is between them:

@@ -45,8 +45,8 @@ def _noise(values: Values) -> dict[str, float]:
 
 
 REPORTED: dict[str, Callable[[Values], dict[str, float]]] = {
-    "temperature": lambda v: {"deviation_k": v["mean_k"]},
-    "wind_gradient": lambda v: {"slope_per_s": KT_PER_KFT * v["mean_kt_per_kft"]},
+    "temperature": lambda v: {"deviation_k": v["deviation_k"]},
+    "wind_gradient": lambda v: {"slope_per_s": KT_PER_KFT * v["slope_kt_per_kft"]},
     "mass": _relative,
     "idle_thrust": _relative,
     "drag_polar": _relative,

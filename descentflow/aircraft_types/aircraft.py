@@ -1,6 +1,6 @@
 """The coefficients of one aircraft type in BADA 3 form."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
 from torch import Tensor
@@ -105,6 +105,23 @@ class Aircraft:
                 expected=f"one of {', '.join(get_args(Engine))}",
                 mend="correct the engine field of the OPF file",
             )
+
+    def with_factors(self, *, parasitic: Number = 1.0, induced: Number = 1.0, idle: Number = 1.0) -> "Aircraft":
+        """The clean aircraft with other CD0, CD2 and idle thrust, as factors of its own.
+
+        Example:
+            >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+            >>> plain = open_aircraft("A320")
+            >>> round(float(plain.with_factors(parasitic=1.1).cd0_cr / plain.cd0_cr), 3)
+            1.1
+        """
+        return replace(
+            self,
+            cd0_cr=self.cd0_cr * parasitic,
+            cd2_cr=self.cd2_cr * induced,
+            ct_des_low=self.ct_des_low * idle,
+            ct_des_high=self.ct_des_high * idle,
+        )
 
     def __str__(self) -> str:
         """Type, mass, ceiling, standard descent and source, in three lines."""

@@ -1,17 +1,23 @@
 """What effects would shift in the compared flights, and how sensitive each flight is to their parameters."""
 
 from collections.abc import Mapping
+from functools import cached_property
 
 import torch
 from torch import Tensor
 
+from descentflow.diagnosis.inference.reference_coefficients import scaled_rows
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects import Effect
+from descentflow.effects.flight_state import FlightState
 from descentflow.effects.windowed_effect import WindowedEffect
 
 CAS_RIDGE = 0.05
 """Share of the variance of CAS that is added to it before the rate is regressed on it: bands of CAS are alike."""
+
+FLIGHTS_BESIDE = 40
+"""About so many real flights say how a mean shift answers to other coefficients: speeds differ little between them."""
 
 
 class EffectShifts:
@@ -47,8 +53,29 @@ class EffectShifts:
 
     def all_shift(self, name: str, theta: Tensor) -> Tensor:
         """Shift (n, p) that an effect makes, or would make, in every flight."""
+        return self.shift_seen(name, theta, self.compared.state)
+
+    def shift_seen(self, name: str, theta: Tensor, state: FlightState) -> Tensor:
+        """The same of some flights, looked at with other coefficients."""
         effect = self.catalogue[name]
-        return self._with_rate(effect, self.compared.vector(effect.shift(self.compared.state, theta)))
+        return self._with_rate(effect, self.compared.vector(effect.shift(state, theta)))
+
+    @cached_property
+    def seen_beside(self) -> FlightState:
+        """Some real flights, nine times: as they are, and with coefficients a standard deviation above and below.
+
+        The standard deviations are those of each direction in which the coefficients are open.
+        """
+        directions = self.compared.coefficients.directions().T
+        steps = torch.cat([torch.zeros(1, 4, dtype=torch.float64), directions, -directions])
+        real = torch.nonzero(self.real)[:, 0]
+        some = real[:: max(len(real) // FLIGHTS_BESIDE, 1)]
+        return scaled_rows(self.compared.state.rows(some.repeat(len(steps))), steps.repeat_interleave(len(some), 0))
+
+    def mean_shifts_beside(self, name: str, theta: Tensor) -> Tensor:
+        """Mean shift (9, p) that an effect makes in :attr:`seen_beside`."""
+        found = self.shift_seen(name, theta, self.seen_beside)
+        return found.reshape(9, -1, found.shape[1]).mean(1)
 
     def shift(self, theta: Mapping[str, Tensor]) -> Tensor:
         """Shift (n, p) of effects together, zero for the simulator's flights."""

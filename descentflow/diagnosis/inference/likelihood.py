@@ -16,7 +16,9 @@ from torch import Tensor
 
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS, by_aircraft, folds_of
 from descentflow.diagnosis.inference.effect_shifts import EffectShifts
-from descentflow.diagnosis.inference.linear_algebra import Design, Moments, sum_of
+from descentflow.diagnosis.inference.fold_sums import FoldSums, solved
+from descentflow.diagnosis.inference.linear_algebra import Common, Design, Moments, solve
+from descentflow.diagnosis.inference.signature_columns import signature_columns
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.diagnosis.inference.window_search import FIRST_SIZE, band_columns
@@ -87,10 +89,18 @@ class EffectsLikelihood(EffectShifts):
         self.fold = folds_of(compared.airframe, compared.real, seed)
         self.qy = whitening.apply(self.y)
         if nuisance is not None:
-            free = torch.zeros(nuisance.shape[2], dtype=self.y.dtype)
-            self.common: Design = self.with_products(Design(nuisance, nuisance, nuisance.shape[2], free))
+            self.common = Common(
+                nuisance, whitening.apply(nuisance), torch.zeros(nuisance.shape[2], dtype=self.y.dtype)
+            )
+        elif like is not None:
+            self.common = replace(like.common, products=whitening.apply(like.common.columns))
         else:
-            self.common = self._habits() if like is None else self.with_products(like.common)
+            self.common = self._habits()
+
+    @cached_property
+    def sums(self) -> FoldSums:
+        """What all fits share."""
+        return FoldSums(self.whitening, self.y, self.real, self.compared.free, self.common, self.fold)
 
     @cached_property
     def starts(self) -> dict[str, Design]:
@@ -105,7 +115,7 @@ class EffectsLikelihood(EffectShifts):
             found[name] = self.with_common(own)
         return found
 
-    def _habits(self) -> Design:
+    def _habits(self) -> Common:
         """Sensitivities that tell flights of one side apart, for all flights alike, with a weak prior."""
         columns, prior = [torch.zeros(*self.y.shape, 0, dtype=self.y.dtype)], []
         for name, effect in self.catalogue.items() if self.has_reference else ():
@@ -121,35 +131,30 @@ class EffectsLikelihood(EffectShifts):
             columns.append(jacobian[:, :, kept])
             prior += [(HABIT_SIZE / effect.parameters[i].scale) ** 2 for i in kept]
         joined = torch.cat(columns, 2)
-        return self.with_products(Design(joined, joined, joined.shape[2], torch.tensor(prior, dtype=self.y.dtype)))
+        return Common(joined, self.whitening.apply(joined), torch.tensor(prior, dtype=self.y.dtype))
 
-    def with_products(self, design: Design) -> Design:
-        """The design with its columns weighted by these flights' precision."""
-        return replace(design, products=self.whitening.apply(design.columns))
+    def design(self, theta: Mapping[str, Tensor], extra: Tensor | None = None, ridge: float = 1.0) -> Design:
+        """Columns of the effects' sensitivities, of how their signatures may be off, and of anything else (n, p, e).
 
-    def design(self, theta: Mapping[str, Tensor], extra: Tensor | None = None, ridge: float = 0.0) -> Design:
-        """Columns of the effects' sensitivities, and of anything else (n, p, e) with a prior precision."""
-        parts = [torch.zeros(*self.y.shape, 0, dtype=self.y.dtype)]
-        parts += [self.jacobian(name, value) for name, value in theta.items()]
-        own = torch.cat(parts if extra is None else [*parts, extra], 2)
-        prior = torch.zeros(own.shape[2], dtype=self.y.dtype)
-        if extra is not None:
-            prior[-extra.shape[2] :] = ridge
-        return self.with_common(own, prior)
+        What is beside the sensitivities has a prior precision: one, and that given for what else there is.
+        """
+        parts = [self.jacobian(name, value)[self.real] for name, value in theta.items()]
+        return self._joined(parts, signature_columns(self, theta), extra, ridge)
 
     def with_common(self, own: Tensor, prior: Tensor | None = None) -> Design:
         """Columns (n, p, k) of the real flights beside those of all flights, with their prior precision (k,) if any."""
-        prior = torch.zeros(own.shape[2], dtype=self.y.dtype) if prior is None else prior
-        own = torch.where(self.real[:, None, None], own, 0.0)
-        products = torch.zeros_like(own)
-        products[self.real] = self.whitening.rows(self.real).apply(own[self.real])
-        c = self.common
-        return Design(
-            torch.cat([c.columns, own], 2),
-            torch.cat([c.products, products], 2),
-            c.n_common,
-            torch.cat([c.ridge, prior]),
-        )
+        found = self._joined([own[self.real]], torch.zeros(own.shape[1], 0, dtype=own.dtype), None, 0.0)
+        return found if prior is None else replace(found, own_ridge=prior)
+
+    def _joined(self, parts: list[Tensor], alike: Tensor, extra: Tensor | None, ridge: float) -> Design:
+        blank = torch.zeros(int(self.real.sum()), self.y.shape[1], 0, dtype=self.y.dtype)
+        own = torch.cat([blank, *parts], 2)
+        prior, k = torch.zeros(own.shape[2], dtype=self.y.dtype), own.shape[2]
+        if extra is not None:
+            own = torch.cat([own, extra[self.real]], 2)
+            prior = torch.cat([prior, torch.full((extra.shape[2],), ridge, dtype=self.y.dtype)])
+        prior = torch.cat([prior, torch.ones(alike.shape[1], dtype=self.y.dtype)])
+        return Design(self.common, self.real, own, self.sums.of_real.apply(own), alike, prior, k)
 
     def weighted_rest(self, shift: Tensor) -> Tensor:
         """Precision times what a shift leaves of each flight (n, p)."""
@@ -159,40 +164,47 @@ class EffectsLikelihood(EffectShifts):
 
     def moments(self, rest: Tensor, design: Design, keep: Tensor | None = None) -> Moments:
         """Sums over the flights to keep (n,) (all if absent) at :meth:`weighted_rest` (n, p)."""
+        sums = self.sums if keep is None else self._sums_of(keep)
+        f, here = int(self.compared.free.sum()), 0
+        found, base = sums.of_columns(design), sums.base[here] if keep is not None else sums.base.sum(0)
+        cross, inner = (
+            (found.cross[here], found.inner[here]) if keep is not None else (found.cross.sum(0), found.inner.sum(0))
+        )
         keep = torch.ones(len(self.y), dtype=torch.bool) if keep is None else keep
-        free, columns, products, q = self.compared.free, design.columns[keep], design.products[keep], rest[keep]
+        gradient = sums.gradient(rest, keep)
+        weighted, mine = rest[self.real & keep], keep[self.real]
+        own = torch.cat([design.own[mine].flatten(0, 1).T @ weighted.flatten(), design.alike.T @ weighted.sum(0)])
+        corner = torch.cat([torch.cat([base[f:, f:], cross[f:]], 1), torch.cat([cross[f:].T, inner], 1)], 0)
         return Moments(
-            self.whitening.total(keep)[free][:, free],
-            products.sum(0)[free],
-            columns.flatten(0, 1).T @ products.flatten(0, 1),
-            q.sum(0)[free],
-            q.flatten() @ columns.flatten(0, 1),
+            base[:f, :f],
+            torch.cat([base[:f, f:], cross[:f]], 1),
+            corner,
+            gradient[:f],
+            torch.cat([gradient[f:], own]),
             design.ridge,
         )
 
-    def log_likelihood(self, shift: Tensor) -> float:
-        """Log-likelihood (nats, up to a constant) at a shift, with mean and common columns at their best."""
-        q = self.weighted_rest(shift)
-        moments = self.moments(q, self.common)
-        mean, step = moments.solved()
-        explained = float(moments.gradient @ step)
-        if len(mean):
-            explained += float(moments.mean_gradient @ mean)
-        return -0.5 * float(((self.y - shift) * q).sum()) + 0.5 * explained
+    def _sums_of(self, keep: Tensor) -> FoldSums:
+        """Sums of some flights (n,), which are fold 0."""
+        return FoldSums(self.whitening, self.y, self.real, self.compared.free, self.common, (~keep).long())
+
+    def log_likelihood(self, shift: Tensor, beside: Design | None = None) -> float:
+        """Log-likelihood (nats, up to a constant) at a shift, with mean and other columns at their best."""
+        sums = self.sums
+        rest = sums.rest(shift) if beside is None else sums.rest(shift, beside, sums.of_columns(beside))
+        inner = sums.profiled(rest, everyone=True).inner[0]
+        ridge = torch.zeros(0, dtype=self.y.dtype) if beside is None else beside.own_ridge
+        step = solve(inner[:-1, :-1] + torch.diag(ridge), inner[:-1, -1], inner.diagonal()[:-1])
+        return -0.5 * float(inner[-1, -1] - inner[:-1, -1] @ step)
 
     def log_score(self, shift: Tensor, design: Design) -> Tensor:
         """Log score (n,) of each flight under mean and coefficients of the other folds."""
-        q, free = self.weighted_rest(shift), self.compared.free
-        whole = [self.moments(q, design, self.fold == k) for k in range(FOLDS)]
-        score = torch.zeros(len(self.y), dtype=self.y.dtype)
-        for fold in range(FOLDS):
-            out = self.fold == fold
-            others = [whole[k] for k in range(FOLDS) if k != fold]
-            mean, step = sum_of(others).solved()
-            error = (self.y - shift)[out] - design.columns[out] @ step
-            error[:, free] -= mean
-            score[out] = -0.5 * (error * self.whitening.rows(out).apply(error)).sum(1)
-        return score
+        sums = self.sums
+        profiled = sums.profiled(sums.rest(shift, design, sums.of_columns(design)))
+        steps = solved(profiled, design.own_ridge)[:FOLDS]
+        common = profiled.common[:FOLDS, :, -1] - torch.einsum("fbk,fk->fb", profiled.common[:FOLDS, :, :-1], steps)
+        error = sums.errors(shift, design, steps, common)
+        return -0.5 * (error * self.whitening.apply(error)).sum(1)
 
     def log_score_in(self, at: Tensor, theta: Mapping[str, Tensor]) -> Tensor:
         """Log score (n,) of some entries (k,) alone, as if nothing else had been measured, at these parameters."""
@@ -201,9 +213,9 @@ class EffectsLikelihood(EffectShifts):
         part.fold = self.fold
         # What all flights have in common would explain a quantity by itself if nothing else is looked at.
         whole = self.design(theta)
-        own = slice(whole.n_common, None)
-        columns = whole.columns[:, at, own]
-        design = part.with_products(Design(columns, columns, 0, whole.ridge[own]))
+        own = whole.own[:, at]
+        products = part.sums.of_real.apply(own)
+        design = replace(whole, shared=part.common, own=own, own_products=products, alike=whole.alike[at])
         return part.log_score(self.shift(theta)[:, at], design)
 
     def gain(self, first: Tensor, second: Tensor) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Normal equations of what is linear: a mean for all flights, what all show, and what real ones have."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -11,27 +11,93 @@ RIDGE = 1e-6
 
 
 @dataclass(frozen=True)
-class Design:
-    """Columns (n, p, q + k) of a linear model beside its mean, precision times them, and prior precision (q + k,).
+class Common:
+    """Columns (n, p, q) of all flights, precision times them, and their prior precision (q,).
 
-    The first q belong to all flights: what flights that answer more to a cause show more of anyway, effect or not (a
-    transponder's usual lag shows most where the rate changes most). The k after them belong to real flights alone.
+    What flights that answer more to a cause show more of anyway, effect or not: a transponder's usual lag shows most
+    where the rate changes most.
 
     Example:
-        >>> columns = torch.ones(4, 2, 3)
-        >>> Design(columns, columns, n_common=1, ridge=torch.zeros(3)).common().columns.shape
-        torch.Size([4, 2, 1])
+        >>> Common(torch.ones(4, 2, 3), torch.ones(4, 2, 3), torch.zeros(3)).count
+        3
     """
 
     columns: Tensor
     products: Tensor
-    n_common: int
     ridge: Tensor
 
-    def common(self) -> "Design":
-        """The first q alone."""
-        q = self.n_common
-        return Design(self.columns[:, :, :q], self.products[:, :, :q], q, self.ridge[:q])
+    @property
+    def count(self) -> int:
+        """Q."""
+        return self.columns.shape[2]
+
+
+@dataclass(frozen=True)
+class Design:
+    """A linear model beside its mean: q columns of all flights, k of the r real ones, then c alike in all of these.
+
+    Attributes:
+        shared: Of all flights.
+        real: (n,) bool.
+        own: (r, p, k) columns, the first ``n_parameters`` of them sensitivities to parameters of effects.
+        own_products: Precision times them.
+        alike: (p, c) columns that all real flights have.
+        own_ridge: (k + c,) prior precision.
+        n_parameters: Sensitivities among the columns.
+
+    Example:
+        >>> shared = Common(torch.ones(4, 2, 1), torch.ones(4, 2, 1), torch.zeros(1))
+        >>> own = torch.ones(3, 2, 2)
+        >>> design = Design(shared, torch.arange(4) > 0, own, own, torch.ones(2, 1), torch.zeros(3), 2)
+        >>> design.count, design.parameters, design.columns.shape
+        (4, slice(1, 3, None), torch.Size([4, 2, 4]))
+    """
+
+    shared: Common
+    real: Tensor
+    own: Tensor
+    own_products: Tensor
+    alike: Tensor
+    own_ridge: Tensor
+    n_parameters: int
+
+    @property
+    def n_common(self) -> int:
+        """Q."""
+        return self.shared.count
+
+    @property
+    def count(self) -> int:
+        """Q + k + c."""
+        return self.n_common + self.own.shape[2] + self.alike.shape[1]
+
+    @property
+    def parameters(self) -> slice:
+        """Which columns are sensitivities to parameters."""
+        return slice(self.n_common, self.n_common + self.n_parameters)
+
+    @cached_property
+    def ridge(self) -> Tensor:
+        """Prior precision (q + k + c,)."""
+        return torch.cat([self.shared.ridge, self.own_ridge])
+
+    @cached_property
+    def columns(self) -> Tensor:
+        """All of them (n, p, q + k + c), zero for the simulator's flights where they belong to the real ones."""
+        mine = torch.zeros(*self.shared.columns.shape[:2], self.count - self.n_common, dtype=self.own.dtype)
+        mine[self.real] = torch.cat([self.own, self.alike.expand(len(self.own), -1, -1)], 2)
+        return torch.cat([self.shared.columns, mine], 2)
+
+    def without_parameters(self) -> "Design":
+        """All but the sensitivities."""
+        k = self.n_parameters
+        return replace(
+            self,
+            own=self.own[:, :, k:],
+            own_products=self.own_products[:, :, k:],
+            own_ridge=self.own_ridge[k:],
+            n_parameters=0,
+        )
 
 
 @dataclass(frozen=True)
@@ -86,21 +152,3 @@ def solve(matrix: Tensor, vector: Tensor, raw: Tensor) -> Tensor:
         scaled = part / (size[:, None] * size) + RIDGE * torch.eye(len(part), dtype=part.dtype)
         step[known] = torch.linalg.solve(scaled, vector[known] / size) / size
     return step
-
-
-def sum_of(parts: Sequence[Moments]) -> Moments:
-    """Moments of all flights from those of parts of them.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
-        >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> halves = [likelihood.moments(likelihood.qy, likelihood.common, torch.arange(160) % 2 == k) for k in (0, 1)]
-        >>> whole = likelihood.moments(likelihood.qy, likelihood.common)
-        >>> torch.allclose(sum_of(halves).curvature, whole.curvature)
-        True
-    """
-    first, *rest = parts
-    names = ("mean", "cross", "curvature", "mean_gradient", "gradient")
-    totals = {name: sum((getattr(p, name) for p in rest), getattr(first, name)) for name in names}
-    return Moments(**totals, ridge=first.ridge)

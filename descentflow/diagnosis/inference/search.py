@@ -7,7 +7,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.inference.heterogeneity import with_heterogeneity
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
-from descentflow.diagnosis.inference.linear_algebra import solve
+from descentflow.diagnosis.inference.linear_algebra import Design, solve
 from descentflow.diagnosis.inference.window_search import FIRST_SIZE, SECANTS, band_columns, best_window
 
 MAX_STEPS = 5
@@ -72,14 +72,14 @@ def score_test_gain(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, f
     for name, design in likelihood.starts.items():
         moments, windowed = likelihood.moments(rest, design), likelihood.windowed(name)
         if windowed is not None:
-            n_bands = design.columns.shape[2] - design.n_common
+            n_bands = design.own.shape[2]
             found[name] = best_window(likelihood, windowed, moments, n_bands, FIRST_SIZE).gain
             continue
         information, gradient = moments.profiled()
         step = solve(information + torch.diag(design.ridge), gradient, information.diagonal())
-        without = design.common()
-        base, common = information[: without.n_common, : without.n_common], gradient[: without.n_common]
-        plain = solve(base + torch.diag(without.ridge), common, base.diagonal())
+        q = design.n_common
+        base, common = information[:q, :q], gradient[:q]
+        plain = solve(base + torch.diag(design.ridge[:q]), common, base.diagonal())
         found[name] = 0.5 * float(gradient @ step - common @ plain)
     return found
 
@@ -140,34 +140,36 @@ def ascend(likelihood: EffectsLikelihood, theta: dict[str, Tensor]) -> dict[str,
         >>> ascend(likelihood, {"temperature": torch.tensor([0.0]).double()})["temperature"].round()
         tensor([10.], dtype=torch.float64)
     """
-    value = likelihood.log_likelihood(likelihood.shift(theta))
     for _ in range(MAX_STEPS if theta else 0):
-        step = gauss_newton_step(likelihood, theta)
+        design, shift = likelihood.design(theta), likelihood.shift(theta)
+        # What signatures may be off by changes little within a step.
+        beside = design.without_parameters()
+        value = likelihood.log_likelihood(shift, beside)
+        step = gauss_newton_step(likelihood, shift, design)
         gained = 0.0
         for factor in STEP_FACTORS:
             trial = likelihood.moved(theta, factor * step)
-            gained = likelihood.log_likelihood(likelihood.shift(trial)) - value
+            gained = likelihood.log_likelihood(likelihood.shift(trial), beside) - value
             if gained > 0:
-                theta, value = trial, value + gained
+                theta = trial
                 break
         if gained < MIN_STEP_GAIN:
             break
     return theta
 
 
-def gauss_newton_step(likelihood: EffectsLikelihood, theta: Mapping[str, Tensor]) -> Tensor:
+def gauss_newton_step(likelihood: EffectsLikelihood, shift: Tensor, design: Design) -> Tensor:
     """Step (k,) of all parameters together to the best of the likelihood, were it quadratic.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> gauss_newton_step(likelihood, {"temperature": torch.tensor([0.0]).double()}).round()
+        >>> theta = {"temperature": torch.tensor([0.0]).double()}
+        >>> gauss_newton_step(likelihood, likelihood.shift(theta), likelihood.design(theta)).round()
         tensor([10.], dtype=torch.float64)
     """
-    design = likelihood.design(theta)
-    rest = likelihood.weighted_rest(likelihood.shift(theta))
-    return likelihood.moments(rest, design).solved()[1][design.n_common :]
+    return likelihood.moments(likelihood.weighted_rest(shift), design).solved()[1][design.parameters]
 
 
 def parameters_of_part(likelihood: EffectsLikelihood, fit: Fit, keep: Tensor) -> dict[str, Tensor]:
@@ -182,4 +184,4 @@ def parameters_of_part(likelihood: EffectsLikelihood, fit: Fit, keep: Tensor) ->
         tensor([10.], dtype=torch.float64)
     """
     moments = likelihood.moments(likelihood.weighted_rest(fit.shift), fit.design, keep)
-    return likelihood.moved(fit.theta, moments.solved()[1][fit.design.n_common :])
+    return likelihood.moved(fit.theta, moments.solved()[1][fit.design.parameters])

@@ -1,7 +1,7 @@
 """Quantities as one vector a flight: which entries are compared, and what the simulator claims of each."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
@@ -9,7 +9,8 @@ from torch import Tensor
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.inference.compared_state import state_of
-from descentflow.effects.flight_state import FlightState, implied_mass_kg, log_rate
+from descentflow.diagnosis.inference.reference_coefficients import ReferenceCoefficients, reference_coefficients
+from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
 from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT, QUANTITIES
 
@@ -81,6 +82,8 @@ class Compared:
     band_fl: float
     slack: float = 1.0
     """How much larger negligible shifts of rate and CAS are: samples are coarser than flights."""
+    coefficients: ReferenceCoefficients = field(default_factory=ReferenceCoefficients.unknown)
+    """Of the aircraft that the simulator flies, as far as known; ``state`` is taken with them."""
 
     def nugget(self) -> Tensor:
         """Variance (p,) by which a flight may be off for the means to be off by what is negligible."""
@@ -172,13 +175,15 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
     both = real if reference is None else _joined(reference, real)
     n_before = 0 if reference is None else len(reference)
     state = state_of(both, aircraft, float(aircraft.mass_reference_kg))
+    settled = both.physics["depth_m"] >= SETTLED_M
+    coefficients = ReferenceCoefficients.unknown()
     if reference is not None:
         own = state_of(reference, aircraft, state.mass_kg)
-        mass = implied_mass_kg(own, reference.physics["log_rate"], own.mask)
-        state = state_of(both, aircraft, mass)
+        seen = torch.where(settled[:n_before], reference.physics["log_rate"], torch.nan)
+        coefficients = reference_coefficients(own, seen, reference.airframe)
+    state = coefficients.applied(state)
     values = dict(both.values)
     expected = log_rate(state)
-    settled = both.physics["depth_m"] >= SETTLED_M
     values["rate"] = torch.where(settled, both.physics["log_rate"] - expected, torch.nan)
     values["lag"] = torch.where(settled, values["lag"], torch.nan)
     is_real = torch.arange(len(both)) >= n_before
@@ -213,6 +218,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
         state,
         real.band_fl,
         slack,
+        coefficients,
     )
 
 

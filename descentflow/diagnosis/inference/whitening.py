@@ -1,6 +1,7 @@
 """A Gaussian over vectors with missing entries: covariance by EM, and precision matrices by pattern of what is seen."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -31,17 +32,17 @@ class Whitening:
     optimism: Tensor
     """(n,) how much more widely flights scatter, in what the precision weighs most, than those it was learnt from."""
 
+    @cached_property
+    def members(self) -> list[tuple[int, Tensor]]:
+        """Flights of each pattern that there is."""
+        return [(k, torch.nonzero(self.pattern == k)[:, 0]) for k in torch.unique(self.pattern).tolist()]
+
     def apply(self, values: Tensor) -> Tensor:
         """Precision times values: (n, p) or (n, p, k) of the flights, missing entries anything finite."""
-        flat = values if values.dim() == 3 else values[..., None]
-        found = torch.empty_like(flat)
-        for k in range(len(self.precision)):
-            at = torch.nonzero(self.pattern == k)[:, 0]
-            if len(at):
-                part = flat[at]
-                stacked = self.precision[k] @ part.permute(1, 0, 2).reshape(part.shape[1], -1)
-                found[at] = stacked.reshape(part.shape[1], len(at), -1).permute(1, 0, 2)
-        return found if values.dim() == 3 else found[..., 0]
+        found = torch.empty_like(values)
+        for k, at in self.members:
+            found[at] = self.precision[k] @ values[at] if values.dim() == 3 else values[at] @ self.precision[k]
+        return found
 
     def rows(self, index: Tensor) -> "Whitening":
         """Of the flights at these positions."""

@@ -1,0 +1,94 @@
+r"""How an effect's signature may be off: by the aircraft's coefficients, and by what its equations miss.
+
+Both are columns of every fit, with a normal prior of unit spread on their coefficients, for the real flights alone:
+
+.. math:: y_i = m + \sum_e d_{ie}(\theta_e) + \sum_j a_j \frac{\partial}{\partial u_j} \sum_e d_{ie}
+          + \varepsilon \sum_{e, q, k} b_{eqk} \, h_k \, d_{ieq}(\theta_e) + \epsilon_i, \qquad a, b \sim N(0, 1),
+
+with :math:`u` the coefficients of the reference aircraft in standard deviations of what is known of them and
+:math:`h_k` hat functions over altitude. Both grow with the effect itself. So effects that differ by less than their own
+signatures are uncertain are one group by themselves, and what a large effect leaves of itself names no second one.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.measurements.quantity_registry import BY_BAND
+
+if TYPE_CHECKING:
+    from descentflow.diagnosis.inference.effect_shifts import EffectShifts
+
+MISFIT = 0.05
+"""Share of its own shift by which an effect's equations may be off, at each knot and in each quantity by itself."""
+KNOTS = 3
+"""Hat functions over altitude: smoother than any window, so that no edge passes for a misfit."""
+FELT = 0.3
+"""Columns that move no entry by more than so many negligible shifts are left out, to save time."""
+
+
+def signature_columns(shifts: "EffectShifts", theta: Mapping[str, Tensor]) -> Tensor:
+    """Columns (p, c) by which the mean effects at these parameters may be off, with unit prior spread.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> small, large = (signature_columns(likelihood, {"mass": torch.tensor([x]).double()}) for x in (0.05, 0.1))
+        >>> 1.5 < float(large.abs().max() / small.abs().max()) < 2.5  # they grow with the effect
+        True
+    """
+    compared = shifts.compared
+    if not theta:
+        return torch.zeros(len(compared.entries), 0, dtype=torch.float64)
+    means = [shifts.mean_shifts_beside(name, value) for name, value in theta.items()]
+    above, below = torch.stack(means).sum(0)[1:].reshape(2, 4, -1)
+    columns = torch.cat([(above - below).T / 2, *(misfit_columns(compared, mean[0]) for mean in means)], 1)
+    return columns[:, (columns.abs() / compared.negligible()[:, None]).amax(0) > FELT]
+
+
+def misfit_columns(compared: Compared, shift: Tensor) -> Tensor:
+    """Columns (p, c) of a mean shift's (p,) own misfit: a share of it, smooth in altitude, quantity by quantity.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> columns = misfit_columns(example_sides(), torch.ones(33).double())
+        >>> columns.shape[1], bool(torch.allclose(columns.sum(1), MISFIT * torch.ones(33).double()))
+        (9, True)
+    """
+    columns = [torch.zeros(0, len(shift), dtype=shift.dtype)]
+    for quantity in compared.quantities():
+        at = compared.columns(quantity)
+        if bool((shift[at] != 0).any()):
+            hat = _hats(compared, quantity, at)
+            column = torch.zeros(len(hat), len(shift), dtype=shift.dtype)
+            column[:, at] = MISFIT * hat * shift[at]
+            columns.append(column)
+    return torch.cat(columns).T
+
+
+def _hats(compared: Compared, quantity: str, at: Tensor) -> Tensor:
+    if quantity not in BY_BAND:
+        return torch.ones(1, len(at), dtype=torch.float64)
+    levels = compared.state.altitude_m
+    return hats(levels[[compared.entries[i].band for i in at.tolist()]], KNOTS, levels)
+
+
+def hats(altitude_m: Tensor, count: int, levels_m: Tensor) -> Tensor:
+    """Hat functions (count, k) at altitudes (k,) that add up to one, their knots spread over levels.
+
+    Example:
+        >>> levels = torch.linspace(4e3, 12e3, 5).double()
+        >>> hats(levels, 3, levels)
+        tensor([[1.0000, 0.5000, 0.0000, 0.0000, 0.0000],
+                [0.0000, 0.5000, 1.0000, 0.5000, 0.0000],
+                [0.0000, 0.0000, 0.0000, 0.5000, 1.0000]], dtype=torch.float64)
+    """
+    low, high = float(levels_m[0]), float(levels_m[-1])
+    if count < 2 or high <= low:
+        return torch.ones(1, len(altitude_m), dtype=torch.float64)
+    knots = torch.linspace(low, high, count, dtype=torch.float64)
+    return (1 - (altitude_m - knots[:, None]).abs() / float(knots[1] - knots[0])).clamp(min=0.0)

@@ -1,0 +1,83 @@
+"""Coefficients of the aircraft that flew, against scipy's optimum of the same posterior, and what is free in them."""
+
+import pytest
+import torch
+from scipy.optimize import minimize
+
+from descentflow.diagnosis.inference.reference_coefficients import (
+    EQUATION_SPREAD,
+    PRIOR_SPREAD,
+    ReferenceCoefficients,
+    reference_coefficients,
+    scaled,
+    scaled_rows,
+)
+from descentflow.diagnosis.inference.whitening import whiten
+from descentflow.effects.example_flights import example_flights
+from descentflow.effects.flight_state import FlightState, log_rate
+
+TRUE = torch.tensor([0.05, 0.2, -0.05, 0.5], dtype=torch.float64)
+
+
+@pytest.fixture(scope="module")
+def flown() -> tuple[FlightState, torch.Tensor]:
+    """A hundred flights at other coefficients than the reference's, with 3 % of noise alike within a flight."""
+    state = example_flights(100)
+    generator = torch.Generator().manual_seed(3)
+    whole = torch.randn(100, 1, generator=generator, dtype=torch.float64)
+    each = torch.randn(100, 11, generator=generator, dtype=torch.float64)
+    return state, log_rate(scaled(state, TRUE)) + 0.03 * whole + 0.01 * each
+
+
+def test_the_optimum_is_that_of_a_general_optimiser(flown: tuple[FlightState, torch.Tensor]) -> None:
+    """The same posterior written down flight by flight, with the common error as parameters beside the others."""
+    state, seen = flown
+    alone, every = torch.arange(100), torch.ones(100, dtype=torch.bool)
+    nothing = torch.zeros(11, dtype=torch.float64)
+    weights = whiten(seen - log_rate(state), every, alone, nothing, nothing.bool())
+    precision = weights.precision[0]
+    missed = torch.linalg.inv(0.5 * EQUATION_SPREAD**2 * (torch.eye(11, dtype=torch.float64) + 1.0))
+    prior = torch.tensor(PRIOR_SPREAD, dtype=torch.float64)
+
+    def minus_log_posterior(both: torch.Tensor) -> torch.Tensor:
+        rest = seen - log_rate(scaled_rows(state, both[:4].expand(100, 4))) - both[4:]
+        value = ((rest @ precision) * rest).sum() + both[4:] @ missed @ both[4:] + ((both[:4] / prior) ** 2).sum()
+        return 0.5 * value
+
+    best = minimize(
+        lambda x: float(minus_log_posterior(torch.tensor(x))), [0.0] * 15, method="BFGS", options={"gtol": 1e-4}
+    )
+    found = reference_coefficients(state, seen, alone)
+    # Differences of the optimiser's gradient limit it to some 1e-3 of a prior's spread.
+    torch.testing.assert_close(found.ln_factors, torch.tensor(best.x[:4]), atol=3e-3, rtol=0)
+    spread = found.covariance.diagonal().sqrt()
+    curvature = torch.autograd.functional.hessian(minus_log_posterior, torch.tensor(best.x))
+    # Gauss and Newton leave out the second derivatives of ln rate.
+    torch.testing.assert_close(spread, torch.linalg.inv(curvature).diagonal()[:4].sqrt(), rtol=0.1, atol=0)
+
+
+def test_what_flew_is_within_what_is_claimed(flown: tuple[FlightState, torch.Tensor]) -> None:
+    state, seen = flown
+    found = reference_coefficients(state, seen, torch.arange(100))
+    off = found.ln_factors - TRUE
+    # Chi-squared of four: beyond 18.5 once in a thousand.
+    assert float(off @ torch.linalg.solve(found.covariance, off)) < 18.5
+    assert float(found.covariance[1, 1]) < 0.5 * PRIOR_SPREAD[1] ** 2
+
+
+def test_the_common_scale_stays_as_open_as_before(flown: tuple[FlightState, torch.Tensor]) -> None:
+    """No rate tells the scale of mass, drag and thrust: along it the data add nothing to the prior."""
+    state, seen = flown
+    found = reference_coefficients(state, seen, torch.arange(100))
+    gauge = torch.tensor([1.0, 1.0, -1.0, 1.0], dtype=torch.float64)
+    torch.testing.assert_close(log_rate(scaled(state, gauge * 0.2)), log_rate(state))
+    prior = torch.diag(torch.tensor(PRIOR_SPREAD, dtype=torch.float64) ** -2)
+    known = gauge @ torch.linalg.inv(found.covariance) @ gauge
+    assert float(known) == pytest.approx(float(gauge @ prior @ gauge), rel=1e-3)
+
+
+def test_flights_of_which_no_rate_was_seen_leave_the_prior() -> None:
+    state = example_flights(5)
+    blank = torch.full((5, 11), torch.nan, dtype=torch.float64)
+    found = reference_coefficients(state, blank, torch.arange(5))
+    torch.testing.assert_close(found.covariance, ReferenceCoefficients.unknown().covariance)

@@ -33,16 +33,18 @@ class FlightLaw:
         unit = scale[:, None] * scale
         return cls(measured, scale[:, None] * _root(shared / unit), scale[:, None] * _root((whole - shared) / unit))
 
-    def draw(self, simulated: Sequence[int], real: Sequence[int], seed: int) -> Compared:
+    def draw(self, simulated: Sequence[int], real: Sequence[int], seed: int, speeds: int | None = None) -> Compared:
         """Flights of aircraft with so many flights each, on both sides of one population.
 
-        What a flight does not show is as in a measured flight, whose speeds it also has.
+        What a flight does not show is as in a measured flight, whose speeds it also has; those are drawn by the seed
+        ``speeds``, if given.
         """
-        generator = torch.Generator().manual_seed(seed)
         sizes = torch.tensor([*simulated, *real])
         airframe = torch.arange(len(sizes)).repeat_interleave(sizes)
         n, p = len(airframe), self.measured.y.shape[1]
-        like = torch.randint(len(self.measured.y), (n,), generator=generator)
+        chosen = torch.Generator().manual_seed(seed if speeds is None else speeds)
+        like = torch.randint(len(self.measured.y), (n,), generator=chosen)
+        generator = torch.Generator().manual_seed(seed + 10**6)
         common = torch.randn(len(sizes), p, generator=generator, dtype=torch.float64) @ self.of_aircraft.T
         own = torch.randn(n, p, generator=generator, dtype=torch.float64) @ self.of_flights.T
         y = torch.where(self.measured.y[like].isfinite(), common[airframe] + own, torch.nan)

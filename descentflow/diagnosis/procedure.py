@@ -43,7 +43,7 @@ OWN_FLIGHTS = ("training flights", "samples")
 """Sources that hold a model's own flights, whose causes its inferred drag holds as well; flights of any simulator are
 what it flies, and what both sides have alike is no gap."""
 SIGNIFICANT = 0.02
-"""A gap is called from this p-value; it leaves room below five false alarms in a hundred."""
+"""A gap is called up to this global p-value, so in 2 of 100 comparisons without one; five would be too many."""
 
 
 @dataclass(frozen=True)
@@ -187,6 +187,7 @@ class Diagnosis:
         return GapReport(
             verdict=verdict,
             p_value=test.p_value,
+            global_p=test.p_value,
             floor=gap.floor,
             gap_before=gap.before,
             where=cells,
@@ -206,9 +207,9 @@ class Diagnosis:
         self.settings.progress("asking whether there is a gap")
         c, settings = self.compared, self.settings
         everyone = torch.ones_like(c.real)
-        blind = whiten(c.y, everyone, c.airframe, c.nugget(), c.of_flight(), c.real)
+        blind = whiten(c.y, everyone, c.airframe, c.nugget(), c.of_flight())
         unsided = EffectsLikelihood(c, blind, settings.catalogue, settings.seed, self.likelihood)
-        return null_test(unsided, self.discrepancy, settings.seed)
+        return null_test(unsided, self.discrepancy, settings.transition_fl, settings.seed)
 
     def _without_by_products(self, affected: Tensor, effects: Sequence[str]) -> Tensor:
         """Entries that a gap is measured over: short-scale noise only where it is the matter, or all that there is.
@@ -268,6 +269,7 @@ def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -
         report,
         verdict="effect",
         p_value=found.p_value,
+        global_p=found.p_value,
         where=cells,
         floor=gap.floor,
         gap_before=gap.before,

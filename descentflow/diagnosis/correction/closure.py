@@ -8,9 +8,9 @@ from torch import Tensor
 
 from descentflow.diagnosis.findings.cause_found import ClosedShare, RivalClosure
 from descentflow.diagnosis.inference.effect_shifts import CAS_RIDGE
-from descentflow.diagnosis.inference.gap_distances import distances, mean_over_quantities
+from descentflow.diagnosis.inference.gap_distances import distances, mean_over_quantities, noise_floor
+from descentflow.diagnosis.inference.labellings import labellings_of
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
-from descentflow.diagnosis.inference.permutation import permuted_labels
 from descentflow.diagnosis.inference.search import parameters_of_part
 
 MIN_SHOWN = 3.0
@@ -70,18 +70,10 @@ class GapMeasure:
 
     def floor(self, shift: Tensor) -> float:
         """Mean distance when the corrected flights of both sides are mixed."""
-        mixed = self.y - shift
-        if not self.likelihood.has_reference:
-            centred = mixed - mixed.nanmean(0)
-            signs = permuted_labels(self.likelihood, REPLICATES, self.seed)[1:]
-            found = [self._mean(centred * sign[:, None]) for sign in signs]
-        else:
-            # What the causes left stays in the real flights: it is taken off before mixing, or it would blur the floor.
-            for side in (self.real, ~self.real):
-                mixed = torch.where(side[:, None], mixed - mixed[side].nanmean(0), mixed)
-            labels = permuted_labels(self.likelihood, REPLICATES, self.seed)[1:] > 0.5
-            found = [self._mean(mixed, label) for label in labels]
-        return float(torch.tensor(found).mean())
+        compared = self.likelihood.compared
+        dealt = [*labellings_of(compared, REPLICATES, self.seed)][1:]
+        found = noise_floor(self.y - shift, self.real, dealt, self.scale, compared.counts())
+        return float(mean_over_quantities(compared, found, self.affected))
 
     def _mean(self, y: Tensor, real: Tensor | None = None) -> float:
         found = distances(y, self.real if real is None else real, self.scale, self.likelihood.compared.counts())

@@ -24,16 +24,20 @@ class NullTest:
         by_effect: How far the best sensitivity stands out, in null spreads.
         by_discrepancy: The same of a free discrepancy.
         n_permutations: Permutations behind them.
+        by_window: How far the best of the windows stands out in which an effect may lie.
+        by_cell: The same of the cells of quantity and altitude.
 
     Example:
-        >>> NullTest(p_value=1 / 300, by_effect=41.0, by_discrepancy=25.0, n_permutations=299).n_permutations
-        299
+        >>> NullTest(p_value=1 / 2000, by_effect=41.0, by_discrepancy=25.0, n_permutations=1999).n_permutations
+        1999
     """
 
     p_value: float
     by_effect: float
     by_discrepancy: float
     n_permutations: int
+    by_window: float = 0.0
+    by_cell: float = 0.0
 
 
 @dataclass(frozen=True)

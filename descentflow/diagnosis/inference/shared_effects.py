@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.units import FL_M
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.permutation import null_test
@@ -23,6 +24,7 @@ from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.effects import Effect
 from descentflow.measurements.quantities import Quantities
+from descentflow.physics.transition import transition_altitude_m
 
 MAX_EFFECTS = 3
 """Effects named together at most. Set by hand."""
@@ -118,7 +120,8 @@ def shared_effects(
     gains = dict(path)
     empty: dict[str, tuple[str, ...]] = dict.fromkeys(gains, ())
     found = Chosen(null, Outside(explained, 0.0, 0.0, False), singles, chosen, empty, dict.fromkeys(gains, 1.0), gains)
-    test = null_test(likelihood, discrepancy_columns(compared)[0], seed)
+    transition_fl = float(transition_altitude_m(aircraft)) / FL_M
+    test = null_test(likelihood, discrepancy_columns(compared)[0], transition_fl, seed)
     return SharedEffects(likelihood, found, test.p_value)
 
 

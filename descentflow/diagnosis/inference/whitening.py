@@ -67,7 +67,6 @@ def whiten(
     airframe: Tensor,
     nugget: Tensor,
     apart: Tensor,
-    sides: Tensor | None = None,
     learn: Tensor | None = None,
 ) -> Whitening:
     """Estimate a covariance within groups and invert it for every pattern.
@@ -86,8 +85,6 @@ def whiten(
         airframe: (n,) aircraft.
         nugget: (p,) variance to add.
         apart: (p,) bool: entries that are taken as independent of the others.
-        sides: (n,) bool: both sides' means are taken off before asking what flights of one aircraft share, or a
-            difference between sides would pass for it; the groups if absent.
         learn: (n,) bool: flights that it is estimated from; all if absent.
 
     Example:
@@ -133,9 +130,6 @@ def whiten(
         covariance = (moment + pull * eye) / (n + pull)
         covariance = (covariance + covariance.T) / 2
     completed = _completed(z, patterns, members, covariance)
-    for side in () if sides is None else (sides, ~sides):
-        if bool(side.any()):
-            completed[side] -= completed[side].mean(0)
     shared = _shared(completed[used], airframe[used], covariance)
     within = covariance
     covariance = covariance + shared + torch.diag(nugget / scale**2)

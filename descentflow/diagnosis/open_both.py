@@ -1,7 +1,7 @@
 """Real flights and the simulator opened together: one cleaning for both, and where either comes from."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import polars as pl
@@ -100,6 +100,7 @@ def _with_flights(real: Any, simulator: Any, source: SignatureSource, say: Calla
     sides = of_one_type(first.frame, second.frame)
     name = name_of(simulator)
     found = simulator_of_flights(sides.simulator, sides.typecodes, source, name)
+    found = replace(found, cleaning=second.cleaning, metadata=second.metadata)
     inputs = input_of_flights(name_of(real), first), input_of_flights(name, second)
     dropped = {**_rows_dropped(first), **_rows_dropped(second, "simulator_rows"), **sides.dropped}
     return Opened(sides.real, found, *inputs, dropped)

@@ -10,12 +10,14 @@ from torch import Tensor
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.correction.closure import Gap, GapMeasure
 from descentflow.diagnosis.correction.corrected_simulator import corrected
+from descentflow.diagnosis.correction.correction_made import CHECKPOINT, CorrectionMade, correction_made
 from descentflow.diagnosis.correction.costs import costs_of, profile_of
+from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import WouldSplit
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shifts, together
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
 from descentflow.diagnosis.inference.shared_effects import SharedEffects, shared_effects
@@ -183,7 +185,7 @@ class Diagnosis:
         progress("asking at which stage the simulator loses most")
         stages = stages_of(settings.simulator, frame, settings.seed)
         hidden = _not_identifiable(settings, self.source)
-        write = corrected(settings.simulator, self.compared.state.mass_kg, settings.catalogue, fit.theta)
+        made = self._made(frame, fit) if causes else CorrectionMade()
         return GapReport(
             verdict=verdict,
             p_value=test.p_value,
@@ -199,7 +201,18 @@ class Diagnosis:
             dropped=dict(counts),
             details=self._details(chosen, test, fit.shift, counts),
             costs=costs_of(self.compared, shift if causes else None, settings.seed),
-            write_corrected=write if verdict == "effect" else None,
+            recipe=recipe_of(causes, settings.catalogue, levels_compared(self.compared)),
+            scores=made.scores,
+            write_corrected=made.write,
+            corrected_file=made.file_name,
+        )
+
+    def _made(self, frame: pl.DataFrame, fit: Fit) -> CorrectionMade:
+        """The simulator with the causes in it, and its scores."""
+        self.settings.progress("putting the causes into the simulator's flights")
+        asked = self.settings
+        return correction_made(
+            asked.simulator, frame, self.likelihood, fit, asked.catalogue, asked.transition_fl, asked.seed
         )
 
     def _null_test(self) -> NullTest:
@@ -264,7 +277,7 @@ def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -
     shifts, spreads = heterogeneous_shifts(likelihood, fit)
     gap: Gap = measure.gap(together(shifts, likelihood))
     causes = causes_of(likelihood, found.chosen, measure, shifts, spreads, settings.progress, inherited=True)
-    mass_kg = report.details.mass_kg
+    write = corrected(settings.simulator, report.details.mass_kg, settings.catalogue, fit.theta, inherited=True)
     return replace(
         report,
         verdict="effect",
@@ -276,7 +289,9 @@ def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -
         gap_after=gap.after,
         causes=causes,
         details=replace(report.details, regime="refit", curves=curves(likelihood, fit.shift)),
-        write_corrected=corrected(settings.simulator, mass_kg, settings.catalogue, fit.theta, inherited=True),
+        write_corrected=write,
+        corrected_file="" if write is None else CHECKPOINT,
+        recipe=recipe_of(causes, settings.catalogue, levels_compared(likelihood.compared)),
         would_split=_not_identifiable(settings, "training flights"),
     )
 

@@ -1,7 +1,7 @@
 """What is diagnosed: a sampler, flights of any simulator, or nominal BADA; and what flights it can be held against."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import polars as pl
@@ -13,6 +13,7 @@ from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed
 from descentflow.generation.rejection import Sampler
 from descentflow.measurements.quantities import Quantities
 from descentflow.representation.representation import Representation
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 MIN_FLIGHTS = 60
 """Of either side: twelve in each of five folds. Fewer say nothing of any effect; hundreds tell effects apart."""
@@ -40,6 +41,10 @@ class Simulator:
     """Prepared descents of the simulator, where it is given by its flights."""
     coefficients: CoefficientsUsed | None = None
     """Whose coefficients these are, where it is given by its flights."""
+    cleaning: Cleaning | None = None
+    """Settings by which its flights were cleaned, where it is given by them and they are known."""
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    """Description of its flights."""
 
     def levels(self, frame: pl.DataFrame) -> tuple[float, float]:
         """Lowest and highest level of its grid.

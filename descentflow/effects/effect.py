@@ -24,8 +24,10 @@ ShownAs = Literal["number", "change", "logarithm", "percent", "flights"]
 (``logarithm``), of what its symbol names; in percent; or as the share of the flights that have the effect."""
 TOLD_IN = {"m/s per m": ("kt per 1,000 ft", 1000 * FT_M / KT_MPS)}
 """Unit of a parameter -> the unit of the trade in which readers are told it, and the factor to it."""
-FLOWN = ("rate", "cas", "tas")
-"""Quantities that a simulator's flights have, so that a correction can change them."""
+NOISE = "noise_"
+"""How names of short-scale noise begin; only an effect whose matter it is adds it."""
+FLOWN = ("rate", "cas", "tas", "wind", "height", "level", "level_gaps", "slow", "missing")
+"""Quantities that a simulator's flights have, so that a correction can change them; the others follow from these."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,10 @@ class FlightChange:
     """What an effect changes in the flights of a simulator, as :data:`Shift` of some of :data:`FLOWN`.
 
     Attributes:
-        flown: Change of the flight itself: ``rate`` (ln of the rate), ``cas`` (kt), ``tas`` (ln of the TAS).
+        flown: Change of the flight itself: ``rate`` (ln of the rate), ``cas`` (kt), ``tas`` (ln of the TAS), ``wind``
+            (m/s along the track, about the flight's mean), ``height`` (m, the same), ``level`` and ``level_gaps``
+            (seconds in level-offs and their number, for each flight), ``slow`` and ``missing`` (seconds lost in longer
+            gaps, and the share of the levels that they take).
         reported: Change of what is reported of it alone, which takes no time.
 
     Example:
@@ -176,6 +181,22 @@ class Effect(ABC):
             return self.says or self.text
         return self.directions[0 if size > 0 else 1]
 
+    def recipe(self, told: Mapping[str, str]) -> str:
+        """What the owner of a simulator enters to have the effect; levels and the share of the flights come after it.
+
+        Args:
+            told: By parameter, what readers are told of its size in the flights that have the effect.
+
+        Example:
+            >>> from descentflow.effects import EFFECTS
+            >>> EFFECTS["temperature"].recipe({"deviation_k": "ISA +7.2 K (+6.8 to +7.6)"})
+            'ISA +7.2 K (+6.8 to +7.6)'
+            >>> EFFECTS["vertical_rate_lag"].recipe({"lag_s": "lag 8 s (7 to 9)"})
+            'in what is reported: lag 8 s (7 to 9)'
+        """
+        text = "; ".join(told.values())
+        return f"in what is reported: {text}" if self.sensor and text else text
+
     @abstractmethod
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Change of the measured quantities at parameters theta (k,), smooth in theta."""
@@ -192,10 +213,11 @@ class Effect(ABC):
             >>> from descentflow.effects.example_flights import example_flights
             >>> warmer = EFFECTS["temperature"].change(example_flights(), torch.tensor([10.0]))
             >>> sorted(warmer.flown), sorted(warmer.reported)
-            (['rate', 'tas'], [])
+            (['height', 'rate', 'tas'], [])
         """
         shift = self.shift(state, theta)
-        part = {quantity: shift[quantity] for quantity in FLOWN if quantity in shift}
+        kept = [quantity for quantity in shift if quantity in FLOWN or (self.is_noise and quantity.startswith(NOISE))]
+        part = {quantity: shift[quantity] for quantity in kept}
         return FlightChange(reported=part) if self.sensor else FlightChange(flown=part)
 
     def start(self) -> Tensor:
@@ -237,6 +259,15 @@ class Effect(ABC):
         One where all have it alike, or where the parameters do not say how many have it.
         """
         return 1.0, theta
+
+    def drawn(self, theta: Tensor, uniform: Tensor) -> Tensor:
+        """Parameters (n, k) of n flights that have the effect, each in its own way: alike for all, unless a law says.
+
+        Args:
+            theta: Parameters of a flight that has it, see :meth:`mixture`.
+            uniform: (n, k) uniform numbers, by which a law draws.
+        """
+        return theta.expand(len(uniform), -1)
 
     def learn_heterogeneity(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
         """Parameters with those set that say how flights differ, from the rates themselves.

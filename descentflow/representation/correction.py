@@ -107,6 +107,9 @@ class Correction:
                 taken = (draws.uniform(len(zero), stream=place) < share).to(zero.device)[:, None]
             for total, shift in ((flies, change.flown), (reports, change.reported)):
                 for quantity, value in shift.items():
+                    # A decoder knows no wind, no gap and no noise.
+                    if quantity not in total:
+                        continue
                     own = value if taken is None else torch.where(taken, value, 0.0)
                     total[quantity] = total[quantity] + own * (KT_MPS if quantity == "cas" else 1.0)
         return flies, reports

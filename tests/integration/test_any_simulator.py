@@ -236,3 +236,35 @@ def test_the_command_line_takes_several_files(folder: Path, capsys: pytest.Captu
     assert read_gap(out / "gap.json").provenance.simulator.name == "simulator_rows.parquet"
     assert main(["diagnose", "--real", str(folder / "real.parquet"), "--out", str(out)]) == 2
     assert "neither a simulator nor a type" in capsys.readouterr().err
+
+
+def test_the_corrected_flights_close_the_gap_when_diagnosed_again(folder: Path, by_flights: GapReport) -> None:
+    path = folder / "by_flights" / by_flights.corrected_file
+    assert path.name == "corrected.parquet"
+    corrected = read_descents(path)
+    assert corrected.cleaning == read_descents(folder / "simulator.parquet").cleaning
+    assert corrected.metadata["corrected"]["effects"]["temperature"][0] == pytest.approx(10.0, abs=1.5)
+    again = diagnose(folder / "real.parquet", path, catalogue=SMALL)
+    assert again.verdict == "none"
+    assert again.gap_before < 0.15 * by_flights.gap_before
+
+
+def test_every_score_of_evaluate_is_told_before_and_after(by_flights: GapReport) -> None:
+    statistics = ("KS distance", "Wasserstein distance", "error of the mean", "CRPS", "energy score")
+    for statistic in statistics:
+        assert any(statistic in score.name for score in by_flights.scores)
+    rate = next(s for s in by_flights.scores if s.name.startswith("rate") and "Wasserstein" in s.name)
+    # 10 K are 2 % of the rate: a good part of what two halves of the flights differ by.
+    assert rate.after < rate.before
+    speed = next(s for s in by_flights.scores if s.name.startswith("CAS") and "Wasserstein" in s.name)
+    assert speed.after == pytest.approx(speed.before)
+
+
+def test_the_recipe_is_in_physical_units_and_by_level(by_flights: GapReport) -> None:
+    (step,) = by_flights.recipe
+    assert step.text.startswith("ISA +")
+    assert ", FL150 to FL" in step.text
+    (number,) = step.numbers
+    assert (number.unit, number.low_fl) == ("K", 150.0)
+    assert number.value.low < 10.0 < number.value.high + 0.1
+    assert step.share_of_flights == 1.0

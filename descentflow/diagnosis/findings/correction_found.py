@@ -52,8 +52,9 @@ class Score:
         name: Of the score.
         unit: Of its value; ``1`` for a plain number.
         before: The simulator as it is.
-        after: With the causes; None where none is named.
-        floor: Of two samples of one population; None where the score has none.
+        after: With the causes, whose parameters were learnt on other flights; None where none is named.
+        floor: Of two samples of one population, of the same size; None where the score has none.
+        after_each: With each of several causes alone.
 
     Example:
         >>> Score("mean absolute error of the time", "s", before=25.0, after=4.0, floor=3.0).after
@@ -65,6 +66,7 @@ class Score:
     before: float
     after: float | None
     floor: float | None
+    after_each: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -176,6 +176,7 @@ class Findings:
         flights_worth_a_look: Those with most of what no named cause explains, largest first.
         previous: The round before, where one was given.
         provenance: What went in; None where it is not known.
+        corrected_file: Name of the corrected simulator beside `gap.json`; empty where there is none.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -205,3 +206,4 @@ class Findings:
     flights_worth_a_look: list[FlightWorthALook] = field(default_factory=list)
     previous: Previous | None = None
     provenance: Provenance | None = None
+    corrected_file: str = ""

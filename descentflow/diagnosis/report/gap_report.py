@@ -59,13 +59,13 @@ class GapReport(Findings):
         return pl.DataFrame([primitives(cell) for cell in self.where])
 
     def write(self, folder: str | Path) -> None:
-        """Write `gap.json`, `gap.html` and, for a checkpoint with a cause, `corrected.ckpt`."""
+        """Write `gap.json`, `gap.html` and, with a cause, the corrected simulator (:attr:`corrected_file`)."""
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
         with whole_file(target / "gap.json") as temporary:
             temporary.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False))
         with whole_file(target / "gap.html") as temporary:
             temporary.write_text(page(self), encoding="utf-8")
-        if self.write_corrected is not None:
-            with whole_file(target / "corrected.ckpt") as temporary:
+        if self.write_corrected is not None and self.corrected_file:
+            with whole_file(target / self.corrected_file) as temporary:
                 self.write_corrected(temporary)

@@ -1,0 +1,95 @@
+"""`corrected.parquet`: the simulator's own flights with the causes in them, as prepared descents."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.errors import DataError
+from descentflow.diagnosis.correction.effects_in_flights import Correction, with_effects
+from descentflow.measurements.level_channels import LevelGrid
+from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.surveillance.descents.description import SCHEMA_VERSION
+from descentflow.surveillance.descents.prepared_descents import Descents, top_levels
+
+NAMES = ("flight_id", "icao24", "typecode", "callsign")
+"""Columns that say which flight it is."""
+KEPT = ("schema_version", "descentflow", "settings", "typecodes", "inputs")
+"""Parts of a description that hold for the corrected flights as well."""
+
+
+def corrected_descents(
+    frame: pl.DataFrame, aircraft: Aircraft, correction: Correction, metadata: Mapping[str, Any] | None = None
+) -> Descents:
+    """Prepared descents of a simulator with effects in them, times integrated again.
+
+    Positions are left out: at another rate a level is reached somewhere else. The description says which effects were
+    put in.
+
+    Args:
+        frame: Prepared descents of the simulator.
+        aircraft: Whose coefficients give the signatures.
+        correction: What is put in.
+        metadata: Description of the descents.
+
+    Raises:
+        DataError: If no level is left.
+
+    Example:
+        >>> import torch
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.effects import EFFECTS
+        >>> from descentflow.surveillance.cleaning.thresholds import Cleaning
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> own = read_descents("descents.parquet")
+        >>> heavier = Correction(EFFECTS, {"mass": torch.tensor([0.25])}, 60e3, Cleaning(), seed=0)
+        >>> corrected = corrected_descents(own.frame, aircraft("A320"), heavier, own.metadata)
+        >>> bool(corrected.frame["vertical_rate"].mean() > own.frame["vertical_rate"].mean())  # slower descents
+        True
+        >>> corrected.metadata["corrected"]["effects"]
+        {'mass': [0.25]}
+    """
+    low, high = (int(bound) for bound in frame.select(low=pl.min("level_fl"), high=pl.max("level_fl")).row(0))
+    channels = [c for c in CHANNELS if c in frame.columns]
+    grid = LevelGrid.of_frame(frame, low, high, channels)
+    moved = None if grid is None else with_effects(grid, aircraft, correction)
+    if moved is None or not bool(moved.mask.any()):
+        raise DataError(
+            "no level left of the simulator's flights with the causes in them",
+            expected="descents that the causes leave descents",
+            mend="look at the sizes of the causes: they stop the descent",
+        )
+    table = _table(moved, frame)
+    described = {name: value for name, value in (metadata or {}).items() if name in KEPT}
+    effects = {name: [round(float(x), 9) for x in theta] for name, theta in correction.theta.items()}
+    made = {"effects": effects, "seed": correction.seed, "mass_kg": correction.mass_kg, "typecode": aircraft.typecode}
+    defaults = {"schema_version": SCHEMA_VERSION, "inputs": []}
+    return Descents(table, {**defaults, **described, "bottom_fl": low, "top_fl": top_levels(table), "corrected": made})
+
+
+def _table(grid: LevelGrid, frame: pl.DataFrame) -> pl.DataFrame:
+    """One row a flight and level, from the highest level down, as prepared descents have them."""
+    seen = grid.mask.numpy()[:, ::-1]
+    n, n_levels = seen.shape
+    levels = grid.levels_fl.numpy().astype(np.int64)[::-1]
+    kind = frame.schema["level_fl"]
+    columns = [
+        pl.Series("flight_id", np.repeat(grid.flight_ids, seen.sum(1)).tolist(), pl.String),
+        pl.Series("level_fl", np.broadcast_to(levels, (n, n_levels))[seen]).cast(kind),
+        pl.Series("time_s", grid.time_s.numpy()[:, ::-1][seen]),
+        *(pl.Series(name, value.numpy()[:, ::-1][seen]).fill_nan(None) for name, value in grid.values.items()),
+    ]
+    table = pl.DataFrame(columns)
+    first = pl.col("timestamp").sort_by("level_fl").last()
+    entry = pl.col("time_s").sort_by("level_fl").last()
+    names = [pl.col(name).first() for name in NAMES[1:] if name in frame.columns]
+    flights = frame.group_by("flight_id").agg(*names, (first - pl.duration(milliseconds=entry * 1000)).alias("_zero"))
+    joined = table.join(flights, on="flight_id", maintain_order="left")
+    when = pl.col("_zero") + pl.duration(milliseconds=pl.col("time_s") * 1000)
+    joined = joined.with_columns(timestamp=when.cast(frame.schema["timestamp"]))
+    order = [name for name in frame.columns if name in joined.columns]
+    absent = [name for name in ("Mach",) if name not in joined.columns]
+    joined = joined.with_columns(pl.lit(None, pl.Float64).alias(name) for name in absent)
+    return joined.select(*order, *absent)

@@ -1,0 +1,178 @@
+"""The corrected simulator of a diagnosis: the file that holds it, what writes it, and its scores before and after."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import polars as pl
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.correction.corrected_descents import corrected_descents
+from descentflow.diagnosis.correction.corrected_simulator import corrected
+from descentflow.diagnosis.correction.correction_scores import MOST, NEEDED, Halves, descents_of, scores_of
+from descentflow.diagnosis.correction.effects_in_flights import Correction, with_effects
+from descentflow.diagnosis.findings.correction_found import Score
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
+from descentflow.diagnosis.inference.search import parameters_of_part
+from descentflow.diagnosis.simulator import Simulator
+from descentflow.effects import EFFECTS, Effect
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.generation.rejection import sample_descents
+from descentflow.measurements.level_channels import LevelGrid
+from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.representation.correction import Correction as DecoderCorrection
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.prepared_descents import write_descents
+
+CHECKPOINT, FLIGHTS = "corrected.ckpt", "corrected.parquet"
+"""Names of the corrected simulator beside `gap.json`."""
+
+
+@dataclass(frozen=True)
+class CorrectionMade:
+    """What a diagnosis makes of its causes.
+
+    Attributes:
+        file_name: Of the corrected simulator; empty where there is none to write.
+        write: Writes it to a path; None where there is none.
+        scores: Before and after.
+
+    Example:
+        >>> CorrectionMade().write is None  # of a nominal descent
+        True
+    """
+
+    file_name: str = ""
+    write: Callable[[Path], None] | None = None
+    scores: list[Score] = field(default_factory=list)
+
+
+def correction_made(
+    simulator: Simulator,
+    frame: pl.DataFrame,
+    likelihood: EffectsLikelihood,
+    fit: Fit,
+    catalogue: Mapping[str, Effect],
+    transition_fl: float,
+    seed: int,
+) -> CorrectionMade:
+    """The simulator with the causes in it: its own flights or its checkpoint, and what that does to all scores.
+
+    Args:
+        simulator: What was diagnosed.
+        frame: Prepared real descents.
+        likelihood: Flights of both sides.
+        fit: The causes.
+        catalogue: Effects by name.
+        transition_fl: Transition level of the type.
+        seed: Of halves, samples and of which flights an effect takes.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+        >>> own = read_descents("descents.parquet")
+        >>> warm = Descents(own.frame.with_columns(pl.col("TAS") * 1.02), own.metadata)
+        >>> only = {"temperature": EFFECTS["temperature"]}
+        >>> report = diagnose(warm, "descents.parquet", catalogue=only, channels=["Mach", "TAS"], out="gap")
+        >>> report.corrected_file, Path("gap", report.corrected_file).exists()
+        ('corrected.parquet', True)
+    """
+    mass_kg = likelihood.compared.state.mass_kg
+    if simulator.flights is not None:
+        cleaning = simulator.cleaning or Cleaning()
+        correction = Correction(catalogue, fit.theta, mass_kg, cleaning, seed)
+        return CorrectionMade(
+            FLIGHTS,
+            _writer(simulator, simulator.flights, correction),
+            _scores_of_flights(simulator, simulator.flights, frame, likelihood, fit, correction, transition_fl),
+        )
+    write = corrected(simulator, mass_kg, catalogue, fit.theta)
+    if simulator.sampler is None or any(catalogue[name] is not EFFECTS.get(name) for name in fit.theta):
+        return CorrectionMade(CHECKPOINT if write is not None else "", write)
+    found = _scores_of_samples(simulator, frame, likelihood, fit, mass_kg, transition_fl, seed)
+    return CorrectionMade(CHECKPOINT if write is not None else "", write, found)
+
+
+def _writer(simulator: Simulator, flights: pl.DataFrame, correction: Correction) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        write_descents(corrected_descents(flights, simulator.aircraft, correction, simulator.metadata), path)
+
+    return write
+
+
+def _scores_of_flights(
+    simulator: Simulator,
+    flights: pl.DataFrame,
+    frame: pl.DataFrame,
+    likelihood: EffectsLikelihood,
+    fit: Fit,
+    correction: Correction,
+    transition_fl: float,
+) -> list[Score]:
+    low, high = simulator.levels(frame)
+    names = flights["flight_id"].unique().sort()
+    some = names.sample(min(MOST, len(names)), seed=correction.seed) if len(names) > MOST else names
+    own = LevelGrid.of_frame(
+        flights.filter(pl.col("flight_id").is_in(some.implode())), low, high, [c for c in CHANNELS if c in flights]
+    )
+    halves = _halves(frame, low, high, likelihood, fit, correction.seed)
+    if own is None or halves is None:
+        return []
+
+    def with_theta(theta: Mapping[str, Tensor]) -> DescentSet:
+        moved = Correction(correction.catalogue, theta, correction.mass_kg, correction.cleaning, correction.seed)
+        return descents_of(with_effects(own, simulator.aircraft, moved))
+
+    return scores_of(halves, descents_of(own), with_theta, transition_fl, correction.seed)
+
+
+def _scores_of_samples(
+    simulator: Simulator,
+    frame: pl.DataFrame,
+    likelihood: EffectsLikelihood,
+    fit: Fit,
+    mass_kg: float,
+    transition_fl: float,
+    seed: int,
+) -> list[Score]:
+    parts, sampler = simulator.representation, simulator.sampler
+    assert parts is not None
+    assert sampler is not None
+    low, high = simulator.levels(frame)
+    halves = _halves(frame, low, high, likelihood, fit, seed)
+    if halves is None:
+        return []
+    mask = torch.cat([half.mask for half in halves.flights])
+    entry = mask.shape[1] - 1 - mask.flip(1).to(torch.int8).argmax(1)
+    flown = sample_descents(sampler, parts.decoder, parts.plausibility, MOST, seed, entry=entry).trajectories
+
+    def with_theta(theta: Mapping[str, Tensor]) -> DescentSet:
+        sizes = {name: value.tolist() for name, value in theta.items()}
+        moved = DecoderCorrection(sizes, mass_kg, cleaning=parts.cleaning or Cleaning())
+        return DescentSet.of_trajectories(moved.apply(simulator.aircraft, flown))
+
+    return scores_of(halves, DescentSet.of_trajectories(flown), with_theta, transition_fl, seed)
+
+
+def _halves(
+    frame: pl.DataFrame, low: float, high: float, likelihood: EffectsLikelihood, fit: Fit, seed: int
+) -> Halves | None:
+    """Real flights in two halves of whole aircraft, with the parameters that each gives."""
+    grid = LevelGrid.of_frame(frame, low, high, NEEDED)
+    if grid is None:
+        return None
+    compared = likelihood.compared
+    # Aircraft of the real flights are numbered after those of the simulator's.
+    first = int(compared.airframe[~compared.real].max()) + 1 if bool((~compared.real).any()) else 0
+    count = int(grid.airframe.max()) + 1
+    dealt = torch.randperm(count, generator=torch.Generator().manual_seed(seed)) % 2 == 0
+    mine = dealt[(compared.airframe - first).clamp(min=0)]
+    flights, theta = [], []
+    for half in (False, True):
+        chosen = torch.nonzero(dealt[grid.airframe] == half)[:, 0]
+        chosen = chosen[torch.randperm(len(chosen), generator=torch.Generator().manual_seed(seed))[:MOST]]
+        flights.append(descents_of(grid).subset(chosen))
+        theta.append(parameters_of_part(likelihood, fit, ~compared.real | (mine == half)))
+    return Halves((flights[0], flights[1]), (theta[0], theta[1]))

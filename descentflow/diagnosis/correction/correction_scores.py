@@ -1,0 +1,128 @@
+"""How far the gap shrinks in every score that `evaluate` has: learnt on half of the real flights, told by the others.
+
+Aircraft of the real flights are dealt into two halves. Parameters that one half gives are put into the simulator's own
+flights, which are scored against the other half, and the other way about; the mean of both is reported, beside the
+noise floor: one half of those flights against the other, at the same size.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import isnan
+
+import torch
+from torch import Tensor
+
+from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.diagnosis.findings.correction_found import Score
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.score_registry import rows
+from descentflow.evaluation.metrics.score_table import ScoreTable
+from descentflow.evaluation.metrics.scores import score
+from descentflow.measurements.level_channels import LevelGrid
+
+N_SPLITS = 6
+"""Halvings behind each score and its floor, the same ones for all that is compared."""
+MOST = 400
+"""Flights of either side that are scored at most: means over these are known to a twentieth of their spread."""
+NEEDED = ("IAS", "vertical_rate")
+"""Channels that are scored."""
+
+Corrected = Callable[[Mapping[str, Tensor]], DescentSet]
+"""The simulator's flights with effects of given parameters in them."""
+
+
+@dataclass(frozen=True)
+class Halves:
+    """Real flights in two halves of whole aircraft, each scored by what the other gives.
+
+    Attributes:
+        flights: The real flights of either half.
+        theta: The parameters that either half gives.
+
+    Example:
+        >>> from descentflow.measurements.quantities import grid_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, NEEDED)
+        >>> real = descents_of(grid)
+        >>> Halves((real, real), ({}, {})).flights[0].mask.shape
+        torch.Size([120, 191])
+    """
+
+    flights: tuple[DescentSet, DescentSet]
+    theta: tuple[Mapping[str, Tensor], Mapping[str, Tensor]]
+
+
+def descents_of(grid: LevelGrid) -> DescentSet:
+    """Flights on levels as scores take them; drag is not scored.
+
+    Example:
+        >>> from descentflow.measurements.quantities import grid_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> len(descents_of(grid_of(read_descents("descents.parquet").frame, 150, 340, NEEDED)))
+        120
+    """
+    mask = grid.mask
+
+    def shown(values: Tensor) -> Tensor:
+        return torch.where(mask, values, 0.0)
+
+    return DescentSet(
+        grid.levels_fl,
+        shown(grid.time_s),
+        shown(grid.values["IAS"] * KT_MPS),
+        shown(grid.values["vertical_rate"] * FPM_MPS),
+        torch.zeros_like(grid.time_s),
+        mask,
+    )
+
+
+def scores_of(halves: Halves, before: DescentSet, corrected: Corrected, transition_fl: float, seed: int) -> list[Score]:
+    """Every score before and after the causes, all together and each alone, beside the noise floor.
+
+    Args:
+        halves: Real flights.
+        before: The simulator's own.
+        corrected: Puts causes into them.
+        transition_fl: Transition level of the type.
+        seed: Of the halvings: the same for all, so that differences are of the flights.
+
+    Example:
+        >>> from descentflow.measurements.quantities import grid_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, NEEDED)
+        >>> real = descents_of(grid)
+        >>> first = torch.arange(120) < 60
+        >>> halves = Halves((real.subset(first), real.subset(~first)), ({}, {}))
+        >>> found = scores_of(halves, real, lambda theta: real, transition_fl=290.0, seed=0)
+        >>> found[0].name, found[0].unit, found[0].before == found[0].after
+        ('time to bottom of descent, KS distance', '1', True)
+    """
+    names = list(halves.theta[0])
+    found = []
+    for scored, learnt in ((0, 1), (1, 0)):
+        real, theta = halves.flights[scored], halves.theta[learnt]
+        sets = {"before": before, "after": corrected(theta)}
+        if len(names) > 1:
+            sets |= {name: corrected({name: theta[name]}) for name in names}
+        found.append({k: score(one, real, transition_fl, seed=seed, n_splits=N_SPLITS) for k, one in sets.items()})
+    return _rows(found, names if len(names) > 1 else [])
+
+
+def _rows(found: list[dict[str, ScoreTable]], alone: list[str]) -> list[Score]:
+    """Means over both directions; scores that have too few flights in either are left out."""
+    told = []
+    for part, statistic in rows():
+        tables = [{key: table.get(part.name, statistic.name) for key, table in one.items()} for one in found]
+
+        def mean(key: str, field: str, tables: list[dict[str, object]] = tables) -> float:  # type: ignore[assignment]
+            return sum(float(getattr(one[key], field)) for one in tables) / len(tables)
+
+        before, after, floor = mean("before", "equal_size"), mean("after", "equal_size"), mean("before", "floor")
+        if isnan(before) or isnan(after):
+            continue
+        each = {name: mean(name, "equal_size") for name in alone}
+        label = f"{part.label[0].lower()}{part.label[1:]}" if not part.label.startswith("CAS") else part.label
+        name = f"{label}, {statistic.label}"
+        unit = statistic.unit_of(part.quantity)
+        told.append(Score(name, unit, before, after, None if isnan(floor) else floor, each))
+    return told

@@ -1,0 +1,255 @@
+"""Effects put into the flights of a simulator: rates, speeds and reports on every level, and times integrated again."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.counter_random import DrawNumbers
+from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.diagnosis.correction.flight_gaps import GapChange, with_gaps
+from descentflow.diagnosis.correction.report_noise import with_noise
+from descentflow.effects import Effect
+from descentflow.effects.effect import NOISE, Shift
+from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.measurements.level_channels import LevelGrid
+from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+
+SLOPE_LEVELS = 15
+"""Levels over which the slope of CAS is taken on either side: reports are rounded to a knot."""
+BY_LEVEL = ("rate", "cas", "tas", "wind", "height")
+"""Quantities that change on every level."""
+STREAMS = 100
+"""Streams of random numbers that one effect may use."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What is put into flights.
+
+    Attributes:
+        catalogue: Effects by name.
+        theta: Parameters of those that are put in.
+        mass_kg: Mass at which their signatures are taken.
+        cleaning: Settings by which the flights were cleaned: they say where descents begin and what rate ends them.
+        seed: By which an effect takes its share of the flights.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> Correction(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0).mass_kg
+        60000.0
+    """
+
+    catalogue: Mapping[str, Effect]
+    theta: Mapping[str, Tensor]
+    mass_kg: float
+    cleaning: Cleaning
+    seed: int
+
+    def only(self, name: str) -> "Correction":
+        """With one of the effects alone."""
+        return replace(self, theta={name: self.theta[name]})
+
+
+def with_effects(grid: LevelGrid, aircraft: Aircraft, correction: Correction) -> LevelGrid:
+    """The flights as the simulator would fly and report them if it had the effects.
+
+    Rates, CAS, TAS, wind and heights change on every level by what the effects say of the flight's own speed there;
+    Mach number, true airspeed and groundspeed follow. Times are integrated again: every leg takes longer by the mean
+    factor of its two ends, what a flight lost in a gap stays lost. What sensors add changes reports alone. An effect of
+    a share of the flights takes whole flights by seed and number, and leaves the others as they are. Levels on which a
+    flight would descend more slowly than the cleaning allows go.
+
+    Args:
+        grid: Flights on levels.
+        aircraft: Whose coefficients give the signatures.
+        correction: What is put in.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.effects import EFFECTS
+        >>> from descentflow.measurements.quantities import CHANNELS, grid_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> warm = Correction(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
+        >>> found = with_effects(grid, aircraft("A320"), warm)
+        >>> round(float((found.values["TAS"] / grid.values["TAS"]).nanmean()), 3)  # at the same Mach number
+        1.021
+    """
+    state = state_of_levels(grid, aircraft, correction)
+    flown, reported = _sums(state, correction)
+    moved = _flown(grid, state, flown)
+    moved = with_gaps(moved, GapChange.of(flown), DrawNumbers(correction.seed), correction.cleaning)
+    moved = _reported(moved, reported, correction.seed)
+    slow = moved.values["vertical_rate"] > -correction.cleaning.slowest_fpm
+    return _without(moved, slow & grid.mask)
+
+
+def state_of_levels(grid: LevelGrid, aircraft: Aircraft, correction: Correction) -> FlightState:
+    """The flights as effects look at them, each level a band of its own.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.measurements.quantities import CHANNELS, grid_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> state_of_levels(grid, aircraft("A320"), Correction({}, {}, 60e3, Cleaning(), 0)).cas_mps.shape
+        torch.Size([120, 191])
+    """
+    cas = filled(grid.values["IAS"]) * KT_MPS
+    top = torch.where(grid.mask, grid.altitude_m, -torch.inf).amax(1, keepdim=True)
+    n = cas.shape[1]
+    index = torch.arange(n)
+    low, high = (index - SLOPE_LEVELS).clamp(min=0), (index + SLOPE_LEVELS).clamp(max=n - 1)
+    return FlightState(
+        aircraft,
+        correction.mass_kg,
+        grid.altitude_m,
+        FL_M,
+        cas,
+        (cas[:, high] - cas[:, low]) / ((high - low) * FL_M),
+        _tailwind_mps(grid),
+        grid.mask,
+        (top - grid.altitude_m).clamp(min=0.0),
+        affected=False,
+        cleaning=correction.cleaning,
+    )
+
+
+def filled(values: Tensor) -> Tensor:
+    """Values (n, L) with the line between their neighbours where they are missing, and the nearest at either end.
+
+    Example:
+        >>> filled(torch.tensor([[torch.nan, 1.0, torch.nan, 3.0]]).double())
+        tensor([[1., 1., 2., 3.]], dtype=torch.float64)
+    """
+    table = values.double().numpy()
+    at = np.arange(table.shape[1])
+    rows = [np.interp(at, at[seen], row[seen]) for row, seen in zip(table, np.isfinite(table), strict=True)]
+    return torch.from_numpy(np.stack(rows))
+
+
+def _sums(state: FlightState, correction: Correction) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+    """Changes that are flown, and that are reported alone, of all effects together, in the flights that each takes."""
+    flown, reported = ({name: torch.zeros_like(state.cas_mps) for name in BY_LEVEL} for _ in range(2))
+    for place, (name, theta) in enumerate(correction.theta.items()):
+        effect = correction.catalogue[name]
+        share, whole = effect.mixture(theta.double())
+        n, draws = len(state.cas_mps), DrawNumbers(correction.seed)
+        taken = torch.nonzero(draws.uniform(n, stream=place * STREAMS) < share)[:, 0]
+        uniform = [draws.uniform(n, stream=place * STREAMS + 1 + i) for i in range(len(whole))]
+        own = effect.drawn(whole, torch.stack(uniform, 1)[taken])
+        for rows, parameters in _alike(taken, own):
+            change = effect.change(state.rows(rows), parameters)
+            for total, shift in ((flown, change.flown), (reported, change.reported)):
+                _add(total, shift, rows, n)
+    if bool((flown["cas"] != 0).any()):
+        # At another speed the aircraft falls as the polar says.
+        faster = log_rate(state, cas_mps=state.cas_mps + flown["cas"] * KT_MPS)
+        flown["rate"] = flown["rate"] + faster - state.own_log_rate
+    return flown, reported
+
+
+def _alike(taken: Tensor, parameters: Tensor) -> list[tuple[Tensor, Tensor]]:
+    """Flights that have one and the same parameters, with these."""
+    if not len(taken):
+        return []
+    each, which = torch.unique(parameters, dim=0, return_inverse=True)
+    return [(taken[which == k], one) for k, one in enumerate(each)]
+
+
+def _add(total: dict[str, Tensor], shift: Shift, rows: Tensor, n: int) -> None:
+    for quantity, value in shift.items():
+        if quantity not in total:
+            total[quantity] = torch.zeros(n, *value.shape[1:], dtype=torch.float64)
+        total[quantity][rows] += value
+
+
+def _flown(grid: LevelGrid, state: FlightState, change: dict[str, Tensor]) -> LevelGrid:
+    """The flights flown otherwise; reports follow what is flown."""
+    factor = change["rate"].exp()
+    values = dict(grid.values)
+    values["vertical_rate"] = values["vertical_rate"] * factor
+    values["IAS"] = values["IAS"] + change["cas"]
+    before, after = (cas_to_mach(state.cas_mps + x * KT_MPS, grid.altitude_m) for x in (0.0, change["cas"]))
+    # Differences, so that what the simulator itself adds to its reports stays.
+    if "Mach" in values:
+        values["Mach"] = values["Mach"] + after - before
+    ratio = mach_to_tas_mps(after, grid.altitude_m) / mach_to_tas_mps(before, grid.altitude_m) * change["tas"].exp()
+    if "groundspeed" in values:
+        tas_kt = filled(values["TAS"]) if "TAS" in values else mach_to_tas_mps(before, grid.altitude_m) / KT_MPS
+        level = [_level_part_kt(tas_kt, grid), _level_part_kt(tas_kt * ratio, replace(grid, values=values))]
+        wind_kt = change["wind"] / KT_MPS
+        values["groundspeed"] = values["groundspeed"] + (level[1] - level[0]) * _drift_cosine(grid) + wind_kt
+    if "TAS" in values:
+        values["TAS"] = values["TAS"] * ratio
+    if "geoaltitude" in values:
+        values["geoaltitude"] = values["geoaltitude"] + change["height"] / FT_M
+    return replace(grid, values=values, time_s=_times(grid, factor))
+
+
+def _times(grid: LevelGrid, factor: Tensor) -> Tensor:
+    """Times (n, L) of flights whose rate is larger by a factor (n, L), the same as before at the highest level."""
+    mask, number = grid.mask, torch.arange(grid.mask.shape[1]).expand(grid.mask.shape)
+    below = torch.where(mask, number, -1).cummax(1).values
+    previous = torch.nn.functional.pad(below[:, :-1], (1, 0), value=-1)
+    leg = mask & (previous >= 0)
+    at = previous.clamp(min=0)
+    fall = (-grid.values["vertical_rate"] * FPM_MPS).clamp(min=0.5)
+    typical = ((fall + fall.gather(1, at)) / 2).nan_to_num(10.0)
+    steps = number - previous
+    lasted = torch.where(leg, grid.time_s.gather(1, at) - grid.time_s, 0.0)
+    # In a gap, only as much of the time as the descent takes; from level to level, all of it.
+    descending = torch.where(steps > 1, torch.minimum(lasted, steps * FL_M / typical), lasted)
+    slower = (1 / factor + (1 / factor).gather(1, at)) / 2
+    legs = torch.where(leg, descending * slower + lasted - descending, 0.0)
+    fallen = legs.sum(1, keepdim=True) - legs.cumsum(1)
+    top = torch.where(mask, number, -1).amax(1, keepdim=True).clamp(min=0)
+    return torch.where(mask, grid.time_s.gather(1, top) + fallen, torch.nan)
+
+
+def _reported(grid: LevelGrid, change: dict[str, Tensor], seed: int) -> LevelGrid:
+    """What sensors make of the flights."""
+    values = dict(grid.values)
+    values["vertical_rate"] = values["vertical_rate"] * change["rate"].exp()
+    values["IAS"] = values["IAS"] + change["cas"]
+    if "TAS" in values:
+        values["TAS"] = values["TAS"] * change["tas"].exp()
+    noise = {name.removeprefix(NOISE): value for name, value in change.items() if name.startswith(NOISE)}
+    return with_noise(replace(grid, values=values), noise, seed)
+
+
+def _without(grid: LevelGrid, gone: Tensor) -> LevelGrid:
+    """The flights without some levels (n, L)."""
+    values = {name: torch.where(gone, torch.nan, value) for name, value in grid.values.items()}
+    return replace(grid, time_s=torch.where(gone, torch.nan, grid.time_s), values=values)
+
+
+def _tailwind_mps(grid: LevelGrid) -> Tensor:
+    """Along-track wind (n, L); zero where it is not known."""
+    if "TAS" not in grid.values or "groundspeed" not in grid.values:
+        return torch.zeros_like(grid.time_s)
+    wind = grid.values["groundspeed"] - _level_part_kt(grid.values["TAS"], grid) * _drift_cosine(grid)
+    known = wind.isfinite().any(1)
+    found = torch.zeros_like(wind)
+    if bool(known.any()):
+        found[known] = filled(wind[known]) * KT_MPS
+    return found
+
+
+def _level_part_kt(tas_kt: Tensor, grid: LevelGrid) -> Tensor:
+    """Horizontal part of a true airspeed."""
+    fall_kt = grid.values["vertical_rate"] * FPM_MPS / KT_MPS
+    return (tas_kt**2 - fall_kt**2).clamp(min=0.0).sqrt()
+
+
+def _drift_cosine(grid: LevelGrid) -> Tensor:
+    """Cosine of the angle between heading and track; one where they are not reported."""
+    if "track" not in grid.values or "heading" not in grid.values:
+        return torch.ones_like(grid.time_s)
+    cosine = torch.cos(torch.deg2rad(grid.values["heading"] - grid.values["track"]))
+    return torch.where(cosine.isfinite(), cosine, 1.0)

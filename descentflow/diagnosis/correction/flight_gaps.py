@@ -1,0 +1,143 @@
+"""Gaps put into flights, or closed: level-offs, and stretches at a held rate that cleaning cuts out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from descentflow.core.counter_random import DrawNumbers
+from descentflow.core.units import FL_M, FPM_MPS
+from descentflow.measurements.level_channels import SHORT_GAP_LEVELS, LevelGrid, gaps_of
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+
+FIRST_STREAM = 1_000_000
+"""Streams of random numbers from which gaps draw; effects draw from lower ones."""
+USUAL_LEVEL_OFF_S = 60.0
+"""Length of a level-off where only their total time is known."""
+USUAL_STRETCH_FL = 50
+"""Levels of a stretch at a held rate."""
+MOST_GAPS = 4
+"""Gaps of a kind that one flight is given at most."""
+
+
+@dataclass(frozen=True)
+class GapChange:
+    """What effects change in the gaps of n flights, all (n,): means over flights, not of single ones.
+
+    Attributes:
+        level_s: Seconds in level-offs.
+        level_gaps: Their number.
+        slow_s: Seconds lost in longer gaps.
+        missing: Share of the levels that longer gaps take.
+
+    Example:
+        >>> GapChange.of({"level": torch.full((3,), 50.0)}).level_s
+        tensor([50., 50., 50.])
+    """
+
+    level_s: Tensor | None
+    level_gaps: Tensor | None
+    slow_s: Tensor | None
+    missing: Tensor | None
+
+    @classmethod
+    def of(cls, change: Mapping[str, Tensor]) -> "GapChange":
+        """Of the quantities that an effect shifts."""
+        return cls(*(change.get(name) for name in ("level", "level_gaps", "slow", "missing")))
+
+
+def with_gaps(grid: LevelGrid, change: GapChange, draws: DrawNumbers, cleaning: Cleaning) -> LevelGrid:
+    """The flights with more level-offs and held stretches, or less time in those that they have.
+
+    Each flight is given a number of gaps with the mean asked for, at levels drawn within its own; around a level-off go
+    the levels that are crossed within the cleaning's transient. Less time is taken off what the flights lose in gaps of
+    the kind, by one factor for all.
+
+    Args:
+        grid: Flights on levels.
+        change: What is to change.
+        draws: By which flights and levels are drawn.
+        cleaning: Settings by which flights were cleaned.
+
+    Example:
+        >>> from descentflow.measurements.quantities import CHANNELS, grid_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> more = GapChange.of({"level": torch.full((120,), 40.0), "level_gaps": torch.full((120,), 0.5)})
+        >>> added = with_gaps(grid, more, DrawNumbers(0), Cleaning())
+        >>> lost = gaps_of(added)["level"].mean() - gaps_of(grid)["level"].mean()
+        >>> abs(float(lost) - 40.0) < 12.0
+        True
+    """
+    found = grid
+    if change.level_s is not None:
+        fall_mps = -grid.values["vertical_rate"].nanmedian(1).values * FPM_MPS
+        cut = (2 * cleaning.transient_s * fall_mps / FL_M).round().clamp(1, SHORT_GAP_LEVELS - 1)
+        number = change.level_gaps
+        if number is None or bool((number <= 0).all()):
+            number = change.level_s / USUAL_LEVEL_OFF_S
+        found = _changed(found, change.level_s, number, cut, draws, stream=FIRST_STREAM, kind="level")
+    if change.slow_s is not None or change.missing is not None:
+        zero = torch.zeros(len(grid.time_s), dtype=torch.float64)
+        seconds, share = (zero if x is None else x for x in (change.slow_s, change.missing))
+        span = grid.mask.sum(1).double()
+        cut = torch.full_like(zero, float(USUAL_STRETCH_FL))
+        number = share * span / USUAL_STRETCH_FL
+        found = _changed(found, seconds, number, cut, draws, stream=FIRST_STREAM + 1000, kind="slow")
+    return found
+
+
+def _changed(
+    grid: LevelGrid, seconds: Tensor, number: Tensor, cut: Tensor, draws: DrawNumbers, stream: int, kind: str
+) -> LevelGrid:
+    """More gaps of a kind where their number grows; else only their time changes."""
+    n = len(seconds)
+    if float(number.mean()) <= 0:
+        return _scaled(grid, seconds, kind)
+    whole = number.clamp(min=0.0, max=float(MOST_GAPS))
+    given = (whole + draws.uniform(n, stream)).floor().long()
+    total = max(float(given.sum()), 1.0)
+    # So that the mean over flights is what was asked for, whatever number was drawn.
+    each = float(seconds.sum()) / total
+    for place in range(int(given.max()) if n else 0):
+        where = draws.uniform(n, stream + 1 + place)
+        grid = _cut(grid, given > place, where, cut, each)
+    return grid
+
+
+def _cut(grid: LevelGrid, rows: Tensor, where: Tensor, cut: Tensor, seconds: float) -> LevelGrid:
+    """Levels cut out of some flights (n,) around a place within each (n,), and all below later by some seconds."""
+    levels = torch.arange(grid.mask.shape[1]).double()
+    low = grid.mask.to(torch.int8).argmax(1)
+    high = grid.mask.shape[1] - 1 - grid.mask.flip(1).to(torch.int8).argmax(1)
+    room = (high - low - cut - 2).clamp(min=0)
+    fits = rows & (room > 0)
+    start = (low + 1 + where * room).floor()
+    inside = fits[:, None] & (levels >= start[:, None]) & (levels < (start + cut)[:, None])
+    below = fits[:, None] & (levels < start[:, None])
+    time_s = torch.where(inside, torch.nan, grid.time_s + torch.where(below, seconds, 0.0))
+    values = {name: torch.where(inside, torch.nan, value) for name, value in grid.values.items()}
+    return replace(grid, time_s=time_s, values=values)
+
+
+def _scaled(grid: LevelGrid, seconds: Tensor, kind: str) -> LevelGrid:
+    """Time lost in gaps of a kind changed by one factor for all, at most to nothing."""
+    has = float(gaps_of(grid)[kind].mean())
+    if has <= 0:
+        return grid
+    keep = max(1 + float(seconds.mean()) / has, 0.0)
+    mask, number = grid.mask, torch.arange(grid.mask.shape[1]).expand(grid.mask.shape)
+    below = torch.where(mask, number, -1).cummax(1).values
+    previous = torch.nn.functional.pad(below[:, :-1], (1, 0), value=-1)
+    at = previous.clamp(min=0)
+    steps = number - previous
+    fall = -grid.values["vertical_rate"] * FPM_MPS
+    typical = ((fall + fall.gather(1, at)) / 2).nan_to_num(10.0).clamp(min=2.0)
+    jump = mask & (previous >= 0) & (steps > 1)
+    lost = torch.where(jump, (grid.time_s.gather(1, at) - grid.time_s).nan_to_num(0.0) - steps * FL_M / typical, 0.0)
+    of_kind = (steps - 1 <= SHORT_GAP_LEVELS) if kind == "level" else (steps - 1 > SHORT_GAP_LEVELS)
+    off = torch.where(of_kind & (lost > 0), lost * (1 - keep), 0.0)
+    # All below a gap comes earlier by what it loses.
+    earlier = off.sum(1, keepdim=True) - off.cumsum(1)
+    return replace(grid, time_s=grid.time_s - earlier)

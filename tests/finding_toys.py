@@ -16,7 +16,13 @@ from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumb
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
 from descentflow.diagnosis.findings.findings import Curve, Details, Discrepancy, Findings, NullTest, SingleEffect
 from descentflow.diagnosis.findings.gap_found import Block, GapCell, LargestDifference, Remaining, Stage, WouldSplit
-from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, InputUsed, LeftOutChannel, Provenance
+from descentflow.diagnosis.findings.inputs_found import (
+    CoefficientsUsed,
+    FlightWorthALook,
+    InputUsed,
+    LeftOutChannel,
+    Provenance,
+)
 from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
 from descentflow.effects import EFFECTS
 
@@ -52,9 +58,11 @@ def brakes() -> Cause:
         "high_fl": ParameterEstimate(265.0, 262.0, 268.0, "FL", "upper end"),
     }
     told = [
-        TradeSize("extra_cd0", "CD0 x 1.58 (1.54 to 1.62)", "factor", Measured(1.58, 1.54, 1.62)),
-        TradeSize("low_fl", "lower end FL190 (FL187 to FL193)", "FL", Measured(190.0, 187.0, 193.0)),
-        TradeSize("high_fl", "upper end FL265 (FL262 to FL268)", "FL", Measured(265.0, 262.0, 268.0)),
+        TradeSize("extra_cd0", "CD0 x 1.58", "CD0 x 1.58 (1.54 to 1.62)", "factor", Measured(1.58, 1.54, 1.62)),
+        TradeSize("low_fl", "lower end FL190", "lower end FL190 (FL187 to FL193)", "FL", Measured(190.0, 187.0, 193.0)),
+        TradeSize(
+            "high_fl", "upper end FL265", "upper end FL265 (FL262 to FL268)", "FL", Measured(265.0, 262.0, 268.0)
+        ),
     ]
     return cause("speed_brake", sizes, share_of_flights=ClosedShare(0.62, 0.58, 0.66), sizes=told)
 
@@ -62,66 +70,28 @@ def brakes() -> Cause:
 def warm() -> Cause:
     """Air that is 7.2 K warmer."""
     sizes = {"deviation_k": ParameterEstimate(7.2, 6.8, 7.6, "K", "deviation from the standard atmosphere")}
-    told = [TradeSize("deviation_k", "ISA +7.2 K (+6.8 to +7.6)", "K", Measured(7.2, 6.8, 7.6))]
+    told = [TradeSize("deviation_k", "ISA +7.2 K", "ISA +7.2 K (+6.8 to +7.6)", "K", Measured(7.2, 6.8, 7.6))]
     return cause("temperature", sizes, group=["mass"], sizes=told)
 
 
 def costs(after: bool = True) -> list[Cost]:
     """Of the whole range and of its thirds."""
     rest = Measured(1.5, -1.0, 4.0) if after else None
+    slower = Measured(-8.0, -20.0, 5.0) if after else None
     found = []
     for low, high, part in ((150.0, 360.0, 1.0), (150.0, 220.0, 0.3), (220.0, 290.0, 0.4), (290.0, 360.0, 0.3)):
-        found += [
-            Cost(
-                "time",
-                "time",
-                "s",
-                low,
-                high,
-                520 * part,
-                545 * part,
-                Measured(25 * part, 22 * part, 28 * part),
-                rest,
-                3.0,
-            ),
-            Cost(
-                "distance",
-                "distance",
-                "NM",
-                low,
-                high,
-                61 * part,
-                63 * part,
-                Measured(2 * part, 1.8 * part, 2.2),
-                rest,
-                0.4,
-            ),
-            Cost(
-                "rate",
-                "rate of descent",
-                "ft/min",
-                low,
-                high,
-                2450,
-                2340,
-                Measured(-110, -120, -100),
-                Measured(-8, -20, 5) if after else None,
-                15.0,
-            ),
-            Cost(
-                "cas",
-                "calibrated airspeed",
-                "kt",
-                low,
-                high,
-                281,
-                281.4,
-                Measured(0.4, -0.3, 1.1),
-                Measured(0.4, -0.3, 1.1) if after else None,
-                0.9,
-            ),
-        ]
-    return found  # fmt: skip
+        longer, further = Measured(25 * part, 22 * part, 28 * part), Measured(2 * part, 1.8 * part, 2.2 * part)
+        steeper, faster = Measured(-110.0, -120.0, -100.0), Measured(0.4, -0.3, 1.1)
+        for name, label, unit, simulator, before, now, floor in (
+            ("time", "time", "s", 520 * part, longer, rest, 3.0),
+            ("time_at_speed", "time at equal speed", "s", 520 * part, longer, rest, 3.0),
+            ("ground_distance", "distance over ground", "NM", 61 * part, further, rest, 0.4),
+            ("rate", "rate of descent", "ft/min", 2450.0, steeper, slower, 15.0),
+            ("cas", "calibrated airspeed", "kt", 281.0, faster, faster if after else None, 0.9),
+        ):
+            flights = simulator + before.estimate
+            found.append(Cost(name, label, unit, low, high, simulator, flights, before, now, floor))
+    return found
 
 
 def details() -> Details:
@@ -159,8 +129,10 @@ def findings() -> Findings:
     """Two causes, one of which leaves something: every optional field is filled."""
     where = GapCell("tas", 150.0, 195.0, "below", "all", 0.02, 0.001, "relative", 0.02, 0.005, 0.4)
     left = LargestDifference("rate", 315.0, 330.0, difference=-0.02, in_negligible_shifts=2.0)
-    real = InputUsed("radar.parquet", "rows", 400, 80, "2026-10-01", "2026-10-31", ["A320"])
+    known = {"version": "0.1.0", "settings": {"bottom_fl": "150"}, "files": ["october.csv"], "fingerprint": "6d14"}
+    real = InputUsed("radar.parquet", "rows", 400, 80, "2026-10-01", "2026-10-31", ["A320"], **known)  # type: ignore[arg-type]
     simulator = InputUsed("house_simulator.parquet", "prepared descents", 350)
+    used = CoefficientsUsed("A320", "open aircraft", ["A20N"], nearest=True)
     recipe = [
         RecipeStep("temperature", "ISA + 7.2 K [6.8, 7.6]", [RecipeNumber("deviation", "K", Measured(7.2, 6.8, 7.6))]),
         RecipeStep("speed_brake", "CD0 x 1.58 [1.54, 1.62] between FL190 and FL265 in 62 % of flights", [], 0.62),
@@ -181,9 +153,10 @@ def findings() -> Findings:
         global_p=0.001,
         costs=costs(),
         recipe=recipe,
-        scores=[Score("mean absolute error of the time", "s", 25.0, 4.0, 3.0)],
+        scores=[Score("mean absolute error of the time", "s", 25.0, 4.0, 3.0, {"temperature": 9.0})],
         left_out_channels=[LeftOutChannel("geoaltitude", "simulator", ["temperature"])],
         flights_worth_a_look=[FlightWorthALook("DLH4AB-3", 41.0, "s", "time", 190.0, 235.0)],
         previous=Previous("gap/gap.json", ["temperature"], CLOSED, CLOSED, 0.6, 0.1, "The air is as it was found."),
-        provenance=Provenance(real, simulator, {"descentflow": "0.1.0"}, {"seed": "0"}, ["own_effects.py"]),
+        provenance=Provenance(real, simulator, {"descentflow": "0.1.0"}, {"seed": "0"}, ["own_effects.py"], used),
+        corrected_file="corrected.parquet",
     )

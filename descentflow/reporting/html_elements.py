@@ -127,6 +127,17 @@ def box(*parts: str, kind: str = "") -> Html:
     return _element("p", *parts, kind=f"box {kind}".strip())
 
 
+def answer(sentences: Iterable[str], kind: str = "") -> Html:
+    """Sentences in a box, each on a line of its own: the answer of a page; kinds as :func:`box` has them.
+
+    Example:
+        >>> answer(["They differ.", "The cause is known."], "warn")
+        '<div class="box warn"><p>They differ.</p><p>The cause is known.</p></div>'
+    """
+    inner = "".join(_element("p", sentence) for sentence in sentences)
+    return Html(f'<div class="{escape(f"box {kind}".strip())}">{inner}</div>')
+
+
 def bullets(items: Iterable[str]) -> Html:
     """A list, one line per item.
 
@@ -184,8 +195,9 @@ def table(
     align: str = "lr",
     caption: str = "",
     grouped: bool = False,
+    stacked: bool = False,
 ) -> Html:
-    """A table that scrolls sideways where the screen is too narrow for it.
+    """A table that scrolls sideways where the screen is too narrow for it, or has its cells below each other there.
 
     Args:
         head: Names of the columns; an empty name is allowed.
@@ -195,6 +207,7 @@ def table(
         caption: Above the table; empty for none.
         grouped: Rows that follow each other with the same first cell are one group: a line above the group, and
             the cell is shown once.
+        stacked: On narrow screens, a row's cells stand below each other, each with its column's name.
 
     Raises:
         DataError: If a row has not as many cells as there are columns.
@@ -220,19 +233,32 @@ def table(
         again = grouped and not begins
         last = cells[0].text
         inner = "".join(
-            _cell(cell, side, again and k == 0) for k, (cell, side) in enumerate(zip(cells, sides, strict=True))
+            _cell(cell, sides[k], again and k == 0, head[k] if stacked and k else "") for k, cell in enumerate(cells)
         )
         body.append(f"<tr{_classes('group' * begins)}>{inner}</tr>")
     above = _element("caption", caption) if caption else ""
     return Html(
-        f'<div class="scroll" tabindex="0"><table>{above}<thead><tr>{top}</tr></thead>'
+        f'<div class="{"stack" if stacked else "scroll"}" tabindex="0"><table>{above}<thead><tr>{top}</tr></thead>'
         f"<tbody>{''.join(body)}</tbody></table></div>"
     )
 
 
-def _cell(cell: Cell, side: str, again: bool) -> str:
+def stacked_table(
+    head: Sequence[str], rows: Iterable[Sequence[str | Cell]], *, align: str = "lr", caption: str = ""
+) -> Html:
+    """A table whose cells stand below each other on narrow screens, see :func:`table`.
+
+    Example:
+        >>> '<td class="r" data-name="flights">1,200</td>' in stacked_table(["type", "flights"], [["A320", "1,200"]])
+        True
+    """
+    return table(head, rows, align=align, caption=caption, stacked=True)
+
+
+def _cell(cell: Cell, side: str, again: bool, name: str) -> str:
     below = _element("small", cell.note) if cell.note else ""
-    return f"<td{_classes('r' * (side == 'r'), cell.kind, 'again' * again)}>{joined(cell.text)}{below}</td>"
+    named = f' data-name="{escape(name)}"' if name else ""
+    return f"<td{_classes('r' * (side == 'r'), cell.kind, 'again' * again)}{named}>{joined(cell.text)}{below}</td>"
 
 
 def _element(name: str, *parts: str, kind: str = "") -> Html:

@@ -20,12 +20,15 @@ a { color: var(--link); } .lead { font-size: 1.08rem; } .note { color: var(--mut
 .box { background: var(--box); border-left: .4rem solid var(--note); padding: .8rem 1.2rem; margin: 1rem 0;
   font-size: 1.08rem; }
 .box.good { border-color: var(--good); } .box.bad { border-color: var(--bad); } .box.warn { border-color: var(--warn); }
+.box p { margin: .35rem 0; max-width: none; }
 nav ul { columns: 16rem auto; padding: 0; margin: 1.2rem 0; max-width: none; list-style: none; font-size: .92rem; }
 nav li { margin: 0; padding: .1rem 0; break-inside: avoid; } nav a { text-decoration: none; }
 nav a:hover, nav a:focus { text-decoration: underline; }
 figure { margin: 1.2rem 0; } figcaption { color: var(--muted); font-size: .88rem; max-width: 50rem; margin-top: .3rem; }
 img { display: block; max-width: 100%; height: auto; background: #fff; border-radius: 2px; }
-.scroll { overflow-x: auto; }
+.drawing svg { display: block; width: 100%; height: auto; border-radius: 2px; stroke-linejoin: round; }
+.drawing.narrow { display: none; }
+.scroll, .stack { overflow-x: auto; }
 table { border-collapse: separate; border-spacing: 0; font-size: .86rem; line-height: 1.4; margin: .8rem 0;
   font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: var(--muted); padding-bottom: .3rem; }
@@ -43,6 +46,9 @@ small { display: block; color: var(--muted); font-weight: 400; font-size: .9em; 
 .box.good, .box.bad { color: inherit; font-weight: inherit; }
 code, pre { font: .88em/1.45 ui-monospace, monospace; } code { overflow-wrap: anywhere; } pre { overflow-x: auto; }
 summary { cursor: pointer; margin: .6rem 0; color: var(--link); }
+@media screen and (max-width: 56rem) {
+  .drawing.wide { display: none; } .drawing.narrow { display: block; }
+}
 @media screen and (max-width: 40rem) {
   body { margin-top: 1rem; padding: 0 .9rem; } h1 { font-size: 1.4rem; }
   .box { padding: .6rem .9rem; font-size: 1rem; }
@@ -52,6 +58,14 @@ summary { cursor: pointer; margin: .6rem 0; color: var(--link); }
   td:first-child, th:first-child { position: sticky; left: 0; background: var(--ground); max-width: 9rem;
     border-right: 1px solid var(--faint); }
   td.again { visibility: visible; color: var(--muted); }
+  .stack table, .stack tbody, .stack tr, .stack td, .stack td:first-child { display: block; width: auto;
+    max-width: none; position: static; border-right: 0; text-align: left; white-space: normal; }
+  .stack caption { display: block; }
+  .stack thead { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); }
+  .stack tbody tr { border-top: 1px solid var(--line); padding: .3rem 0; }
+  .stack td, .stack tbody tr:last-child td { border: 0; padding: .05rem 0; font-size: .85rem; }
+  .stack td:first-child { font-weight: 600; }
+  .stack td[data-name]::before { content: attr(data-name) ": "; color: var(--muted); }
 }
 @media print {
   :root { color-scheme: light; } html { font-size: 10pt; }
@@ -59,6 +73,7 @@ summary { cursor: pointer; margin: .6rem 0; color: var(--link); }
   p, ul, .box, figcaption { max-width: none; } a { color: inherit; text-decoration: none; } nav { display: none; }
   h1, h2, h3, caption, summary { break-after: avoid; } thead { display: table-header-group; }
   tr, figure, .box { break-inside: avoid; } img { max-height: 21cm; width: auto; }
+  .drawing svg { max-height: 21cm; } .drawing { print-color-adjust: exact; }
   table { font-size: 8pt; } td, th { padding: .1rem .4rem; } .scroll, pre { overflow: visible; }
   pre { white-space: pre-wrap; }
   details::details-content { content-visibility: visible; display: block; block-size: auto; opacity: 1; }

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import gap_toys
@@ -13,6 +14,7 @@ from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
+from descentflow.diagnosis.findings.read_gap import read_gap
 from descentflow.diagnosis.report.gap_report import KEYS, GapReport
 from descentflow.effects import EFFECTS
 from descentflow.generation.rejection import sample_descents
@@ -75,7 +77,23 @@ def test_the_written_report_says_what_the_object_says(warm: tuple[GapReport, Pat
     assert written == json.loads(json.dumps(report.as_dict()))
     page = (out / "gap.html").read_text()
     assert "air warmer than the standard atmosphere" in page
-    assert page.count("data:image/png") == 4
+    assert page.count("<figure>") == 4
+    # The three sentences name the simulator, what the gap costs, the cause with its size, and what is left.
+    top = page[: page.index("<section")]
+    assert "simulator.ckpt and the 120 real A320 flights differ by more than chance" in top
+    assert re.search(r"the real flights take \d+ s \(\d+ to \d+\) longer", top)
+    assert re.search(r"air warmer than the standard atmosphere \(ISA \+\d", top)
+    assert "descentflow sample corrected.ckpt" in page
+    assert read_gap(out / "gap.json").causes == report.causes
+
+
+def test_warm_air_costs_what_it_takes(warm: tuple[GapReport, Path]) -> None:
+    """Two to three per cent of the time for ten kelvin, which the cause takes away again."""
+    cost = next(cost for cost in warm[0].costs if cost.name == "time")
+    assert (cost.low_fl, cost.unit) == (150.0, "s")
+    assert 0.005 < cost.before.estimate / cost.simulator < 0.05
+    assert abs(cost.after.estimate) < abs(cost.before.estimate)
+    assert abs(cost.after.estimate) < 2 * cost.floor
 
 
 def test_the_corrected_simulator_samples_warm_air(warm: tuple[GapReport, Path], checkpoint: Path) -> None:

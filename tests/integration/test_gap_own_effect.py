@@ -8,7 +8,6 @@ import polars as pl
 import pytest
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.effects import EFFECTS, Effect, Parameter, Shift
@@ -52,12 +51,14 @@ def test_it_is_named_with_its_size(report: GapReport) -> None:
 
 def test_terminal_page_and_json_speak_of_it_in_its_own_words(report: GapReport, tmp_path: Path) -> None:
     assert "The cause is geometric altitudes that grow too fast" in str(report)
-    assert "stretched height: stretch of the height 0.0" in str(report)
-    with pytest.raises(ConfigError, match="a corrected checkpoint with stretched_height"):
-        report.write(tmp_path)
+    assert "stretched height: stretch of the height +0.0" in str(report)
+    report.write(tmp_path)
     page = (tmp_path / "gap.html").read_text()
     assert "geometric altitudes that grow too fast" in page
-    assert "stretch of the height: <b>0.0" in page
+    assert "stretch of the height +0.0" in page
+    # A checkpoint that names code outside the package would not load: none is written, and the page says so.
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["gap.html", "gap.json"]
+    assert "no corrected checkpoint: stretched height" in page
     written = json.loads((tmp_path / "gap.json").read_text())
     assert written["causes"][0]["effect"] == "stretched_height"
     assert set(written["causes"][0]["parameters"]["stretch"]) == {"estimate", "low", "high", "unit", "label"}

@@ -115,6 +115,24 @@ def test_slower_flights_cost_time_by_their_speed() -> None:
     assert found["time"].after.estimate > found["time"].before.estimate
 
 
+def test_at_equal_speed_only_what_the_polar_does_not_say_counts() -> None:
+    """Flights of one aircraft at other speeds take another time, and none at equal speed."""
+    sides = example_sides(n=40)
+    state = sides.state
+    faster = torch.where(sides.real[:, None], 15.0 * KT_MPS, 0.0).double()
+    state = replace(state, cas_mps=state.cas_mps[:1] + faster, cas_slope_per_s=state.cas_slope_per_s[:1].expand(80, -1),
+                    tailwind_mps=state.tailwind_mps[:1].expand(80, -1))  # fmt: skip
+    at = sides.columns("rate")
+    y = sides.y.clone()
+    y[:, at] = math.log(1.02) * sides.real.double()[:, None]
+    alike = by_name(costs_of(replace(sides, state=state, y=y), None, seed=0))
+    assert abs(alike["time"].before.estimate) > 0.04 * alike["time"].simulator
+    # Two per cent more rate, two per cent less time: exact, for all else is alike.
+    equal = alike["time_at_speed"]
+    assert equal.before.estimate == pytest.approx((1 / 1.02 - 1) * equal.simulator, rel=1e-9)
+    assert equal.simulator == pytest.approx(alike["time"].simulator, rel=1e-9)
+
+
 def test_nominal_bada_flies_each_flights_own_speed() -> None:
     sides = flying(two_rates(10.0, 10.0))
     # Physics says nothing of the speed that crews choose.

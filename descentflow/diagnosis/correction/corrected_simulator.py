@@ -26,7 +26,7 @@ def corrected(
     *,
     inherited: bool = False,
 ) -> Callable[[Path], None] | None:
-    """What writes the corrected checkpoint; None where there is no checkpoint to correct.
+    """What writes the corrected checkpoint; None where there is no checkpoint to correct, or none could hold it.
 
     Effects of the user's own cannot be written: a checkpoint that names code outside the package would not load.
 
@@ -39,18 +39,12 @@ def corrected(
         >>> load_model("warm.ckpt").representation.decoder.correction.effects
         {'temperature': [10.0]}
     """
-    if simulator.content is None or simulator.representation is None:
+    foreign = any(catalogue[name] is not EFFECTS.get(name) for name in theta)
+    if simulator.content is None or simulator.representation is None or foreign:
         return None
     read, parts = simulator.content, simulator.representation
 
     def write(path: Path) -> None:
-        foreign = [name for name in theta if catalogue[name] is not EFFECTS.get(name)]
-        if foreign:
-            raise ConfigError(
-                f"a corrected checkpoint with {', '.join(foreign)}",
-                expected="effects of the package's own catalogue",
-                mend="write the report without a checkpoint, or add the effect to descentflow.effects",
-            )
         content = read()
         sizes = {name: value.tolist() for name, value in theta.items()}
         correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning())

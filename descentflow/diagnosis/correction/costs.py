@@ -6,8 +6,11 @@ A flight crosses a band of height :math:`\Delta h` at the rate :math:`R` in :mat
 .. math:: t = \sum_k \overline{\Delta h / R_k}, \qquad s = \sum_k \overline{(V_k + w_k)\, \Delta h / R_k},
 
 where the bars are means over the flights that show band k: flights that begin lower down, or miss a band, say what
-they can. Intervals are quantiles over fleets of whole aircraft drawn with replacement, one fewer than there are
-(McCarthy and Snowden, The Bootstrap and Finite Population Sampling, 1985: their variance is then unbiased).
+they can. How fast crews fly differs between aircraft, and with it the time; at equal speed a flight takes
+:math:`\Delta h / (e^{y_k} \hat R_k)` in band k, where y is the logarithm of its rate over the polar's at its own speed
+and :math:`\hat R` the polar's rate at the simulator's mean speed. Intervals are quantiles over fleets of whole aircraft
+drawn with replacement, one fewer than there are (McCarthy and Snowden, The Bootstrap and Finite Population Sampling,
+1985: their variance is then unbiased).
 """
 
 from collections.abc import Sequence
@@ -30,6 +33,7 @@ PARTS = 3
 """Into which the levels are divided besides the whole."""
 LABELS = {
     "time": ("time", "s"),
+    "time_at_speed": ("time at equal speed", "s"),
     "air_distance": ("distance through the air", "NM"),
     "ground_distance": ("distance over ground", "NM"),
     "rate": ("rate of descent", "ft/min"),
@@ -39,7 +43,7 @@ LABELS = {
     "slow": ("time lost in slow stretches", "s"),
 }
 """Cost -> its name for readers and its unit."""
-SUMMED = ("time", "air_distance", "ground_distance")
+SUMMED = ("time", "time_at_speed", "air_distance", "ground_distance")
 """Costs that add up over bands; of the others the mean over bands is told."""
 OF_FLIGHT = ("level", "slow")
 """Costs with one number for each flight."""
@@ -60,7 +64,7 @@ def costs_of(compared: Compared, shift: Tensor | None, seed: int) -> list[Cost]:
         >>> from descentflow.diagnosis.inference.example_sides import EFFECTS, example_sides
         >>> warm = costs_of(example_sides(EFFECTS["temperature"], [10.0]), None, seed=0)
         >>> [(cost.name, cost.unit) for cost in warm[:4]]
-        [('time', 's'), ('air_distance', 'NM'), ('rate', 'ft/min'), ('cas', 'kt')]
+        [('time', 's'), ('time_at_speed', 's'), ('air_distance', 'NM'), ('rate', 'ft/min')]
         >>> warm[0].before.low < warm[0].flights - warm[0].simulator < warm[0].before.high
         True
     """
@@ -91,7 +95,7 @@ def profile_of(compared: Compared) -> list[LevelMeans]:
     bands = sorted(e.band for e in compared.entries if e.quantity == "rate")
     has_reference = bool((~compared.real).any())
     table = flown(compared, compared.y if has_reference else 0.0 * compared.y)
-    simulator = ~compared.real if has_reference else compared.real
+    simulator = simulator_rows(compared)
     rate, seconds, distance = (table[name][simulator].nanmean(0) for name in ("rate", "time", "air_distance"))
     cas = torch.where(table["rate"].isfinite(), compared.state.cas_mps / KT_MPS, torch.nan)[simulator].nanmean(0)
     tas = distance / seconds * NM_M / KT_MPS
@@ -189,8 +193,10 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
     standard = mach_to_tas_mps(cas_to_mach(cas_mps, state.altitude_m), state.altitude_m)
     tas = standard * _entries(compared, y, "tas").nan_to_num(0.0).exp()
     seconds = state.width_m / crossed
+    own = state.own_log_rate[simulator_rows(compared)].mean(0)
     found = {
         "time": seconds,
+        "time_at_speed": seconds * (log_rate(state, cas_mps=cas_mps) - own).exp(),
         "air_distance": tas * seconds / NM_M,
         "rate": rate / FPM_MPS,
     }
@@ -205,6 +211,17 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
         if name in quantities:
             found[name] = y[:, compared.columns(name)]
     return found
+
+
+def simulator_rows(compared: Compared) -> Tensor:
+    """Which flights (n,) show how fast the simulator flies: its own, or all where it flies each flight's own speed.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> int(simulator_rows(example_sides()).sum())
+        80
+    """
+    return ~compared.real if bool((~compared.real).any()) else compared.real
 
 
 def _entries(compared: Compared, y: Tensor, name: str) -> Tensor:

@@ -81,16 +81,19 @@ class TradeSize:
 
     Attributes:
         parameter: Name of the parameter.
-        text: In words, with the 90 % interval.
+        short: In words.
+        text: The same with the 90 % interval.
         unit: Of ``value``: a unit of the trade, ``factor`` or ``%``.
         value: The number.
 
     Example:
-        >>> TradeSize("extra_cd0", "CD0 x 1.58 (1.52 to 1.65)", "factor", Measured(1.58, 1.51, 1.65)).value.estimate
+        >>> size = TradeSize("extra_cd0", "CD0 x 1.58", "CD0 x 1.58 (1.52 to 1.65)", "factor", Measured(1.58))
+        >>> size.value.estimate
         1.58
     """
 
     parameter: str
+    short: str
     text: str
     unit: str
     value: Measured

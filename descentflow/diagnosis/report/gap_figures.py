@@ -1,66 +1,180 @@
-"""Figures of a diagnosis: the map of where, what each effect explains alone, before and after."""
+"""Figures of a diagnosis: what it costs, the map of where, before and after, what each effect explains alone.
+
+Each is drawn wide or narrow (for screens of 400 pixels), says in a tip what its marks mean, and tells nothing by colour
+alone: markers, lines and numbers differ too.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
+from textwrap import fill
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from descentflow.diagnosis.findings.cause_found import RivalClosure
+from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
 from descentflow.diagnosis.findings.findings import Curve, SingleEffect
+from descentflow.diagnosis.report.difference_map import draw_map
+from descentflow.diagnosis.report.trade_units import at_level, in_trade, level_range, trade_number
 from descentflow.measurements.quantity_registry import label_of
 from descentflow.reporting.figure_style import BLUE, GREY, RED, legend_below, tidy
+from descentflow.reporting.svg_figures import with_tip
 
-COLOUR_END = 12.0
-"""Standard errors at which the colours of the map end."""
+WIDE_IN, NARROW_IN = 10.5, 3.55
+"""Widths at which text of 9 points is as large as the page's small print."""
+SMALL = 9
+DRAWN_COSTS = ("time", "time_at_speed", "ground_distance", "air_distance", "rate")
+"""Costs that are drawn, of both distances the one over ground."""
+PANELS = 4
 
 
-def where_figure(curves: Mapping[str, Curve]) -> Figure:
-    """Map of where flights and simulator differ: quantity against altitude, coloured by standard errors.
+def costs_figure(costs: Sequence[Cost], *, narrow: bool = False) -> Figure:
+    """Time, distance and rate over all levels and their thirds: before, after, and the noise floor.
 
     Args:
-        curves: By quantity, as a report's details hold them.
+        costs: As a report holds them.
+        narrow: Panels below each other.
 
     Example:
-        >>> from descentflow.diagnosis.findings.findings import Curve
-        >>> curve = Curve([157.5, 172.5], before=[0.05, 0.03], after=[0.0, 0.01], error=[0.01, 0.01])
-        >>> where_figure({"rate": curve, "level": Curve([None], [3.0], [0.0], [2.0])}).savefig("where.png")
+        >>> cost = Cost("time", "time", "s", 150.0, 370.0, 520.0, 545.0, Measured(25.0, 22.0, 28.0), None, 3.0)
+        >>> costs_figure([cost]).axes[0].get_title()
+        'time (s)'
     """
-    banded = [q for q, c in curves.items() if c.level_fl[0] is not None]
-    single = [q for q, c in curves.items() if c.level_fl[0] is None]
-    figure = Figure(figsize=(9.5, 0.42 * (len(banded) + 0.62 * len(single)) + 2.0), layout="constrained")
-    upper, lower = figure.subplots(2, 1, height_ratios=[max(len(banded), 1), max(0.62 * len(single), 0.6)])
-    levels = sorted({x for q in banded for x in curves[q].level_fl if x is not None})
-    table = np.full((len(banded), len(levels)), np.nan)
-    for i, q in enumerate(banded):
-        for level, value, error in zip(curves[q].level_fl, curves[q].before, curves[q].error, strict=True):
-            if level is not None:
-                table[i, levels.index(level)] = value / error
-    image = upper.imshow(
-        np.clip(table, -COLOUR_END, COLOUR_END), cmap="RdBu_r", vmin=-COLOUR_END, vmax=COLOUR_END, aspect="auto"
-    )
-    upper.set_yticks(range(len(banded)), [label_of(q) for q in banded], fontsize=9)
-    every = -(-len(levels) // 7)
-    upper.set_xticks(range(0, len(levels), every), [f"FL{levels[i]:.0f}" for i in range(0, len(levels), every)])
-    upper.tick_params(labelsize=9)
-    bar = figure.colorbar(image, ax=upper, pad=0.01)
-    bar.set_label("difference in\nstandard errors", fontsize=9)
-    values = [curves[q].before[0] / curves[q].error[0] for q in single]
-    lower.barh(
-        range(len(single)), np.clip(values, -COLOUR_END, COLOUR_END), color=[RED if v > 0 else BLUE for v in values]
-    )
-    lower.axvspan(-2, 2, color="#eeeeee", zorder=0)
-    lower.set_yticks(range(len(single)), [label_of(q) for q in single], fontsize=9)
-    lower.invert_yaxis()
-    lower.set_xlim(-COLOUR_END, COLOUR_END)
-    lower.set_xlabel("difference in standard errors (grey: what chance often gives)", fontsize=9)
-    tidy([lower])
+    names = [name for name in DRAWN_COSTS if any(c.name == name for c in costs)]
+    names = [name for name in names if name != "air_distance" or "ground_distance" not in names][:PANELS]
+    rows = list(dict.fromkeys((c.low_fl, c.high_fl) for c in costs))
+    # The whole above, its parts from the top down.
+    rows = [*sorted(rows[1:]), *rows[:1]]
+    height = 0.42 * len(rows) + 0.9
+    if narrow:
+        figure = Figure(figsize=(NARROW_IN, len(names) * height + 0.6), layout="constrained")
+        axes = np.atleast_1d(figure.subplots(len(names), 1))
+    else:
+        figure = Figure(figsize=(WIDE_IN, height + 0.5), layout="constrained")
+        axes = np.atleast_1d(figure.subplots(1, len(names), sharey=True))
+    for ax, name in zip(axes, names, strict=True):
+        of_name = {(c.low_fl, c.high_fl): c for c in costs if c.name == name}
+        for y, row in enumerate(rows):
+            if row in of_name:
+                _cost_row(ax, y, of_name[row])
+        ax.axvline(0, color="#444444", linewidth=0.8)
+        ax.set_yticks(range(len(rows)), [level_range(*row) for row in rows])
+        ax.set_ylim(-0.6, len(rows) - 0.4)
+        some = next(iter(of_name.values()))
+        ax.set_title(f"{some.label} ({some.unit})", fontsize=SMALL)
+        ax.xaxis.set_major_locator(MaxNLocator(5))
+        if not narrow or ax is axes[-1]:
+            ax.set_xlabel("real flights minus simulator", fontsize=SMALL)
+    tidy(axes)
+    legend_below(figure, axes, 1 if narrow else 4)
     return figure
 
 
+def _cost_row(ax: Axes, y: float, cost: Cost) -> None:
+    ax.add_patch(Rectangle((-cost.floor, y - 0.36), 2 * cost.floor, 0.72, color="#dddddd", label="noise floor"))
+    kinds = [("before", cost.before, RED, "o", "-", 0.14)]
+    if cost.after is not None:
+        kinds.append(("with the causes in the simulator", cost.after, BLUE, "s", "--", -0.14))
+    for name, value, colour, marker, line, up in kinds:
+        if value.low is not None and value.high is not None:
+            ax.plot([value.low, value.high], [y + up] * 2, color=colour, linestyle=line, linewidth=1.6)
+        (point,) = ax.plot(
+            [value.estimate], [y + up], marker, color=colour, markersize=6, label=name,
+            markerfacecolor=colour if marker == "o" else "white", linestyle="none",
+        )  # fmt: skip
+        with_tip(point, f"{cost.label}, {level_range(cost.low_fl, cost.high_fl)}, {name}: {_tip(value, cost.unit)}")
+
+
+def _tip(value: Measured, unit: str) -> str:
+    text = trade_number(value.estimate, unit, signed=True)
+    return text if value.low is None or value.high is None else f"{text} ({value.low:+.3g} to {value.high:+.3g})"
+
+
+def where_figure(curves: Mapping[str, Curve], profile: Sequence[LevelMeans] = (), *, narrow: bool = False) -> Figure:
+    """Map of where flights and simulator differ: quantity against altitude, each cell with its number.
+
+    Numbers stand where a difference is more than chance often gives (two standard errors): flights minus simulator, in
+    units of the trade. On a narrow map signs stand for them.
+
+    Args:
+        curves: By quantity, as a report's details hold them.
+        profile: What the simulator flies on average by level, as a report's details hold it.
+        narrow: Names above their rows, signs instead of numbers.
+
+    Example:
+        >>> curve = Curve([157.5, 172.5], before=[0.05, 0.03], after=[0.0, 0.01], error=[0.01, 0.01])
+        >>> figure = where_figure({"rate": curve, "level": Curve([None], [3.0], [0.0], [2.0])})
+        >>> [text.get_text() for text in figure.axes[0].texts]
+        ['+5.1', '+3.0']
+        >>> figure.savefig("where.png")
+    """
+    banded = {q: c for q, c in curves.items() if c.level_fl[0] is not None}
+    return draw_map(banded, profile, NARROW_IN if narrow else WIDE_IN, narrow=narrow)
+
+
+def curves_figure(
+    curves: Mapping[str, Curve], shown: Sequence[str], profile: Sequence[LevelMeans] = (), *, narrow: bool = False
+) -> Figure:
+    """Difference of means against altitude, before and after the causes are added, with what chance gives.
+
+    Args:
+        curves: By quantity, see :func:`where_figure`.
+        shown: Quantities to draw, at most four.
+        profile: What the simulator flies on average by level.
+        narrow: Two panels in a row.
+
+    Example:
+        >>> curve = Curve([157.5, 172.5], before=[0.05, 0.03], after=[0.0, 0.01], error=[0.01, 0.01])
+        >>> curves_figure({"rate": curve}, ["rate"]).savefig("curves.png")
+    """
+    count = max(len(shown), 1)
+    columns = min(2, count) if narrow else count
+    rows = -(-count // columns)
+    size = (NARROW_IN, 2.9 * rows + 0.7) if narrow else (min(2.9 * count + 0.8, WIDE_IN), 4.4)
+    figure = Figure(figsize=size, layout="constrained")
+    axes = np.atleast_1d(figure.subplots(rows, columns, sharey=True)).ravel()
+    for ax in axes[count:]:
+        ax.set_visible(False)
+    for k, (ax, q) in enumerate(zip(axes, shown, strict=False)):
+        _curve(ax, q, curves[q], profile, 18 if narrow else 28)
+        if k % columns == 0:
+            ax.set_ylabel("flight level", fontsize=SMALL)
+    tidy(axes[:count])
+    legend_below(figure, axes[:count], 1 if narrow else 3)
+    return figure
+
+
+def _curve(ax: Axes, quantity: str, curve: Curve, profile: Sequence[LevelMeans], letters: int) -> None:
+    levels = np.array(curve.level_fl, dtype=float)
+
+    def told(values: Sequence[float]) -> tuple[list[float], str]:
+        pairs = [in_trade(quantity, v, fl, fl, at_level(profile, fl)) for v, fl in zip(values, levels, strict=True)]
+        return [value for value, _ in pairs], pairs[0][1]
+
+    (before, unit), (after, _) = told(curve.before), told(curve.after)
+    chance, _ = told([2 * e for e in curve.error])
+    ax.fill_betweenx(levels, -np.array(chance), chance, color="#dddddd", label="what chance gives (95 %)")
+    for name, values, colour, marker, line in (("before", before, RED, "o", "-"), ("after", after, BLUE, "s", "--")):
+        ax.plot(values, levels, color=colour, linestyle=line, linewidth=1.5)
+        for k, (value, fl) in enumerate(zip(values, levels, strict=True)):
+            # A line of one point, so that each has its own tip.
+            (point,) = ax.plot([value], [fl], marker, color=colour, markersize=4, label=name if k == 0 else None)
+            point.set_markerfacecolor(colour if marker == "o" else "white")
+            with_tip(point, f"{label_of(quantity)}, FL{fl:.0f}, {name}: {trade_number(value, unit, signed=True)}")
+    ax.axvline(0, color="#444444", linewidth=0.8)
+    after_unit = "" if unit == "1" else f" ({unit})"
+    ax.set_title(fill(f"{label_of(quantity)}{after_unit}", letters), fontsize=SMALL)
+    ax.xaxis.set_major_locator(MaxNLocator(3))
+
+
 def singles_figure(
-    singles: Sequence[SingleEffect], chosen: Sequence[str], group: Sequence[str], label: Callable[[str], str]
+    singles: Sequence[SingleEffect],
+    chosen: Sequence[str],
+    group: Sequence[str],
+    label: Callable[[str], str],
+    *,
+    narrow: bool = False,
 ) -> Figure:
     """Held-out gain of every effect alone, with two standard errors.
 
@@ -69,89 +183,36 @@ def singles_figure(
         chosen: Effects that are named.
         group: Effects that these data cannot tell from them.
         label: Name of an effect for readers.
+        narrow: Less room for names.
 
     Example:
-        >>> from descentflow.diagnosis.findings.findings import SingleEffect
         >>> singles = [SingleEffect("drag_polar", 210.0, 15.0, {}), SingleEffect("mass", 190.0, 15.0, {})]
         >>> singles_figure(singles, ["drag_polar"], ["mass"], str.upper).savefig("singles.png")
     """
     rows = list(reversed(singles))
-    figure = Figure(figsize=(8.5, 0.34 * len(rows) + 1.4), layout="constrained")
+    height = 0.36 * len(rows) + (1.9 if narrow else 1.2)
+    figure = Figure(figsize=(NARROW_IN if narrow else 0.8 * WIDE_IN, height), layout="constrained")
     ax = figure.subplots()
-    colours = [RED if r.effect in chosen else "#e69f00" if r.effect in group else GREY for r in rows]
-    gains = [max(r.score_gain, 0.0) for r in rows]
-    ax.barh(range(len(rows)), gains, color=colours, xerr=[2 * r.error for r in rows], ecolor="#444444")
-    ax.set_yticks(range(len(rows)), [label(r.effect) for r in rows], fontsize=9)
-    ax.set_xlabel("how much better flights that it was not fitted to are explained (nats)", fontsize=9)
+    kinds = {
+        "named": (RED, "o", [r.effect in chosen for r in rows]),
+        "cannot be told from it": ("#b07800", "D", [r.effect in group and r.effect not in chosen for r in rows]),
+        "others": (GREY, "x", [r.effect not in chosen and r.effect not in group for r in rows]),
+    }
+    for kind, (colour, marker, mine) in kinds.items():
+        for y in np.flatnonzero(mine).tolist():
+            row = rows[y]
+            gain = max(row.score_gain, 0.0)
+            ax.plot([0, gain], [y, y], color=colour, linewidth=1.2)
+            ax.plot(
+                [max(gain - 2 * row.error, 0.0), gain + 2 * row.error], [y, y], color=colour, linewidth=4, alpha=0.35
+            )
+            (point,) = ax.plot([gain], [y], marker, color=colour, markersize=7, linestyle="none", label=kind)
+            with_tip(point, f"{label(row.effect)} alone ({kind}): {row.score_gain:.0f} +- {2 * row.error:.0f}")
+    ax.set_yticks(range(len(rows)), [fill(label(r.effect), 18 if narrow else 40) for r in rows])
+    about = "log score gained on flights that it was not fitted to (natural logarithm)"
+    ax.set_xlabel(fill(about, 36 if narrow else 90), fontsize=SMALL)
     ax.set_xscale("symlog", linthresh=10)
-    ax.set_xlim(left=0)
-    kinds = [("named", RED), ("cannot be told from it", "#e69f00"), ("others, each alone", GREY)]
-    ax.legend(handles=[Patch(color=c, label=label) for label, c in kinds], frameon=False, fontsize=9, loc="lower right")
+    ax.set_xlim(0, 1.6 * max([20.0, *(r.score_gain + 2 * r.error for r in rows)]))
     tidy([ax])
-    return figure
-
-
-def curves_figure(curves: Mapping[str, Curve], shown: Sequence[str]) -> Figure:
-    """Difference of means against altitude, before and after the causes are added, with what chance gives.
-
-    Args:
-        curves: By quantity, see :func:`where_figure`.
-        shown: Quantities to draw, at most four.
-
-    Example:
-        >>> from descentflow.diagnosis.findings.findings import Curve
-        >>> curve = Curve([157.5, 172.5], before=[0.05, 0.03], after=[0.0, 0.01], error=[0.01, 0.01])
-        >>> curves_figure({"rate": curve}, ["rate"]).savefig("curves.png")
-    """
-    count = max(len(shown), 1)
-    figure = Figure(figsize=(2.9 * count + 0.8, 4.2), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(1, count, sharey=True))
-    for ax, q in zip(axes, shown, strict=False):
-        curve = curves[q]
-        levels = np.array(curve.level_fl, dtype=float)
-        error = 2 * np.array(curve.error)
-        ax.fill_betweenx(levels, -error, error, color="#e4e4e4", label="what chance gives (95 %)")
-        ax.plot(curve.before, levels, color=RED, marker="o", markersize=3, label="before")
-        ax.plot(curve.after, levels, color=BLUE, marker="s", markersize=3, linestyle="--", label="after")
-        ax.axvline(0, color="#444444", linewidth=0.8)
-        ax.set_title(label_of(q), fontsize=9)
-        ax.xaxis.set_major_locator(MaxNLocator(4))
-    axes[0].set_ylabel("flight level")
-    tidy(axes)
-    legend_below(figure, axes)
-    return figure
-
-
-def closure_figure(
-    before: float, after: float, floor: float, rivals: Sequence[RivalClosure], names: str, label: Callable[[str], str]
-) -> Figure:
-    """Gap before and after beside the floor, and what each other effect would close.
-
-    Args:
-        before: Gap before.
-        after: Gap with the causes.
-        floor: Least gap that could be seen.
-        rivals: What every other effect would close.
-        names: The causes.
-        label: Name of an effect for readers.
-
-    Example:
-        >>> from descentflow.diagnosis.findings.cause_found import RivalClosure
-        >>> closure_figure(0.67, 0.2, 0.08, [RivalClosure("mass", 0.3)], "drag polar", str).savefig("closure.png")
-    """
-    figure = Figure(figsize=(10.0, 0.26 * len(rivals) + 2.2), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=[1, 1.5])
-    left.bar([0, 1], [before, after], color=[RED, BLUE], width=0.6)
-    left.axhline(floor, color="#444444", linestyle=":", label="noise floor: two samples of one population")
-    left.set_xticks([0, 1], ["before", f"with {names}"], fontsize=9)
-    left.set_ylabel("gap (spreads between flights)", fontsize=9)
-    # Room for the legend above the higher bar.
-    left.set_ylim(top=1.2 * max(before, after, floor, 1e-6))
-    left.legend(frameon=False, fontsize=8, loc="upper left")
-    rows = [(label(r.effect), r.closure) for r in reversed(rivals) if r.closure is not None]
-    right.barh(range(len(rows)), [max(100 * closure, -20.0) for _, closure in rows], color=GREY)
-    right.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=8)
-    right.set_xlim(-22, 105)
-    right.set_xlabel("share of the gap that another effect in its place would close (%)", fontsize=9)
-    tidy([left, right])
+    legend_below(figure, [ax], 1 if narrow else 3)
     return figure

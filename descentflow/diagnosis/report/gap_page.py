@@ -1,29 +1,38 @@
 """`gap.html`: one self-contained page that a reader who is no specialist can follow."""
 
-from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.findings import Findings
-from descentflow.diagnosis.findings.gap_found import GapCell, WouldSplit
-from descentflow.diagnosis.findings.plain_values import number, percent
-from descentflow.diagnosis.report.gap_figures import closure_figure, curves_figure, singles_figure, where_figure
+from descentflow.diagnosis.findings.gap_found import WouldSplit
+from descentflow.diagnosis.report.cause_section import cause_section, parameters_table
+from descentflow.diagnosis.report.cost_section import cost_section
+from descentflow.diagnosis.report.inputs_section import inputs_section
+from descentflow.diagnosis.report.next_steps import next_steps
 from descentflow.diagnosis.report.text import sentences
+from descentflow.diagnosis.report.trade_units import in_trade, level_range, trade_number
+from descentflow.diagnosis.report.where_section import curves_section, where_section
+from descentflow.diagnosis.report.words import flights_name, simulator_name
 from descentflow.measurements.quantity_registry import label_of
-from descentflow.reporting.html_elements import Html, bold, box, bullets, joined, lines, paragraph, table
-from descentflow.reporting.html_figures import figure
+from descentflow.reporting.html_elements import (
+    Html,
+    answer,
+    blocks,
+    bold,
+    bullets,
+    details,
+    joined,
+    paragraph,
+    stacked_table,
+)
 from descentflow.reporting.html_page import HtmlPage
 
 VERDICTS = {
-    "none": "No gap",
-    "effect": "A gap with a known cause",
-    "partial": "A gap with a cause that explains part of it",
-    "unknown": "A gap whose cause is not in the catalogue",
+    "none": "no gap",
+    "effect": "a gap with a known cause",
+    "partial": "a gap with a cause that explains part of it",
+    "unknown": "a gap whose cause is not in the catalogue",
 }
-"""Verdict -> how the page's title begins."""
+"""Verdict -> how the page's title ends."""
 BOXES = {"none": "good", "effect": "", "partial": "warn", "unknown": "warn"}
 """Verdict -> colour of the box with the answer."""
-SHOWN_CELLS = 10
-"""Cells of the table of where, largest share first."""
-SHOWN_CURVES = 4
-"""Quantities drawn before and after, the rate first."""
 
 
 def page(found: Findings) -> str:
@@ -34,148 +43,50 @@ def page(found: Findings) -> str:
         >>> from descentflow.effects import EFFECTS
         >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
         >>> page(report).count("<h2")  # sections
-        7
+        8
     """
-    whole = HtmlPage(f"Gap: {_title(found)}", [box(" ".join(sentences(found)), kind=BOXES[found.verdict])])
-    if found.causes:
-        whole.section("What it is", _causes(found))
-    whole.section("Where they differ", *_where(found))
-    whole.section("Which cause explains it", *_which(found))
-    whole.section("Before and after", *_before_and_after(found))
-    whole.section("What remains", _remaining(found))
-    if found.would_split:
-        whole.section(
-            "What could not be told, and what would tell it", bullets(_split(found, row) for row in found.would_split)
-        )
-    else:
-        whole.section("What could not be told", "Nothing that these channels leave open.")
-    whole.section("How this was made", *_made(found))
+    title = f"{simulator_name(found)} against {flights_name(found)}: {VERDICTS[found.verdict]}"
+    whole = HtmlPage(title, [answer(sentences(found), BOXES[found.verdict])])
+    whole.section("What it costs", *cost_section(found))
+    whole.section("Which cause, and how sure", *cause_section(found))
+    steps = next_steps(found)
+    whole.section("What to do next", bullets(steps) if steps else "Nothing: there is no gap to close.")
+    whole.section("Where they differ", *where_section(found))
+    whole.section("Before and after", *curves_section(found))
+    whole.section("What is left, and what could not be told", *_left(found))
+    whole.section("How far it shrinks, round by round", *_rounds(found))
+    whole.section("How this was made", *inputs_section(found), *_numbers(found))
     return whole.render()
 
 
-def _title(found: Findings) -> str:
-    return f"{VERDICTS[found.verdict]}: {found.details.typecode} flights against {found.details.simulator}"
-
-
-def _causes(found: Findings) -> Html:
-    rows = [
-        [
-            lines([bold(cause.label), cause.text]),
-            _sizes(cause),
-            ", ".join(found.details.label(name) for name in cause.group) or "nothing in the catalogue",
-            percent(cause.probability),
-            str(cause.closure.marginal),
-        ]
-        for cause in found.causes
-    ]
-    head = ["effect", "size (90 % interval)", "could as well be", "does best in resampled fleets", "gap closed"]
-    return table(head, rows, align="l")
-
-
-def _sizes(cause: Cause) -> Html:
-    return lines(
-        joined(f"{p.label}: ", bold(number(p.estimate)), p.unit_text, p.interval) for p in cause.parameters.values()
-    )
-
-
-def _where(found: Findings) -> list[Html]:
-    rows = [_cell(cell) for cell in found.where if cell.share > 0][:SHOWN_CELLS]
-    head = ["quantity", "where", "transition", "flights minus simulator", "distance (noise floor)", "share of the gap"]
-    none = paragraph("No cell differs by more than chance and by enough to matter.")
-    return [
-        paragraph(
-            "Red: the flights show more than the simulator, blue: less; pale: no more than chance. Each row is "
-            "something measured, from low (left) to high (right)."
-        ),
-        figure(where_figure(found.details.curves), "Map of where flights and simulator differ"),
-        table(head, rows, align="lllr") if rows else none,
-        *_stages(found),
-    ]
-
-
-def _cell(cell: GapCell) -> list[str]:
-    unit = "" if cell.unit == "1" else f" {cell.unit}"
-    return [
-        label_of(cell.quantity),
-        f"FL{cell.level_low_fl:.0f} to FL{cell.level_high_fl:.0f}",
-        cell.regime,
-        f"{number(cell.difference)}{unit}",
-        f"{number(cell.distance)} ({number(cell.floor)})",
-        percent(cell.share),
-    ]
-
-
-def _stages(found: Findings) -> list[Html]:
-    if not found.stages:
-        return []
-    rows = [[stage.name, number(stage.seconds), percent(stage.share)] for stage in found.stages]
-    lead = (
-        "What the simulator loses on the way from these flights to its own samples, stage by stage, in seconds for "
-        "each 1,500 ft:"
-    )
-    return [paragraph(lead), table(["stage", "seconds", "share"], rows)]
-
-
-def _which(found: Findings) -> list[Html]:
-    chosen = [cause.effect for cause in found.causes]
-    group = [name for cause in found.causes for name in cause.group]
-    rest = found.details.discrepancy
-    return [
-        paragraph(
-            "Every effect of the catalogue was fitted alone, and judged by how well it explains flights that it was "
-            "not fitted to. A shift of any shape, without a cause, was judged beside them: it explains "
-            f"{number(max(rest.rest, 0.0))} nats beyond what is named ({number(rest.explained)} nats)."
-        ),
-        figure(
-            singles_figure(found.details.singles, chosen, group, found.details.label), "What each effect explains alone"
-        ),
-    ]
-
-
-def _before_and_after(found: Findings) -> list[Html]:
-    parts = [] if found.causes else [paragraph("Nothing was added to the simulator, so there is only a before.")]
-    parts.append(figure(curves_figure(found.details.curves, _shown(found)), "Differences before and after"))
-    if not found.causes:
-        return parts
-    closure = found.causes[0].closure
-    names = " + ".join(cause.label for cause in found.causes)
-    drawn = closure_figure(
-        found.gap_before, found.gap_after, found.floor, found.causes[0].rivals, names, found.details.label
-    )
-    rows = [
-        ["in the distributions", str(closure.marginal)],
-        ["at each flight's own speed", str(closure.conditional)],
-        ["learnt from slow flights, tried on fast ones (and back)", str(closure.transfer)],
-    ]
-    note = (
-        "A wrong effect can close much of a gap too: that it closes does not prove the cause. The choice rests on how "
-        "well flights are explained that no effect was fitted to."
-    )
-    return [
-        *parts,
-        figure(drawn, "Gap before and after, and what other effects would close"),
-        table(["gap closed", ""], rows),
-        paragraph(note, kind="note"),
-    ]
-
-
-def _shown(found: Findings) -> list[str]:
-    """Quantities of bands with the largest differences in standard errors, the rate first."""
-    curves = found.details.curves
-    banded = [q for q, c in curves.items() if c.level_fl[0] is not None]
-    size = {q: max(abs(b / e) for b, e in zip(curves[q].before, curves[q].error, strict=True)) for q in banded}
-    largest = sorted(banded, key=lambda q: -size[q])[: SHOWN_CURVES - 1]
-    return ["rate", *[q for q in largest if q != "rate"]][:SHOWN_CURVES] if "rate" in banded else largest
-
-
-def _remaining(found: Findings) -> Html:
+def _left(found: Findings) -> list[Html]:
     left = found.remaining.largest
-    return paragraph(
-        f"A gap of {found.remaining.gap:.3f} spreads above the noise floor. The largest difference left is "
-        f"{number(left.difference)} in the {label_of(left.quantity)}, "
-        f"FL{left.level_low_fl:.0f} to FL{left.level_high_fl:.0f} "
-        f"({number(left.in_negligible_shifts)} times what would not matter)."
+    value, unit = in_trade(left.quantity, left.difference, left.level_low_fl, left.level_high_fl, found.details.profile)
+    after = " after the causes" if found.causes else ""
+    text = (
+        f"The largest difference{after} is {trade_number(value, unit, signed=True)} in the {label_of(left.quantity)}, "
+        f"{level_range(left.level_low_fl, left.level_high_fl)}: {left.in_negligible_shifts:.1f} times what would not "
+        "matter."
     )
+    parts = [paragraph(text)]
+    if found.flights_worth_a_look and found.verdict in ("unknown", "partial"):
+        rows = [
+            [
+                f.flight,
+                label_of(f.quantity),
+                level_range(f.low_fl, f.high_fl),
+                trade_number(f.excess, f.unit, signed=True),
+            ]
+            for f in found.flights_worth_a_look
+        ]
+        parts.append(
+            stacked_table(["flights worth a look", "quantity", "levels", "beyond the rest"], rows, align="lllr")
+        )
+    if found.would_split:
+        parts.append(bullets(_split(found, row) for row in found.would_split))
+    if found.details.detection_limits:
+        parts.append(_limits(found))
+    return parts
 
 
 def _split(found: Findings, row: WouldSplit) -> Html:
@@ -184,19 +95,59 @@ def _split(found: Findings, row: WouldSplit) -> Html:
     return joined(f"{names}: {row.why}", tell)
 
 
-def _made(found: Findings) -> list[Html]:
-    d = found.details
-    rows = [[name.replace("_", " "), f"{count:,}"] for name, count in found.dropped.items()]
-    note = (
-        f"Normal is what {_normal(d.normal_from)} show. {d.test.n_permutations} permutations of whole "
-        f"aircraft, seed {d.seed}. Sensitivities at a mass of {d.mass_kg:,.0f} kg. Transition at "
+def _limits(found: Findings) -> Html:
+    rows = [
+        [
+            found.details.label(limit.effect),
+            limit.label or limit.parameter.replace("_", " "),
+            "none that is possible" if limit.size is None else trade_number(limit.size, limit.unit),
+        ]
+        for limit in found.details.detection_limits
+    ]
+    lead = "The smallest sizes that these flights and channels would name in 80 of 100 cases:"
+    return details(
+        "How small an effect would have been found", paragraph(lead), stacked_table(["effect", "of", "size"], rows)
+    )
+
+
+def _rounds(found: Findings) -> list[Html]:
+    """Scores before and after, and the round before this one."""
+    parts = []
+    if found.previous is not None:
+        p = found.previous
+        text = (
+            f"The diagnosis before, {p.report}, named {', '.join(map(found.details.label, p.causes)) or 'nothing'} and "
+            f"predicted a closure of {p.predicted}; {p.achieved} were reached. {p.text}"
+        )
+        parts.append(paragraph(text))
+    if found.scores:
+        rows = [
+            [
+                score.name,
+                trade_number(score.before, score.unit),
+                "-" if score.after is None else trade_number(score.after, score.unit),
+                "-" if score.floor is None else trade_number(score.floor, score.unit),
+            ]
+            for score in found.scores
+        ]
+        parts.append(
+            stacked_table(["simulator's flights against the real ones", "before", "after", "noise floor"], rows)
+        )
+    return parts or [paragraph("This is the first round, and the simulator's flights were not scored.")]
+
+
+def _numbers(found: Findings) -> list[Html]:
+    """What specialists ask for."""
+    d, rest = found.details, found.details.discrepancy
+    text = (
+        f"p-value {found.p_value:.2g} from {d.test.n_permutations:,} permutations of whole aircraft. Log score on "
+        f"held-out flights, in natural logarithms: the named causes gain {rest.explained:.0f}, and a shift of any "
+        f"shape beside them {max(rest.rest, 0.0):.0f} +- {rest.rest_error:.0f}. In standard deviations between "
+        f"flights, over all that differs: gap {found.gap_before:.3f}, with the causes {found.gap_after:.3f}, noise "
+        f"floor {found.floor:.3f}. Sensitivities at a mass of {d.mass_kg:,.0f} kg; transition at "
         f"FL{d.transition_fl:.0f}."
     )
-    said = [str(channel) for channel in found.left_out_channels]
-    used = None if found.provenance is None else found.provenance.coefficients
-    said += [] if used is None else [str(used)]
-    return [paragraph(note, kind="note"), *([bullets(said)] if said else []), table(["counted", ""], rows)]
-
-
-def _normal(source: str) -> str:
-    return "the simulator's flights" if source == "simulator flights" else f"the simulator's {source}"
+    parts = [paragraph(text)]
+    if found.causes:
+        parts.append(parameters_table(found.causes))
+    return [details("Numbers for specialists", blocks(parts))]

@@ -50,7 +50,9 @@ def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list
         if p.shown_as != "flights" and bool(known):
             low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, max(p.high, value))
             told = Measured(p.told(value), p.told(low), p.told(high))
-            found.append(TradeSize(p.name, told_text(p, told), p.told_unit, told))
+            found.append(
+                TradeSize(p.name, told_text(p, Measured(told.estimate)), told_text(p, told), p.told_unit, told)
+            )
     return found
 
 

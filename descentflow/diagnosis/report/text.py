@@ -2,61 +2,153 @@
 
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.findings import Findings
-from descentflow.diagnosis.findings.plain_values import number, percent
+from descentflow.diagnosis.findings.plain_values import percent
+from descentflow.diagnosis.report.next_steps import next_steps
+from descentflow.diagnosis.report.trade_units import in_trade, level_range, trade_number
+from descentflow.diagnosis.report.words import (
+    ALIKE,
+    became,
+    cause_words,
+    cost_phrases,
+    flights_name,
+    how_sure,
+    levels_of,
+    simulator_name,
+    spoken,
+    whole_costs,
+)
 from descentflow.measurements.quantity_registry import label_of
 
 
 def sentences(found: Findings) -> list[str]:
-    """Where, what, and how far: three sentences.
+    """What differs and what it costs, why, and how far it shrinks: three sentences.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
         >>> from descentflow.effects import EFFECTS
         >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
-        >>> sentences(report)[1].split(",")[0]
-        'The cause is lighter aircraft.'
+        >>> sentences(report)[1].split("(")[0]
+        'The cause is lighter aircraft '
     """
     if found.verdict == "none":
-        return [
-            f"The flights do not differ from the simulator's by more than chance would (p = {found.p_value:.2g}).",
-            "No effect is named.",
-            f"The gap of {found.gap_before:.3f} spreads is what two samples of one population show "
-            f"({found.floor:.3f}).",
-        ]
-    return [_place(found), *(_unknown(found) if found.verdict == "unknown" else _causes(found))]
+        return [_no_gap(found), f"{_alike(found)}.", "No effect is named, and nothing need be changed."]
+    closing = {"effect": _shrinks, "partial": _remains, "unknown": _unexplained}[found.verdict]
+    return [f"{_differ(found)}: {_cost(found)}.", _why(found), closing(found)]
+
+
+def _p_value(found: Findings) -> str:
+    return f"p = {found.p_value if found.global_p is None else found.global_p:.2g}"
+
+
+def _no_gap(found: Findings) -> str:
+    both = f"{simulator_name(found)} and the {flights_name(found)}"
+    return f"{both} differ by no more than chance would ({_p_value(found)})."
+
+
+def _differ(found: Findings) -> str:
+    if found.details.regime == "refit":
+        return f"The {flights_name(found)} are as those of {simulator_name(found)} were, but not as it assumes"
+    return f"{simulator_name(found)} and the {flights_name(found)} differ by more than chance ({_p_value(found)})"
+
+
+def _cost(found: Findings) -> str:
+    phrases = cost_phrases(whole_costs(found))
+    levels = levels_of(found)
+    if phrases:
+        return f"{levels[:1].lower()}{levels[1:]} the real flights {spoken(phrases)}"
+    if found.costs:
+        return f"{_alike(found)[:1].lower()}{_alike(found)[1:]}, but what else is compared differs"
+    return _place(found)
+
+
+def _alike(found: Findings) -> str:
+    """What both cost alike, with the noise floor within which they do."""
+    costs = whole_costs(found)
+    within = [trade_number(costs[name].floor, costs[name].unit) for name in ALIKE if name in costs]
+    if not within:
+        return "What is compared is alike"
+    return f"{levels_of(found)} both take, fly and descend alike, to within {spoken(within)}"
 
 
 def _place(found: Findings) -> str:
     """Where most of the gap lies."""
     cell = next((c for c in found.where if c.share > 0), None)
-    place = "no single cell stands out"
-    if cell is not None:
-        place = f"most of it in the {label_of(cell.quantity)}, FL{cell.level_low_fl:.0f} to FL{cell.level_high_fl:.0f}"
-    if found.details.regime == "refit":
-        return f"The flights are as the simulator's own were, but not as it assumes (p = {found.p_value:.2g}): {place}."
-    return f"The flights differ from the simulator's (p = {found.p_value:.2g}): {place}."
+    if cell is None:
+        return "no single level stands out"
+    return f"most of it in the {label_of(cell.quantity)}, {level_range(cell.level_low_fl, cell.level_high_fl)}"
 
 
-def _unknown(found: Findings) -> list[str]:
+def _why(found: Findings) -> str:
+    if not found.causes:
+        return f"No effect of the catalogue explains it, alone or with others ({_place(found)})."
+    label = found.details.label
+    which = {cause.effect: cause.label if len(found.causes) > 1 else "it" for cause in found.causes}
+    alike = [f"{which[c.effect]} from {spoken([label(name) for name in c.group])}" for c in found.causes if c.group]
+    doubt = f", though these data cannot tell {spoken(alike)}" if alike else ""
+    begin = "The cause is" if len(found.causes) == 1 else "The causes are"
+    if found.verdict == "partial":
+        begin = "One cause is" if len(found.causes) == 1 else "Causes are"
+    return f"{begin} {spoken([cause_words(cause) for cause in found.causes])}{doubt}."
+
+
+def _them(found: Findings) -> str:
+    return "it" if len(found.causes) == 1 else "them"
+
+
+def _shrunk(found: Findings) -> str:
+    """What the costs become, or the share that is closed where nothing costs anything."""
+    costs = whole_costs(found)
+    # Where no cause is one of speed, how fast crews happen to fly would hide what the causes do.
+    speed = any(size.unit == "kt" for cause in found.causes for size in cause.sizes)
+    told = [
+        became(costs[name])
+        for name in (("time", "cas") if speed else ("time_at_speed",))
+        if name in costs and costs[name].before.excludes_zero and costs[name].after is not None
+    ]
+    told = [*_cell_became(found), *told]
+    share = found.causes[0].closure.marginal.estimate if found.causes else None
+    closed = "" if share is None else f"{percent(share)} of the gap in all that is compared is closed"
+    return "; ".join(part for part in (*told, closed) if part)
+
+
+def _cell_became(found: Findings) -> list[str]:
+    """What the difference that is the largest share of the gap becomes."""
+    cell = next((c for c in found.where if c.share > 0 and c.regime != "all"), None)
+    if cell is None or cell.quantity not in found.details.curves:
+        return []
+    curve = found.details.curves[cell.quantity]
+    inside = [
+        k for k, fl in enumerate(curve.level_fl) if fl is not None and cell.level_low_fl <= fl <= cell.level_high_fl
+    ]
+    if not inside:
+        return []
+    means = (sum(values[k] for k in inside) / len(inside) for values in (curve.before, curve.after))
+    levels = (cell.level_low_fl, cell.level_high_fl)
+    before, now = (
+        trade_number(*in_trade(cell.quantity, mean, *levels, found.details.profile), signed=True) for mean in means
+    )
+    return [f"the {label_of(cell.quantity)} ({level_range(*levels)}) goes from {before} to {now}"]
+
+
+def _shrinks(found: Findings) -> str:
+    return f"With {_them(found)} in the simulator {_shrunk(found) or 'nothing can be measured to close'}."
+
+
+def _remains(found: Findings) -> str:
+    left = f"what is left is a gap of no named cause ({_left(found)})"
+    return f"With {_them(found)} in the simulator {_shrunk(found)}; {left}."
+
+
+def _unexplained(found: Findings) -> str:
+    return f"Its cause lies outside the catalogue; most stands out in {_left(found)}."
+
+
+def _left(found: Findings) -> str:
+    """The largest difference that is left, in units of the trade."""
     left = found.remaining.largest
-    return [
-        "No effect of the catalogue explains it, alone or with others: the cause lies outside.",
-        f"The largest difference is {number(left.difference)} in the {label_of(left.quantity)}, "
-        f"FL{left.level_low_fl:.0f} to FL{left.level_high_fl:.0f}.",
-    ]
-
-
-def _causes(found: Findings) -> list[str]:
-    causes = " and ".join(cause.text for cause in found.causes)
-    alike = sorted({found.details.label(name) for cause in found.causes for name in cause.group})
-    doubt = f", though these data cannot tell it from {', '.join(alike)}" if alike else ""
-    closed = found.causes[0].closure.marginal.estimate
-    are, them = ("causes are", "them") if len(found.causes) > 1 else ("cause is", "it")
-    return [
-        f"The {are} {causes}{doubt}.",
-        f"With {them} in the simulator the gap shrinks from {found.gap_before:.3f} to {found.gap_after:.3f} spreads, "
-        f"where {found.floor:.3f} is the least that can be seen ({percent(closed)} closed).",
-    ]
+    value, unit = in_trade(left.quantity, left.difference, left.level_low_fl, left.level_high_fl, found.details.profile)
+    place = level_range(left.level_low_fl, left.level_high_fl)
+    return f"the {label_of(left.quantity)}, {trade_number(value, unit, signed=True)}, {place}"
 
 
 def summary(found: Findings) -> str:
@@ -67,25 +159,34 @@ def summary(found: Findings) -> str:
         >>> from descentflow.effects import EFFECTS
         >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
         >>> print(summary(report))
-        The flights ...
-        The cause is ...
-        With it in the simulator the gap shrinks from ... to ... spreads, ...
+        nominal BADA of the A320 and the 120 real A320 flights differ by more than chance (p = ...
+        The cause is lighter aircraft (mass x 0.9...
+        With it in the simulator ...
+          mass: mass x 0.9... (0.9... to 0.9...)
+            how sure: ...
+            closes alone: ...
+        What to do next:
+          ...
     """
     lines = sentences(found)
     for cause in found.causes:
-        lines += [f"  {line}" for line in _sizes(found, cause)]
-    lines += [
-        f"  would tell more: {', '.join(s.channels)} (between {', '.join(found.details.label(e) for e in s.between)})"
-        for s in found.would_split
-        if s.channels
-    ]
-    lines += [f"  {channel}" for channel in found.left_out_channels]
+        lines += _cause_lines(found, cause)
     used = None if found.provenance is None else found.provenance.coefficients
     if used is not None and used.stand_in:
-        lines.append(f"  {used}")
+        lines.append(str(used))
+    lines += [f"{channel}." for channel in found.left_out_channels]
+    steps = next_steps(found)
+    if steps:
+        lines += ["What to do next:", *(f"  - {step}" for step in steps)]
     return "\n".join(lines)
 
 
-def _sizes(found: Findings, cause: Cause) -> list[str]:
-    alike = ", ".join(found.details.label(name) for name in cause.group)
-    return [str(cause), *([f"  could also be: {alike}"] if alike else [])]
+def _cause_lines(found: Findings, cause: Cause) -> list[str]:
+    share = cause.share_of_flights
+    sizes = [size.text for size in cause.sizes] + ([] if share is None else [f"in {share} of the flights"])
+    lines = [f"  {cause.label}: {'; '.join(sizes)}", f"    how sure: {how_sure(cause)}"]
+    if cause.group:
+        lines.append(f"    could as well be: {', '.join(found.details.label(name) for name in cause.group)}")
+    if cause.own_closure is not None:
+        lines.append(f"    closes alone: {cause.own_closure} of the gap")
+    return lines

@@ -1,0 +1,97 @@
+"""Differences in units of the trade: ft/min and kt instead of relative numbers and logarithms."""
+
+import math
+from collections.abc import Sequence
+
+from descentflow.core.units import FT_M, KT_MPS
+from descentflow.diagnosis.findings.costs_found import LevelMeans
+from descentflow.diagnosis.findings.plain_values import number
+from descentflow.measurements.quantity_registry import QUANTITIES
+
+DECIMALS = {"s": 0, "NM": 1, "ft/min": 0, "kt": 1, "ft": 0, "%": 1, "factor": 2}
+"""Digits after the point that a reader of the trade cares for."""
+
+
+def in_trade(
+    quantity: str, value: float, low_fl: float, high_fl: float, profile: Sequence[LevelMeans]
+) -> tuple[float, str]:
+    """A difference of a quantity (flights minus simulator) in the unit of the trade.
+
+    Args:
+        quantity: Name, see :data:`descentflow.measurements.quantity_registry.QUANTITIES`.
+        value: The difference in the quantity's own unit.
+        low_fl: Lower end of the levels that it is of.
+        high_fl: Upper end.
+        profile: What the simulator flies on average by level; a relative number stays one (in percent) without.
+
+    Returns:
+        The number and its unit. Of a logarithm of noise it is a factor.
+
+    Example:
+        >>> profile = [LevelMeans(157.5, rate_fpm=2000.0, cas_kt=280.0, tas_kt=350.0)]
+        >>> in_trade("tas", 0.02, 150, 165, profile)[1], round(in_trade("tas", 0.02, 150, 165, profile)[0], 2)
+        ('kt', 7.07)
+        >>> in_trade("level", 51.0, 150, 165, [])
+        (51.0, 's')
+    """
+    unit = QUANTITIES[quantity].unit if quantity in QUANTITIES else "1"
+    if unit == "relative":
+        inside = [m for m in profile if low_fl <= m.level_fl <= high_fl]
+        if not inside:
+            return 100 * math.expm1(value), "%"
+        told = "kt" if quantity == "tas" else "ft/min"
+        mean = sum(m.tas_kt if told == "kt" else m.rate_fpm for m in inside) / len(inside)
+        return mean * math.expm1(value), told
+    if unit == "ln":
+        return math.exp(value), "factor"
+    if quantity == "missing":
+        return 100 * value, "%"
+    factor, told = {"m/s": (1 / KT_MPS, "kt"), "m": (1 / FT_M, "ft")}.get(unit, (1.0, unit))
+    return value * factor, told
+
+
+def at_level(profile: Sequence[LevelMeans], level_fl: float) -> list[LevelMeans]:
+    """The level of a profile that is nearest, moved to this one; empty where there is no profile.
+
+    Example:
+        >>> at_level([LevelMeans(157.5, 2000.0, 280.0, 350.0)], 160.0)
+        [LevelMeans(level_fl=160.0, rate_fpm=2000.0, cas_kt=280.0, tas_kt=350.0)]
+    """
+    if not profile:
+        return []
+    one = min(profile, key=lambda m: abs(m.level_fl - level_fl))
+    return [LevelMeans(level_fl, one.rate_fpm, one.cas_kt, one.tas_kt)]
+
+
+def trade_number(value: float, unit: str, *, signed: bool = False) -> str:
+    """A number with its unit, in the digits that a reader of the trade cares for.
+
+    Example:
+        >>> trade_number(-112.3, "ft/min"), trade_number(1.26, "factor"), trade_number(2.04, "NM", signed=True)
+        ('-112 ft/min', 'x 1.26', '+2.0 NM')
+    """
+    if unit == "factor":
+        return f"x {value:.2f}"
+    # A number that is smaller than its last digit is shown with as many as it needs.
+    decimals = DECIMALS.get(unit)
+    if decimals is None:
+        text = number(value)
+    else:
+        decimals += 1 if decimals == 0 and abs(value) < 10 else 0
+        decimals += 1 if 0 < abs(value) < 0.5 * 10**-decimals else 0
+        text = f"{value:,.{decimals}f}"
+    if float(text.replace(",", "")) == 0:
+        text = text.lstrip("-")
+    elif signed and value > 0:
+        text = f"+{text}"
+    return text if unit == "1" else f"{text} {unit}"
+
+
+def level_range(low_fl: float, high_fl: float) -> str:
+    """Two flight levels as readers write them.
+
+    Example:
+        >>> level_range(149.96, 195.0)
+        'FL150 to FL195'
+    """
+    return f"FL{low_fl:.0f} to FL{high_fl:.0f}"

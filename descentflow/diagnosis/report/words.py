@@ -1,0 +1,185 @@
+"""Names and phrases that the page and the terminal share: the simulator by name, what the gap costs, how sure."""
+
+from collections.abc import Sequence
+
+from descentflow.diagnosis.findings.cause_found import Cause
+from descentflow.diagnosis.findings.costs_found import Cost, Measured
+from descentflow.diagnosis.findings.findings import Findings
+from descentflow.diagnosis.findings.plain_values import percent
+from descentflow.diagnosis.report.trade_units import level_range, trade_number
+
+PHRASES = {
+    "time": ("take {} longer", "take {} less"),
+    "ground_distance": ("fly {} further over ground", "fly {} less far over ground"),
+    "air_distance": ("fly {} further through the air", "fly {} less far through the air"),
+    "rate": ("descend {} faster", "descend {} more slowly"),
+    "time_at_speed": ("take {} longer at equal speed", "take {} less at equal speed"),
+    "cas": ("fly {} faster (CAS)", "fly {} slower (CAS)"),
+    "tas": ("fly {} faster (TAS)", "fly {} slower (TAS)"),
+    "level": ("lose {} more in level-offs", "lose {} less in level-offs"),
+    "slow": ("lose {} more in slow stretches", "lose {} less in slow stretches"),
+}
+"""Cost -> what real flights do where their mean is above the simulator's, and where it is below."""
+MOST = 3
+"""Phrases at the top: who wants more finds the table."""
+ALIKE = ("time", "air_distance", "rate")
+"""Costs by which a gap that costs nothing is told."""
+
+
+def simulator_name(found: Findings) -> str:
+    """The simulator by name.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> simulator_name(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))
+        'nominal BADA of the A320'
+    """
+    name = found.details.simulator
+    return f"nominal BADA of the {found.details.typecode}" if name == "nominal" else name
+
+
+def flights_name(found: Findings) -> str:
+    """The real flights, with how many they are.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> flights_name(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))
+        '120 real A320 flights'
+    """
+    count = found.details.flights.get("flights_compared")
+    return f"{'' if count is None else f'{count:,} '}real {found.details.typecode} flights"
+
+
+def whole_costs(found: Findings) -> dict[str, Cost]:
+    """Costs over all levels, by name.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> whole_costs(report)["time"].unit
+        's'
+    """
+    first = found.costs[0] if found.costs else None
+    return {c.name: c for c in found.costs if first and (c.low_fl, c.high_fl) == (first.low_fl, first.high_fl)}
+
+
+def cost_phrases(costs: dict[str, Cost]) -> list[str]:
+    """What real flights do otherwise than the simulator, where it is more than chance: the surest three.
+
+    Example:
+        >>> time = Cost("time", "time", "s", 150.0, 370.0, 520.0, 545.0, Measured(25.0, 22.0, 28.0), None, 3.0)
+        >>> cost_phrases({"time": time})
+        ['take 25 s longer (22 to 28)']
+    """
+    known = {n: c for n, c in costs.items() if n in PHRASES and c.before.excludes_zero}
+    if "ground_distance" in costs:
+        known.pop("air_distance", None)
+    surest = sorted(known, key=lambda name: -abs(known[name].before.estimate) / max(known[name].floor, 1e-9))[:MOST]
+    found = []
+    for name, (more, less) in PHRASES.items():
+        if name in surest:
+            phrase = more if known[name].before.estimate > 0 else less
+            found.append(phrase.format(sized(known[name].before, known[name].unit)))
+    return found
+
+
+def sized(value: Measured, unit: str) -> str:
+    """The size of a difference without its sign, and its interval.
+
+    Example:
+        >>> sized(Measured(-112.0, -120.0, -104.0), "ft/min")
+        '112 ft/min (104 to 120)'
+    """
+    if value.low is None or value.high is None:
+        return trade_number(abs(value.estimate), unit)
+    ends = sorted((abs(value.low), abs(value.high))) if value.excludes_zero else [value.low, value.high]
+    low, high = (trade_number(x, unit).removesuffix(f" {unit}") for x in ends)
+    return f"{trade_number(abs(value.estimate), unit)} ({low} to {high})"
+
+
+def spoken(parts: Sequence[str]) -> str:
+    """A list as it is spoken.
+
+    Example:
+        >>> spoken(["a", "b", "c"]), spoken(["a"])
+        ('a, b and c', 'a')
+    """
+    return ", ".join(parts[:-1]) + " and " + parts[-1] if len(parts) > 1 else "".join(parts)
+
+
+def cause_words(cause: Cause) -> str:
+    """A cause with its size in units of the trade and the flights that have it.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> cause_words(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}).causes[0])
+        'lighter aircraft (mass x 0.9...)'
+    """
+    size = size_words(cause)
+    return f"{cause.text} ({size})" if size else cause.text
+
+
+def size_words(cause: Cause) -> str:
+    """The size of a cause: its first number, the levels between which it is, and the share of the flights.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> size_words(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}).causes[0])
+        'mass x 0.9...'
+    """
+    levels = [f"FL{size.value.estimate:.0f}" for size in cause.sizes if size.unit == "FL"]
+    others = [size.short for size in cause.sizes if size.unit != "FL"]
+    parts = others[:1]
+    if len(levels) == 2:
+        parts.append(f"between {levels[0]} and {levels[1]}")
+    if cause.share_of_flights is not None:
+        parts.append(f"in {percent(cause.share_of_flights.estimate)} of the flights")
+    return " ".join(parts)
+
+
+def how_sure(cause: Cause) -> str:
+    """How sure it is that the cause is this one.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> how_sure(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}).causes[0])
+        'best in 100 of 100 fleets drawn from these aircraft'
+    """
+    best = f"best in {100 * cause.probability:.0f} of 100 fleets drawn from these aircraft"
+    if cause.inclusion is None:
+        return best
+    return f"among the causes with a probability of {percent(cause.inclusion)}; {best}"
+
+
+def became(cost: Cost) -> str:
+    """A cost before and after, in words.
+
+    Example:
+        >>> after = Measured(1.5, -1.0, 4.0)
+        >>> became(Cost("time", "time", "s", 150.0, 370.0, 520.0, 545.0, Measured(25.0, 22.0, 28.0), after, 3.0))
+        '25 s of time become 1.5 s (noise floor 3.0 s)'
+    """
+    after = cost.after.estimate if cost.after is not None else cost.before.estimate
+    before, now = (trade_number(abs(x), cost.unit) for x in (cost.before.estimate, after))
+    return f"{before} of {cost.label} become {now} (noise floor {trade_number(cost.floor, cost.unit)})"
+
+
+def levels_of(found: Findings) -> str:
+    """From where to where costs are told, downwards; empty where none are.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> levels_of(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))
+        'From FL345 down to FL150'
+    """
+    if not found.costs:
+        return ""
+    low, high = level_range(found.costs[0].low_fl, found.costs[0].high_fl).split(" to ")
+    return f"From {high} down to {low}"

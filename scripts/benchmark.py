@@ -9,6 +9,7 @@ PARTS = {
     "score": "scores level by level beside scipy",
     "sample": "draws of the three densities beside scikit-learn, zuko and the paper's times",
     "diagnose": "one diagnosis over the number of flights",
+    "simulate": "flights of the simulated world over their number",
     "prepare": "rows to free descents beside pandas, with the curve over sizes",
 }
 """Modules of `benchmarks`, each with `add_arguments` and `run`."""

@@ -233,9 +233,8 @@ def test_command_refuses_and_writes_nothing(tmp_path, capsys, monkeypatch, bad: 
 
 
 @pytest.mark.slow
-def test_ten_thousand_flights_within_a_minute() -> None:
-    from time import perf_counter
-
-    begin = perf_counter()
-    simulate(open_aircraft("A320"), 10_000, 0)
-    assert perf_counter() - begin < 60
+def test_ten_thousand_flights_are_all_there_and_no_two_are_alike() -> None:
+    world = simulate(open_aircraft("A320"), 10_000, 0)
+    first = world.rows.group_by("flight_id").agg(pl.col("altitude", "IAS", "Mach", "vertical_rate").head(200))
+    assert len(first) == 10_000
+    assert first.drop("flight_id").unique().height == 10_000

@@ -29,8 +29,9 @@ def main() -> None:
     commands.add_argument("--rate-spread", type=float, default=0.0, help="spread of flights' own rates (log)")
     commands.add_argument("--wind", type=Profile.of_text, help="tailwind, kt by flight level")
     commands.add_argument("--faster-kt", type=float, default=0.0, help="added to the CAS of every flight")
+    commands.add_argument("--warmer-k", type=float, default=0.0, help="warmer than the standard atmosphere")
     args = parser.parse_args()
-    orders = Orders(args.step_ft, args.rates, args.rate_spread, args.wind, args.faster_kt, args.seed)
+    orders = Orders(args.step_ft, args.rates, args.rate_spread, args.wind, args.faster_kt, args.warmer_k, args.seed)
     try:
         plans = read_plans(args)
         bluesky = start()
@@ -40,7 +41,9 @@ def main() -> None:
                 flown = fly(
                     bluesky, plans, replace(orders, seed=args.seed + number), lambda now: bar.update(now - bar.n)
                 )
-                parts += [reports(plan, state, number + 1) for plan, state in zip(plans, flown, strict=True)]
+                parts += [
+                    reports(plan, state, number + 1, args.noise) for plan, state in zip(plans, flown, strict=True)
+                ]
                 bar.reset()
         with whole_file(args.out) as temporary:
             table(parts).write_parquet(temporary)
@@ -56,6 +59,7 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--typecode", help="fly these types alone, for instance A320,B738")
     parser.add_argument("--bottom-fl", type=float, default=100.0, help="lowest level (default: %(default)s)")
     parser.add_argument("--times", type=int, default=3, help="fly each so often (default: %(default)s)")
+    parser.add_argument("--noise", type=float, default=0.0, help="noise of the reports, in the simulated world's")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True, help="rows, a .parquet file")
 

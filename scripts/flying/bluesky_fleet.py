@@ -5,13 +5,16 @@ import io
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from types import FunctionType
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
+from descentflow.physics.atmosphere import geometric_altitude_m
 from flying.flight_plans import FlightPlan, cas_of_mach_kt
 from flying.profiles import Profile
 
@@ -37,6 +40,8 @@ class Orders:
         rate_spread: Each flight's rates are of its own size: standard deviation of their logarithm.
         wind_kt: Tailwind by level.
         faster_kt: Added to the CAS of every flight.
+        warmer_k: Its air is so much warmer than the standard atmosphere: BlueSky has no command for it, so two of its
+            functions are replaced.
         seed: Of the flights' own rates.
     """
 
@@ -45,6 +50,7 @@ class Orders:
     rate_spread: float = 0.0
     wind_kt: Profile | None = None
     faster_kt: float = 0.0
+    warmer_k: float = 0.0
     seed: int = 0
 
 
@@ -75,6 +81,7 @@ def fly(
         DataError: If BlueSky does not know a type (it would fly a B744 instead), or a flight does not come down.
     """
     _check_types(bluesky, plans)
+    warm_air(bluesky, orders.warmer_k)
     with contextlib.redirect_stdout(io.StringIO()):
         bluesky.sim.reset()
     fleet = _Fleet(bluesky, plans, orders)
@@ -91,20 +98,36 @@ def fly(
         fleet.land()
         if progress is not None:
             progress(fleet.time_s)
-    return [_state(np.array(rows), plan) for rows, plan in zip(kept, plans, strict=True)]
+    return [_state(np.array(rows), plan, orders.warmer_k) for rows, plan in zip(kept, plans, strict=True)]
+
+
+def warm_air(bluesky: Any, warmer_k: float) -> None:
+    """Make BlueSky's air warmer than the standard atmosphere by so much, at the same pressure: 0 for as it comes."""
+    aero = bluesky.tools.aero
+    if not hasattr(aero, "standard_vatmos"):
+        # A copy, for the function looks up the temperature that is replaced below.
+        aero.standard_vatmos = FunctionType(aero.vatmos.__code__, dict(vars(aero)))
+
+    def vatmos(altitude_m: Any) -> tuple[Any, Any, Any]:
+        pressure, density, temperature = aero.standard_vatmos(altitude_m)
+        return pressure, density * temperature / (temperature + warmer_k), temperature + warmer_k
+
+    aero.vatmos = vatmos
+    aero.vtemp = lambda altitude_m: vatmos(altitude_m)[2]
 
 
 _COLUMNS = ("time_s", "altitude", "IAS", "Mach", "TAS", "groundspeed", "vertical_rate", "track", "heading")
 _PLACE = ("latitude", "longitude")
 
 
-def _state(rows: Array, plan: FlightPlan) -> dict[str, Array]:
+def _state(rows: Array, plan: FlightPlan, warmer_k: float) -> dict[str, Array]:
     """Columns of one flight's states, from its first level on."""
     seen = rows[rows[:, 1] <= plan.top_fl * 100.0]
     state = {name: seen[:, i] for i, name in enumerate((*_COLUMNS, *_PLACE))}
     state["time_s"] = state["time_s"] - state["time_s"][0]
-    # Its air is the standard atmosphere's, so that geometric and pressure altitude are one.
-    state["geoaltitude"] = state["altitude"]
+    # BlueSky's altitude is that of the pressure; what satellites would measure follows from the temperature.
+    height_m = geometric_altitude_m(torch.from_numpy(state["altitude"] * FT_M), warmer_k)
+    state["geoaltitude"] = height_m.numpy() / FT_M
     return state
 
 

@@ -9,6 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from descentflow.simulation.observe import QUANTA
+from descentflow.simulation.world_config import WorldConfig
 from flying.flight_plans import FlightPlan
 
 Array = NDArray[np.float64]
@@ -16,20 +17,33 @@ State = Mapping[str, Array]
 """By column of the rows, and `time_s`; one value a second or so."""
 
 
-def reports(plan: FlightPlan, state: State, number: int = 0) -> pl.DataFrame:
+NOISE = {
+    "altitude": WorldConfig.altitude_noise_ft,
+    "vertical_rate": WorldConfig.rate_noise_fpm,
+    "IAS": WorldConfig.cas_noise_kt,
+    "Mach": WorldConfig.mach_noise,
+    "TAS": WorldConfig.tas_noise_kt,
+}
+"""Standard deviations of the simulated world's instruments, in the channels' units."""
+
+
+def reports(plan: FlightPlan, state: State, number: int = 0, noise: float = 0.0) -> pl.DataFrame:
     """Rows of one flight that `descentflow prepare` reads.
 
     Args:
         plan: Whose intervals and channels it reports with.
         state: What was flown.
         number: Flown so many days after the plan's flight, so that flights of one aircraft stay apart.
+        noise: Instruments as noisy as those of the simulated world, times this.
     """
     last = float(state["time_s"][-1])
     due = _due_s(plan.intervals_s, last)
     fields = {}
+    generator = np.random.default_rng([number, *plan.flight_id.encode()])
     for name in ("altitude", "IAS", *plan.channels):
         if name in state:
             values = _interpolated(due, state["time_s"], state[name], turns=name in ("track", "heading"))
+            values = values + noise * NOISE.get(name, 0.0) * generator.standard_normal(len(due))
             fields[name] = np.rint(values / QUANTA[name]) * QUANTA[name]
     start = plan.start.replace(tzinfo=None) + timedelta(days=number)
     stamps = [start + timedelta(seconds=float(second)) for second in due]

@@ -53,6 +53,19 @@ def test_its_speeds_agree_with_each_other_in_the_standard_atmosphere(bluesky: ob
     assert np.abs(mach_to_tas_mps(mach, height).numpy() / KT_MPS - state["TAS"]).max() < 0.5
 
 
+def test_warmer_air_is_faster_at_the_same_mach_number_and_cooler_again_after(bluesky: object) -> None:
+    """sqrt of the ratio of temperatures, at the same Mach number; heights of pressures stretch by it (hypsometry)."""
+    warm, standard = (fly(bluesky, [plan()], Orders(step_ft=1000.0, warmer_k=kelvin))[0] for kelvin in (12.0, 0.0))
+    height = torch.from_numpy(warm["altitude"] * FT_M)
+    expected = mach_to_tas_mps(torch.from_numpy(warm["Mach"]), height, 12.0).numpy() / KT_MPS
+    assert np.abs(expected - warm["TAS"]).max() < 0.5
+    assert np.abs(warm["Mach"] - 0.78)[warm["altitude"] > 33500].max() < 0.005
+    stretched = np.diff(warm["geoaltitude"]) / np.diff(warm["altitude"])
+    kelvin = 288.15 - 0.0065 * height.numpy()
+    assert np.abs(stretched - 1 - 12.0 / (0.5 * (kelvin[1:] + kelvin[:-1]))).max() < 1e-3
+    assert np.abs(standard["geoaltitude"] - standard["altitude"]).max() < 1e-6
+
+
 def test_a_deep_altitude_commanded_at_once_slows_the_flight(bluesky: object) -> None:
     """What the page tells: 1.1.1 holds the speed against its limits at the commanded altitude, not at its own."""
     at_once, stepped = (fly(bluesky, [plan()], Orders(step_ft=step))[0] for step in (None, 1000.0))

@@ -123,13 +123,19 @@ def state_of_levels(grid: LevelGrid, aircraft: Aircraft, correction: Correction)
 def filled(values: Tensor) -> Tensor:
     """Values (n, L) with the line between their neighbours where they are missing, and the nearest at either end.
 
+    A flight that never reported any has none.
+
     Example:
-        >>> filled(torch.tensor([[torch.nan, 1.0, torch.nan, 3.0]]).double())
-        tensor([[1., 1., 2., 3.]], dtype=torch.float64)
+        >>> filled(torch.tensor([[torch.nan, 1.0, torch.nan, 3.0], [torch.nan] * 4]).double())
+        tensor([[1., 1., 2., 3.],
+                [nan, nan, nan, nan]], dtype=torch.float64)
     """
     table = values.double().numpy()
     at = np.arange(table.shape[1])
-    rows = [np.interp(at, at[seen], row[seen]) for row, seen in zip(table, np.isfinite(table), strict=True)]
+    rows = [
+        np.interp(at, at[seen], row[seen]) if seen.any() else row
+        for row, seen in zip(table, np.isfinite(table), strict=True)
+    ]
     return torch.from_numpy(np.stack(rows))
 
 
@@ -181,7 +187,11 @@ def _flown(grid: LevelGrid, state: FlightState, change: dict[str, Tensor]) -> Le
         values["Mach"] = values["Mach"] + after - before
     ratio = mach_to_tas_mps(after, grid.altitude_m) / mach_to_tas_mps(before, grid.altitude_m) * change["tas"].exp()
     if "groundspeed" in values:
-        tas_kt = filled(values["TAS"]) if "TAS" in values else mach_to_tas_mps(before, grid.altitude_m) / KT_MPS
+        tas_kt = mach_to_tas_mps(before, grid.altitude_m) / KT_MPS
+        if "TAS" in values:
+            reported_kt = filled(values["TAS"])
+            # Receivers lack the TAS of flights that never sent it.
+            tas_kt = torch.where(reported_kt.isfinite(), reported_kt, tas_kt)
         level = [_level_part_kt(tas_kt, grid), _level_part_kt(tas_kt * ratio, replace(grid, values=values))]
         wind_kt = change["wind"] / KT_MPS
         values["groundspeed"] = values["groundspeed"] + (level[1] - level[0]) * _drift_cosine(grid) + wind_kt

@@ -16,7 +16,8 @@ from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import WouldSplit
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shifts, together
+from descentflow.diagnosis.inference.held_out import held_out_shifts
+from descentflow.diagnosis.inference.heterogeneity import together
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
@@ -178,7 +179,7 @@ class Diagnosis:
         affected = self._without_by_products(affected, fit.effects)
         progress("measuring how far the gap shrinks")
         measure = GapMeasure(likelihood, affected, settings.seed)
-        shifts, spreads = heterogeneous_shifts(likelihood, fit)
+        shifts, spreads = held_out_shifts(likelihood, fit)
         shift = together(shifts, likelihood)
         gap = measure.gap(shift)
         causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if verdict == "effect" else []
@@ -274,7 +275,7 @@ def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -
     cells, affected = where(likelihood, settings.transition_fl, settings.seed)
     entries = affected if bool(affected.any()) else torch.ones_like(affected)
     measure = GapMeasure(likelihood, entries, settings.seed)
-    shifts, spreads = heterogeneous_shifts(likelihood, fit)
+    shifts, spreads = held_out_shifts(likelihood, fit)
     gap: Gap = measure.gap(together(shifts, likelihood))
     causes = causes_of(likelihood, found.chosen, measure, shifts, spreads, settings.progress, inherited=True)
     write = corrected(settings.simulator, report.details.mass_kg, settings.catalogue, fit.theta, inherited=True)

@@ -72,7 +72,7 @@ def cost_phrases(costs: dict[str, Cost]) -> list[str]:
     Example:
         >>> time = Cost("time", "time", "s", 150.0, 370.0, 520.0, 545.0, Measured(25.0, 22.0, 28.0), None, 3.0)
         >>> cost_phrases({"time": time})
-        ['take 25 s longer (22 to 28)']
+        ['take 25 s (22 to 28) longer']
     """
     known = {n: c for n, c in costs.items() if n in PHRASES and c.before.excludes_zero}
     if "ground_distance" in costs:

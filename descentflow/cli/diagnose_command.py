@@ -1,6 +1,7 @@
 """`descentflow diagnose`: where a simulator and real descents differ, which effect causes it, how far it shrinks."""
 
 import argparse
+import sys
 from pathlib import Path
 
 
@@ -37,6 +38,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the report")
     parser.add_argument("--channels", help="use these alone, for instance IAS,Mach,TAS,groundspeed (default: all)")
+    parser.add_argument(
+        "--catalogue",
+        type=Path,
+        metavar="FILE.py",
+        help="effects of your own that may be named beside the package's: classes or instances of "
+        "descentflow.effects.Effect in this Python file, which is run",
+    )
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same answer (default: 0)")
 
 
@@ -46,6 +54,8 @@ def run(args: argparse.Namespace) -> None:
 
     from descentflow.diagnosis.diagnose import diagnose
 
+    if args.catalogue is not None:
+        print(f"descentflow diagnose: runs {args.catalogue} for the effects that it defines", file=sys.stderr)
     channels = [name.strip() for name in args.channels.split(",")] if args.channels else None
     with tqdm(desc="diagnose", delay=2, leave=False, bar_format="{desc} [{elapsed}]") as bar:
 
@@ -60,6 +70,7 @@ def run(args: argparse.Namespace) -> None:
             nearest_type=args.nearest_type,
             bada_dir=args.bada_dir,
             channels=channels,
+            catalogue=args.catalogue,
             seed=args.seed,
             out=args.out,
             progress=show,

@@ -11,6 +11,7 @@ from descentflow.diagnosis.procedure import Settings, run
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
+from descentflow.effects.user_catalogue import effects_of_file
 from descentflow.measurements.quantity_registry import CHANNELS
 
 
@@ -22,7 +23,7 @@ def diagnose(
     nearest_type: bool = False,
     bada_dir: Path | None = None,
     channels: Sequence[str] | None = None,
-    catalogue: Mapping[str, Effect] | None = None,
+    catalogue: Mapping[str, Effect] | str | Path | None = None,
     seed: int = 0,
     out: str | Path | None = None,
     progress: Callable[[str], None] | None = None,
@@ -45,7 +46,8 @@ def diagnose(
         bada_dir: Folder of BADA files for a designator or a simulator's flights; the embedded open aircraft if absent.
         channels: Channels to use, see :data:`descentflow.measurements.quantity_registry.CHANNELS`; all that both sides
             have if absent.
-        catalogue: Effects that may be named; :data:`descentflow.effects.EFFECTS` if absent.
+        catalogue: Effects that may be named; :data:`descentflow.effects.EFFECTS` if absent. A path is that of a Python
+            file with effects beside those (:func:`descentflow.effects.user_catalogue.effects_of_file`): it is run.
         seed: Of permutations, bootstrap and samples: the same seed gives the same answer.
         out: Folder for `gap.json`, `gap.html` and the corrected simulator; nothing is written if absent.
         progress: Called with what is being done.
@@ -66,9 +68,9 @@ def diagnose(
 
     Example:
         >>> print(diagnose("rows.parquet", "best.ckpt"))
-        The flights do not differ from the simulator's by more than chance would (p = ...).
-        No effect is named.
-        The gap of 0.0... spreads is what two samples of one population show (0.1...).
+        best.ckpt and the 120 real A320 flights differ by no more than chance would (p = ...).
+        From FL... down to FL150 both take, fly and descend alike, to within ... s, ... NM and ... ft/min.
+        No effect is named, and nothing need be changed...
         >>> diagnose("descents.parquet", "A320").causes[0].parameters["relative_change"].unit  # lighter than nominal
         '1'
         >>> diagnose("rows.parquet", "descents.parquet").verdict  # flights of a simulator, here the same ones
@@ -82,14 +84,26 @@ def diagnose(
             mend="pass a checkpoint, a model or a simulator's flights, or the designator of a type for nominal BADA",
         )
     wanted = _channels(channels)
-    effects = checked_catalogue(EFFECTS if catalogue is None else catalogue)
+    effects, user_files = _catalogue(catalogue, say)
     opened = open_both(real, simulator, SignatureSource(typecode, bada_dir, nearest_type), say)
     report = run(opened.frame, Settings(opened.simulator, effects, wanted, seed, say), opened.dropped)
-    report = replace(report, provenance=opened.provenance({"seed": str(seed), "channels": ", ".join(wanted)}))
+    made = opened.provenance({"seed": str(seed), "channels": ", ".join(wanted)})
+    report = replace(report, provenance=replace(made, user_files=user_files))
     if out is not None:
         say("writing the report")
         report.write(out)
     return report
+
+
+def _catalogue(
+    catalogue: Mapping[str, Effect] | str | Path | None, say: Callable[[str], None]
+) -> tuple[Mapping[str, Effect], list[str]]:
+    """Effects, and the files of the user's that were run for them."""
+    if not isinstance(catalogue, str | Path):
+        return checked_catalogue(EFFECTS if catalogue is None else catalogue), []
+    say(f"running {catalogue}")
+    own = effects_of_file(catalogue, frozenset(EFFECTS))
+    return checked_catalogue({**EFFECTS, **own}), [Path(catalogue).name]
 
 
 def _channels(channels: Sequence[str] | None) -> tuple[str, ...]:

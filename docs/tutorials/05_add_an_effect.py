@@ -45,7 +45,14 @@ class Compressibility(Effect):
     directions = ("more drag at high Mach numbers", "less drag at high Mach numbers")
     parameters = (
         Parameter(
-            "gain", -0.5, 1.0, "1", 0.05, label="relative change of the parasitic drag at the planned Mach number"
+            "gain",
+            -0.5,
+            1.0,
+            "1",
+            0.05,
+            label="relative change of the parasitic drag at the planned Mach number",
+            shown_as="change",
+            symbol="CD0 at the planned Mach number",
         ),
     )
 
@@ -64,4 +71,8 @@ report = df.diagnose(real, model, catalogue={**EFFECTS, "compressibility": Compr
 print(report)
 
 # %%
+# From the command line, the class stands in a file of its own, which is run::
+#
+#     descentflow diagnose --real R --simulator S --out gap --catalogue own_effects.py
+#
 # To keep it, put the class into ``descentflow/effects/compressibility.py`` and a line into ``EFFECTS``.

@@ -1,5 +1,6 @@
 """An effect of the user's own is found, printed and reported like the package's."""
 
+import inspect
 import json
 from pathlib import Path
 
@@ -8,11 +9,13 @@ import polars as pl
 import pytest
 from torch import Tensor
 
+from descentflow.cli.entry import main
 from descentflow.diagnosis.diagnose import diagnose
+from descentflow.diagnosis.findings.read_gap import read_gap
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.effects import EFFECTS, Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState
-from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 
 
 class StretchedHeight(Effect):
@@ -32,13 +35,41 @@ class StretchedHeight(Effect):
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> GapReport:
-    """Flights whose geometric altitude was stretched by three per cent."""
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulator, and flights whose geometric altitude was stretched by three per cent."""
     folder = tmp_path_factory.mktemp("own")
-    checkpoint = gap_toys.simulator(folder, gap_toys.flights(folder, 220, seed=0))
+    gap_toys.simulator(folder, gap_toys.flights(folder, 220, seed=0))
     plain = read_descents(gap_toys.flights(folder, 120, seed=1))
     stretched = Descents(plain.frame.with_columns(geoaltitude=1.03 * pl.col("geoaltitude")), plain.metadata)
-    return diagnose(stretched, checkpoint, catalogue={**EFFECTS, "stretched_height": StretchedHeight()})
+    write_descents(stretched, folder / "stretched.parquet")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def report(folder: Path) -> GapReport:
+    catalogue = {**EFFECTS, "stretched_height": StretchedHeight()}
+    return diagnose(folder / "stretched.parquet", folder / "simulator.ckpt", catalogue=catalogue)
+
+
+def test_a_file_of_effects_is_run_and_named_from_the_command_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "own_effects.py"
+    own.write_text(
+        "from descentflow.effects import Effect, Parameter\n"
+        + inspect.getsource(StretchedHeight).replace("state: FlightState, theta: Tensor) -> Shift", "state, theta)")
+    )
+    out = tmp_path / "gap"
+    command = ["diagnose", "--real", str(folder / "stretched.parquet"), "--simulator", str(folder / "simulator.ckpt")]
+    assert main([*command, "--out", str(out), "--catalogue", str(own)]) == 0
+    said = capsys.readouterr()
+    assert f"runs {own}" in said.err
+    assert "The cause is geometric altitudes that grow too fast" in said.out
+    assert read_gap(out / "gap.json").provenance.user_files == ["own_effects.py"]
+    assert "Effects were taken from own_effects.py, and its code was run" in (out / "gap.html").read_text()
+    own.write_text("1 / 0\n")
+    assert main([*command, "--out", str(out), "--catalogue", str(own)]) == 2
+    assert "own_effects.py, line 1: ZeroDivisionError" in capsys.readouterr().err
 
 
 def test_it_is_named_with_its_size(report: GapReport) -> None:

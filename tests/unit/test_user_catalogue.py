@@ -1,0 +1,78 @@
+"""A user's own effects from a file: what is taken, and what is said where it cannot be."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from descentflow.core.errors import ConfigError
+from descentflow.effects import EFFECTS
+from descentflow.effects.example_flights import example_flights
+from descentflow.effects.user_catalogue import effects_of_file
+
+GUSTS = '''
+from dataclasses import dataclass
+from descentflow.effects import EFFECTS, Effect, Parameter
+from descentflow.effects.temperature import Temperature
+
+class Noise(Effect):
+    """A base of others: it has no shift."""
+
+class Gusts(Noise):
+    name = "gusts"
+    parameters = (Parameter("ratio", -2.0, 2.0, "1", 0.2),)
+    def shift(self, state, theta):
+        return {"noise_rate": theta[0].expand(len(state.cas_mps))}
+
+@dataclass(frozen=True)
+class Scaled(Noise):
+    by: float
+    parameters = Gusts.parameters
+    name = "scaled"
+    def shift(self, state, theta):
+        return {"noise_cas": self.by * theta[0].expand(len(state.cas_mps))}
+
+scaled = Scaled(3.0)
+again = scaled
+'''
+
+
+def file(folder: Path, text: str) -> Path:
+    path = folder / "own.py"
+    path.write_text(text)
+    return path
+
+
+def test_classes_and_instances_are_taken_and_what_is_imported_is_not(tmp_path: Path) -> None:
+    found = effects_of_file(file(tmp_path, GUSTS), frozenset(EFFECTS))
+    assert sorted(found) == ["gusts", "scaled"]
+    shift = found["scaled"].shift(example_flights(2), torch.tensor([0.5]))
+    assert shift["noise_cas"].tolist() == [1.5, 1.5]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = 1\n", "own.py: no effect; expected a class that derives"),
+        ("from descentflow.effects import EFFECTS, Effect\n", "own.py: no effect"),
+        ("x = 1\ny = x / 0\n", "own.py, line 2: ZeroDivisionError: division by zero"),
+        ("def f():\n    raise ValueError('no')\n\nf()\n", "own.py, line 2: ValueError: no"),
+        ("x = (\n", "own.py, line 1: SyntaxError: .*never closed"),
+        ("import no_such_module\n", "own.py, line 1: ModuleNotFoundError"),
+        (GUSTS.replace('"gusts"', '"mass"'), "effect 'mass', a name that is taken"),
+        (GUSTS.replace('"gusts"', '"scaled"'), "two effects of the name 'scaled'"),
+        (GUSTS.replace("scaled = Scaled(3.0)\nagain = scaled", ""), "TypeError: .*missing 1 required"),
+        (GUSTS.replace('    name = "gusts"\n', ""), "class Gusts without `name` and `parameters`"),
+    ],
+)
+def test_what_cannot_be_used_is_said_with_its_line(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        effects_of_file(file(tmp_path, text), frozenset(EFFECTS))
+
+
+def test_files_that_are_not_there_or_no_python_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no such file"):
+        effects_of_file(tmp_path / "none.py")
+    (tmp_path / "own.txt").write_text(GUSTS)
+    with pytest.raises(ConfigError, match="no Python file"):
+        effects_of_file(tmp_path / "own.txt")

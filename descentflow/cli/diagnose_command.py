@@ -45,6 +45,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="effects of your own that may be named beside the package's: classes or instances of "
         "descentflow.effects.Effect in this Python file, which is run",
     )
+    parser.add_argument(
+        "--previous",
+        type=Path,
+        help="gap.json of the diagnosis before the simulator was changed: predicted against achieved closure",
+    )
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same answer (default: 0)")
 
 
@@ -71,6 +76,7 @@ def run(args: argparse.Namespace) -> None:
             bada_dir=args.bada_dir,
             channels=channels,
             catalogue=args.catalogue,
+            previous=args.previous,
             seed=args.seed,
             out=args.out,
             progress=show,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import ConfigError
+from descentflow.diagnosis.correction.previous_round import previous_round
 from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.procedure import Settings, run
 from descentflow.diagnosis.report.gap_report import GapReport
@@ -24,6 +25,7 @@ def diagnose(
     bada_dir: Path | None = None,
     channels: Sequence[str] | None = None,
     catalogue: Mapping[str, Effect] | str | Path | None = None,
+    previous: str | Path | None = None,
     seed: int = 0,
     out: str | Path | None = None,
     progress: Callable[[str], None] | None = None,
@@ -48,6 +50,8 @@ def diagnose(
             have if absent.
         catalogue: Effects that may be named; :data:`descentflow.effects.EFFECTS` if absent. A path is that of a Python
             file with effects beside those (:func:`descentflow.effects.user_catalogue.effects_of_file`): it is run.
+        previous: `gap.json` of an earlier diagnosis of the same real flights, after which the simulator was changed:
+            what it predicted is held against what was achieved.
         seed: Of permutations, bootstrap and samples: the same seed gives the same answer.
         out: Folder for `gap.json`, `gap.html` and the corrected simulator; nothing is written if absent.
         progress: Called with what is being done.
@@ -60,7 +64,7 @@ def diagnose(
         CheckpointError: If the checkpoint cannot be read.
         ConfigError: If no simulator is named, the catalogue cannot be used, or a channel does not exist.
         DataError: If the flights of either side cannot be used, are too few, or both have no type, no level or no
-            needed channel in common.
+            needed channel in common; or if the earlier diagnosis is of other flights, another type or version.
 
     Warns:
         DescentflowWarning: If prepared descents were cleaned with other settings than the simulator's, or the settings
@@ -86,9 +90,13 @@ def diagnose(
     wanted = _channels(channels)
     effects, user_files = _catalogue(catalogue, say)
     opened = open_both(real, simulator, SignatureSource(typecode, bada_dir, nearest_type), say)
-    report = run(opened.frame, Settings(opened.simulator, effects, wanted, seed, say), opened.dropped)
     made = opened.provenance({"seed": str(seed), "channels": ", ".join(wanted)})
-    report = replace(report, provenance=replace(made, user_files=user_files))
+    made = replace(made, user_files=user_files)
+    settings = Settings(opened.simulator, effects, wanted, seed, say)
+    if previous is not None:
+        before = previous_round(previous, made, opened.simulator.aircraft.typecode)
+        settings = replace(settings, previous=before, previous_name=str(previous))
+    report = replace(run(opened.frame, settings, opened.dropped), provenance=made)
     if out is not None:
         say("writing the report")
         report.write(out)

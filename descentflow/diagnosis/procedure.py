@@ -12,8 +12,10 @@ from descentflow.diagnosis.correction.closure import Gap, GapMeasure
 from descentflow.diagnosis.correction.corrected_simulator import corrected
 from descentflow.diagnosis.correction.correction_made import CHECKPOINT, CorrectionMade, correction_made
 from descentflow.diagnosis.correction.costs import costs_of, profile_of
+from descentflow.diagnosis.correction.measured_gap import measured_gap
+from descentflow.diagnosis.correction.previous_round import held_against
 from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
-from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
+from descentflow.diagnosis.findings.findings import Details, Findings, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import WouldSplit
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.held_out import held_out_shifts
@@ -59,6 +61,8 @@ class Settings:
         channels: Channels to use.
         seed: Of permutations, folds, bootstrap and samples.
         progress: Called with what is being done.
+        previous: The round before, where this one is held against one.
+        previous_name: Of its file.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -72,6 +76,8 @@ class Settings:
     channels: Sequence[str]
     seed: int
     progress: Callable[[str], None]
+    previous: Findings | None = None
+    previous_name: str = ""
 
     @property
     def transition_fl(self) -> float:
@@ -113,7 +119,13 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
     }
     report = Diagnosis(compared, settings, source).report(counts, frame)
     report = replace(report, left_out_channels=left_out_channels(sides.lacked, settings.catalogue))
-    return _with_shared_effects(report, real, settings) if source in OWN_FLIGHTS else report
+    if source in OWN_FLIGHTS:
+        report = _with_shared_effects(report, real, settings)
+    if settings.previous is None:
+        return report
+    settings.progress("holding it against the round before")
+    before = held_against(settings.previous, settings.previous_name, compared, report, settings.seed)
+    return replace(report, previous=before)
 
 
 def _with_shared_effects(report: GapReport, real: Quantities, settings: Settings) -> GapReport:
@@ -200,13 +212,18 @@ class Diagnosis:
             remaining=remaining_of(likelihood, fit.shift, gap.after - gap.floor, chosen.outside),
             would_split=hidden if verdict == "none" else would_split(likelihood, causes),
             dropped=dict(counts),
-            details=self._details(chosen, test, fit.shift, counts),
+            details=self._measured(self._details(chosen, test, fit.shift, counts), affected),
             costs=costs_of(self.compared, shift if causes else None, settings.seed),
             recipe=recipe_of(causes, settings.catalogue, levels_compared(self.compared)),
             scores=made.scores,
             write_corrected=made.write,
             corrected_file=made.file_name,
         )
+
+    def _measured(self, details: Details, affected: Tensor) -> Details:
+        """With what the gap was measured over, for the next round."""
+        found = measured_gap(self.compared, affected, self.settings.seed)
+        return replace(details, measured_over=found.entries, gap_error=found.error)
 
     def _made(self, frame: pl.DataFrame, fit: Fit) -> CorrectionMade:
         """The simulator with the causes in it, and its scores."""
@@ -289,7 +306,10 @@ def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -
         gap_before=gap.before,
         gap_after=gap.after,
         causes=causes,
-        details=replace(report.details, regime="refit", curves=curves(likelihood, fit.shift)),
+        # The gap of this report is another one, of what both sides have.
+        details=replace(
+            report.details, regime="refit", curves=curves(likelihood, fit.shift), measured_over=[], gap_error=None
+        ),
         write_corrected=write,
         corrected_file="" if write is None else CHECKPOINT,
         recipe=recipe_of(causes, settings.catalogue, levels_compared(likelihood.compared)),

@@ -245,8 +245,10 @@ def test_the_corrected_flights_close_the_gap_when_diagnosed_again(folder: Path, 
     assert corrected.cleaning == read_descents(folder / "simulator.parquet").cleaning
     assert corrected.metadata["corrected"]["effects"]["temperature"][0] == pytest.approx(10.0, abs=1.5)
     again = diagnose(folder / "real.parquet", path, catalogue=SMALL)
-    assert again.verdict == "none"
-    assert again.gap_before < 0.15 * by_flights.gap_before
+    # The size is known to a tenth of a kelvin; a test may see that much, but no cause of the gap is left.
+    assert again.causes == []
+    left, was = again.gap_before - again.floor, by_flights.gap_before - by_flights.floor
+    assert left < 0.05 * was
 
 
 def test_every_score_of_evaluate_is_told_before_and_after(by_flights: GapReport) -> None:

@@ -8,6 +8,7 @@ from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import GapCell, Remaining, Stage, WouldSplit
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel, Provenance
+from descentflow.diagnosis.findings.measured_entry import MeasuredEntry
 from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
 
 Verdict = Literal["none", "effect", "partial", "unknown"]
@@ -118,6 +119,8 @@ class Details:
         subsets: The best sets of effects, heaviest first.
         detection_limits: Of each effect, the smallest size that would be named in 80 of 100 cases.
         profile: What the simulator flies on average by level.
+        measured_over: What the gap was measured over, for the next round.
+        gap_error: Standard error of the gap before the causes, in spreads.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -144,6 +147,8 @@ class Details:
     subsets: list[Subset] = field(default_factory=list)
     detection_limits: list[DetectionLimit] = field(default_factory=list)
     profile: list[LevelMeans] = field(default_factory=list)
+    measured_over: list[MeasuredEntry] = field(default_factory=list)
+    gap_error: float | None = None
 
     def label(self, effect: str) -> str:
         """What readers call an effect of the catalogue; ``unknown`` is the one outside it."""

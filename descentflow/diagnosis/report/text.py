@@ -171,6 +171,7 @@ def summary(found: Findings) -> str:
     lines = sentences(found)
     for cause in found.causes:
         lines += _cause_lines(found, cause)
+    lines += [] if found.previous is None else [found.previous.text]
     used = None if found.provenance is None else found.provenance.coefficients
     if used is not None and used.stand_in:
         lines.append(str(used))

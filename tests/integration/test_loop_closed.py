@@ -1,0 +1,113 @@
+"""The owner adds what was named and flies again: predicted against achieved, what remains, reports that do not fit."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.cli.entry import main
+from descentflow.core.errors import DataError
+from descentflow.diagnosis.diagnose import diagnose
+from descentflow.diagnosis.findings.read_gap import read_gap
+from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.effects import EFFECTS
+from descentflow.simulation.world import simulate
+from descentflow.simulation.world_config import WorldConfig
+from descentflow.surveillance.descents.prepared_descents import write_descents
+from descentflow.surveillance.prepare import prepare
+
+SMALL = {name: EFFECTS[name] for name in ("temperature", "mass", "speed_schedule")}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Real flights in air 10 K warmer; a simulator in standard air, in 10 K, and in 5 K; another typecode."""
+    place = tmp_path_factory.mktemp("loop")
+    for name, n, seed, kelvin in (
+        ("real", 120, 1, 10.0),
+        ("plain", 150, 0, 0.0),
+        ("added", 150, 3, 10.0),
+        ("half", 150, 4, 5.0),
+    ):
+        config = WorldConfig(deviation_mean_k=kelvin)
+        write_descents(prepare(simulate(open_aircraft("A320"), n, seed, config).rows), place / f"{name}.parquet")
+    return place
+
+
+@pytest.fixture(scope="module")
+def first(folder: Path) -> GapReport:
+    return diagnose(folder / "real.parquet", folder / "plain.parquet", catalogue=SMALL, out=folder / "gap")
+
+
+def again(folder: Path, name: str) -> GapReport:
+    real = folder / "real.parquet"
+    return diagnose(real, folder / f"{name}.parquet", catalogue=SMALL, previous=folder / "gap" / "gap.json")
+
+
+def test_what_was_added_closes_what_was_predicted(folder: Path, first: GapReport) -> None:
+    found = again(folder, "added").previous
+    assert found.causes == ["temperature"]
+    assert found.predicted == first.causes[0].closure.marginal
+    assert found.gap_before == pytest.approx(first.gap_before, rel=1e-9)
+    assert found.achieved.low < found.achieved.estimate < found.achieved.high
+    assert found.achieved.estimate == pytest.approx(found.predicted.estimate, abs=0.15)
+    assert "as predicted" in found.text
+    assert "What remains is what chance would show. Nothing is left to add." in found.text
+
+
+def test_half_of_it_closes_less_and_the_rest_is_next(folder: Path, first: GapReport) -> None:
+    report = again(folder, "half")
+    found = report.previous
+    assert 0.3 < found.achieved.estimate < 0.75
+    assert found.achieved.high < found.predicted.low
+    assert "less than predicted" in found.text
+    assert report.causes[0].effect == "temperature"
+    assert report.causes[0].parameters["deviation_k"].estimate == pytest.approx(5.0, abs=1.5)
+    assert "more or less of what was entered for temperature, by ISA +" in found.text
+    assert found.text in str(report)
+
+
+def test_the_command_line_holds_it_against_the_round_before(folder: Path, first: GapReport) -> None:
+    words = [
+        "--real",
+        str(folder / "real.parquet"),
+        "--simulator",
+        str(folder / "added.parquet"),
+        "--channels",
+        "TAS,Mach",
+    ]
+    more = ["--previous", str(folder / "gap" / "gap.json"), "--out", str(folder / "second")]
+    assert main(["diagnose", *words, *more]) == 0
+    written = read_gap(folder / "second" / "gap.json").previous
+    assert written.achieved.estimate > 0.8
+    assert written.report.endswith("gap.json")
+
+
+def test_reports_that_do_not_fit_are_refused(folder: Path, first: GapReport, tmp_path: Path) -> None:
+    previous = folder / "gap" / "gap.json"
+    real, added = folder / "real.parquet", folder / "added.parquet"
+    with pytest.raises(DataError, match=r"other real flights \(real.parquet\)"):
+        diagnose(folder / "half.parquet", added, previous=previous)
+    with pytest.raises(DataError, match="is of the very flights of the simulator"):
+        diagnose(real, folder / "plain.parquet", previous=previous)
+    with pytest.raises(DataError, match="signatures of aircraft type A320, and B738 now"):
+        diagnose(real, added, typecode="B738", previous=previous)
+    content = json.loads(previous.read_text())
+    for change, message in (
+        ({"schema_version": 1}, "schema version 1"),
+        ({"provenance": {**content["provenance"], "versions": {"descentflow": "9"}}}, "of version 9, and"),
+        ({"provenance": None}, "says nothing of its flights"),
+        ({"details": {**content["details"], "measured_over": []}}, "does not say what its gap was measured over"),
+    ):
+        other = tmp_path / "gap.json"
+        other.write_text(json.dumps({**content, **change}))
+        with pytest.raises(DataError, match=message):
+            diagnose(real, added, previous=other)
+    entries = content["details"]["measured_over"]
+    elsewhere = [{**one, "low_fl": one["low_fl"] + 7, "high_fl": one["high_fl"] + 7} for one in entries]
+    other.write_text(json.dumps({**content, "details": {**content["details"], "measured_over": elsewhere}}))
+    with pytest.raises(DataError, match=r"bands and quantities .* are measured now"):
+        diagnose(real, added, catalogue=SMALL, previous=other)
+    with pytest.raises(DataError, match="No such file"):
+        diagnose(real, added, previous=tmp_path / "nothing.json")

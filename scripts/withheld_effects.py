@@ -1,9 +1,11 @@
 """Hide effects in flights of the world, diagnose them blind, open the key and score.
 
-python scripts/withheld_effects.py generate FOLDER --sets 400   # injects, seals the key, publishes its hash
-python scripts/withheld_effects.py diagnose FOLDER              # resumable; seals every diagnosis
-python scripts/withheld_effects.py score FOLDER                 # checks the seals, writes score.json and score.html
-python scripts/withheld_effects.py all FOLDER                   # the three in order
+python scripts/withheld_effects.py generate FOLDER --own 520 --foreign 200  # seals the key, flies, publishes the hash
+python scripts/withheld_effects.py diagnose FOLDER   # resumable; seals every diagnosis
+python scripts/withheld_effects.py score FOLDER      # checks the seals, writes score.json and score.html
+python scripts/withheld_effects.py all FOLDER        # the three in order
+
+Foreign sets are flown by JSBSim (the extra jsbsim). Every step prints how long each set takes and what is left.
 """
 
 import argparse
@@ -14,9 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import DescentflowError
+from descentflow.studies.blind_diagnosis.blind_draw import draw_plan
+from descentflow.studies.blind_diagnosis.blind_flights import reference_type
 from descentflow.studies.blind_diagnosis.blind_page import write_page
-from descentflow.studies.blind_diagnosis.blind_plan import Plan, draw_plan
-from descentflow.studies.blind_diagnosis.blind_run import diagnose_all, generate
+from descentflow.studies.blind_diagnosis.blind_plan import Plan
+from descentflow.studies.blind_diagnosis.blind_run import diagnose_all, fly_true, generate, how_long
 from descentflow.studies.blind_diagnosis.blind_score import score
 from descentflow.studies.blind_diagnosis.closing import closing
 from descentflow.studies.blind_diagnosis.seal import KEY, MANIFEST, open_key, read_json, write_json
@@ -36,7 +40,7 @@ def do_generate(args: argparse.Namespace) -> None:
     else:
         # A seed that anyone could guess would be no seal; it is in the key and repeats the study once that is open.
         seed = secrets.randbits(32) if args.seed is None else args.seed
-        plan = draw_plan(args.sets, seed, n_simulators=args.simulators, more_null=args.more_null)
+        plan = draw_plan(args.own, seed, n_foreign=args.foreign, extra=not args.no_withheld)
     generate(args.folder, plan, processes=args.processes, progress=say)
     say(f"key sealed: SHA-256 {read_json(args.folder / MANIFEST)['key_sha256']}")
 
@@ -44,28 +48,29 @@ def do_generate(args: argparse.Namespace) -> None:
 def do_diagnose(args: argparse.Namespace) -> None:
     until = None if args.minutes is None else time.time() + 60 * args.minutes
     done = diagnose_all(args.folder, processes=args.processes, until=until, parts=args.first, progress=say)
-    say(f"{done} diagnoses sealed")
+    say(f"{done} diagnoses sealed\n{how_long(args.folder)}")
 
 
 def do_score(args: argparse.Namespace) -> None:
     plan, manifest, diagnoses = open_key(args.folder)
-    scored = score(plan, manifest, diagnoses, closings(args.folder, diagnoses))
+    fly_true(args.folder, plan, processes=args.processes, progress=say)
+    scored = score(plan, manifest, diagnoses, closings(args.folder, plan))
     write_json(args.folder / "score.json", scored)
     write_page(scored, args.folder / "score.html")
     for goal in scored["goals"]:
-        say(f"{goal['goal']}: {goal['reached_text']} ({goal['n']} sets) {VERDICTS[goal['met']]}")
+        missed = f": {', '.join(goal['misses'])}" if goal["met"] is False else ""
+        say(f"{goal['goal']}: {goal['reached_text']} ({goal['n']} sets) {VERDICTS[goal['met']]}{missed}")
 
 
-def closings(folder: Path, diagnoses: dict[str, Any]) -> dict[str, Any]:
-    """What corrected simulators generate, beside the flights and beside simulators that know the true effect."""
+def closings(folder: Path, plan: Plan) -> dict[str, Any]:
+    """How near corrected flights of simulators come to the real ones, beside those that know the true effect."""
     found = {}
-    for name, diagnosis in diagnoses.items():
-        job = diagnosis["job"]
-        corrected = folder / "reports" / name / "corrected.ckpt"
-        true = folder / "simulators" / f"{name.replace('withheld_', 'refit_')}.ckpt"
-        if job["corrected"] and corrected.is_file() and true.is_file():
-            paths = folder / "sets" / f"{job['set']}.parquet", folder / "simulators" / f"{job['simulator']}.ckpt"
-            found[name] = closing(*paths, corrected, true)
+    for one in plan.sets:
+        corrected = folder / "reports" / f"{one.name}_flights" / "corrected.parquet"
+        if one.true is not None and corrected.is_file():
+            held, true = (folder / "simulators" / f"{name}.parquet" for name in (one.simulator, one.true))
+            rows = folder / "sets" / f"{one.name}.parquet"
+            found[one.name] = closing(rows, held, corrected, true, reference_type(one.world, one.model))
     return found
 
 
@@ -73,9 +78,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("step", choices=["generate", "diagnose", "score", "all"])
     parser.add_argument("folder", type=Path, help="of the study; what is there already is not done again")
-    parser.add_argument("--sets", type=int, default=400, help="blind sets (default: 400)")
-    parser.add_argument("--more-null", type=int, default=100, help="further sets that hide nothing (default: 100)")
-    parser.add_argument("--simulators", type=int, default=40, help="of sets that hide something (default: 40)")
+    parser.add_argument("--own", type=int, default=520, help="blind sets of our own world (default: 520)")
+    parser.add_argument("--foreign", type=int, default=200, help="blind sets of JSBSim's aircraft (default: 200)")
+    parser.add_argument("--no-withheld", action="store_true", help="blind sets alone, no effect withheld by name")
     parser.add_argument("--seed", type=int, help="repeats a study whose key is open (default: not to be guessed)")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--minutes", type=float, help="begin no diagnosis after this time")

@@ -3,14 +3,15 @@
 from typing import Any
 
 from descentflow.studies.blind_diagnosis.blind_plan import SCALE_GROUP, Plan, SetPlan
-from descentflow.studies.blind_diagnosis.true_sizes import reported
+from descentflow.studies.blind_diagnosis.true_sizes import true_sizes
 
 
 def perfect_report(one: SetPlan, catalogued: tuple[str, ...], without: str | None = None) -> dict[str, Any]:
     """What a diagnosis without fault would say of a set."""
     named = [name for name in one.causes if name in catalogued and name != without]
-    verdict = "none" if one.kind == "null" else "effect" if len(named) == len(one.causes) else "unknown"
-    causes = [_cause(name, one) for name in named] if verdict == "effect" else []
+    rest = len(named) < len(one.causes)
+    verdict = "none" if not one.causes else "effect" if not rest else "partial" if named else "unknown"
+    causes = [_cause(name, one) for name in named]
     return {
         "verdict": verdict,
         "p_value": 0.5 if verdict == "none" else 0.001,
@@ -23,7 +24,7 @@ def perfect_report(one: SetPlan, catalogued: tuple[str, ...], without: str | Non
 
 
 def _cause(name: str, one: SetPlan) -> dict[str, Any]:
-    sizes = reported(name, one.causes[name])
+    sizes = true_sizes(one).get(name, {})
     closures = {kind: {"estimate": 0.95, "low": 0.9, "high": 1.0} for kind in ("marginal", "conditional", "transfer")}
     return {
         "effect": name,
@@ -42,9 +43,12 @@ def study(plan: Plan, catalogued: tuple[str, ...]) -> tuple[dict[str, Any], dict
     """Manifest and perfect diagnoses of a plan, without flights."""
     jobs = []
     for one in plan.sets:
-        jobs.append({"name": one.name, "set": one.name, "simulator": one.simulator, "without": None})
+        job = {"name": one.name, "set": one.name, "simulator": one.simulator, "without": None, "by": "checkpoint"}
+        jobs.append(job)
+        if one.part != "refit":
+            jobs.append({**job, "name": f"{one.name}_flights", "by": "flights"})
         if one.part == "withheld":
-            jobs.append({**jobs[-1], "name": f"{one.name}_without", "without": next(iter(one.causes))})
+            jobs.append({**job, "name": f"{one.name}_without", "without": next(iter(one.causes))})
     sets = {one.name: one for one in plan.sets}
     found = {
         job["name"]: {

@@ -154,7 +154,7 @@ def simulate(
         True
         >>> warm = simulate("A320", 2, seed=0, plant={"temperature": {"deviation_k": 10.0, "spread_k": 2.0}})
         >>> warm.flights.select("planted_temperature_deviation_k", "deviation_k").row(0)
-        (7.4..., 7.4...)
+        (14.8..., 14.8...)
     """
     files = None if out is None else WorldFiles.named(out, truth_out)
     kind = find_aircraft(aircraft, bada_dir) if isinstance(aircraft, str) else aircraft

@@ -10,6 +10,8 @@ from descentflow.reporting.html_page import HtmlPage
 from descentflow.reporting.number_text import number, percent
 from descentflow.studies.blind_diagnosis.figures import blind_figures as figures
 
+WORLDS = {"own": "our own world", "foreign": "JSBSim's aircraft"}
+
 
 def write_page(scored: Mapping[str, Any], path: Path) -> None:
     """Write the page, whole or not at all.
@@ -22,7 +24,7 @@ def write_page(scored: Mapping[str, Any], path: Path) -> None:
         DataError: If the file's folder does not exist.
 
     Example:
-        >>> from descentflow.studies.blind_diagnosis.blind_plan import draw_plan
+        >>> from descentflow.studies.blind_diagnosis.blind_draw import draw_plan
         >>> from descentflow.studies.blind_diagnosis.blind_score import score
         >>> scored = score(draw_plan(20, seed=1), {"key_sha256": "00", "sealed_at": "today", "jobs": []}, {})
         >>> write_page(scored, Path("blind.html"))
@@ -39,27 +41,38 @@ def blind_page(scored: Mapping[str, Any]) -> HtmlPage:
         scored: As :func:`descentflow.studies.blind_diagnosis.blind_score.score` returns it.
 
     Example:
-        >>> from descentflow.studies.blind_diagnosis.blind_plan import draw_plan
+        >>> from descentflow.studies.blind_diagnosis.blind_draw import draw_plan
         >>> from descentflow.studies.blind_diagnosis.blind_score import score
         >>> scored = score(draw_plan(20, seed=1), {"key_sha256": "00", "sealed_at": "today", "jobs": []}, {})
         >>> "Goals, and what was reached" in blind_page(scored).render()
         True
     """
     page = HtmlPage("Effects hidden in flights, and what the diagnosis made of them", [_introduction(scored)])
-    page.section("Goals, and what was reached", _goals(scored))
-    confusion = figures.confusion_figure(scored["confusion"])
-    page.section("What was named for what was injected", figure(confusion, "Confusion matrices of injected and named"))
-    page.section("False alarms", *_false_alarms(scored["false_alarms"]))
-    strata = figures.strata_figure(scored["by_stratum"])
-    page.section("By channels, size, flights and simulator", figure(strata, "Shares found, by channels and size"))
-    page.section("Cause by cause", _by_cause(scored["by_cause"]))
-    page.section("Sizes", *_sizes(scored["sizes"]))
-    closure = figures.closure_figure(scored["closure"])
-    page.section("How far the gap closes", figure(closure, "Gaps before and after the correction"))
-    page.section("Where windows were found", *_windows(scored["windows"]))
+    page.section("Goals, and what was reached", _goals(scored), *_misses(scored))
+    for world, words in WORLDS.items():
+        if scored["worlds"][world]["sets"]:
+            _world(page, scored["worlds"][world], words)
+    page.section("The same simulators given by their flights", *_same_verdicts(scored["same_verdicts"]))
+    page.section("How long it takes", _slowest(scored["slowest"]))
     page.section("Each effect withheld from the catalogue, and put back", _withheld(scored["withheld"]))
     page.section("Simulators refitted to the flights", *_refit(scored["refit"]))
     return page
+
+
+def _world(page: HtmlPage, scored: Mapping[str, Any], world: str) -> None:
+    """Sections of one world."""
+    confusion = figures.confusion_figure(scored["confusion"])
+    what = f"What was named for what was planted in {world}"
+    page.section(what, figure(confusion, f"Confusion matrices of planted and named, {world}"))
+    page.section(f"False alarms in {world}", *_false_alarms(scored["false_alarms"]))
+    strata = figures.strata_figure(scored["by_stratum"])
+    page.section(f"By channels, size, flights and simulator: {world}", figure(strata, f"Shares found, {world}"))
+    page.section(f"Cause by cause in {world}", _by_cause(scored["by_cause"]))
+    page.section(f"A catalogued cause beside one outside, in {world}", _mixed(scored["mixed"]))
+    page.section(f"Sizes in {world}", *_sizes(scored["sizes"]))
+    closure = figures.closure_figure(scored["closure"])
+    page.section(f"How far the gap closes in {world}", figure(closure, f"Claimed closures, {world}"), _of_true(scored))
+    page.section(f"Where windows were found in {world}", *_windows(scored["windows"]))
 
 
 def _introduction(scored: Mapping[str, Any]) -> Html:
@@ -71,8 +84,9 @@ def _introduction(scored: Mapping[str, Any]) -> Html:
         f"{scored['sealed_at']} by the SHA-256 hash ",
         code(scored["key_sha256"]),
         ", before any was diagnosed; every diagnosis was hashed before the key was opened, and all hashes were checked "
-        "before scoring. The flights are flown in time by the full equation of motion, not by the equations that the "
-        f"diagnosis uses. Shares are given with 95 % intervals. Processor time of a diagnosis: {pace}.",
+        "before scoring. The flights are flown in time by the full equation of motion, or in six degrees of freedom by "
+        "JSBSim, not by the equations that the diagnosis uses. "
+        f"Shares are given with 95 % intervals. Processor time of a diagnosis: {pace}.",
         kind="lead",
     )
 
@@ -81,6 +95,56 @@ def _goals(scored: Mapping[str, Any]) -> Html:
     verdict = {True: marked("met", "good"), False: marked("missed", "bad"), None: "not judged"}
     rows = [[goal["goal"], goal["reached_text"], str(goal["n"]), verdict[goal["met"]]] for goal in scored["goals"]]
     return table(["goal", "reached", "sets", ""], rows, align="llrl")
+
+
+def _misses(scored: Mapping[str, Any]) -> list[Html]:
+    """Sets that miss each goal that is missed."""
+    missed = [goal for goal in scored["goals"] if goal["met"] is False]
+    return [paragraph(f"{goal['goal']}: missed by {', '.join(goal['misses']) or 'the whole'}.") for goal in missed]
+
+
+def _same_verdicts(same: Mapping[str, Any]) -> list[Html]:
+    rows = [[row["set"], ", ".join(row["checkpoint"]), ", ".join(row["flights"])] for row in same["differing"]]
+    text = (
+        f"{_share(same)} of the sets got the same verdict and causes from a simulator's flights as from its checkpoint."
+    )
+    return [paragraph(text), table(["set", "by checkpoint", "by flights"], rows, align="lll")]
+
+
+def _slowest(rows: Sequence[Mapping[str, Any]]) -> Html:
+    cells = [[r["job"], ", ".join(r["causes"]) or "none", str(r["flights"]), f"{r['seconds']:.1f} s"] for r in rows]
+    return table(["slowest diagnoses", "planted", "flights", "processor time"], cells, align="llrr")
+
+
+def _mixed(rows: Sequence[Mapping[str, Any]]) -> Html:
+    cells = [
+        [
+            r["job"],
+            r["catalogued"],
+            r["outside"],
+            r["verdict"],
+            "yes" if r["named"] else "no",
+            "yes" if r["rest"] else "no",
+        ]
+        for r in rows
+    ]
+    return table(["set", "catalogued", "outside", "verdict", "named", "the rest is told"], cells, align="llllll")
+
+
+def _of_true(scored: Mapping[str, Any]) -> Html:
+    cells = [
+        [
+            r["set"],
+            ", ".join(r["causes"]),
+            number(r["before"]),
+            number(r["after"]),
+            number(r["true"]),
+            percent(r["of_true"]),
+        ]
+        for r in scored["of_true"]
+    ]
+    head = ["set", "planted", "before", "corrected", "true effect", "of what the true effect closes"]
+    return table(head, cells, align="llrrrr")
 
 
 def _false_alarms(alarms: Mapping[str, Any]) -> list[Html]:

@@ -1,23 +1,34 @@
 """The steps of a study: generate and seal, diagnose and seal, each resumable and spread over processes."""
 
-import logging
-import multiprocessing
+import resource
+import statistics
 import time
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import DescentflowError
-from descentflow.studies.blind_diagnosis.blind_flights import TYPECODE, write_set, write_simulator
-from descentflow.studies.blind_diagnosis.blind_plan import REFERENCE_FLIGHTS, Plan
-from descentflow.studies.blind_diagnosis.seal import MANIFEST, digest, read_json, seal_diagnoses, seal_key, write_json
+from descentflow.studies.blind_diagnosis.blind_flights import write_set, write_simulator
+from descentflow.studies.blind_diagnosis.blind_plan import Plan
+from descentflow.studies.blind_diagnosis.processes import pace, spread
+from descentflow.studies.blind_diagnosis.seal import (
+    MANIFEST,
+    digest,
+    read_json,
+    refuse_if_open,
+    seal_diagnoses,
+    seal_key,
+    write_json,
+)
 
 Progress = Callable[[str], None]
 Diagnose = Callable[[Path, Path, str | None, Path | None], dict[str, Any]]
-"""Rows, checkpoint, effect to leave out of the catalogue and folder for the report, to the content of gap.json."""
+"""Rows, simulator (checkpoint or its flights), effect to leave out of the catalogue and folder for the report, to the
+content of gap.json."""
 
 
+CHECKPOINT, FLIGHTS = "checkpoint", "flights"
+"""Ways in which a simulator is given to the diagnosis."""
 PUBLISH_EVERY = 20
 """Files after which the manifest is written anew."""
 
@@ -26,8 +37,6 @@ def generate(
     folder: Path,
     plan: Plan,
     *,
-    typecode: str = TYPECODE,
-    reference_flights: int = REFERENCE_FLIGHTS,
     processes: int = 1,
     progress: Progress = print,
 ) -> None:
@@ -36,8 +45,6 @@ def generate(
     Args:
         folder: Of the study.
         plan: Its key.
-        typecode: Type flown.
-        reference_flights: Flights flown for each simulator.
         processes: How many work at once.
         progress: Progress callback, called with a line of text.
 
@@ -53,26 +60,49 @@ def generate(
     for name in ("sets", "simulators", "diagnoses"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     seal = seal_key(folder, plan)
-    begun = {"key_sha256": seal, "sealed_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), "jobs": []}
+    started = {"key_sha256": seal, "sealed_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), "jobs": []}
     if not (folder / MANIFEST).is_file():
-        write_json(folder / MANIFEST, begun)
+        write_json(folder / MANIFEST, started)
     work: list[tuple[Any, ...]] = []
     for simulator in plan.simulators:
         path = folder / "simulators" / f"{simulator.name}.ckpt"
-        if not path.is_file():
-            work.append((write_simulator, simulator, path, typecode, reference_flights))
+        if simulator.trained and not path.is_file():
+            work.append((write_simulator, simulator, path))
     for one in sorted(plan.sets, key=lambda one: one.part == "blind"):
         path = folder / "sets" / f"{one.name}.parquet"
         if not path.is_file():
-            work.append((write_set, one, path, typecode))
+            work.append((write_set, one, path))
+
+    begun = time.monotonic()
 
     def count(done: int) -> None:
-        progress(f"flown and trained: {done} of {len(work)}")
+        progress(f"flown and trained: {done} of {len(work)}, {pace(begun, done, len(work))}")
         if done % PUBLISH_EVERY == 0:
             _publish(folder, plan)
 
-    _spread(work, processes, count)
+    spread(work, processes, count)
     _publish(folder, plan)
+
+
+def fly_true(folder: Path, plan: Plan, *, processes: int = 1, progress: Progress = print) -> None:
+    """Fly what true corrections would make of simulators: when the key is open, for their names tell what is hidden.
+
+    Args:
+        folder: Of the study.
+        plan: Its key.
+        processes: How many work at once.
+        progress: Progress callback, called with a line of text.
+
+    Example:
+        >>> fly_true(Path("."), Plan(seed=0, nonce="00", sets=(), simulators=()))  # none to fly
+    """
+    work: list[tuple[Any, ...]] = []
+    for simulator in plan.simulators:
+        path = folder / "simulators" / f"{simulator.name}.ckpt"
+        if not simulator.trained and not path.with_suffix(".parquet").is_file():
+            work.append((write_simulator, simulator, path))
+    begun = time.monotonic()
+    spread(work, processes, lambda n: progress(f"true corrections: {n} of {len(work)}, {pace(begun, n, len(work))}"))
 
 
 def _publish(folder: Path, plan: Plan) -> None:
@@ -88,10 +118,21 @@ def _jobs(folder: Path, plan: Plan) -> list[dict[str, Any]]:
         rows = folder / "sets" / f"{one.name}.parquet"
         if not rows.is_file():
             continue
-        job = {"name": one.name, "rows_sha256": digest(rows), "set": one.name, "simulator": one.simulator}
-        jobs.append({**job, "without": None, "corrected": one.part == "withheld"})
+        job: dict[str, Any] = {
+            "name": one.name,
+            "rows_sha256": digest(rows),
+            "set": one.name,
+            "simulator": one.simulator,
+            "by": CHECKPOINT,
+            "without": None,
+            "corrected": False,
+        }
+        jobs.append(job)
+        if one.part != "refit":
+            # The same simulator, given by its flights; that is where corrected flights are written.
+            jobs.append({**job, "name": f"{one.name}_flights", "by": FLIGHTS, "corrected": one.corrected})
         if one.part == "withheld":
-            jobs.append({**job, "name": f"{one.name}_without", "without": next(iter(one.causes)), "corrected": False})
+            jobs.append({**job, "name": f"{one.name}_without", "without": next(iter(one.causes))})
     return jobs
 
 
@@ -118,11 +159,14 @@ def diagnose_all(
     Returns:
         How many diagnoses are recorded.
 
+    Raises:
+        DataError: If a recorded diagnosis was changed, or the key was opened before all were done.
+
     Example:
         >>> for name in ("sets", "diagnoses"):
         ...     (Path("one_set") / name).mkdir(parents=True)
-        >>> job = {"name": "blind_0000", "set": "blind_0000", "simulator": "simulator_000", "without": None}
-        >>> write_json(Path("one_set") / MANIFEST, {"jobs": [{**job, "corrected": False}]})
+        >>> job = {"name": "blind_0000", "set": "blind_0000", "simulator": "simulator_000", "by": CHECKPOINT}
+        >>> write_json(Path("one_set") / MANIFEST, {"jobs": [{**job, "without": None, "corrected": False}]})
         >>> finds_nothing = lambda rows, simulator, without, out: {"verdict": "none", "causes": []}
         >>> diagnose_all(Path("one_set"), diagnose=finds_nothing)
         diagnosed: 1 of 1, ... s each, 0 min to go
@@ -131,14 +175,15 @@ def diagnose_all(
     jobs = list(read_json(folder / MANIFEST)["jobs"])
     jobs.sort(key=lambda job: not job["name"].startswith(tuple(parts)))
     left = [job for job in jobs if not (folder / "diagnoses" / f"{job['name']}.json").is_file()]
+    if left:
+        refuse_if_open(folder)
     work = [(_one, folder, job, diagnose or package_diagnosis, until) for job in left]
     begun = time.monotonic()
 
     def count(done: int) -> None:
-        pace = (time.monotonic() - begun) / done
-        progress(f"diagnosed: {done} of {len(left)}, {pace:.1f} s each, {pace * (len(left) - done) / 60:.0f} min to go")
+        progress(f"diagnosed: {done} of {len(left)}, {pace(begun, done, len(left))}")
 
-    _spread(work, processes, count)
+    spread(work, processes, count)
     return seal_diagnoses(folder, [job["name"] for job in jobs])
 
 
@@ -147,7 +192,7 @@ def package_diagnosis(rows: Path, simulator: Path, without: str | None, out: Pat
 
     Args:
         rows: Flights of a set.
-        simulator: Checkpoint that they are compared with.
+        simulator: Checkpoint, or prepared descents of the simulator, that they are compared with.
         without: Effect that is left out of the catalogue, if any.
         out: Folder for the report, if wanted.
 
@@ -170,12 +215,46 @@ def package_diagnosis(rows: Path, simulator: Path, without: str | None, out: Pat
     return diagnose(rows, simulator, catalogue=catalogue, seed=0, out=out).as_dict()
 
 
+def how_long(folder: Path) -> str:
+    """What the diagnoses that are there took: the median and the slowest by name, and the most memory.
+
+    Args:
+        folder: Of the study.
+
+    Raises:
+        DataError: If the study has no manifest.
+
+    Example:
+        >>> folder = Path("timed")
+        >>> (folder / "diagnoses").mkdir(parents=True)
+        >>> write_json(folder / MANIFEST, {"jobs": [{"name": "blind_0000", "by": FLIGHTS}]})
+        >>> write_json(folder / "diagnoses" / "blind_0000.json", {"cpu_s": 8.0, "most_memory_gb": 0.9})
+        >>> print(how_long(folder))
+        flights: 1 diagnosed, median 8.0 s of processor time, slowest 8.0 s (blind_0000), at most 0.90 GB
+    """
+    lines = []
+    jobs = read_json(folder / MANIFEST)["jobs"]
+    for by in sorted({job["by"] for job in jobs}):
+        files = {j["name"]: folder / "diagnoses" / f"{j['name']}.json" for j in jobs if j["by"] == by}
+        found = {name: read_json(path) for name, path in files.items() if path.is_file()}
+        if found:
+            seconds = {name: float(one["cpu_s"]) for name, one in found.items()}
+            slowest = max(seconds, key=lambda name: seconds[name])
+            lines.append(
+                f"{by}: {len(found)} diagnosed, median {statistics.median(seconds.values()):.1f} s of processor time, "
+                f"slowest {seconds[slowest]:.1f} s ({slowest}), at most "
+                f"{max(float(one['most_memory_gb']) for one in found.values()):.2f} GB"
+            )
+    return "\n".join(lines)
+
+
 def _one(folder: Path, job: dict[str, Any], diagnose: Diagnose, until: float | None) -> None:
     """Diagnose one set; a diagnosis that refuses is a result, and is scored as one that found nothing."""
     if until is not None and time.time() > until:
         return
     wall, cpu = time.perf_counter(), time.process_time()
-    paths = folder / "sets" / f"{job['set']}.parquet", folder / "simulators" / f"{job['simulator']}.ckpt"
+    suffix = ".ckpt" if job["by"] == CHECKPOINT else ".parquet"
+    paths = folder / "sets" / f"{job['set']}.parquet", folder / "simulators" / f"{job['simulator']}{suffix}"
     result: dict[str, Any] = {"job": job, "report": None, "refused": None}
     try:
         out = folder / "reports" / job["name"] if job["corrected"] else None
@@ -183,38 +262,6 @@ def _one(folder: Path, job: dict[str, Any], diagnose: Diagnose, until: float | N
     except DescentflowError as error:
         result["refused"] = f"{type(error).__name__}: {error}"
     result |= {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu}
+    # Of the process, which diagnosed others before; in kilobytes on Linux.
+    result["most_memory_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
     write_json(folder / "diagnoses" / f"{job['name']}.json", result)
-
-
-def _spread(work: Sequence[tuple[Any, ...]], processes: int, count: Callable[[int], None]) -> None:
-    """Call functions with their arguments, in this process or in several, and count those that are done."""
-    if processes == 1:
-        for done, (function, *arguments) in enumerate(work, start=1):
-            function(*arguments)
-            count(done)
-        return
-    # Spawned, for a forked process inherits torch's threads in whatever state they are.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=context, initializer=_alone) as pool:
-        futures: list[Future[Any]] = [pool.submit(function, *arguments) for function, *arguments in work]
-        for done, future in enumerate(_finished(futures), start=1):
-            future.result()
-            count(done)
-
-
-def _finished(futures: list[Future[Any]]) -> Iterable[Future[Any]]:
-    """Futures as they finish; the first error cancels the rest."""
-    try:
-        yield from as_completed(futures)
-    except BaseException:
-        for future in futures:
-            future.cancel()
-        raise
-
-
-def _alone() -> None:
-    """A worker keeps to one thread and says nothing."""
-    import torch
-
-    torch.set_num_threads(1)
-    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
 
-from descentflow.studies.blind_diagnosis.blind_plan import SCALE_GROUP, WRONG_POLAR, Plan, SetPlan
-from descentflow.studies.blind_diagnosis.true_sizes import reported
+from descentflow.studies.blind_diagnosis.blind_plan import SCALE_GROUP, Plan, SetPlan
+from descentflow.studies.blind_diagnosis.blind_run import CHECKPOINT
+from descentflow.studies.blind_diagnosis.true_sizes import true_sizes
 
-UNKNOWN, NONE, REFUSED = "unknown", "none", "refused"
+UNKNOWN, PARTIAL, NONE, REFUSED = "unknown", "partial", "none", "refused"
 
 
 @dataclass(frozen=True)
@@ -19,23 +20,25 @@ class Outcome:
         job: Name of the diagnosis.
         one: The set.
         wrong_polar: Whether its simulator had the wrong polar.
+        by: How the simulator was given: by its ``checkpoint`` or by its ``flights``.
         without: Effect left out of the catalogue, if any.
-        verdict: ``none``, ``effect``, ``unknown``, or ``refused`` where the diagnosis raised a clear error.
+        verdict: ``none``, ``effect``, ``partial``, ``unknown``, or ``refused`` where it raised a clear error.
         p_value: As reported.
         named: Effects named, in order, without those that only say that the polar is wrong where it is.
         groups: Of each, itself and what the diagnosis could not tell it from.
         right_first: The injected cause is named first (any of mass, idle thrust and drag stands for each of them where
             it says so: nothing that is observed tells them apart).
         in_group: The injected cause is in the group of the first.
-        exact: Neither more nor fewer than the injected causes are named.
+        exact: Neither more nor fewer than the injected causes are named, and nothing is said to remain.
         report: The whole report.
         seconds: Processor time.
 
     Example:
         >>> one = SetPlan("blind_0000", "blind", "single", {"mass": {"factor": 0.9}}, 1.0, "all", 400, "simulator_0", 1)
         >>> outcome = Outcome(
-        ...     "blind_0000", one, wrong_polar=False, without=None, verdict="effect", p_value=0.001, named=("mass",),
-        ...     groups=(frozenset({"mass"}),), right_first=True, in_group=True, exact=True, report={}, seconds=9.0,
+        ...     "blind_0000", one, wrong_polar=False, by="checkpoint", without=None, verdict="effect", p_value=0.001,
+        ...     named=("mass",), groups=(frozenset({"mass"}),), right_first=True, in_group=True, exact=True, report={},
+        ...     seconds=9.0,
         ... )
         >>> outcome.first
         'mass'
@@ -44,6 +47,7 @@ class Outcome:
     job: str
     one: SetPlan
     wrong_polar: bool
+    by: str
     without: str | None
     verdict: str
     p_value: float | None
@@ -62,6 +66,11 @@ class Outcome:
             return self.verdict
         return self.named[0] if self.named and self.verdict != UNKNOWN else UNKNOWN
 
+    @property
+    def says_more(self) -> bool:
+        """Whether it says that something is there which no cause of the catalogue explains."""
+        return self.verdict in (UNKNOWN, PARTIAL)
+
 
 def outcomes(plan: Plan, manifest: Mapping[str, Any], diagnoses: Mapping[str, Any]) -> list[Outcome]:
     """Every diagnosis beside its key.
@@ -76,14 +85,14 @@ def outcomes(plan: Plan, manifest: Mapping[str, Any], diagnoses: Mapping[str, An
 
     Example:
         >>> one = SetPlan("blind_0000", "blind", "single", {"turn": {}}, 1.0, "all", 400, "simulator_000", 1)
-        >>> job = {"name": "blind_0000", "set": "blind_0000", "without": None}
+        >>> job = {"name": "blind_0000", "set": "blind_0000", "without": None, "by": "checkpoint"}
         >>> diagnosis = {"report": {"verdict": "unknown", "p_value": 0.001, "causes": []}, "cpu_s": 9.0}
         >>> (found,) = outcomes(Plan(0, "00", (one,), ()), {"jobs": [job]}, {"blind_0000": diagnosis})
         >>> found.verdict, found.exact
         ('unknown', False)
     """
     sets = {one.name: one for one in plan.sets}
-    wrong = {s.name for s in plan.simulators if s.cd0_factor == WRONG_POLAR}
+    wrong = {s.name for s in plan.simulators if s.polar}
     jobs = {job["name"]: job for job in manifest["jobs"]}
     return [_outcome(jobs[name], sets[jobs[name]["set"]], found, wrong) for name, found in sorted(diagnoses.items())]
 
@@ -104,6 +113,7 @@ def _outcome(job: Mapping[str, Any], one: SetPlan, found: Mapping[str, Any], wro
         job=job["name"],
         one=one,
         wrong_polar=wrong_polar,
+        by=job.get("by", CHECKPOINT),
         without=job["without"],
         verdict=report.get("verdict", REFUSED),
         p_value=report.get("p_value"),
@@ -111,7 +121,7 @@ def _outcome(job: Mapping[str, Any], one: SetPlan, found: Mapping[str, Any], wro
         groups=groups,
         right_first=bool(named) and single is not None and stands_for(named[0], first_group, single),
         in_group=single in first_group,
-        exact=matched(named, groups, injected),
+        exact=matched(named, groups, injected) and report.get("verdict") != PARTIAL,
         report=report,
         seconds=float(found["cpu_s"]),
     )
@@ -165,7 +175,7 @@ def sizes(outcome: Outcome) -> list[dict[str, Any]]:
         Rows of ``job cause parameter unit true estimate low high covered``; none where no interval is claimed.
 
     Example:
-        >>> one = SetPlan("blind_0000", "blind", "single", {"mass": {"factor": 0.9}}, 1.0, "all", 400, "simulator_0", 1)
+        >>> one = SetPlan("blind_0000", "blind", "single", {"mass": {"factor": 0.9}}, 1.0, "all", 9, "simulator_0", 1)
         >>> size = {"estimate": -0.08, "low": -0.11, "high": -0.05, "unit": "1"}
         >>> cause = {"effect": "mass", "group": [], "parameters": {"relative_change": size}}
         >>> diagnosis = {"report": {"verdict": "effect", "causes": [cause]}, "cpu_s": 9.0}
@@ -175,13 +185,10 @@ def sizes(outcome: Outcome) -> list[dict[str, Any]]:
         True
     """
     found = []
-    for cause in outcome.report.get("causes", []):
-        truth = (
-            reported(cause["effect"], outcome.one.causes.get(cause["effect"], {}))
-            if (cause["effect"] in outcome.one.causes)
-            else {}
-        )
-        for name, true in truth.items():
+    causes = [c for c in outcome.report.get("causes", []) if c["effect"] in outcome.one.causes]
+    truth = true_sizes(outcome.one) if causes else {}
+    for cause in causes:
+        for name, true in truth.get(cause["effect"], {}).items():
             estimate = cause["parameters"].get(name)
             if estimate is None or estimate["low"] is None or estimate["low"] == estimate["high"]:
                 # It claims no interval.

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,8 @@ from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
 from descentflow.studies.blind_diagnosis.blind_plan import Plan
 
-KEY, MANIFEST, DIAGNOSES = "sealed_key.json", "manifest.json", "diagnoses.json"
-"""Files of a study: the key, what is public before diagnosis, and the hashes of the diagnoses."""
+KEY, MANIFEST, DIAGNOSES, OPENED = "sealed_key.json", "manifest.json", "diagnoses.json", "opened.json"
+"""Files of a study: the key, what is public before diagnosis, the diagnoses' hashes, and when the key was opened."""
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -109,7 +110,9 @@ def seal_diagnoses(folder: Path, names: list[str]) -> int:
 
 
 def open_key(folder: Path) -> tuple[Plan, dict[str, Any], dict[str, Any]]:
-    """Open the key after everything that was sealed proves unchanged.
+    """Open the key after everything that was sealed proves unchanged, and note when that was done first.
+
+    From then on nothing is diagnosed any more, see :func:`refuse_if_open`.
 
     Returns:
         The key, the manifest, and the sealed diagnoses by the name of their job.
@@ -138,4 +141,30 @@ def open_key(folder: Path) -> tuple[Plan, dict[str, Any], dict[str, Any]]:
         if not file.is_file() or digest(file) != expected:
             raise DataError(f"{file} is not the diagnosis that was sealed", expected=expected, mend="run a new study")
         found[name] = read_json(file)
+    if not (folder / OPENED).is_file():
+        at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+        write_json(folder / OPENED, {"opened_at": at, "diagnoses": len(found)})
     return Plan.from_dict(read_json(folder / KEY)), manifest, found
+
+
+def refuse_if_open(folder: Path) -> None:
+    """Refuse to diagnose what is not diagnosed yet, once the key was opened.
+
+    Raises:
+        DataError: If it was.
+
+    Example:
+        >>> Path("study_a").mkdir()
+        >>> refuse_if_open(Path("study_a"))
+        >>> write_json(Path("study_a") / OPENED, {"opened_at": "2026-01-01T00:00:00Z", "diagnoses": 0})
+        >>> refuse_if_open(Path("study_a"))
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.DataError: ...opened at 2026-01-01T00:00:00Z...
+    """
+    if (folder / OPENED).is_file():
+        raise DataError(
+            f"the key of {folder} was opened at {read_json(folder / OPENED)['opened_at']}",
+            expected="diagnoses before the key is opened",
+            mend="run a new study",
+        )

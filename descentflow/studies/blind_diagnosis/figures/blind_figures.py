@@ -23,7 +23,7 @@ def confusion_figure(confusion: Mapping[str, Scored]) -> Figure:
     Example:
         >>> names = ["none", "mass", "turn", "kept_thrust", "unknown"]
         >>> table = [[4, 0, 0, 0, 0], [0, 3, 0, 0, 1], [0, 0, 0, 0, 2], [0, 0, 0, 0, 2]]
-        >>> one = {"rows": names[:4], "columns": names, "table": table}
+        >>> one = {"rows": names[:4], "columns": names, "table": table, "outside": 2}
         >>> len(confusion_figure({"all channels": one}).axes)
         1
     """
@@ -42,7 +42,7 @@ def confusion_figure(confusion: Mapping[str, Scored]) -> Figure:
         ax.set_xlabel("named first")
         ax.set_ylabel("injected")
         ax.set_title(name, fontsize=10)
-        outside = len(one["rows"]) - 3.5
+        outside = len(one["rows"]) - one["outside"] - 0.5
         ax.axhline(outside, color=RED, linewidth=1)
         ax.text(-0.4, outside + 0.1, "outside the catalogue", va="top", fontsize=7, color=RED)
     return figure

@@ -1,0 +1,80 @@
+"""Work of a study spread over processes, each replaced before long, and how long it takes."""
+
+import logging
+import multiprocessing
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from typing import Any
+
+TASKS_PER_PROCESS = 25
+"""After which a process is replaced by a fresh one: what a diagnosis leaves in memory does not add up."""
+
+
+def pace(begun: float, done: int, total: int) -> str:
+    """How long each took, and how long the rest will take.
+
+    Args:
+        begun: By the monotonic clock.
+        done: How many are done.
+        total: Of how many.
+
+    Example:
+        >>> pace(time.monotonic() - 60.0, done=6, total=12)
+        '10.0 s each, 1 min to go'
+    """
+    each = (time.monotonic() - begun) / done
+    return f"{each:.1f} s each, {each * (total - done) / 60:.0f} min to go"
+
+
+def spread(work: Sequence[tuple[Any, ...]], processes: int, count: Callable[[int], None]) -> None:
+    """Call functions with their arguments, in this process or in several, and count those that are done.
+
+    Args:
+        work: A function and its arguments each, which can be pickled.
+        processes: How many work at once.
+        count: Called with how many are done.
+
+    Raises:
+        Exception: What the first function to fail raised; the rest are not begun.
+
+    Example:
+        >>> spread([(print, "one"), (print, "two")], 1, lambda done: print(done, "done"))
+        one
+        1 done
+        two
+        2 done
+    """
+    if processes == 1:
+        for done, (function, *arguments) in enumerate(work, start=1):
+            function(*arguments)
+            count(done)
+        return
+    # Spawned, for a forked process inherits torch's threads in whatever state they are.
+    context = multiprocessing.get_context("spawn")
+    bounded = ProcessPoolExecutor(
+        processes, mp_context=context, initializer=_alone, max_tasks_per_child=TASKS_PER_PROCESS
+    )
+    with bounded as pool:
+        futures: list[Future[Any]] = [pool.submit(function, *arguments) for function, *arguments in work]
+        for done, future in enumerate(_finished(futures), start=1):
+            future.result()
+            count(done)
+
+
+def _finished(futures: list[Future[Any]]) -> Iterable[Future[Any]]:
+    """Futures as they finish; the first error cancels the rest."""
+    try:
+        yield from as_completed(futures)
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+
+
+def _alone() -> None:
+    """A worker keeps to one thread and says nothing."""
+    import torch
+
+    torch.set_num_threads(1)
+    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)

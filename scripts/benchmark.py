@@ -10,6 +10,7 @@ PARTS = {
     "sample": "draws of the three densities beside scikit-learn, zuko and the paper's times",
     "diagnose": "one diagnosis over the number of flights",
     "simulate": "flights of the simulated world over their number",
+    "rivals": "what one would take in place of the diagnosis, on sets of flights whose cause is known",
     "prepare": "rows to free descents beside pandas, with the curve over sizes",
 }
 """Modules of `benchmarks`, each with `add_arguments` and `run`."""

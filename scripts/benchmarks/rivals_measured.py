@@ -1,0 +1,66 @@
+"""What the rivals are given: the same measured quantities and effect equations that the diagnosis itself uses."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from benchmarks.rivals_sets import RivalSet
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.diagnosis.inference.effect_shifts import EffectShifts
+from descentflow.diagnosis.inference.two_sides import Compared, compare
+from descentflow.diagnosis.inference.whitening import whiten
+from descentflow.diagnosis.simulator import Simulator
+from descentflow.effects import EFFECTS
+from descentflow.measurements.quantities import CHANNELS, quantities_of
+
+FEW = 20
+"""Flights whose shift is averaged: it varies little between them."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Both sides as vectors, and what each effect would shift in them."""
+
+    compared: Compared
+    shifts: EffectShifts
+    few: EffectShifts
+    """The same of some of the simulator's flights, for thousands of evaluations."""
+
+    @property
+    def simulated(self) -> Tensor:
+        """(n, p) of the simulator's flights, in spreads from their mean; NaN where not seen."""
+        return self._in_spreads(~self.compared.real)
+
+    @property
+    def real(self) -> Tensor:
+        """(n, p) of the real flights, in the simulator's spreads from the simulator's mean."""
+        return self._in_spreads(self.compared.real)
+
+    @property
+    def scale(self) -> Tensor:
+        """(p,) spread between flights."""
+        return self.compared.scale
+
+    def _in_spreads(self, side: Tensor) -> Tensor:
+        c = self.compared
+        return (c.y[side] - c.y[~c.real].nanmean(0)) / c.scale
+
+
+def measured(one: RivalSet) -> Measured:
+    """Measure both sides of a set on the levels that both reach."""
+    aircraft = open_aircraft(one.typecode)
+    nominal = Simulator(aircraft)
+    (low_a, high_a), (low_b, high_b) = (nominal.levels(frame) for frame in (one.real, one.simulator))
+    low, high = max(low_a, low_b), min(high_a, high_b)
+    simulated, real = (quantities_of(frame, low, high, CHANNELS) for frame in (one.simulator, one.real))
+    sides = compare(simulated, real, aircraft)
+    weights = whiten(sides.y, sides.real, sides.airframe, sides.nugget(), sides.of_flight(), learn=~sides.real)
+    some = torch.arange(min(FEW, int((~sides.real).sum())))
+    part = replace(sides, y=sides.y[some], real=sides.real[some], state=sides.state.rows(some))
+    return Measured(sides, EffectShifts(sides, weights, EFFECTS), EffectShifts(part, weights, EFFECTS))
+
+
+def filled(values: Tensor) -> Tensor:
+    """Gaps taken as the simulator's mean, for methods that know no gaps."""
+    return torch.nan_to_num(values, nan=0.0)

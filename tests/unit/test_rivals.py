@@ -1,0 +1,130 @@
+"""How the rivals' answers are counted, and what their names stand for; their libraries are not needed."""
+
+import json
+import sys
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+import torch
+
+from descentflow.core.errors import DataError
+from descentflow.effects import EFFECTS
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+from benchmarks.rivals_dowhy import flight_table
+from benchmarks.rivals_mapping import EFFECTS_OF_NODE, PARENTS_OF_NODE, TARGETS, graph
+from benchmarks.rivals_sbi import posterior_answer
+from benchmarks.rivals_scoring import Answer, Scored, tally
+from benchmarks.rivals_sets import read_set, set_folders
+
+RATE = EFFECTS_OF_NODE["rate"]
+
+
+def scored(kind: str, effects: set[str], *named: frozenset[str], **more: object) -> Scored:
+    answer = Answer(named, **{"gap": bool(named), **more})
+    return Scored("set", kind, frozenset(effects), answer, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("one", "cause", "exact"),
+    [
+        (scored("null", set()), "right", None),
+        (scored("null", set(), RATE), "wrong", None),
+        (scored("null", set(), unknown=True), "wrong", None),
+        (scored("single", {"mass"}, RATE), "right", True),
+        (scored("single", {"mass"}, frozenset({"temperature"}), RATE), "wrong", False),
+        (scored("single", {"mass"}, RATE, frozenset({"temperature"})), "right", False),
+        (scored("single", {"mass"}), "none", False),
+        (scored("single", {"mass"}, unknown=True), "none", False),
+        (scored("double", {"mass", "temperature"}, RATE), "right", False),
+        (scored("double", {"mass", "temperature"}, RATE, frozenset({"temperature"})), "right", True),
+        (scored("outside", {"kept_thrust"}, unknown=True), "right", None),
+        (scored("outside", {"kept_thrust"}, RATE, unknown=True), "wrong", None),
+        (scored("outside", {"kept_thrust"}), "none", None),
+        (scored("single", {"mass"}, gap=True, says_causes=False), None, None),
+    ],
+)
+def test_an_answer_is_right_wrong_or_none(one: Scored, cause: str | None, exact: bool | None) -> None:
+    assert (one.cause, one.exact) == (cause, exact)
+
+
+def test_tally_counts_each_answer_once_and_says_what_is_left_open() -> None:
+    some = [scored("single", {"mass"}, RATE), scored("single", {"mass"}, frozenset({"wind_gradient"}))]
+    some += [scored("single", {"mass"}), scored("single", {"mass"}, gap=None)]
+    found = tally(some)
+    assert (found.n, found.right, found.wrong, found.none) == (4, 1, 1, 2)
+    assert (found.gaps, found.says_gaps) == (2, 3)  # one did not say whether there is a gap
+    assert (found.left_open, found.seconds) == (3.5, 2.0)  # six effects of one name, one of the other
+
+
+def test_every_effect_has_a_node_and_every_node_is_reached_from_a_target() -> None:
+    assert set().union(*EFFECTS_OF_NODE.values()) == set(EFFECTS)
+    assert set(EFFECTS_OF_NODE) == set(PARENTS_OF_NODE)
+    order = list(TopologicalSorter(PARENTS_OF_NODE).static_order())  # raises if there is a circle
+    reached = set(TARGETS)
+    for node in reversed(order):
+        if node in reached:
+            reached |= set(PARENTS_OF_NODE[node])
+    assert reached == set(PARENTS_OF_NODE)
+
+
+def test_a_node_that_was_not_measured_is_passed_over() -> None:
+    """Without TAS, the rate hangs on what TAS hangs on."""
+    edges = graph({"IAS", "Mach", "rate", "reported"})
+    assert sorted(edges) == [("IAS", "Mach"), ("IAS", "rate"), ("Mach", "rate"), ("rate", "reported")]
+
+
+def test_npe_names_what_its_interval_says_is_not_zero() -> None:
+    """Means of 8, 4 and 0 spreads; at 0.05 over three effects the interval is 2.4 spreads wide to either side."""
+    draws = torch.randn(20_000, 3, generator=torch.Generator().manual_seed(1)) + torch.tensor([4.0, -8.0, 1.0])
+    answer = posterior_answer(["mass", "temperature", "wind_gradient"], draws)
+    assert answer.named == (frozenset({"temperature"}), frozenset({"mass"}))
+    assert posterior_answer(["mass"], torch.randn(5000, 1)).gap is False
+
+
+def test_flight_table_sees_rate_wind_height_noise_and_lost_time() -> None:
+    """3 s a level are 2,000 ft/min; 40 s more at one level are a level-off and no part of the rate."""
+    levels = np.arange(300, 199, -1)
+    time = 3.0 * np.arange(101.0) + 40.0 * (levels < 250)
+    frame = pl.DataFrame(
+        {
+            "flight_id": "a",
+            "level_fl": levels,
+            "time_s": time,
+            "IAS": 280.0,
+            "Mach": 0.7,
+            "TAS": 400.0,
+            "groundspeed": 400.0 + 0.2 * levels,
+            "geoaltitude": 104.0 * levels,
+            "vertical_rate": np.where(np.arange(101) % 2 == 0, -2000.0, -2064.0),
+        }
+    )
+    row = flight_table(frame).row(0, named=True)
+    assert row["rate"] == pytest.approx(2000)
+    assert row["stops"] == pytest.approx(40)
+    assert row["wind"] == pytest.approx(2.0)  # kt a 1,000 ft
+    assert row["height"] == pytest.approx(40.0)  # ft a 1,000 ft
+    assert row["noise"] == pytest.approx(np.log(64 * np.sqrt(100 / 99)), abs=0.01)
+    assert row["reported"] == pytest.approx(2000 + 64 * 50 / 101)
+    assert "TAS" not in flight_table(frame.drop("TAS")).columns
+
+
+def test_sets_are_read_with_plain_names_and_refused_where_incomplete(tmp_path: Path) -> None:
+    folder = tmp_path / "paths"
+    folder.mkdir()
+    truth = {"world": "own", "typecode": "A320", "kind": "single", "effects": {"geometric_path_own": {"share": 1}}}
+    (folder / "truth.json").write_text(json.dumps(truth))
+    pl.DataFrame({"flight_id": ["a"]}).write_parquet(folder / "real.parquet")
+    with pytest.raises(DataError, match=r"lacks simulator\.parquet"):
+        read_set(folder)
+    pl.DataFrame({"flight_id": ["b"]}).write_parquet(folder / "simulator.parquet")
+    assert read_set(folder).effects == {"geometric_path"}
+    (folder / "truth.json").write_text(json.dumps({**truth, "kind": "null"}))
+    with pytest.raises(DataError, match="kind null with"):
+        read_set(folder)
+    assert set_folders(tmp_path, None) == [folder]
+    with pytest.raises(DataError, match="no set other"):
+        set_folders(tmp_path, ["paths", "other"])

@@ -32,6 +32,7 @@ from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.report.causes import causes_of, would_split
 from descentflow.diagnosis.report.details import curves, discrepancy_of, remaining_of, singles_of
 from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.diagnosis.report.odd_flights import flights_worth_a_look
 from descentflow.diagnosis.simulator import Simulator, check_type
 from descentflow.diagnosis.stages import stages_of
 from descentflow.effects import Effect
@@ -218,6 +219,9 @@ class Diagnosis:
             scores=made.scores,
             write_corrected=made.write,
             corrected_file=made.file_name,
+            flights_worth_a_look=flights_worth_a_look(likelihood, shift, profile_of(self.compared))
+            if verdict in ("unknown", "partial")
+            else [],
         )
 
     def _measured(self, details: Details, affected: Tensor) -> Details:

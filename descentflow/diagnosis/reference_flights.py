@@ -1,7 +1,7 @@
 """What both sides measured: a simulator's flights (its own, those of its checkpoint, or samples) and real ones."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import polars as pl
@@ -176,7 +176,7 @@ def _by_components(decoder: DescentDecoder, grid: LevelGrid, real: Quantities) -
         )
     values = {**real.values, **{name: smooth.values[name] for name in SAMPLED}}
     physics = {**smooth.physics, "tailwind_mps": real.physics["tailwind_mps"]}
-    return Quantities(real.levels_fl, real.band_fl, values, physics, real.airframe)
+    return replace(real, values=values, physics=physics)
 
 
 def _shown(like: LevelGrid, flown: Trajectories, seen: Tensor, airframe: Tensor, names: tuple[str, ...]) -> LevelGrid:

@@ -1,7 +1,7 @@
 """What is diagnosed: a sampler, flights of any simulator, or nominal BADA; and what flights it can be held against."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import polars as pl
@@ -147,4 +147,4 @@ def kept_channels(reference: Quantities, real: Quantities) -> Quantities:
     physics = dict(reference.physics)
     if "wind" not in names:
         physics["tailwind_mps"] = torch.zeros_like(physics["tailwind_mps"])
-    return Quantities(reference.levels_fl, reference.band_fl, values, physics, reference.airframe)
+    return replace(reference, values=values, physics=physics)

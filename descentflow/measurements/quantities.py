@@ -51,6 +51,8 @@ class Quantities:
     values: dict[str, Tensor]
     physics: dict[str, Tensor]
     airframe: Tensor
+    names: tuple[str, ...] = ()
+    """Identifiers of the flights; empty where none is kept, as in a checkpoint."""
 
     def __len__(self) -> int:
         """Number of flights."""
@@ -70,6 +72,7 @@ class Quantities:
             values={name: value[index] for name, value in self.values.items()},
             physics={name: value[index] for name, value in self.physics.items()},
             airframe=self.airframe[index],
+            names=tuple(self.names[i] for i in torch.arange(len(self))[index].tolist()) if self.names else (),
         )
 
     def to_state(self) -> dict[str, Any]:
@@ -211,7 +214,7 @@ def measured(grid: LevelGrid) -> Quantities:
     physics["tailwind_mps"] = tailwind.nan_to_num(0.0)
     values |= short_scale_noise(grid) | gaps_of(grid)
     good = log_rate.isfinite().any(1)
-    return Quantities((low_fl, high_fl), band, values, physics, grid.airframe).rows(good)
+    return Quantities((low_fl, high_fl), band, values, physics, grid.airframe, grid.flight_ids).rows(good)
 
 
 def reference_state(

@@ -65,7 +65,8 @@ class Compressibility(Effect):
 # %%
 # With it
 # -------
-# Nothing else has to change: it is fitted, judged, printed and put into the corrected simulator like the others.
+# Nothing else has to change: it is fitted, judged and printed like the others. A simulator's own flights can be given
+# it; a checkpoint cannot hold it, for it would not load where the class is not known.
 
 report = df.diagnose(real, model, catalogue={**EFFECTS, "compressibility": Compressibility()})
 print(report)

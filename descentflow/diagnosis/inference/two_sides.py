@@ -84,6 +84,8 @@ class Compared:
     """How much larger negligible shifts of rate and CAS are: samples are coarser than flights."""
     coefficients: ReferenceCoefficients = field(default_factory=ReferenceCoefficients.unknown)
     """Of the aircraft that the simulator flies, as far as known; ``state`` is taken with them."""
+    names: tuple[str, ...] = ()
+    """Identifiers of the real flights, in their order; empty where they are not known."""
 
     def nugget(self) -> Tensor:
         """Variance (p,) by which a flight may be off for the means to be off by what is negligible."""
@@ -219,6 +221,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
         real.band_fl,
         slack,
         coefficients,
+        real.names,
     )
 
 

@@ -20,7 +20,7 @@ CHANCE = 2.0
 """Standard errors that chance often gives."""
 LETTERS = 46
 """In a line above a row of a narrow map."""
-DARK = 0.72
+DARK = 0.55
 """Share of the colours from which letters are white."""
 
 

@@ -22,7 +22,7 @@ def next_steps(found: Findings) -> list[str]:
         >>> next_steps(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0][:44]
         'Put into nominal BADA of the A320: mass x 0.'
     """
-    return [*_recipe(found), *_corrected(found), *_channels(found), *_flights(found), *_limits(found)]
+    return [*_recipe(found), *_corrected(found), *_flights(found), *_channels(found), *_own(found), *_limits(found)]
 
 
 def _recipe(found: Findings) -> list[str]:
@@ -80,6 +80,12 @@ def _flights(found: Findings) -> list[str]:
     first = found.flights_worth_a_look[0]
     what = f"the {label_of(first.quantity)}, {level_range(first.low_fl, first.high_fl)}"
     return [f"Look at the flights that show most of what no cause explains, in {what}: {', '.join(named)}."]
+
+
+def _own(found: Findings) -> list[str]:
+    if found.verdict not in ("unknown", "partial"):
+        return []
+    return ["Write the effect that you suspect into a file of your own and diagnose again with --catalogue FILE.py."]
 
 
 def _limits(found: Findings) -> list[str]:

@@ -43,6 +43,7 @@ class Parameter:
         start: Where a fit starts.
         inexact: Standard error that comes on top of the data's: how well the equations of the effect place it.
         from_heterogeneity: Set by :meth:`Effect.learn_heterogeneity` from how flights differ, not by their mean.
+        is_spread: A spread between flights that have the effect, zero where it is alike in all of them.
         label: What readers call it; the name with spaces if empty.
         shown_as: How readers are told it.
         symbol: What stands before the number, such as ``CD0`` before a factor; the label if empty.
@@ -65,6 +66,7 @@ class Parameter:
     start: float = 0.0
     inexact: float = 0.0
     from_heterogeneity: bool = False
+    is_spread: bool = False
     label: str = ""
     shown_as: ShownAs = "number"
     symbol: str = ""

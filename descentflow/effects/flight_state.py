@@ -58,11 +58,15 @@ class FlightState:
     """d ln(reported rate)/dHp between the edges of each band, NaN where not seen; None where no flight was seen."""
     cleaning: Cleaning = CLEANING
     """Settings by which the flights were cleaned: they say where descents begin."""
+    beyond_polar: Tensor | float = 0.0
+    """(K,) or (n, K): ln of the rate that the simulator's flights have beyond the polar's."""
 
     def rows(self, index: Tensor) -> "FlightState":
         """The flights at these positions."""
         names = ["cas_mps", "cas_slope_per_s", "tailwind_mps", "mask", "depth_m"]
         names += [] if self.rate_slope_per_m is None else ["rate_slope_per_m"]
+        if isinstance(self.beyond_polar, Tensor) and self.beyond_polar.dim() == 2:
+            names.append("beyond_polar")
         return replace(self, **{name: getattr(self, name)[index] for name in names})
 
     def mach(self) -> Tensor:

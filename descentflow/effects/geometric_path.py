@@ -3,20 +3,27 @@
 import torch
 from torch import Tensor
 
-from descentflow.effects.effect import Effect, Parameter, Shift
+from descentflow.effects.effect import FlightChange, Parameter, Shift
+from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Ways, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState
 from descentflow.physics.airspeed import cas_to_tas_mps
 
 LEAST_SHALLOWER = 0.005
 """Paths are planned to be flown with some thrust in hand."""
+FIRST_LAW = (0.5, 0.08, 0.05)
+"""Share, and mean and spread of how much shallower, from which laws start."""
+LEAST_SPREAD = 0.005
+"""Least spread between flights of how much shallower: paths are planned in tenths of a degree, some 3 %."""
 
 
-class GeometricPath(Effect):
+class GeometricPath(DiffersByFlight):
     """A share of the flights holds a path angle; idle thrust must not be needed below it, so it is a shallow one.
+
+    Each flight holds an angle of its own: ``shallower`` is the mean of those, ``spread`` how they differ.
 
     Example:
         >>> from descentflow.effects.example_flights import example_flights
-        >>> shift = GeometricPath().shift(example_flights(), torch.tensor([0.5, 0.1]))
+        >>> shift = GeometricPath().shift(example_flights(), torch.tensor([0.5, 0.1, 0.0]))
         >>> bool((shift["rate"] < 0).all())  # a shallower path than idle thrust allows
         True
     """
@@ -26,9 +33,12 @@ class GeometricPath(Effect):
     parameters = (
         Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights on a path", shown_as="flights"),
         Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
+        spread_of("spread_shallower", 0.25, "1", 0.02, "spread of that between flights on a path", "percent"),
     )
     heterogeneity = "window mixture"
     splits = ("groundspeed",)
+    holds_rate = True
+    own_draws = 1
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """All flights may hold one; a path at the very angle that idle allows is a fit driven to its bound."""
@@ -36,11 +46,63 @@ class GeometricPath(Effect):
 
     def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
         """Flights hold it or do not."""
-        return float(theta[0]), torch.stack([torch.ones_like(theta[0]), theta[1]])
+        return float(theta[0]), torch.stack([torch.ones_like(theta[0]), theta[1], theta[2]])
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """From the idle path's angle to one held, shallower by a share than the shallowest of the idle path."""
-        ground = cas_to_tas_mps(state.cas_mps, state.altitude_m) + state.tailwind_mps
-        angle = state.schedule_log_rate - ground.clamp(min=30.0).log()
-        shallowest = torch.where(state.mask, angle, torch.inf).amin(1, keepdim=True)
-        return {"rate": theta[0] * (shallowest.clamp(max=1e3) - angle - theta[1])}
+        return {"rate": theta[0] * (_to_the_shallowest(state, state.beyond_polar) - theta[1])}
+
+    def law_starts(self, state: FlightState, theta: Tensor) -> list[Tensor]:
+        """Some flights on paths of their own; a law goes on as it is."""
+        return [theta if float(theta[2]) > 0.0 else torch.tensor(FIRST_LAW, dtype=torch.float64)]
+
+    def ways(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Ways:
+        """One way, to hold an angle; which one is its size."""
+        flat = _to_the_shallowest(state, beyond)
+        bands = range(flat.shape[1])
+        table = torch.stack([torch.zeros(len(bands)), torch.ones(len(bands))]).double()
+        one = torch.tensor([1])
+        return Ways(tuple(("rate", band) for band in bands), -torch.ones_like(flat), flat, table, one - 1, one)
+
+    def log_prior(self, state: FlightState, theta: Tensor) -> Tensor:
+        """There is one way."""
+        return torch.zeros(1, dtype=torch.float64)
+
+    def size(self, theta: Tensor) -> tuple[float, float, float]:
+        """Share on a path, and how much shallower."""
+        return float(theta[0]), float(theta[1]), float(theta[2])
+
+    def learn(self, state: FlightState, theta: Tensor, learnt: Learnt) -> Tensor:
+        """Share, mean and spread."""
+        mean, spread = learnt.mean_and_spread()
+        mean = max(mean, LEAST_SHALLOWER)
+        spread = min(max(spread, LEAST_SPREAD), MOST_SPREAD * mean)
+        return self.clamp(torch.tensor([learnt.share, mean, spread], dtype=torch.float64))
+
+    def own_change(self, state: FlightState, theta: Tensor, uniform: Tensor) -> FlightChange:
+        """A path of each flight's own."""
+        shallower = self.drawn(theta, uniform)[:, 1:2]
+        return FlightChange(flown={"rate": _to_the_shallowest(state, state.beyond_polar) - shallower})
+
+    def drawn(self, whole: Tensor, uniform: Tensor) -> Tensor:
+        """Each flight's own path."""
+        shallower = positive_size(uniform[:, 0], whole[1], whole[2])
+        one = torch.ones_like(shallower)
+        return torch.stack([whole[0] * one, shallower, 0.0 * one], 1)
+
+    def own_numbers(self, state: FlightState, theta: Tensor, taken: Tensor, size: Tensor) -> dict[str, Tensor]:
+        """How much shallower each flight's path is."""
+        return {"shallower": (taken * size).sum(1)}
+
+
+def _to_the_shallowest(state: FlightState, beyond: Tensor | float) -> Tensor:
+    """Change (n, K) of the logarithm of the rate to the shallowest angle of the simulator's idle path.
+
+    Args:
+        state: The flights.
+        beyond: ln of the rate that they would have beyond the polar's.
+    """
+    ground = cas_to_tas_mps(state.cas_mps, state.altitude_m) + state.tailwind_mps
+    angle = state.schedule_log_rate - ground.clamp(min=30.0).log()
+    shallowest = torch.where(state.mask, angle + state.beyond_polar, torch.inf).amin(1, keepdim=True)
+    return shallowest.clamp(max=1e3) - angle - beyond

@@ -4,7 +4,8 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M
-from descentflow.effects.effect import Parameter, Shift
+from descentflow.effects.effect import FlightChange, Parameter, Shift
+from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Ways, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.effects.windowed_effect import WindowedEffect
 
@@ -23,16 +24,30 @@ MIN_FLIGHTS = 20
 APART = 2.0
 """Two groups are told apart if their means are so many spreads within them apart; else all flights are one."""
 
+GRID_FL = 5.0
+"""Ends of each flight's own window are told apart in steps of so much: a third of a band."""
+LEAST_SPREAD_FL = 1.0
+"""Least spread of own windows: less is one window for all."""
+LEAST_SPREAD_EXTRA = 0.02
+"""Least spread of the drag added between flights."""
+FIRST_LAW = (0.4, 0.3, 40.0, 20.0, 0.3)
+"""Drag, share of the flights, spread of the middle and of the height of own windows, and spread of the drag, from which
+laws start: wide enough for any procedure."""
+BEFORE = 1.0
+"""Flights' worth of the law before, in the spreads of the next: no spread falls to zero by chance."""
+NODES = ((-2.857, -1.356, 0.0, 1.356, 2.857), (0.0112574, 0.2220759, 0.5333333, 0.2220759, 0.0112574))
+"""Gauss and Hermite's nodes and weights for a normal law (Abramowitz and Stegun, table 25.10, scaled)."""
 
-class SpeedBrake(WindowedEffect):
+
+class SpeedBrake(WindowedEffect, DiffersByFlight):
     """CD0 higher between two altitudes on a share of the flights; ``extra_cd0`` is the mean over all flights.
 
     Example:
         >>> from descentflow.effects.example_flights import example_flights
-        >>> shift = SpeedBrake().shift(example_flights(), torch.tensor([0.3, 200.0, 240.0, 1.0, 0.0]))
+        >>> shift = SpeedBrake().shift(example_flights(), torch.tensor([0.3, 200, 240, 1, 0, 0, 0, 0]))
         >>> (shift["rate"].mean(0) > 0.01).nonzero()[:, 0]  # bands of 2,000 ft from FL150
         tensor([2, 3, 4])
-        >>> share, whole = SpeedBrake().mixture(torch.tensor([0.3, 200.0, 240.0, 0.6, 0.0]))
+        >>> share, whole = SpeedBrake().mixture(torch.tensor([0.3, 200, 240, 0.6, 0, 0, 0, 0]))
         >>> round(share, 1), round(float(whole[0]), 1)  # six flights in ten, each with half as much drag again
         (0.6, 0.5)
     """
@@ -43,6 +58,7 @@ class SpeedBrake(WindowedEffect):
     ends = (1, 2)
     narrowest_fl = NARROWEST_FL
     inset_fl = RUN_OUT_M / FL_M
+    own_draws = 3
     parameters = (
         Parameter(
             "extra_cd0",
@@ -78,6 +94,9 @@ class SpeedBrake(WindowedEffect):
             shown_as="logarithm",
             symbol="short-scale noise",
         ),
+        spread_of("spread_middle_fl", 100.0, "FL", 10.0, "spread of the window's middle between flights"),
+        spread_of("spread_height_fl", 50.0, "FL", 10.0, "spread of the window's height between flights"),
+        spread_of("spread_extra", 2.0, "1", 0.1, "spread of the drag between flights with brakes out", "percent"),
     )
     heterogeneity = "window mixture"
 
@@ -93,11 +112,25 @@ class SpeedBrake(WindowedEffect):
         return log_rate(state, parasitic=1 + size) - state.own_log_rate
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
-        """Rate by the energy equation within the window, on the share that flies it."""
+        """Rate by the energy equation within the window, on the share that flies it; mean over own windows."""
         change = theta[3] * self.whole_change(state, theta[0] / theta[3])
-        shown = {quantity: weight * change for quantity, weight in self.within(state, theta[1], theta[2]).items()}
+        shown = {quantity: weight * change for quantity, weight in self._mean_within(state, theta).items()}
         # Edges of a window are steps of the rate, which count as short-scale noise.
         return {**shown, "noise_rate": theta[4] * torch.ones_like(change[:, 0])}
+
+    def _mean_within(self, state: FlightState, theta: Tensor) -> dict[str, Tensor]:
+        """Weight of each band in the mean over the windows of the law."""
+        _, low, high, _, _, middle, height, _ = theta
+        if not bool(middle > 0) and not bool(height > 0):
+            return self.within(state, low, high)
+        total: dict[str, Tensor] = {}
+        for x, u in zip(*NODES, strict=True):
+            for y, v in zip(*NODES, strict=True):
+                half = (0.5 * (high - low + y * height)).clamp(min=0.0)
+                centre = 0.5 * (high + low) + x * middle
+                for quantity, weight in self.within(state, centre - half, centre + half).items():
+                    total[quantity] = total.get(quantity, 0.0) + u * v * weight
+        return total
 
     def learn_heterogeneity(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
         """Share of the flights in the upper of two groups of mean excess within the window, minus that outside."""
@@ -117,8 +150,113 @@ class SpeedBrake(WindowedEffect):
     def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
         """Flights have them out or do not."""
         share = theta[3]
-        full = torch.stack([theta[0] / share, theta[1], theta[2], torch.ones_like(share), theta[4] / share])
-        return float(share), full
+        own = torch.stack([theta[0] / share, theta[1], theta[2], torch.ones_like(share), theta[4] / share])
+        return float(share), torch.cat([own, theta[5:]])
+
+    def law_starts(self, state: FlightState, theta: Tensor) -> list[Tensor]:
+        """One window for all, as it is, and windows of each flight's own about its middle; a law goes on as it is."""
+        if float(theta[7]) > 0.0:
+            return [theta]
+        size, share, middle, height, spread = FIRST_LAW
+        size = max(float(theta[0] / theta[3]), size) if float(theta[3]) < 1.0 else size
+        noise = float(theta[4] / theta[3])
+        low, high = theta[1:3].tolist()
+        alike = [size * share, low, high, share, noise * share, 0.0, 0.0, spread * size]
+        own = [size * share, low, high, share, noise * share, middle, height, spread * size]
+        return [torch.tensor(law, dtype=torch.float64) for law in (alike, own)]
+
+    def ways(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Ways:
+        """The law's window, or all windows of the grid where each flight has its own."""
+        size, _, _ = self.size(theta)
+        shape = self.whole_change(state, torch.tensor(size, dtype=torch.float64)) / size
+        ends, lower, upper = self._windows(state, theta)
+        inset = self.inset_fl / 2
+        first, second = (self.below(state, at) for at in (ends + inset, ends - inset))
+        slots = tuple((quantity, band) for quantity in first for band in range(shape.shape[1]))
+        # Edges of a window are short-scale noise, the more the larger the drag: all upper rows have it.
+        noise = torch.full_like(shape[:, :1], float(theta[4] / theta[0]))
+        shape = torch.cat([shape] * len(first) + [noise], 1)
+        rows = [torch.cat(list(part.values()), 1) for part in (first, second)]
+        table = torch.cat([torch.nn.functional.pad(row, (0, 1), value=k) for k, row in enumerate(rows)])
+        names = (*slots, ("noise_rate", -1))
+        return Ways(names, shape, torch.zeros_like(shape), table, lower, upper + len(ends))
+
+    def _windows(self, state: FlightState, theta: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Ends (E,) of windows, and which of them are the lower and the upper one of each (W,)."""
+        if float(theta[5]) == 0.0 and float(theta[6]) == 0.0:
+            return theta[1:3], torch.tensor([0]), torch.tensor([1])
+        low, high = self.range_fl(state)
+        ends = torch.arange(low, high + GRID_FL / 2, GRID_FL, dtype=torch.float64)
+        height = ends - ends[:, None]
+        lower, upper = torch.nonzero((height >= NARROWEST_FL) & (height <= self.longest_fl(state)), as_tuple=True)
+        return ends, lower, upper
+
+    def log_prior(self, state: FlightState, theta: Tensor) -> Tensor:
+        """Normal laws of the middle and the height of a window."""
+        ends, lower, upper = self._windows(state, theta)
+        if len(lower) == 1:
+            return torch.zeros(1, dtype=torch.float64)
+        middle, height = (ends[upper] + ends[lower]) / 2, ends[upper] - ends[lower]
+        usual, tall = (theta[2] + theta[1]) / 2, theta[2] - theta[1]
+        log = -0.5 * ((middle - usual) / theta[5]) ** 2 - 0.5 * ((height - tall) / theta[6]) ** 2
+        return log - log.logsumexp(0)
+
+    def size(self, theta: Tensor) -> tuple[float, float, float]:
+        """Share of the flights with brakes out, and the drag that they add in those."""
+        return float(theta[3]), float(theta[0] / theta[3]), float(theta[7])
+
+    def learn(self, state: FlightState, theta: Tensor, learnt: Learnt) -> Tensor:
+        """Share, drag and windows of the flights with brakes out."""
+        share, (size, spread) = learnt.share, learnt.mean_and_spread()
+        share = min(max(share, self.parameters[3].low), 1.0)
+        found = theta.clone()
+        size = max(size, LEAST_DRAG / 2)
+        found[3], found[0] = share, size * share
+        found[4] = float(theta[4] / theta[3]) * share
+        found[7] = min(max(spread, LEAST_SPREAD_EXTRA), MOST_SPREAD * size)
+        ends, lower, upper = self._windows(state, theta)
+        if len(lower) > 1:
+            middle, height = (ends[upper] + ends[lower]) / 2, ends[upper] - ends[lower]
+            (usual, apart), (tall, taller) = (
+                _mean_and_spread(values, learnt.taken, float(before))
+                for values, before in ((middle, theta[5]), (height, theta[6]))
+            )
+            found[1], found[2], found[5], found[6] = usual - tall / 2, usual + tall / 2, apart, taller
+        return self.clamp(found)
+
+    def own_change(self, state: FlightState, theta: Tensor, uniform: Tensor) -> FlightChange:
+        """The rate in a window of each flight's own."""
+        own, inset = self.drawn(theta, uniform), self.inset_fl / 2
+        within = self.below(state, own[:, 2] - inset)["rate"] - self.below(state, own[:, 1] + inset)["rate"]
+        return FlightChange(flown={"rate": within * self.whole_change(state, own[:, :1])})
+
+    def drawn(self, whole: Tensor, uniform: Tensor) -> Tensor:
+        """Each flight's own window and drag."""
+        own = whole.expand(len(uniform), -1).clone()
+        place, tall = torch.special.ndtri(uniform[:, :2].clamp(min=1e-12)).unbind(1)
+        middle = (whole[2] + whole[1]) / 2 + (place * whole[5] if float(whole[5]) > 0 else 0.0)
+        height = whole[2] - whole[1] + (tall * whole[6] if float(whole[6]) > 0 else 0.0)
+        half = height.clamp(min=NARROWEST_FL) / 2 if self.is_law(whole) else height / 2
+        own[:, 0], own[:, 1], own[:, 2] = positive_size(uniform[:, 2], whole[0], whole[7]), middle - half, middle + half
+        own[:, 5:] = 0.0
+        return own
+
+    def own_numbers(self, state: FlightState, theta: Tensor, taken: Tensor, size: Tensor) -> dict[str, Tensor]:
+        """Each flight's own window and drag."""
+        ends, lower, upper = self._windows(state, theta)
+        return {
+            "low_fl": taken @ ends[lower],
+            "high_fl": taken @ ends[upper],
+            "extra_cd0": (taken * size).sum(1),
+        }
+
+
+def _mean_and_spread(values: Tensor, weight: Tensor, before: float) -> tuple[float, float]:
+    """Weighted mean and standard deviation of values (W,), with a little of the spread before."""
+    total = weight.sum().clamp(min=1e-9)
+    mean = (weight * values).sum() / total
+    variance = ((weight * (values - mean) ** 2).sum() + BEFORE * before**2) / (total + BEFORE)
+    return float(mean), max(float(variance) ** 0.5, LEAST_SPREAD_FL)
 
 
 def two_groups(values: Tensor) -> float:

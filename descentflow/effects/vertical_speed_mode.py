@@ -46,7 +46,7 @@ class VerticalSpeedMode(Effect):
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Gaps in the levels and time lost in them; where a rate is held, a shallow one in place of the idle rate."""
         each = torch.ones_like(state.cas_mps[:, 0])
-        idle = state.schedule_log_rate
+        idle = state.schedule_log_rate + state.beyond_polar
         slowest = torch.where(state.mask, idle, torch.inf).amin(1, keepdim=True)
         return {
             "missing": theta[0] * each,

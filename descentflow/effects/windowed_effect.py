@@ -23,9 +23,9 @@ class WindowedEffect(Effect):
         >>> from descentflow.effects import EFFECTS
         >>> from descentflow.effects.example_flights import example_flights
         >>> brakes, state = EFFECTS["speed_brake"], example_flights()
-        >>> ends = brakes.below(state, torch.tensor([198.5, 241.5]).double())["rate"]  # they take 300 ft to run out
-        >>> ends[1] - ends[0]  # bands of 2,000 ft from FL150
-        tensor([0., 0., 1., 1., 0.5000, 0., 0., 0., 0., 0., 0.], dtype=torch.float64)
+        >>> ends = brakes.below(state, torch.tensor([200.0, 240.0]).double())["rate"]
+        >>> (ends[1] - ends[0])[:6]  # bands of 2,000 ft, the third of which is about FL200
+        tensor([0.0000, 0.0000, 0.5000, 1.0000, 0.5000, 0.0000], dtype=torch.float64)
     """
 
     ends: ClassVar[tuple[int, int]]

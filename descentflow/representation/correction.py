@@ -18,6 +18,13 @@ if TYPE_CHECKING:
 
 SLOPE_LEVELS = 15
 """Levels over which the slope of a sampled CAS is taken on either side."""
+LAWS = 1000
+"""First stream of random numbers of effects that flights have each in their own way; those before belong to effects
+that are alike in the flights that they take, by their place."""
+MOST_OWN = 8
+"""Random numbers of one such effect at most."""
+FAR_OUT = 0.975
+"""Quantile of what flights have of such an effect, to say how far it reaches: all but one in forty are within."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +33,9 @@ class Correction:
 
     Drag stays as the latent model drew it; speeds, rates and times change. What only sensors add (bias and lag) changes
     the reported speed and rate and not the time; noise has no mean and is not added. An effect that takes a share of
-    the flights takes them whole and leaves the others as they are; which ones is drawn by seed and number of the draw,
-    so that they are the same in either precision, in any batch and on any device.
+    the flights takes them whole and leaves the others as they are, each in its own way where flights differ (its own
+    window, its own path); which ones and how is drawn by seed and number of the draw, so that it is the same in either
+    precision, in any batch and on any device.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -55,7 +63,7 @@ class Correction:
             draws: Seed and numbers of these draws, by which an effect takes its share of the flights.
         """
         altitude = (flown.levels_fl * FL_M).to(flown.cas_mps)
-        flies, reports = self._shifts(aircraft, altitude, flown.cas_mps, flown.mask, draws)
+        flies, reports = self._shifts(aircraft, altitude, flown.cas_mps, flown.mask, draws, flown.rate_mps)
         cas = flown.cas_mps + flies["cas"] + reports["cas"]
         mach = cas_to_mach(flown.cas_mps + flies["cas"], altitude)
         factor = flies["rate"].exp()
@@ -76,12 +84,22 @@ class Correction:
         return flies["cas"] + reports["cas"], (flies["rate"] + reports["rate"]).exp()
 
     def _shifts(
-        self, aircraft: Aircraft, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor, draws: DrawNumbers | None = None
+        self,
+        aircraft: Aircraft,
+        altitude_m: Tensor,
+        cas_mps: Tensor,
+        mask: Tensor,
+        draws: DrawNumbers | None = None,
+        rate_mps: Tensor | None = None,
     ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
         """Sums of shifts that are flown, and that are reported only: ``rate`` (ln), ``cas`` (m/s), ``tas`` (ln)."""
-        from descentflow.effects.flight_state import log_rate
+        from descentflow.effects.flight_state import SLOWEST_MPS, log_rate
 
         state = _state(aircraft, self, altitude_m, cas_mps, mask)
+        if rate_mps is not None:
+            # A held path takes the place of the very rate that was flown.
+            own = (-rate_mps.detach().double()).clamp(min=SLOWEST_MPS).log() - state.schedule_log_rate
+            state = replace(state, beyond_polar=torch.where(mask, own, 0.0))
         flies, reports = self._sums(state, draws)
         if self.inherited:
             zero = torch.zeros_like(state.cas_mps)
@@ -96,23 +114,34 @@ class Correction:
         """What the effects change, flown and reported, in the flights that each of them takes (all without draws)."""
         # Here and not above: a plain decoder must not pay for the catalogue.
         from descentflow.effects import EFFECTS
+        from descentflow.effects.flight_law import DiffersByFlight
 
         zero = torch.zeros_like(state.cas_mps)
         flies, reports = ({"rate": zero, "cas": zero, "tas": zero} for _ in range(2))
-        for place, (name, theta) in enumerate(self.effects.items()):
-            share, whole = EFFECTS[name].mixture(torch.tensor(theta, dtype=torch.float64))
-            change = EFFECTS[name].change(state, whole)
-            taken = None
-            if draws is not None and share < 1.0:
-                taken = (draws.uniform(len(zero), stream=place) < share).to(zero.device)[:, None]
+        held, rate_held, begun = torch.zeros_like(zero[:, :1], dtype=torch.bool), zero, 0.0
+        for place, (name, sizes) in enumerate(self.effects.items()):
+            effect, theta = EFFECTS[name], torch.tensor(sizes, dtype=torch.float64)
+            share, whole = effect.mixture(theta)
+            if isinstance(effect, DiffersByFlight) and effect.is_law(theta):
+                # A flight has one effect of this kind or none: one number decides which.
+                taken = _between(draws, zero, LAWS, begun, begun + share)
+                begun += share
+                change = effect.own_change(state, whole, _own_numbers(draws, zero, place, effect.own_draws))
+                if effect.holds_rate:
+                    # Whatever else would change the rate: it is held.
+                    held, rate_held = held | taken, torch.where(taken, change.flown["rate"], rate_held)
+                    continue
+            else:
+                taken = _between(draws, zero, place, 0.0, share)
+                change = effect.change(state, whole)
             for total, shift in ((flies, change.flown), (reports, change.reported)):
                 for quantity, value in shift.items():
                     # A decoder knows no wind, no gap and no noise.
                     if quantity not in total:
                         continue
-                    own = value if taken is None else torch.where(taken, value, 0.0)
+                    own = torch.where(taken, value, 0.0)
                     total[quantity] = total[quantity] + own * (KT_MPS if quantity == "cas" else 1.0)
-        return flies, reports
+        return {**flies, "rate": torch.where(held, rate_held, flies["rate"])}, reports
 
     def to_state(self) -> dict[str, Any]:
         """Primitives for a checkpoint."""
@@ -134,7 +163,11 @@ class Correction:
         strange = [name for name in state["effects"] if name not in EFFECTS]
         if strange:
             raise KeyError(f"effect {strange[0]}")
-        effects = {name: [float(v) for v in theta] for name, theta in state["effects"].items()}
+        effects = {}
+        for name, theta in state["effects"].items():
+            # A checkpoint of before flights could differ lacks the spreads, which come last and are zero there.
+            start = EFFECTS[name].start().tolist()
+            effects[name] = [float(v) for v in theta] + start[len(theta) :]
         return cls(effects, state["mass_kg"], state["inherited"], cleaning or Cleaning())
 
 
@@ -162,6 +195,22 @@ def _state(
         affected=False,
         cleaning=correction.cleaning,
     )
+
+
+def _between(draws: DrawNumbers | None, like: Tensor, stream: int, low: float, high: float) -> Tensor:
+    """Flights (n, 1) whose number lies between two shares; all of them without draws, or where that is every one."""
+    if draws is None or (low <= 0.0 and high >= 1.0):
+        return torch.ones_like(like[:, :1], dtype=torch.bool)
+    number = draws.uniform(len(like), stream=stream).to(like.device)
+    return ((number >= low) & (number < high))[:, None]
+
+
+def _own_numbers(draws: DrawNumbers | None, like: Tensor, place: int, count: int) -> Tensor:
+    """Numbers (n, count) by which flights have an effect in their own way; far out in its law without draws."""
+    if draws is None:
+        return torch.full((len(like), count), FAR_OUT, dtype=like.dtype, device=like.device)
+    streams = [LAWS + 1 + place * MOST_OWN + k for k in range(count)]
+    return torch.stack([draws.uniform(len(like), stream) for stream in streams], 1).to(like.device)
 
 
 def _slope(cas_mps: Tensor, spacing_m: float) -> Tensor:

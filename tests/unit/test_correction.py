@@ -38,7 +38,7 @@ def flown() -> Trajectories:
 
 
 def test_brakes_are_out_on_their_share_of_the_flights_and_wholly(flown: Trajectories) -> None:
-    theta = [0.3, 200.0, 250.0, 0.6, 0.0]
+    theta = [0.3, 200.0, 250.0, 0.6, 0.0, 0.0, 0.0, 0.0]
     after = Correction({"speed_brake": theta}, 57e3).apply(open_aircraft("A320"), flown)
     inside = (flown.levels_fl > 210) & (flown.levels_fl < 240)
     factor = (after.rate_mps / flown.rate_mps)[:, inside].mean(1)
@@ -55,14 +55,16 @@ def test_brakes_are_out_on_their_share_of_the_flights_and_wholly(flown: Trajecto
 
 
 def test_two_effects_take_flights_independently(flown: Trajectories) -> None:
-    of_low = Correction({"speed_brake": [0.3, 170.0, 200.0, 0.5, 0.0]}, 57e3).apply(open_aircraft("A320"), flown)
-    of_path = Correction({"temperature": [0.0], "geometric_path": [0.5, 0.1]}, 57e3)
+    of_low = Correction({"speed_brake": [0.3, 170.0, 200.0, 0.5, 0.0, 0.0, 0.0, 0.0]}, 57e3).apply(
+        open_aircraft("A320"), flown
+    )
+    of_path = Correction({"temperature": [0.0], "geometric_path": [0.5, 0.1, 0.0]}, 57e3)
     first = (of_low.rate_mps / flown.rate_mps - 1).abs().amax(1) > 0.01
     second = (of_path.apply(open_aircraft("A320"), flown).rate_mps / flown.rate_mps - 1).abs().amax(1) > 0.01
     assert float((first & second).float().mean()) == pytest.approx(0.25, abs=4 * math.sqrt(0.1875 / N))
 
 
-PARTIAL = Correction({"speed_brake": [0.3, 200.0, 250.0, 0.6, 0.0]}, 57e3)
+PARTIAL = Correction({"speed_brake": [0.3, 200.0, 250.0, 0.6, 0.0, 0.0, 0.0, 0.0]}, 57e3)
 
 
 def taken(flown: Trajectories, draws: DrawNumbers) -> torch.Tensor:
@@ -116,6 +118,53 @@ def test_the_decoder_hands_the_numbers_of_its_draws_to_the_correction() -> None:
     for draws in (DrawNumbers(), DrawNumbers(5, 12)):
         slower = (corrected(weights, draws=draws).rate_mps / before.rate_mps - 1).abs().amax(1) > 0.01
         assert torch.equal(slower, draws.uniform(40, stream=0) < 0.6)
+
+
+OWN = Correction(
+    {"geometric_path": [0.3, 0.1, 0.03], "speed_brake": [0.2, 190.0, 240.0, 0.4, 0.0, 10.0, 5.0, 0.1]}, 57e3
+)
+"""Paths and brakes of each flight's own."""
+
+
+def test_each_flight_of_a_law_has_its_own_path_or_window(flown: Trajectories) -> None:
+    double = in_precision(flown, torch.float64)
+    change = OWN.apply(open_aircraft("A320"), double, DrawNumbers(seed=2)).rate_mps / double.rate_mps
+    everywhere = ((change - 1).abs() > 1e-9).all(1)
+    somewhere = ((change - 1).abs() > 1e-9).any(1) & ~everywhere
+    # A flight is on a path or has brakes out, and not both; four standard errors, one seed in 16,000.
+    assert float(everywhere.double().mean()) == pytest.approx(0.3, abs=4 * math.sqrt(0.21 / N))
+    assert float(somewhere.double().mean()) == pytest.approx(0.4, abs=4 * math.sqrt(0.24 / N))
+    # Sizes at their quantiles, and the heights where brakes are out in full.
+    braked = change[somewhere]
+    out = (braked - 1) > 0.99 * (braked - 1).amax(1, keepdim=True).clamp(min=1e-9)
+    middle = (out * flown.levels_fl).sum(1) / out.sum(1)
+    n = len(middle)
+    # The change grows a little with altitude, so that of the largest lies above the middle of its window.
+    assert float(middle.std()) == pytest.approx(10.0, abs=3.0)
+    assert 205 < float(middle.mean()) < 235
+    assert n > 1000
+
+
+def test_own_windows_are_the_same_in_batches_of_any_size(flown: Trajectories) -> None:
+    whole = OWN.apply(open_aircraft("A320"), flown, DrawNumbers(seed=7)).rate_mps
+    parts = [
+        OWN.apply(open_aircraft("A320"), flown.subset(torch.arange(first, first + 500)), DrawNumbers(7, first)).rate_mps
+        for first in range(0, N, 500)
+    ]
+    torch.testing.assert_close(torch.cat(parts), whole, rtol=1e-6, atol=1e-6)
+
+
+def test_a_held_path_is_a_constant_angle_whatever_else_changes_the_rate(flown: Trajectories) -> None:
+    double = in_precision(flown, torch.float64)
+    both = Correction({"drag_polar": [0.2], "geometric_path": [1.0, 0.1, 0.03]}, 57e3)
+    after = both.apply(open_aircraft("A320"), double)
+    angle = (after.rate_mps / double.tas_mps).abs()
+    assert float((angle.std(1) / angle.mean(1)).max()) < 1e-6
+
+
+def test_a_checkpoint_of_before_flights_could_differ_is_read() -> None:
+    state = {"effects": {"speed_brake": [0.3, 200.0, 250.0, 0.6, 0.0]}, "mass_kg": 57e3, "inherited": False}
+    assert Correction.from_state(state).effects["speed_brake"] == [0.3, 200.0, 250.0, 0.6, 0.0, 0.0, 0.0, 0.0]
 
 
 def test_a_decoder_is_not_rebuilt_without_its_correction() -> None:

@@ -69,7 +69,7 @@ def likelihood(compared: Compared, *, blind: bool = False) -> EffectsLikelihood:
         ("drag_polar", [0.12]),
         ("temperature", [8.0]),
         ("airspeed_bias", [2.0, 2.0]),
-        ("speed_brake", [0.3, 200, 240, 1, 0]),
+        ("speed_brake", [0.3, 200, 240, 1, 0, 0, 0, 0]),
     ],
 )
 def test_a_planted_shift_is_named_with_its_size(
@@ -102,8 +102,8 @@ def test_a_state_survives_its_checkpoint(halves: tuple[Quantities, Quantities], 
 
 def test_a_share_is_known_as_well_as_a_count(halves: tuple[Quantities, Quantities]) -> None:
     held = likelihood(planted(halves, "", []))
-    theta = torch.tensor([0.36, 200.0, 240.0, 0.6, 0.0], dtype=torch.float64)
-    errors = torch.tensor([0.02, 0.5, 0.5, 0.0, 0.0], dtype=torch.float64)
+    theta = torch.tensor([0.36, 200.0, 240.0, 0.6, 0.0, 0.0, 0.0, 0.0], dtype=torch.float64)
+    errors = torch.tensor([0.02, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0], dtype=torch.float64)
     n = int(held.real.sum())
     found = parameters(EFFECTS["speed_brake"], theta, errors, n)
     sd = (0.6 * 0.4 / n) ** 0.5
@@ -125,5 +125,5 @@ def test_a_share_of_the_flights_must_show_in_their_spread(monkeypatch: pytest.Mo
     shares = shares + torch.where(real, torch.where(taken, 1 / 0.3, 0.0) if holds else 1.0, 0.0)
     monkeypatch.setattr(heterogeneity, "_shares", lambda likelihood, fit, name: (None, shares, None))
     sides = SimpleNamespace(catalogue=EFFECTS, real=real, has_reference=True)
-    fit = SimpleNamespace(theta={"geometric_path": torch.tensor([0.3, 0.1], dtype=torch.float64)})
+    fit = SimpleNamespace(theta={"geometric_path": torch.tensor([0.3, 0.1, 0.0], dtype=torch.float64)}, per_flight={})
     assert heterogeneity.spreads_as_claimed(sides, fit, "geometric_path") == holds

@@ -13,8 +13,8 @@ from descentflow.effects.effect import Parameter
 
 def test_brakes_are_told_as_the_flights_with_brakes_have_them() -> None:
     """The mean over all flights would be entered wrongly: 0.36 over all is 0.58 in the 62 % that have them."""
-    brakes, theta = EFFECTS["speed_brake"], torch.tensor([0.3596, 190.0, 265.0, 0.62, 0.1]).double()
-    error = torch.tensor([0.01, 1.0, 1.0, 0.0, 0.02]).double()
+    brakes, theta = EFFECTS["speed_brake"], torch.tensor([0.3596, 190.0, 265.0, 0.62, 0.1, 0, 0, 0]).double()
+    error = torch.tensor([0.01, 1.0, 1.0, 0.0, 0.02, 0, 0, 0]).double()
     drag, low, high, noise = sizes_of(brakes, theta, error, 400)
     assert drag.value.estimate == pytest.approx(1.58)
     assert (low.value.estimate, high.unit) == (190.0, "FL")

@@ -10,7 +10,7 @@ from descentflow.diagnosis.inference.window_search import band_columns, best_win
 from descentflow.effects import EFFECTS
 
 BRAKES = EFFECTS["speed_brake"]
-PLANTED = [0.4, 193.0, 247.0, 1.0, 0.0]
+PLANTED = [0.4, 193.0, 247.0, 1.0, 0.0, 0.0, 0.0, 0.0]
 
 
 def test_the_best_window_is_the_best_of_all_fitted_one_by_one() -> None:
@@ -38,7 +38,9 @@ def test_the_best_window_is_the_best_of_all_fitted_one_by_one() -> None:
     assert (found.low_fl, found.high_fl) == pytest.approx((193.0, 247.0), abs=3.0)
 
 
-@pytest.mark.parametrize("start", [None, {"speed_brake": torch.tensor([0.1, 280.0, 330.0, 1.0, 0.0]).double()}])
+@pytest.mark.parametrize(
+    "start", [None, {"speed_brake": torch.tensor([0.1, 280.0, 330.0, 1.0, 0.0, 0.0, 0.0, 0.0]).double()}]
+)
 def test_a_fit_ends_in_the_same_window_wherever_it_starts(start: dict[str, torch.Tensor] | None) -> None:
     held = example_likelihood(BRAKES, PLANTED, n=150)
     found = fit_effects(held, ("speed_brake",), start).theta["speed_brake"]

@@ -14,7 +14,8 @@ from descentflow.diagnosis.correction.flight_gaps import GapChange, with_gaps
 from descentflow.diagnosis.correction.report_noise import with_noise
 from descentflow.effects import Effect
 from descentflow.effects.effect import NOISE, Shift
-from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.effects.flight_law import DiffersByFlight
+from descentflow.effects.flight_state import SLOWEST_MPS, FlightState, log_rate
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -25,6 +26,8 @@ BY_LEVEL = ("rate", "cas", "tas", "wind", "height")
 """Quantities that change on every level."""
 STREAMS = 100
 """Streams of random numbers that one effect may use."""
+LAWS = 100_000
+"""Stream of the number that says which of the effects that differ by flight a flight has."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ def state_of_levels(grid: LevelGrid, aircraft: Aircraft, correction: Correction)
     n = cas.shape[1]
     index = torch.arange(n)
     low, high = (index - SLOPE_LEVELS).clamp(min=0), (index + SLOPE_LEVELS).clamp(max=n - 1)
-    return FlightState(
+    state = FlightState(
         aircraft,
         correction.mass_kg,
         grid.altitude_m,
@@ -118,6 +121,9 @@ def state_of_levels(grid: LevelGrid, aircraft: Aircraft, correction: Correction)
         affected=False,
         cleaning=correction.cleaning,
     )
+    # A held path takes the place of the very rate that was flown.
+    flown = (-grid.values["vertical_rate"] * FPM_MPS).clamp(min=SLOWEST_MPS).log()
+    return replace(state, beyond_polar=(flown - state.schedule_log_rate).nan_to_num(0.0))
 
 
 def filled(values: Tensor) -> Tensor:
@@ -142,21 +148,33 @@ def filled(values: Tensor) -> Tensor:
 def _sums(state: FlightState, correction: Correction) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
     """Changes that are flown, and that are reported alone, of all effects together, in the flights that each takes."""
     flown, reported = ({name: torch.zeros_like(state.cas_mps) for name in BY_LEVEL} for _ in range(2))
+    held, begun = torch.zeros(len(state.cas_mps), dtype=torch.bool), 0.0
+    rate_held = torch.zeros_like(state.cas_mps)
     for place, (name, theta) in enumerate(correction.theta.items()):
         effect = correction.catalogue[name]
         share, whole = effect.mixture(theta.double())
         n, draws = len(state.cas_mps), DrawNumbers(correction.seed)
-        taken = torch.nonzero(draws.uniform(n, stream=place * STREAMS) < share)[:, 0]
+        law = isinstance(effect, DiffersByFlight) and effect.is_law(theta)
+        # A flight has one effect that flights have each in their own way, or none: one number decides which.
+        number = draws.uniform(n, stream=LAWS if law else place * STREAMS)
+        first = begun if law else 0.0
+        begun += share if law else 0.0
+        taken = torch.nonzero((number >= first) & (number < first + share))[:, 0]
         uniform = [draws.uniform(n, stream=place * STREAMS + 1 + i) for i in range(len(whole))]
         own = effect.drawn(whole, torch.stack(uniform, 1)[taken])
         for rows, parameters in _alike(taken, own):
             change = effect.change(state.rows(rows), parameters)
+            if law and isinstance(effect, DiffersByFlight) and effect.holds_rate:
+                held[rows], rate_held[rows] = True, change.flown["rate"]
+                continue
             for total, shift in ((flown, change.flown), (reported, change.reported)):
                 _add(total, shift, rows, n)
     if bool((flown["cas"] != 0).any()):
         # At another speed the aircraft falls as the polar says.
         faster = log_rate(state, cas_mps=state.cas_mps + flown["cas"] * KT_MPS)
         flown["rate"] = flown["rate"] + faster - state.own_log_rate
+    # Whatever else would change a rate that is held: it is held.
+    flown["rate"] = torch.where(held[:, None], rate_held, flown["rate"])
     return flown, reported
 
 

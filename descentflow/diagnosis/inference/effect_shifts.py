@@ -10,6 +10,7 @@ from descentflow.diagnosis.inference.reference_coefficients import scaled_rows
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects import Effect
+from descentflow.effects.flight_law import DiffersByFlight
 from descentflow.effects.flight_state import FlightState
 from descentflow.effects.windowed_effect import WindowedEffect
 
@@ -97,6 +98,11 @@ class EffectShifts:
         """The effect, if it acts within a window that is to be searched for."""
         effect = self.catalogue[name]
         return effect if isinstance(effect, WindowedEffect) else None
+
+    def has_law(self, name: str, theta: Tensor) -> bool:
+        """Whether parameters of an effect say that flights have it each in their own way."""
+        effect = self.catalogue[name]
+        return isinstance(effect, DiffersByFlight) and effect.is_law(theta)
 
     def moved(self, theta: Mapping[str, Tensor], step: Tensor) -> dict[str, Tensor]:
         """Parameters after a step (k,) of all of them together, within their bounds."""

@@ -23,7 +23,10 @@ def with_heterogeneity(likelihood: EffectsLikelihood, theta: Mapping[str, Tensor
         >>> with_heterogeneity(likelihood, {"temperature": torch.tensor([10.0]).double()}) is None  # alike for all
         True
     """
-    having = [n for n in theta if any(p.from_heterogeneity for p in likelihood.catalogue[n].parameters)]
+    catalogue = likelihood.catalogue
+    having = [n for n in theta if any(p.from_heterogeneity and not p.is_spread for p in catalogue[n].parameters)]
+    # A law says how flights differ already.
+    having = [n for n in having if not likelihood.has_law(n, theta[n])]
     at = likelihood.compared.columns("rate")
     if not having or not len(at):
         return None
@@ -62,6 +65,11 @@ def heterogeneous_shifts(likelihood: EffectsLikelihood, fit: Fit) -> tuple[dict[
     spreads: dict[str, float] = {}
     shifts: dict[str, Tensor] = {}
     for name in fit.theta:
+        if name in fit.per_flight:
+            own_share = fit.per_flight[name].share[likelihood.real]
+            shifts[name] = fit.per_flight[name].shift
+            spreads[name] = float(own_share.std() / own_share.mean().clamp(min=1e-9))
+            continue
         own, share, size = _shares(likelihood, fit, name)
         spread = _excess_variance(share[likelihood.real], share[~likelihood.real])
         spreads[name] = spread**0.5
@@ -100,7 +108,7 @@ def spreads_as_claimed(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bo
         True
     """
     share, _ = likelihood.catalogue[name].mixture(fit.theta[name])
-    if share >= 1.0 or not likelihood.has_reference:
+    if share >= 1.0 or not likelihood.has_reference or name in fit.per_flight:
         return True
     shown = _shares(likelihood, fit, name)[1]
     real, normal = shown[likelihood.real], shown[~likelihood.real]

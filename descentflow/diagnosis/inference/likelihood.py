@@ -8,7 +8,7 @@ log score.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import torch
@@ -31,11 +31,29 @@ SHOWN_SPREAD = 1e-9
 
 
 @dataclass(frozen=True)
+class FlightShares:
+    """What each flight has of an effect that flights have each in their own way.
+
+    ``share`` (n,) how likely it has the effect; ``numbers`` (n,) its own parameters by name, were it to have it;
+    ``shift`` (n, p) that is expected. All are zero for the simulator's flights.
+
+    Example:
+        >>> FlightShares(torch.ones(3), {"low_fl": torch.tensor([180.0, 200.0, 190.0])}, torch.zeros(3, 8)).share.sum()
+        tensor(3.)
+    """
+
+    share: Tensor
+    numbers: Mapping[str, Tensor]
+    shift: Tensor
+
+
+@dataclass(frozen=True)
 class Fit:
     """Some effects, fitted together.
 
-    ``theta`` by effect; ``shift`` (n, p) at theta, zero for the simulator's flights; ``design`` what else is linear;
-    ``log_score`` (n,) of each flight, held out, up to a constant that all fits share.
+    ``theta`` by effect; ``shift`` (n, p) that is expected of each flight, zero for the simulator's flights; ``design``
+    what else is linear; ``log_score`` (n,) of each flight, held out, up to a constant that all fits share;
+    ``per_flight`` what each flight has of the effects that differ by flight.
 
     Example:
         >>> from descentflow.diagnosis.inference.search import fit_effects
@@ -52,6 +70,7 @@ class Fit:
     shift: Tensor
     design: Design
     log_score: Tensor
+    per_flight: Mapping[str, FlightShares] = field(default_factory=dict)
 
 
 class EffectsLikelihood(EffectShifts):
@@ -103,6 +122,11 @@ class EffectsLikelihood(EffectShifts):
         return FoldSums(self.whitening, self.y, self.real, self.compared.free, self.common, self.fold)
 
     @cached_property
+    def single(self) -> Whitening:
+        """Precision of each flight by itself, without what is negligible for means."""
+        return self.whitening.of_single_flights(self.compared.y.isfinite())
+
+    @cached_property
     def starts(self) -> dict[str, Design]:
         """Sensitivities of every effect where its fits start; of windowed ones, those in every band."""
         found = {}
@@ -139,14 +163,15 @@ class EffectsLikelihood(EffectShifts):
         What is beside the sensitivities has a prior precision: one, and that given for what else there is.
         """
         parts = [self.jacobian(name, value)[self.real] for name, value in theta.items()]
-        return self._joined(parts, signature_columns(self, theta), extra, ridge)
+        return self.joined(parts, signature_columns(self, theta), extra, ridge)
 
     def with_common(self, own: Tensor, prior: Tensor | None = None) -> Design:
         """Columns (n, p, k) of the real flights beside those of all flights, with their prior precision (k,) if any."""
-        found = self._joined([own[self.real]], torch.zeros(own.shape[1], 0, dtype=own.dtype), None, 0.0)
+        found = self.joined([own[self.real]], torch.zeros(own.shape[1], 0, dtype=own.dtype), None, 0.0)
         return found if prior is None else replace(found, own_ridge=prior)
 
-    def _joined(self, parts: list[Tensor], alike: Tensor, extra: Tensor | None, ridge: float) -> Design:
+    def joined(self, parts: list[Tensor], alike: Tensor, extra: Tensor | None = None, ridge: float = 1.0) -> Design:
+        """Columns (r, p, k) of the real flights, those (p, c) alike in all of them, and anything else (n, p, e)."""
         blank = torch.zeros(int(self.real.sum()), self.y.shape[1], 0, dtype=self.y.dtype)
         own = torch.cat([blank, *parts], 2)
         prior, k = torch.zeros(own.shape[2], dtype=self.y.dtype), own.shape[2]
@@ -199,12 +224,16 @@ class EffectsLikelihood(EffectShifts):
 
     def log_score(self, shift: Tensor, design: Design) -> Tensor:
         """Log score (n,) of each flight under mean and coefficients of the other folds."""
+        error = self.held_out_errors(shift, design)
+        return -0.5 * (error * self.whitening.apply(error)).sum(1)
+
+    def held_out_errors(self, shift: Tensor, design: Design) -> Tensor:
+        """What is left (n, p) of each flight under mean and coefficients of the other folds."""
         sums = self.sums
         profiled = sums.profiled(sums.rest(shift, design, sums.of_columns(design)))
         steps = solved(profiled, design.own_ridge)[:FOLDS]
         common = profiled.common[:FOLDS, :, -1] - torch.einsum("fbk,fk->fb", profiled.common[:FOLDS, :, :-1], steps)
-        error = sums.errors(shift, design, steps, common)
-        return -0.5 * (error * self.whitening.apply(error)).sum(1)
+        return sums.errors(shift, design, steps, common)
 
     def log_score_in(self, at: Tensor, theta: Mapping[str, Tensor]) -> Tensor:
         """Log score (n,) of some entries (k,) alone, as if nothing else had been measured, at these parameters."""

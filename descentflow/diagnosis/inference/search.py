@@ -5,17 +5,13 @@ from collections.abc import Mapping, Sequence
 import torch
 from torch import Tensor
 
+from descentflow.diagnosis.inference.ascent import ascend
 from descentflow.diagnosis.inference.heterogeneity import with_heterogeneity
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
-from descentflow.diagnosis.inference.linear_algebra import Design, solve
+from descentflow.diagnosis.inference.linear_algebra import solve
+from descentflow.diagnosis.inference.mixed_fit import with_flight_laws
 from descentflow.diagnosis.inference.window_search import FIRST_SIZE, SECANTS, band_columns, best_window
 
-MAX_STEPS = 5
-"""Gauss-Newton steps of an ascent; effects are close to linear in their parameters, so two or three suffice."""
-STEP_FACTORS = (1.0, 0.4, 0.1)
-"""A step is shortened by these until it leads higher."""
-MIN_STEP_GAIN = 0.03
-"""Nats of log-likelihood below which an ascent ends: far less than any rule of the selection looks at. Set by hand."""
 MIN_OTHER_WINDOW_GAIN = 0.5
 """Nats of log-likelihood by which another window must be better for a fit to go on from there. Set by hand; a search
 ends after one window more where it is smaller, and nothing that is named depends on half a nat."""
@@ -45,14 +41,14 @@ def fit_effects(
             theta[name] = first_guess(likelihood, name, theta)
     theta = ascend(likelihood, {name: theta[name] for name in effects})
     for name in start or ():
-        if name in theta:
+        if name in theta and not likelihood.has_law(name, theta[name]):
             # Beside other effects another window may be the best.
             theta = with_other_window(likelihood, theta, name)
     learnt = with_heterogeneity(likelihood, theta)
     if learnt is not None:
         theta = ascend(likelihood, learnt)
     shift, design = likelihood.shift(theta), likelihood.design(theta)
-    return Fit(tuple(effects), theta, shift, design, likelihood.log_score(shift, design))
+    return with_flight_laws(likelihood, Fit(tuple(effects), theta, shift, design, likelihood.log_score(shift, design)))
 
 
 def score_test_gain(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, float]:
@@ -90,7 +86,7 @@ def first_guess(likelihood: EffectsLikelihood, name: str, known: Mapping[str, Te
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["speed_brake"], [0.3, 200.0, 240.0, 1.0, 0.0])
+        >>> likelihood = example_likelihood(EFFECTS["speed_brake"], [0.3, 200, 240, 1, 0, 0, 0, 0])
         >>> first_guess(likelihood, "speed_brake", {})[:3].round(decimals=1)
         tensor([  0.3000, 199.5000, 240.5000], dtype=torch.float64)
     """
@@ -116,8 +112,8 @@ def with_other_window(likelihood: EffectsLikelihood, theta: dict[str, Tensor], n
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["speed_brake"], [0.3, 200.0, 240.0, 1.0, 0.0])
-        >>> elsewhere = torch.tensor([0.1, 280.0, 320.0, 1.0, 0.0]).double()
+        >>> likelihood = example_likelihood(EFFECTS["speed_brake"], [0.3, 200, 240, 1, 0, 0, 0, 0])
+        >>> elsewhere = torch.tensor([0.1, 280, 320, 1, 0, 0, 0, 0]).double()
         >>> with_other_window(likelihood, {"speed_brake": elsewhere}, "speed_brake")["speed_brake"][1:3].round()
         tensor([200., 240.], dtype=torch.float64)
     """
@@ -128,48 +124,6 @@ def with_other_window(likelihood: EffectsLikelihood, theta: dict[str, Tensor], n
     found = ascend(likelihood, {**theta, name: first_guess(likelihood, name, others)})
     better = likelihood.log_likelihood(likelihood.shift(found)) > value + MIN_OTHER_WINDOW_GAIN
     return found if better else theta
-
-
-def ascend(likelihood: EffectsLikelihood, theta: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Parameters after Gauss-Newton steps uphill, each shortened until it leads higher.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
-        >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> ascend(likelihood, {"temperature": torch.tensor([0.0]).double()})["temperature"].round()
-        tensor([10.], dtype=torch.float64)
-    """
-    for _ in range(MAX_STEPS if theta else 0):
-        design, shift = likelihood.design(theta), likelihood.shift(theta)
-        # What signatures may be off by changes little within a step.
-        beside = design.without_parameters()
-        value = likelihood.log_likelihood(shift, beside)
-        step = gauss_newton_step(likelihood, shift, design)
-        gained = 0.0
-        for factor in STEP_FACTORS:
-            trial = likelihood.moved(theta, factor * step)
-            gained = likelihood.log_likelihood(likelihood.shift(trial), beside) - value
-            if gained > 0:
-                theta = trial
-                break
-        if gained < MIN_STEP_GAIN:
-            break
-    return theta
-
-
-def gauss_newton_step(likelihood: EffectsLikelihood, shift: Tensor, design: Design) -> Tensor:
-    """Step (k,) of all parameters together to the best of the likelihood, were it quadratic.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
-        >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> theta = {"temperature": torch.tensor([0.0]).double()}
-        >>> gauss_newton_step(likelihood, likelihood.shift(theta), likelihood.design(theta)).round()
-        tensor([10.], dtype=torch.float64)
-    """
-    return likelihood.moments(likelihood.weighted_rest(shift), design).solved()[1][design.parameters]
 
 
 def parameters_of_part(likelihood: EffectsLikelihood, fit: Fit, keep: Tensor) -> dict[str, Tensor]:

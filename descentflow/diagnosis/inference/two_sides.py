@@ -189,6 +189,8 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
     values["rate"] = torch.where(settled, both.physics["log_rate"] - expected, torch.nan)
     values["lag"] = torch.where(settled, values["lag"], torch.nan)
     is_real = torch.arange(len(both)) >= n_before
+    if reference is not None:
+        state = replace(state, beyond_polar=values["rate"][~is_real].nanmean(0).nan_to_num(0.0))
     entries, columns, free = [], [], []
     # Where the simulator's flights measured nothing, flights of mean zero with the real spread are its claim.
     stand_in = torch.arange(n_before) % len(real)

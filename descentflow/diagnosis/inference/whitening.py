@@ -31,6 +31,8 @@ class Whitening:
     covariance: Tensor
     optimism: Tensor
     """(n,) how much more widely flights scatter, in what the precision weighs most, than those it was learnt from."""
+    between: Tensor
+    """(p, p) covariance of single flights, without what is added so that means are weighed rightly; for new flights."""
 
     @cached_property
     def members(self) -> list[tuple[int, Tensor]]:
@@ -46,13 +48,24 @@ class Whitening:
 
     def rows(self, index: Tensor) -> "Whitening":
         """Of the flights at these positions."""
-        return Whitening(self.pattern[index], self.precision, self.covariance, self.optimism[index])
+        return Whitening(self.pattern[index], self.precision, self.covariance, self.optimism[index], self.between)
 
     def only(self, entries: Tensor, seen: Tensor) -> "Whitening":
         """Of some entries (k,) alone, whatever the others say; ``seen`` (n, p)."""
         patterns, pattern = torch.unique(seen[:, entries], dim=0, return_inverse=True)
-        covariance = self.covariance[entries][:, entries]
-        return Whitening(pattern, _inverted(covariance, patterns), covariance, self.optimism)
+        covariance, between = (c[entries][:, entries] for c in (self.covariance, self.between))
+        return Whitening(pattern, _inverted(covariance, patterns), covariance, self.optimism, between)
+
+    def of_single_flights(self, seen: Tensor) -> "Whitening":
+        """With the precision of flights taken by themselves, what is negligible for means included; ``seen`` (n, p)."""
+        patterns, pattern = torch.unique(seen, dim=0, return_inverse=True)
+        return Whitening(pattern, _inverted(self.between, patterns), self.between, self.optimism, self.between)
+
+    def summed(self, values: Tensor) -> Tensor:
+        """Sum (p,) over flights of the precision times values (n, p), which are zero where nothing was seen."""
+        by_pattern = torch.zeros(len(self.precision), values.shape[1], dtype=values.dtype)
+        by_pattern.index_add_(0, self.pattern, values)
+        return torch.einsum("kij,kj->i", self.precision, by_pattern)
 
     def total(self, chosen: Tensor) -> Tensor:
         """Sum of the precisions (p, p) of the chosen flights (n,) bool or weights."""
@@ -134,9 +147,11 @@ def whiten(
     within = covariance
     covariance = covariance + shared + torch.diag(nugget / scale**2)
     covariance = torch.where(apart[:, None] == apart, covariance, 0.0)
-    own_units = covariance * scale[:, None] * scale
+    units = scale[:, None] * scale
     optimism = torch.where(used, _optimism(within, covariance, n), 1.0)
-    return Whitening(pattern, _inverted(own_units, patterns), own_units, optimism)
+    # Along what is weighed most, flights that nothing was learnt from scatter more.
+    between = torch.where(apart[:, None] == apart, within, 0.0) * units * _optimism(within, within, n)
+    return Whitening(pattern, _inverted(covariance * units, patterns), covariance * units, optimism, between)
 
 
 def _optimism(learnt: Tensor, whole: Tensor, n: int) -> float:

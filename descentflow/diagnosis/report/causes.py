@@ -106,6 +106,10 @@ def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> di
     found: dict[str, ParameterEstimate] = {}
     known = known_errors(effect, theta, error, flights)
     for p, value, sd in zip(effect.parameters, theta.tolist(), known.tolist(), strict=True):
+        if p.is_spread:
+            if value > 0.0:
+                found[p.name] = ParameterEstimate(value, None, None, p.unit, p.text)
+            continue
         if sd == 0.0 and not p.from_heterogeneity:
             # The data say nothing of it: a channel that is not there.
             continue

@@ -31,8 +31,9 @@ def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> theta = torch.tensor([0.36, 190.0, 265.0, 0.62, 0.0]).double()
-        >>> sizes = sizes_of(EFFECTS["speed_brake"], theta, torch.tensor([0.02, 1.0, 1.0, 0.02, 0.0]).double(), 400)
+        >>> theta = torch.tensor([0.36, 190.0, 265.0, 0.62, 0.0, 0, 0, 0]).double()
+        >>> error = torch.tensor([0.02, 1.0, 1.0, 0.02, 0.0, 0.0, 0.0, 0.0]).double()
+        >>> sizes = sizes_of(EFFECTS["speed_brake"], theta, error, 400)
         >>> [size.text for size in sizes]
         ['CD0 x 1.58 (1.52 to 1.65)', 'lower end FL190 (FL188 to FL192)', 'upper end FL265 (FL263 to FL267)']
     """
@@ -61,8 +62,8 @@ def share_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> Clos
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> theta = torch.tensor([0.36, 190.0, 265.0, 0.62, 0.0]).double()
-        >>> print(share_of(EFFECTS["speed_brake"], theta, torch.full((5,), 0.02).double(), 400))
+        >>> theta = torch.tensor([0.36, 190.0, 265.0, 0.62, 0.0, 0, 0, 0]).double()
+        >>> print(share_of(EFFECTS["speed_brake"], theta, torch.full((8,), 0.02).double(), 400))
         62 % (58 % to 66 %)
         >>> share_of(EFFECTS["temperature"], torch.tensor([10.0]), torch.tensor([0.5]), 400) is None
         True
@@ -82,14 +83,16 @@ def known_errors(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> 
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> theta = torch.tensor([0.3, 190.0, 265.0, 0.5, 0.0])
-        >>> known_errors(EFFECTS["speed_brake"], theta, torch.zeros(5), 400)
-        tensor([0.0000, 0.0000, 0.0000, 0.0250, 0.0000])
+        >>> theta = torch.tensor([0.3, 190.0, 265.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+        >>> known_errors(EFFECTS["speed_brake"], theta, torch.zeros(8), 400)
+        tensor([0.0000, 0.0000, 0.0000, 0.0250, 0.0000, 0.0000, 0.0000, 0.0000])
     """
     found = error.clone()
     for i, p in enumerate(effect.parameters):
         value, sd = float(theta[i]), float(error[i])
-        if p.from_heterogeneity:
+        if p.is_spread:
+            found[i] = 0.0
+        elif p.from_heterogeneity:
             found[i] = (max(value * (1 - value), 0.0) / flights) ** 0.5
         elif sd > 0.0:
             found[i] = math.hypot(sd, p.inexact)

@@ -1,0 +1,144 @@
+r"""Fits of effects that flights have each in their own way, beside effects that all have alike.
+
+Two precisions are at work. Which flights have an effect, and of which size, is a fact of each flight by itself: the
+law is learnt with the spread between single flights, from real flights alone, about a mean of their own that may be off
+the simulator's by as much as a free discrepancy (so that a second cause does not pass for flights that differ). What
+flights have in common is weighed as everywhere else, with what is negligible for means added: effects that all have
+alike are fitted to the flights without what is expected of the others, and flights that hold a path say nothing of the
+rate. The log score of a held-out flight is that of the mixture,
+
+.. math:: \ln N(r_i; 0, Q_i^{-1}) + \ln\Bigl[1 - \pi + \pi \sum_w p_w L_{iw}\Bigr],
+
+under the same precision :math:`Q_i` as that of any other fit, so that fits of all kinds can be set beside each other.
+"""
+
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.inference.discrepancy import SPREAD
+from descentflow.diagnosis.inference.flight_laws import Law, Taken, WaysOfFlights, taken
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, FlightShares
+from descentflow.diagnosis.inference.whitening import Whitening
+from descentflow.effects.flight_law import DiffersByFlight
+from descentflow.effects.flight_state import FlightState
+
+Laws = dict[str, Tensor]
+"""Parameters of the effects that differ by flight, by name."""
+SECANTS = 2
+"""Times that ways are worked out anew at what was learnt..."""
+STEPS = 7
+"""...and steps of expectation and maximisation for each of them. Set by hand: shares are settled to a thousandth."""
+MIN_TAKEN = 0.5
+"""Probability from which a flight is taken to hold a path: then its rate says nothing of thrust and drag."""
+
+
+class FlightFit:
+    """Laws fitted to the real flights of a likelihood, and what they say of each.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["speed_brake"], [0.4, 200, 240, 1, 0, 0, 0, 0])
+        >>> law = torch.tensor([0.2, 200.0, 240.0, 0.5, 0.0, 0.0, 0.0, 0.1]).double()
+        >>> flights = FlightFit(likelihood, {"speed_brake": law})
+        >>> flights.learn(torch.zeros_like(likelihood.y[likelihood.real]))
+        >>> round(float(flights.laws["speed_brake"][3]), 1)  # all real flights of the example have brakes out
+        1.0
+    """
+
+    def __init__(self, likelihood: EffectsLikelihood, laws: Laws) -> None:
+        """Prepare.
+
+        Args:
+            likelihood: Of all flights.
+            laws: Where to start.
+        """
+        self.likelihood, self.laws = likelihood, dict(laws)
+        self.at = torch.nonzero(likelihood.real)[:, 0]
+        self.state: FlightState = likelihood.compared.state.rows(self.at)
+        self.seen = likelihood.compared.y[self.at].isfinite()
+        self.single = likelihood.single.rows(self.at)
+        self.total = likelihood.single.total(likelihood.real)
+        self.total += torch.diag((SPREAD * likelihood.compared.negligible()) ** -2)
+        self.off = torch.zeros(likelihood.y.shape[1], dtype=likelihood.y.dtype)
+        self.taken: Taken
+        self.shifts: dict[str, Tensor] = {}
+
+    def learn(self, expected: Tensor) -> None:
+        """Learn the laws, given what is expected (m, p) of the real flights without the effects."""
+        c = self.likelihood.compared
+        left = c.y[self.at].nan_to_num(0.0) - expected
+        for _ in range(SECANTS):
+            ways = self.ways(self.laws, expected + self.off, torch.arange(len(self.at)), self.single)
+            for _ in range(STEPS):
+                rest = torch.where(self.seen, left - self.off, 0.0)
+                self.taken = taken({n: w.explained(rest) for n, w in ways.items()}, self._laws(self.laws))
+                self.shifts = {
+                    n: w.expected(self.taken.probability[n], self.taken.likely[n].size) for n, w in ways.items()
+                }
+                self.laws = self.learnt()
+                without = torch.where(self.seen, left - sum(self.shifts.values()), 0.0)
+                self.off = torch.linalg.solve(self.total, self.single.summed(without))
+
+    def learnt(self, chosen: Tensor | None = None) -> Laws:
+        """Laws that the flights (m,) chosen say, by what is expected of each."""
+        return {n: self.effect(n).learn(self.state, t, self.taken.learnt(n, chosen)) for n, t in self.laws.items()}
+
+    def effect(self, name: str) -> DiffersByFlight:
+        """The effect of a law."""
+        found = self.likelihood.catalogue[name]
+        assert isinstance(found, DiffersByFlight)
+        return found
+
+    def ways(self, laws: Laws, expected: Tensor, flights: Tensor, precision: Whitening) -> dict[str, WaysOfFlights]:
+        """Ways of every effect in some of the real flights, of which (k, p) is expected without."""
+        c = self.likelihood.compared
+        beyond = torch.zeros(len(flights), len(c.state.altitude_m), dtype=expected.dtype)
+        rates = c.columns("rate")
+        beyond[:, [c.entries[i].band for i in rates.tolist()]] = expected[:, rates]
+        state = self.state.rows(flights)
+        found = {name: self.effect(name).ways(state, theta, beyond) for name, theta in laws.items()}
+        return {name: WaysOfFlights(ways, c.entries, precision) for name, ways in found.items()}
+
+    def log_ratio(self, laws: Laws, rest: Tensor, expected: Tensor, flights: Tensor, precision: Whitening) -> Tensor:
+        """Logarithm (k,) of the mixture's density over that without the effects, of what is left (k, p) of flights."""
+        ways = self.ways(laws, expected, flights, precision)
+        return taken({n: w.explained(rest) for n, w in ways.items()}, self._laws(laws)).log_ratio
+
+    def holds_rate(self) -> Tensor:
+        """Which real flights (m,) hold a path or a rate."""
+        held = torch.zeros(len(self.at), dtype=torch.bool)
+        for name in self.laws:
+            if self.effect(name).holds_rate:
+                held |= self.taken.probability[name].sum(1) > MIN_TAKEN
+        return held
+
+    def shares(self) -> dict[str, FlightShares]:
+        """What each flight has of every effect; zero for the simulator's flights."""
+        found = {}
+        for name, theta in self.laws.items():
+            probability, size = self.taken.probability[name], self.taken.likely[name].size
+            share = probability.sum(1)
+            numbers = self.effect(name).own_numbers(self.state, theta, probability / share[:, None].clamp(1e-12), size)
+            found[name] = FlightShares(
+                self._of_all(share),
+                {key: self._of_all(value) for key, value in numbers.items()},
+                self._of_all(self.shifts[name]),
+            )
+        return found
+
+    def _of_all(self, values: Tensor) -> Tensor:
+        whole = torch.zeros(len(self.likelihood.y), *values.shape[1:], dtype=values.dtype)
+        whole[self.at] = values
+        return whole
+
+    def _laws(self, laws: Laws) -> dict[str, Law]:
+        state = self.likelihood.compared.state
+        return {
+            name: Law(self.effect(name).log_prior(state, theta), *self.effect(name).size(theta))
+            for name, theta in laws.items()
+        }
+
+    def shift(self) -> Tensor:
+        """Shift (n, p) that is expected of the effects in each flight."""
+        return self._of_all(torch.stack(list(self.shifts.values())).sum(0))

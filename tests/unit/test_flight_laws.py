@@ -1,0 +1,183 @@
+"""Effects that flights have each in their own way: closed forms against brute force, and laws that are recovered."""
+
+import flight_toys
+import numpy as np
+import pytest
+import torch
+from scipy.integrate import quad
+from scipy.stats import multivariate_normal, norm
+
+from descentflow.diagnosis.inference.flight_fit import FlightFit
+from descentflow.diagnosis.inference.flight_laws import Explained, Law, WaysOfFlights, taken
+from descentflow.diagnosis.inference.search import fit_effects
+from descentflow.diagnosis.inference.two_sides import Entry
+from descentflow.diagnosis.inference.whitening import Whitening
+from descentflow.effects.flight_law import Ways
+
+MEAN, SPREAD = 0.4, 0.25
+"""Law of sizes."""
+
+
+def small() -> tuple[Ways, list[Entry], Whitening, torch.Tensor, torch.Tensor]:
+    """Three flights of four entries, two patterns of what is seen, and five ways over three slots."""
+    generator = torch.Generator().manual_seed(5)
+    entries = [Entry("cas", 0), Entry("rate", 0), Entry("rate", 1), Entry("rate", 2)]
+    slots = (("rate", 0), ("rate", 1), ("rate", 2), ("rate", 7))
+    ways = Ways(
+        slots,
+        torch.rand(3, 4, generator=generator).double() + 0.5,
+        0.3 * torch.randn(3, 4, generator=generator).double(),
+        torch.tensor([[0, 0, 0, 0], [0.5, 0, 0, 0], [1, 0.4, 0, 0], [1, 1, 1, 1]]).double(),
+        torch.tensor([0, 0, 1, 1, 2]),
+        torch.tensor([2, 3, 2, 3, 3]),
+    )
+    root = torch.randn(4, 4, generator=generator).double()
+    covariance = 0.05 * (root @ root.T + torch.eye(4))
+    seen = torch.tensor([[True, True, True, True], [True, True, False, True], [True, True, True, True]])
+    whitening = Whitening(torch.zeros(3, dtype=torch.long), covariance[None], covariance, torch.ones(3), covariance)
+    rest = torch.where(seen, 0.4 * torch.randn(3, 4, generator=generator).double(), 0.0)
+    return ways, entries, whitening.of_single_flights(seen), rest, seen
+
+
+def density(i: int, way: int | None, size: float) -> float:
+    """Density of what was seen of a flight that has the effect in a way, or has it not."""
+    ways, _, whitening, rest, seen = small()
+    shift = torch.zeros(4).double()
+    if way is not None:
+        weights = ways.table[ways.upper[way]] - ways.table[ways.lower[way]]
+        shift[1:] = (ways.offset[i] + size * weights * ways.shape[i])[:3]
+    there = seen[i]
+    return float(
+        multivariate_normal(shift[there].numpy(), whitening.covariance[there][:, there].numpy()).pdf(rest[i][there])
+    )
+
+
+@pytest.mark.parametrize("i", [0, 1, 2])
+def test_each_way_is_as_likely_as_the_densities_say(i: int) -> None:
+    ways, entries, whitening, rest, _ = small()
+    likely = WaysOfFlights(ways, entries, whitening).explained(rest).under(MEAN, SPREAD)
+    law, above = norm(MEAN, SPREAD), 1 - norm.cdf(-MEAN / SPREAD)
+    for way in range(5):
+        moments = [
+            quad(lambda a, w=way, k=k: a**k * density(i, w, a) * law.pdf(a) / above, 0, 3, epsabs=1e-12)[0]
+            for k in range(3)
+        ]
+        # Quadrature is good to some 1e-8; precisions are inverted with a ridge of 1e-8.
+        assert float(likely.log_ratio[i, way]) == pytest.approx(np.log(moments[0] / density(i, None, 0.0)), abs=1e-5)
+        mean = moments[1] / moments[0]
+        assert float(likely.size[i, way]) == pytest.approx(mean, abs=1e-5)
+        assert float(likely.variance[i, way]) == pytest.approx(moments[2] / moments[0] - mean**2, abs=1e-5)
+
+
+def test_a_size_far_below_zero_is_no_evidence() -> None:
+    one = torch.ones(1, 1).double()
+    # A slope of -500 at a curvature of 100: the flight shows minus five, fifty standard deviations below zero.
+    likely = Explained(-500 * one, 100 * one, torch.zeros(1).double()).under(MEAN, SPREAD)
+    assert float(likely.log_ratio) < 0
+    assert 0 < float(likely.size) < 0.01
+    assert bool(likely.variance.isfinite().all())
+
+
+def test_the_mixture_is_the_sum_over_all_ways() -> None:
+    ways, entries, whitening, rest, _ = small()
+    prior, share = torch.tensor([0.1, 0.2, 0.3, 0.25, 0.15]).double(), 0.3
+    placed = WaysOfFlights(ways, entries, whitening)
+    found = taken({"e": placed.explained(rest)}, {"e": Law(prior.log(), share, MEAN, 0.0)})
+    for i in range(3):
+        none, each = density(i, None, 0.0), [density(i, way, MEAN) for way in range(5)]
+        whole = (1 - share) * none + share * float(prior @ torch.tensor(each).double())
+        assert float(found.log_ratio[i]) == pytest.approx(np.log(whole / none), abs=1e-6)
+        exact = share * prior * torch.tensor(each).double() / whole
+        torch.testing.assert_close(found.probability["e"][i], exact, atol=1e-6, rtol=0)
+    # The expected shift is the sum over the ways, each at its size.
+    shift = placed.expected(found.probability["e"], found.likely["e"].size)
+    brute = torch.zeros(3, 4).double()
+    for way in range(5):
+        weights = (ways.table[ways.upper[way]] - ways.table[ways.lower[way]])[:3]
+        shown = ways.offset[:, :3] + MEAN * weights * ways.shape[:, :3]
+        brute[:, 1:] += found.probability["e"][:, way, None] * shown
+    torch.testing.assert_close(shift, brute)
+
+
+@pytest.fixture(scope="module")
+def windows() -> tuple[object, torch.Tensor, torch.Tensor, object]:
+    compared, chosen, low = flight_toys.with_own_windows(300, share=0.35, size=0.5)
+    held = flight_toys.likelihood(compared)
+    return held, chosen, low, fit_effects(held, ["speed_brake"])
+
+
+def test_shares_sizes_and_levels_of_own_windows_are_recovered(windows) -> None:
+    held, chosen, low, fit = windows
+    law, own = fit.theta["speed_brake"], fit.per_flight["speed_brake"]
+    found = own.share[held.real] > 0.5
+    # Half as much drag again stands out of the toy's noise by far: no flight is taken wrongly but where levels hide it.
+    assert int((found != chosen).sum()) <= 3
+    assert float(law[3]) == pytest.approx(float(chosen.double().mean()), abs=0.015)
+    assert float(law[0] / law[3]) == pytest.approx(0.5, abs=0.03)
+    # The mean of the chosen flights' levels, known to 5 FL's rounding: an error of 1.4 FL a flight.
+    right = found & chosen
+    error = (own.numbers["low_fl"][held.real] - low)[right]
+    assert float(error.mean()) == pytest.approx(0.0, abs=4 * 2.0 / float(right.sum()) ** 0.5)
+    assert float(error.std()) < 4.0
+    assert float(law[5]) == pytest.approx(float(low[chosen].std()), abs=3.0)
+
+
+def test_own_windows_score_higher_than_one_for_all(windows) -> None:
+    held, _, _, fit = windows
+    null = fit_effects(held, ())
+    mean_alone = held.log_score(held.shift(fit.theta), held.design(fit.theta))
+    assert held.gain(fit.log_score, mean_alone)[0] > 10 * abs(held.gain(mean_alone, null.log_score)[0])
+
+
+def test_the_log_score_is_that_of_the_mixture(windows) -> None:
+    held, _, _, fit = windows
+    law = {"speed_brake": fit.theta["speed_brake"]}
+    flights = FlightFit(held, law)
+    some = torch.arange(0, 300, 60)
+    expected = torch.zeros(len(some), held.y.shape[1]).double()
+    precision = held.whitening.rows(flights.at[some])
+    rest = held.y[flights.at[some]]
+    found = flights.log_ratio(law, rest, expected, some, precision)
+    effect, theta = held.catalogue["speed_brake"], law["speed_brake"]
+    ways = effect.ways(flights.state.rows(some), theta, expected[:, :11])
+    share, mean, spread = effect.size(theta)
+    prior = effect.log_prior(flights.state, theta).exp()
+    at = held.compared.columns("rate")
+    sizes = np.linspace(0, mean + 6 * spread, 200)
+    weight = norm(mean, spread).pdf(sizes) / (1 - norm.cdf(-mean / spread)) * (sizes[1] - sizes[0])
+    for k in range(len(some)):
+        covariance = torch.linalg.inv(precision.precision[precision.pattern[k]]).numpy()
+        base = multivariate_normal(np.zeros(len(rest[k])), covariance)
+        shape = ways.table[ways.upper] - ways.table[ways.lower]
+        total = 0.0
+        for row, p in zip(shape * ways.shape[k], prior, strict=True):
+            shift = np.zeros((len(sizes), len(rest[k])))
+            shift[:, at] = sizes[:, None] * row[:11].numpy()
+            total += float(p) * float(
+                (np.exp(base.logpdf(rest[k].numpy() - shift) - base.logpdf(rest[k])) * weight).sum()
+            )
+        # A sum over two hundred sizes is good to a few thousandths.
+        assert float(found[k]) == pytest.approx(np.log(1 - share + share * total), abs=0.01)
+
+
+@pytest.mark.parametrize("drag", [0.0, 0.1])
+def test_an_effect_beside_a_path_is_not_biased_by_it(drag: float) -> None:
+    compared, chosen = flight_toys.on_own_paths(300, share=0.6, drag=drag)
+    held = flight_toys.likelihood(compared)
+    fit = fit_effects(held, ["geometric_path", "drag_polar"])
+    law = fit.theta["geometric_path"]
+    assert float(law[0]) == pytest.approx(float(chosen.double().mean()), abs=0.04)
+    assert float(law[1]) == pytest.approx(0.1, abs=0.015)
+    # 120 flights whose level spreads by 4 %, against 300 of the simulator: four standard errors of their difference.
+    error = 4 * 0.04 * (1 / 120 + 1 / 300) ** 0.5 / 0.85
+    assert float(fit.theta["drag_polar"][0]) == pytest.approx(drag, abs=error)
+
+
+def test_no_law_where_all_flights_are_alike() -> None:
+    held = flight_toys.likelihood(flight_toys.steady_sides(200))
+    null = fit_effects(held, ())
+    for name in ("speed_brake", "geometric_path"):
+        fit = fit_effects(held, [name])
+        gain, _ = held.gain(fit.log_score, null.log_score)
+        # Gains of laws that are not there are those of a few free parameters.
+        assert gain < 8.0

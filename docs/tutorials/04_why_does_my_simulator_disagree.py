@@ -35,17 +35,21 @@ report = df.diagnose(real, model, out=folder / "gap")
 print(report)
 
 # %%
-# Where: each quantity in bands of altitude, in standard errors of the difference.
+# What it costs, before and with the cause in the simulator, and where: each quantity in bands of altitude.
 
-from descentflow.diagnosis.report.gap_figures import where_figure
+from descentflow.diagnosis.report.gap_figures import costs_figure, where_figure
 
-figure = where_figure(report.details.curves)
+figure = costs_figure(report.costs)
+
+# %%
+
+figure = where_figure(report.details.curves, report.details.profile)
 
 # %%
 # Its parts are typed, for programs. The effect, its size with a 90 % interval, and how much of the gap it closes:
 
 for cause in report.causes:
-    print(cause.effect, cause.closure.marginal)
+    print(cause.effect, [size.text for size in cause.sizes], cause.closure.marginal)
 
 # %%
 # ``gap.html`` is the page to read, ``gap.json`` the same for programs, ``corrected.ckpt`` the simulator with the

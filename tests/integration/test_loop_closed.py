@@ -1,6 +1,9 @@
 """The owner adds what was named and flies again: predicted against achieved, what remains, reports that do not fit."""
 
 import json
+import re
+import shlex
+import shutil
 from pathlib import Path
 
 import pytest
@@ -17,6 +20,7 @@ from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
 
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "any_simulator.md"
 SMALL = {name: EFFECTS[name] for name in ("temperature", "mass", "speed_schedule")}
 
 
@@ -68,20 +72,25 @@ def test_half_of_it_closes_less_and_the_rest_is_next(folder: Path, first: GapRep
     assert found.text in str(report)
 
 
-def test_the_command_line_holds_it_against_the_round_before(folder: Path, first: GapReport) -> None:
-    words = [
-        "--real",
-        str(folder / "real.parquet"),
-        "--simulator",
-        str(folder / "added.parquet"),
-        "--channels",
-        "TAS,Mach",
-    ]
-    more = ["--previous", str(folder / "gap" / "gap.json"), "--out", str(folder / "second")]
-    assert main(["diagnose", *words, *more]) == 0
-    written = read_gap(folder / "second" / "gap.json").previous
+def test_the_commands_of_the_page_run(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As they are printed, with all effects: rows in a folder, then flights flown again, which are prepared."""
+    (tmp_path / "flown").mkdir()
+    simulate(open_aircraft("A320"), 150, 0, WorldConfig()).rows.write_csv(tmp_path / "flown" / "log.csv")
+    shutil.copy(folder / "real.parquet", tmp_path / "radar.parquet")
+    shutil.copy(folder / "added.parquet", tmp_path / "flown_again.parquet")
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"<!-- commands -->\n```sh\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    lines = [line for block in blocks for line in block.splitlines()]
+    assert len(lines) == 2
+    for line in lines:
+        program, *words = shlex.split(line)
+        assert program == "descentflow"
+        assert main(words) == 0
+    assert Path("gap/corrected.parquet").exists()
+    written = read_gap("gap_2/gap.json").previous
+    assert written.report == "gap/gap.json"
+    assert written.causes == ["temperature"]
     assert written.achieved.estimate > 0.8
-    assert written.report.endswith("gap.json")
 
 
 def test_reports_that_do_not_fit_are_refused(folder: Path, first: GapReport, tmp_path: Path) -> None:

@@ -222,6 +222,7 @@ class Diagnosis:
             flights_worth_a_look=flights_worth_a_look(likelihood, shift, profile_of(self.compared))
             if verdict in ("unknown", "partial")
             else [],
+            write_flights=made.write_flights,
         )
 
     def _measured(self, details: Details, affected: Tensor) -> Details:

@@ -109,6 +109,16 @@ def test_the_corrected_simulator_samples_warm_air(warm: tuple[GapReport, Path], 
     assert time == pytest.approx(1 / rate, abs=0.01)
 
 
+def test_samples_with_the_cause_are_descents_like_any_other(warm: tuple[GapReport, Path]) -> None:
+    report, out = warm
+    corrected = read_descents(out / "corrected.parquet")
+    assert corrected.flights == {"A320": 400}
+    assert corrected.cleaning == read_descents(out.parent / "descents0.parquet").cleaning
+    rate = next(s for s in report.scores if s.name.startswith("rate") and "at or below" in s.name and s.unit == "1")
+    assert 0 < rate.after < rate.before < 1
+    assert report.recipe[0].text.startswith("ISA +")
+
+
 def test_without_true_airspeed_drag_is_still_found(folder: Path, checkpoint: Path) -> None:
     path = gap_toys.flights(
         folder, 120, seed=3, change=lambda p: dataclasses.replace(p, cd0_factor=1.15 * p.cd0_factor)

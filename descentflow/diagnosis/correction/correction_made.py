@@ -1,7 +1,7 @@
 """The corrected simulator of a diagnosis: the file that holds it, what writes it, and its scores before and after."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import polars as pl
@@ -12,6 +12,7 @@ from descentflow.diagnosis.correction.corrected_descents import corrected_descen
 from descentflow.diagnosis.correction.corrected_simulator import corrected
 from descentflow.diagnosis.correction.correction_scores import MOST, NEEDED, Halves, descents_of, scores_of
 from descentflow.diagnosis.correction.effects_in_flights import Correction, with_effects
+from descentflow.diagnosis.correction.sampled_descents import sampled_descents
 from descentflow.diagnosis.findings.correction_found import Score
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.search import parameters_of_part
@@ -22,6 +23,7 @@ from descentflow.generation.rejection import sample_descents
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.representation.correction import Correction as DecoderCorrection
+from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import write_descents
 
@@ -37,6 +39,7 @@ class CorrectionMade:
         file_name: Of the corrected simulator; empty where there is none to write.
         write: Writes it to a path; None where there is none.
         scores: Before and after.
+        write_flights: Of a checkpoint, writes sampled flights with the causes in them; None where there is none.
 
     Example:
         >>> CorrectionMade().write is None  # of a nominal descent
@@ -46,6 +49,7 @@ class CorrectionMade:
     file_name: str = ""
     write: Callable[[Path], None] | None = None
     scores: list[Score] = field(default_factory=list)
+    write_flights: Callable[[Path], None] | None = None
 
 
 def correction_made(
@@ -89,10 +93,21 @@ def correction_made(
             _scores_of_flights(simulator, simulator.flights, frame, likelihood, fit, correction, transition_fl),
         )
     write = corrected(simulator, mass_kg, catalogue, fit.theta)
-    if simulator.sampler is None or any(catalogue[name] is not EFFECTS.get(name) for name in fit.theta):
+    parts = simulator.representation
+    if (
+        simulator.sampler is None
+        or parts is None
+        or any(catalogue[name] is not EFFECTS.get(name) for name in fit.theta)
+    ):
         return CorrectionMade(CHECKPOINT if write is not None else "", write)
-    found = _scores_of_samples(simulator, frame, likelihood, fit, mass_kg, transition_fl, seed)
-    return CorrectionMade(CHECKPOINT if write is not None else "", write, found)
+    flown, moved = _samples(simulator, frame, mass_kg, seed)
+    found = _scores_of_samples(simulator, frame, likelihood, fit, flown, moved, transition_fl, seed)
+    settings = None if parts.cleaning is None else asdict(parts.cleaning)
+
+    def write_flights(path: Path) -> None:
+        write_descents(sampled_descents(moved(fit.theta), simulator.aircraft.typecode, settings), path)
+
+    return CorrectionMade(CHECKPOINT if write is not None else "", write, found, write_flights)
 
 
 def _writer(simulator: Simulator, flights: pl.DataFrame, correction: Correction) -> Callable[[Path], None]:
@@ -128,32 +143,41 @@ def _scores_of_flights(
     return scores_of(halves, descents_of(own), with_theta, transition_fl, correction.seed)
 
 
+def _samples(
+    simulator: Simulator, frame: pl.DataFrame, mass_kg: float, seed: int
+) -> tuple[Trajectories, Callable[[Mapping[str, Tensor]], Trajectories]]:
+    """Samples that begin where real flights do, and what puts causes into them."""
+    parts, sampler = simulator.representation, simulator.sampler
+    assert parts is not None
+    assert sampler is not None
+    low, high = simulator.levels(frame)
+    grid = LevelGrid.of_frame(frame, low, high, NEEDED)
+    mask = torch.ones(1, len(parts.decoder.levels_fl), dtype=torch.bool) if grid is None else grid.mask
+    entry = mask.shape[1] - 1 - mask.flip(1).to(torch.int8).argmax(1)
+    flown = sample_descents(sampler, parts.decoder, parts.plausibility, MOST, seed, entry=entry).trajectories
+
+    def moved(theta: Mapping[str, Tensor]) -> Trajectories:
+        sizes = {name: value.tolist() for name, value in theta.items()}
+        return DecoderCorrection(sizes, mass_kg, cleaning=parts.cleaning or Cleaning()).apply(simulator.aircraft, flown)
+
+    return flown, moved
+
+
 def _scores_of_samples(
     simulator: Simulator,
     frame: pl.DataFrame,
     likelihood: EffectsLikelihood,
     fit: Fit,
-    mass_kg: float,
+    flown: Trajectories,
+    moved: Callable[[Mapping[str, Tensor]], Trajectories],
     transition_fl: float,
     seed: int,
 ) -> list[Score]:
-    parts, sampler = simulator.representation, simulator.sampler
-    assert parts is not None
-    assert sampler is not None
-    low, high = simulator.levels(frame)
-    halves = _halves(frame, low, high, likelihood, fit, seed)
+    halves = _halves(frame, *simulator.levels(frame), likelihood, fit, seed)
     if halves is None:
         return []
-    mask = torch.cat([half.mask for half in halves.flights])
-    entry = mask.shape[1] - 1 - mask.flip(1).to(torch.int8).argmax(1)
-    flown = sample_descents(sampler, parts.decoder, parts.plausibility, MOST, seed, entry=entry).trajectories
-
-    def with_theta(theta: Mapping[str, Tensor]) -> DescentSet:
-        sizes = {name: value.tolist() for name, value in theta.items()}
-        moved = DecoderCorrection(sizes, mass_kg, cleaning=parts.cleaning or Cleaning())
-        return DescentSet.of_trajectories(moved.apply(simulator.aircraft, flown))
-
-    return scores_of(halves, DescentSet.of_trajectories(flown), with_theta, transition_fl, seed)
+    before = DescentSet.of_trajectories(flown)
+    return scores_of(halves, before, lambda theta: DescentSet.of_trajectories(moved(theta)), transition_fl, seed)
 
 
 def _halves(

@@ -16,6 +16,8 @@ from descentflow.diagnosis.report.text import summary
 if TYPE_CHECKING:
     import polars as pl
 
+FLIGHTS = "corrected.parquet"
+"""Name of the flights with the causes in them."""
 KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name != "details"))
 """Keys of `gap.json` that readers may rely on; `details` holds the rest."""
 
@@ -25,6 +27,7 @@ class GapReport(Findings):
     """What a diagnosis found, see :class:`~descentflow.diagnosis.findings.findings.Findings` for its parts.
 
     Attributes:
+        write_flights: Writes samples of a checkpoint with the causes in them, as prepared descents; else None.
         write_corrected: Writes the simulator with the causes added; None where there is no checkpoint to correct.
 
     Example:
@@ -41,6 +44,7 @@ class GapReport(Findings):
     """
 
     write_corrected: Callable[[Path], None] | None = field(default=None, compare=False, metadata=NOT_WRITTEN)
+    write_flights: Callable[[Path], None] | None = field(default=None, compare=False, metadata=NOT_WRITTEN)
 
     def __str__(self) -> str:
         """The answer in a few lines."""
@@ -69,3 +73,6 @@ class GapReport(Findings):
         if self.write_corrected is not None and self.corrected_file:
             with whole_file(target / self.corrected_file) as temporary:
                 self.write_corrected(temporary)
+        if self.write_flights is not None:
+            with whole_file(target / FLIGHTS) as temporary:
+                self.write_flights(temporary)

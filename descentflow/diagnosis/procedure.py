@@ -17,10 +17,12 @@ from descentflow.diagnosis.correction.previous_round import held_against
 from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.findings.findings import Details, Findings, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import WouldSplit
+from descentflow.diagnosis.inference.detection_limit import detection_limits
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.held_out import held_out_shifts
 from descentflow.diagnosis.inference.heterogeneity import together
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
+from descentflow.diagnosis.inference.naming_rule import named_alone
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
 from descentflow.diagnosis.inference.shared_effects import SharedEffects, shared_effects
@@ -282,6 +284,7 @@ class Diagnosis:
             flights=dict(counts),
             labels={name: effect.text for name, effect in settings.catalogue.items()},
             profile=profile_of(self.compared),
+            detection_limits=list(detection_limits(self.likelihood, named_alone, chosen.fit).values()),
         )
 
 

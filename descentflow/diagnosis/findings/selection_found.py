@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from descentflow.diagnosis.findings.gap_found import LargestDifference
+
 
 @dataclass(frozen=True)
 class Subset:
@@ -26,6 +28,8 @@ class DetectionLimit:
         size: In ``unit``; None where no physically possible size would be named.
         unit: Of the size, as of the parameter.
         label: What readers call the parameter.
+        share: Of the flights that have it, where an effect takes some of them; the size is of those.
+        shows: Where it moves a mean most, and by how much.
 
     Example:
         >>> DetectionLimit("temperature", "deviation_k", 1.2, "K", "deviation from the standard atmosphere").size
@@ -37,3 +41,5 @@ class DetectionLimit:
     size: float | None
     unit: str
     label: str = ""
+    share: float | None = None
+    shows: LargestDifference | None = None

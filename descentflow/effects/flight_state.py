@@ -58,6 +58,8 @@ class FlightState:
     """d ln(reported rate)/dHp between the edges of each band, NaN where not seen; None where no flight was seen."""
     cleaning: Cleaning = CLEANING
     """Settings by which the flights were cleaned: they say where descents begin."""
+    report_delay_s: float = 0.0
+    """How late reports of the rate are in these flights anyway, effect or not; zero where rates are not reported."""
     beyond_polar: Tensor | float = 0.0
     """(K,) or (n, K): ln of the rate that the simulator's flights have beyond the polar's."""
 
@@ -118,6 +120,13 @@ class FlightState:
         """Values (n, K) minus each flight's mean over its observed bands."""
         count = self.mask.sum(1, keepdim=True).clamp(min=1)
         return values - (values * self.mask).sum(1, keepdim=True) / count
+
+    @cached_property
+    def reported_below_m(self) -> Tensor:
+        """How far (K,) below a change of the rate its report shows it, by the mean rate in each band."""
+        seen = self.mask.sum(0).clamp(min=1)
+        rate = torch.where(self.mask, self.schedule_log_rate.exp(), 0.0).sum(0) / seen
+        return self.report_delay_s * rate
 
     def share_below(self, altitude_m: Tensor) -> Tensor:
         """Share (E, K) of each band that lies below altitudes (E,); differentiable in them."""

@@ -40,14 +40,25 @@ class WindowedEffect(Effect):
         """Change (n, K) of the logarithm of the rate where a flight has the effect of that size in a whole band."""
 
     def below(self, state: FlightState, level_fl: Tensor) -> Mapping[str, Tensor]:
-        """Share (E, K) of each band below flight levels (E,), by quantity that shows the change."""
-        return {"rate": state.share_below(level_fl * FL_M)}
+        """Share (E, K) of each band below flight levels (E,), by quantity that shows the change.
+
+        A report shows the rate of some seconds before, and so of a greater height: an end of the window shows further
+        down in it than in the altitude over time, and between the two reported rate and altitude over time disagree.
+        """
+        if state.report_delay_s == 0.0:
+            return {"rate": state.share_below(level_fl * FL_M)}
+        flown = state.share_below(level_fl * FL_M)
+        bottom = state.altitude_m - state.width_m / 2 + state.reported_below_m
+        reported = ((level_fl[:, None] * FL_M - bottom) / state.width_m).clamp(0.0, 1.0)
+        return {"rate": reported, "lag": reported - flown}
 
     def within(self, state: FlightState, low_fl: Tensor, high_fl: Tensor) -> dict[str, Tensor]:
         """Weight (K,) of each band in a window, by quantity; differentiable in both ends."""
         inset = self.inset_fl / 2
-        low, high = (self.below(state, end.reshape(1)) for end in (low_fl + inset, high_fl - inset))
-        return {quantity: (high[quantity] - low[quantity])[0].clamp(min=0.0) for quantity in high}
+        low_end = low_fl + inset
+        high_end = torch.maximum(high_fl - inset, low_end)
+        low, high = (self.below(state, end.reshape(1)) for end in (low_end, high_end))
+        return {quantity: (high[quantity] - low[quantity])[0] for quantity in high}
 
     def longest_fl(self, state: FlightState) -> float:
         """Height of the highest window: half of the grid, for more of it would be no window."""

@@ -41,6 +41,37 @@ def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightS
     )
 
 
+def report_delay_s(state: FlightState, lag: Tensor) -> float:
+    """How late rates are reported, by how far the reported rate exceeds altitude over time where the rate changes.
+
+    A report that is tau seconds late is that of a height tau times the rate above, so the lag quantity is tau times the
+    change of the rate over time: a regression through the origin, over all flights and bands, of one on the other.
+
+    Args:
+        state: Flights, usually the simulator's.
+        lag: (n, K) logarithm of the reported rate over that of altitude over time.
+
+    Returns:
+        Seconds; zero where nothing is reported, or where reports are ahead.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = quantities_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> state = state_of(flights, aircraft("A320"), 60e3)
+        >>> 1.0 < report_delay_s(state, flights.values["lag"]) < 3.0  # s: transponders smooth over three
+        True
+    """
+    if state.rate_slope_per_m is None:
+        return 0.0
+    change_per_s = state.schedule_log_rate.exp() * state.rate_slope_per_m
+    seen = change_per_s.isfinite() & lag.isfinite()
+    x, y = change_per_s[seen], lag[seen]
+    size = float(x.square().sum())
+    return max(float(x @ y) / size, 0.0) if size > 0 else 0.0
+
+
 def _calibrated_slope(flights: Quantities) -> Tensor:
     """Slopes of the reported rate (n, K) drawn towards each band's mean by as much as their noise scatters them.
 

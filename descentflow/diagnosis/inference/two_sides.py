@@ -8,7 +8,7 @@ from torch import Tensor
 
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M
-from descentflow.diagnosis.inference.compared_state import state_of
+from descentflow.diagnosis.inference.compared_state import report_delay_s, state_of
 from descentflow.diagnosis.inference.reference_coefficients import ReferenceCoefficients, reference_coefficients
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
@@ -190,7 +190,13 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
     values["lag"] = torch.where(settled, values["lag"], torch.nan)
     is_real = torch.arange(len(both)) >= n_before
     if reference is not None:
-        state = replace(state, beyond_polar=values["rate"][~is_real].nanmean(0).nan_to_num(0.0))
+        state = replace(
+            state,
+            beyond_polar=values["rate"][~is_real].nanmean(0).nan_to_num(0.0),
+            report_delay_s=report_delay_s(state.rows(torch.nonzero(~is_real)[:, 0]), values["lag"][~is_real])
+            if "lag" in values
+            else 0.0,
+        )
     entries, columns, free = [], [], []
     # Where the simulator's flights measured nothing, flights of mean zero with the real spread are its claim.
     stand_in = torch.arange(n_before) % len(real)

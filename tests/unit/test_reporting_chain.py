@@ -1,0 +1,69 @@
+"""What late reports make of an effect's edges, against a flight whose reports are smoothed step by step."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from descentflow.core.units import FL_M, FPM_MPS
+from descentflow.diagnosis.inference.compared_state import report_delay_s
+from descentflow.effects import EFFECTS
+from descentflow.effects.example_flights import example_flights
+from descentflow.measurements.level_channels import LevelGrid
+
+BRAKES = EFFECTS["speed_brake"]
+RATE_MPS, CHANGE, DELAY_S, STEP_S = 10.0, 0.3, 6.0, 0.05
+LOW_FL, HIGH_FL = 205.0, 262.0
+
+
+def flown() -> LevelGrid:
+    """A flight at 10 m/s, and faster by 0.3 in the logarithm between two levels, reported through a first-order lag."""
+    levels = torch.arange(150.0, 371.0, dtype=torch.float64)
+    altitude, report, time = 372 * FL_M, RATE_MPS, 0.0
+    rows, below = {}, len(levels) - 1
+    while below >= 0:
+        rate = RATE_MPS * (2.718281828459045**CHANGE if LOW_FL * FL_M < altitude < HIGH_FL * FL_M else 1.0)
+        report += (rate - report) * STEP_S / DELAY_S
+        altitude, time = altitude - rate * STEP_S, time + STEP_S
+        if altitude <= float(levels[below]) * FL_M:
+            rows[below] = (time - (float(levels[below]) * FL_M - altitude) / rate, report)
+            below -= 1
+    table = torch.tensor([rows[k] for k in range(len(levels))], dtype=torch.float64)
+    return LevelGrid(levels, table[None, :, 0], {"vertical_rate": -table[None, :, 1] / FPM_MPS}, torch.zeros(1), ("a",))
+
+
+def test_edges_of_a_window_show_as_the_smoothed_reports_do() -> None:
+    bands = flown().bands(20.0)
+    reported, crossed = bands.rates_mps(-bands.grid.values["vertical_rate"] * FPM_MPS)
+    state = example_flights()
+    # The example's bands are those of the flight; its own rate is put in the place of what the polar says.
+    assert torch.allclose(state.altitude_m, bands.altitude_m)
+    late = replace(state, report_delay_s=DELAY_S)
+    late.__dict__["schedule_log_rate"] = torch.full_like(state.cas_mps, RATE_MPS).log()
+    inset = BRAKES.inset_fl / 2
+    ends = torch.tensor([LOW_FL - inset, HIGH_FL + inset], dtype=torch.float64)
+    within = BRAKES.within(late, *ends)
+    # Logarithms of means are off means of logarithms by at most p (1 - p) 0.3^2 / 2; reports settle in a few seconds.
+    torch.testing.assert_close(CHANGE * within["lag"], (reported / crossed).log()[0], atol=0.012, rtol=0)
+    torch.testing.assert_close(CHANGE * within["rate"], (reported[0] / RATE_MPS).log(), atol=0.02, rtol=0)
+    # Without the delay the lag would have to be explained by something else, at several times that.
+    assert float((reported / crossed).log().abs().max()) > 0.03
+    assert "lag" not in BRAKES.within(state, *ends)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 1.6, 4.0])
+def test_the_delay_of_reports_is_measured_from_flights(delay_s: float) -> None:
+    state = example_flights(50)
+    generator = torch.Generator().manual_seed(0)
+    slope = 2e-4 * torch.randn(state.cas_mps.shape, generator=generator, dtype=torch.float64)
+    slope[:, -1] = torch.nan
+    change = state.schedule_log_rate.exp() * slope
+    lag = delay_s * change + 0.002 * torch.randn(change.shape, generator=generator, dtype=torch.float64)
+    found = report_delay_s(replace(state, rate_slope_per_m=slope), lag)
+    # 500 values, each with an error of 1 s: four standard errors.
+    assert found == pytest.approx(delay_s, abs=4 * 0.002 / (2e-4 * 10 * 500**0.5))
+
+
+def test_no_delay_where_no_rate_was_reported() -> None:
+    state = replace(example_flights(), rate_slope_per_m=None)
+    assert report_delay_s(state, torch.zeros_like(state.cas_mps)) == 0.0

@@ -7,6 +7,8 @@ from benchmarks.rivals_measured import Measured, filled
 
 REACH = 8.0
 """The prior of a size reaches so many sizes that matter to either side, within its physical bounds."""
+POOL = 300
+"""Parameters drawn of each effect."""
 
 
 class Prior:
@@ -46,16 +48,29 @@ class Prior:
         return found
 
 
-def simulation(data: Measured, prior: Prior, theta: Tensor) -> Tensor:
-    """Summary of flights drawn again from the simulator's, with the effects at these sizes added to one side."""
+def simulations(data: Measured, prior: Prior, n: int) -> tuple[Tensor, Tensor]:
+    """Parameters (n, k) from the prior, and what two sides of flights with the effects between them would show (n, p).
+
+    Each effect's parameters are drawn from so many of its own that its shifts are worked out once; all combinations
+    are drawn anew, and so are the flights of both sides, from the simulator's.
+    """
     simulated = filled(data.simulated)
-    n = int(data.compared.real.sum())
-    real = simulated[torch.randint(len(simulated), (n,))]
-    other = simulated[torch.randint(len(simulated), (len(simulated),))]
-    shift = torch.zeros(simulated.shape[1], dtype=torch.float64)
-    for name in prior.names:
-        shift = shift + data.few.all_shift(name, prior.of(data, name, theta)).mean(0)
-    return summary(real + shift / data.scale, other)
+    n_real = int(data.compared.real.sum())
+    pool = prior.low + (prior.high - prior.low) * torch.rand(POOL, len(prior.low))
+    shifts = {
+        name: torch.stack([data.few.all_shift(name, prior.of(data, name, one)).mean(0) for one in pool])
+        for name in prior.names
+    }
+    theta, x = torch.empty(n, pool.shape[1]), []
+    for i in range(n):
+        total = torch.zeros(simulated.shape[1], dtype=torch.float64)
+        for name in prior.names:
+            at = int(torch.randint(POOL, (1,)))
+            theta[i, prior.slots[name]] = pool[at, prior.slots[name]]
+            total += shifts[name][at]
+        real = simulated[torch.randint(len(simulated), (n_real,))]
+        x.append(summary(real + total / data.scale, simulated[torch.randint(len(simulated), (len(simulated),))]))
+    return theta, torch.stack(x)
 
 
 def summary(real: Tensor, simulated: Tensor) -> Tensor:

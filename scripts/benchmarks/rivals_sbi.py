@@ -10,11 +10,14 @@ import torch
 from torch import Tensor
 
 from benchmarks.rivals_measured import Measured, filled
-from benchmarks.rivals_npe_simulator import Prior, simulation, summary
+from benchmarks.rivals_npe_simulator import Prior, simulations, summary
 from benchmarks.rivals_scoring import Answer
 
 SIGNIFICANT = 0.05
-SIMULATIONS = 1000
+NEGLIGIBLE = 0.5
+"""Of a size that matters. Sizes that cannot be below zero never have an interval with zero in it, so an interval must
+lie outside a range about zero (Kruschke's region of practical equivalence)."""
+SIMULATIONS = 2000
 DRAWS = 10_000
 HIDDEN = 50
 EMBEDDED = 20
@@ -37,7 +40,7 @@ def mmd_answer(data: Measured, seed: int) -> Answer:
 
 
 def npe_answer(data: Measured, seed: int) -> Answer:
-    """Effects whose size has a posterior interval without zero, at 0.05 over all effects together."""
+    """Effects whose size has a posterior interval beyond what is negligible, at 0.05 over all effects together."""
     from sbi.inference import NPE
     from sbi.neural_nets import posterior_nn
     from sbi.neural_nets.embedding_nets import FCEmbedding
@@ -48,8 +51,7 @@ def npe_answer(data: Measured, seed: int) -> Answer:
     torch.manual_seed(seed)
     prior_of = Prior(data)
     prior = BoxUniform(prior_of.low, prior_of.high)
-    theta = prior.sample((SIMULATIONS,))
-    x = torch.stack([simulation(data, prior_of, one) for one in theta])
+    theta, x = simulations(data, prior_of, SIMULATIONS)
     observed = summary(filled(data.real), filled(data.simulated))
     quiet = contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), TemporaryDirectory()
     with quiet[0], quiet[1], quiet[2] as logs, SummaryWriter(logs) as writer:
@@ -61,14 +63,15 @@ def npe_answer(data: Measured, seed: int) -> Answer:
         trainer = NPE(prior, density, tracker=TensorBoardTracker(writer), show_progress_bars=False)
         trainer.append_simulations(theta, x).train()
         draws = trainer.build_posterior().sample((DRAWS,), x=observed, show_progress_bars=False)
-    return posterior_answer(prior_of.names, draws[:, prior_of.first])
+    matters = torch.tensor([effect.parameters[0].scale for effect in data.shifts.catalogue.values()])
+    return posterior_answer(prior_of.names, draws[:, prior_of.first], NEGLIGIBLE * matters)
 
 
-def posterior_answer(names: list[str], draws: Tensor) -> Answer:
-    """Effects (columns of draws (s, k)) whose interval excludes zero, the surest first."""
+def posterior_answer(names: list[str], draws: Tensor, negligible: Tensor) -> Answer:
+    """Effects (columns of draws (s, k)) whose interval lies outside what is negligible (k,), the surest first."""
     tail = SIGNIFICANT / len(names) / 2
     low, high = draws.quantile(tail, 0), draws.quantile(1 - tail, 0)
-    sure = (low > 0) | (high < 0)
+    sure = (low > negligible) | (high < -negligible)
     strength = draws.mean(0).abs() / draws.std(0)
     order = [i for i in strength.argsort(descending=True).tolist() if sure[i]]
     return Answer(tuple(frozenset({names[i]}) for i in order), gap=bool(order))

@@ -78,11 +78,12 @@ def test_a_node_that_was_not_measured_is_passed_over() -> None:
 
 
 def test_npe_names_what_its_interval_says_is_not_zero() -> None:
-    """Means of 8, 4 and 0 spreads; at 0.05 over three effects the interval is 2.4 spreads wide to either side."""
+    """Means of 4, 8 and 1 spreads; at 0.05 over three effects the interval is 2.4 spreads wide to either side."""
     draws = torch.randn(20_000, 3, generator=torch.Generator().manual_seed(1)) + torch.tensor([4.0, -8.0, 1.0])
-    answer = posterior_answer(["mass", "temperature", "wind_gradient"], draws)
+    names, least = ["mass", "temperature", "wind_gradient"], torch.tensor([0.5, 0.5, 0.5])
+    answer = posterior_answer(names, draws, least)
     assert answer.named == (frozenset({"temperature"}), frozenset({"mass"}))
-    assert posterior_answer(["mass"], torch.randn(5000, 1)).gap is False
+    assert posterior_answer(["mass"], torch.rand(5000, 1), torch.tensor([0.5])).gap is False  # above zero, but small
 
 
 def test_flight_table_sees_rate_wind_height_noise_and_lost_time() -> None:

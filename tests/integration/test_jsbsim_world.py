@@ -171,6 +171,18 @@ def test_effects_move_the_time_of_descent(plain: JsbsimWorld, effect: str, value
     assert (sign * change > 0.003).all()
 
 
+def test_anti_ice_keeps_a_share_of_drag_between_two_levels(plain: JsbsimWorld) -> None:
+    """By the energy balance the rate falls by that share there, and is as it was elsewhere."""
+    values = {"share": 1.0, "drag_share": 0.4, "low_fl": 200.0, "high_fl": 250.0}
+    iced = fly("MD11", 1, seed=5, effects={"anti_ice": values}, config=STEADY)
+    levels = np.array([225, 180, 290]) * FL_M
+    ratio = at(iced.truth, "rate_mps", levels) / at(
+        plain.truth.filter(flight_id=iced.flights["flight_id"][0]), "rate_mps", levels
+    )
+    # Thrust follows drag by the lever's pace, and lags behind its change with altitude.
+    np.testing.assert_allclose(ratio, [0.6, 1.0, 1.0], atol=0.02)
+
+
 def time_to_fl150(truth: pl.DataFrame) -> Array:
     own = truth.group_by("flight_id", maintain_order=True)
     return np.array([at(t, "time_s", np.array([150 * FL_M]))[0] for _, t in own])

@@ -64,6 +64,7 @@ def test_a_plan_is_made_up_as_asked() -> None:
     assert {one.full for one in own if one.kind == "double"} == {True, False}
     assert 0.2 < np.mean([one.varying for one in blind if one.causes]) < 0.5
     assert all(one.varying for one in foreign if "speed_brake" in one.causes)
+    assert not any(one.model == "global5000" for one in foreign if "wave_drag" in one.causes)
     simulators = {simulator.name: simulator for simulator in PLAN.simulators}
     seeds = [one.seed for one in PLAN.sets]
     seeds += [one.seed for name, one in simulators.items() if name.startswith("simulator")]

@@ -121,6 +121,10 @@ class FlightPlan:
     """Share of drag minus idle thrust that is kept at the top of descent..."""
     kept_s: float = 1.0
     """...and the time in which that decays."""
+    ice_share: float = 0.0
+    """Share of drag minus idle thrust that is kept between two pressure altitudes."""
+    ice_high_m: float = math.nan
+    ice_low_m: float = math.nan
     hold_high_m: float = math.nan
     """Pressure altitudes between which a path or a vertical rate is held."""
     hold_low_m: float = math.nan

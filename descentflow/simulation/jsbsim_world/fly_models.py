@@ -219,4 +219,4 @@ def _flights_table(named: Sequence[Flight], plans: Sequence[FlightPlan]) -> pl.D
     return pl.DataFrame({**about, **columns}).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-_WINDOWS = ("brake_high", "brake_low", "hold_high", "hold_low")
+_WINDOWS = ("brake_high", "brake_low", "hold_high", "hold_low", "ice_high", "ice_low")

@@ -143,6 +143,14 @@ def _keep(case: Case, v: Values) -> FlightPlan:
     return replace(case.plan, kept_share=share, kept_s=decay)
 
 
+def _heat(case: Case, v: Values) -> FlightPlan:
+    if not case.chosen(v["share"]):
+        return case.plan
+    shift = v["spread_fl"] * case.normal()
+    low, high = ((v[f"{end}_fl"] + shift) * FL_M for end in ("low", "high"))
+    return replace(case.plan, ice_share=v["drag_share"], ice_low_m=low, ice_high_m=high)
+
+
 def _set_idle(case: Case, v: Values) -> FlightPlan:
     return replace(case.plan, idle_setting=v["lever"])
 
@@ -184,6 +192,7 @@ _INJECT: dict[str, Callable[[Case, Values], FlightPlan]] = {
     "idle_setting": _set_idle,
     "induced_drag": _induced,
     "wave_drag": _wave,
+    "anti_ice": _heat,
 }
 """In the order in which they are injected."""
 _OWN = {
@@ -197,8 +206,8 @@ _OWN = {
     ),
 }
 EFFECTS: dict[str, Plantable] = {name: _OWN.get(name) or PLANTABLE[name] for name in _INJECT}
-"""Effects by name. The last four have no entry in the diagnosis's catalogue: thrust kept up after the top of descent, a
-thrust lever left at a setting, and factors of the model's induced drag and of its drag due to Mach."""
+"""Effects by name. The last five have no entry in the diagnosis's catalogue: thrust kept up after the top of descent, a
+thrust lever left at a setting, factors of the model's induced drag and of its drag due to Mach, and anti-ice."""
 
 
 def inject(

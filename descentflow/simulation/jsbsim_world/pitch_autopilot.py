@@ -181,7 +181,8 @@ class Autopilot:
     def _move_lever(self, seen: Seen, growth: float) -> None:
         p = self.plan
         if self.mode == DESCENT:
-            kept = p.kept_share * (seen.drag_n - seen.idle_n) * math.exp(-self.age_s / p.kept_s)
+            iced = p.ice_share if p.ice_low_m < self.altitude_m <= p.ice_high_m else 0.0
+            kept = (p.kept_share * math.exp(-self.age_s / p.kept_s) + iced) * (seen.drag_n - seen.idle_n)
             # JSBSim's turbines: thrust above idle goes as the square of the lever.
             wanted = max(p.idle_setting, math.sqrt(max(kept, 0.0) / max(seen.full_n, 1.0)))
             change = (wanted - self._lever) / self._step_s

@@ -137,7 +137,7 @@ def _draw_world(
         return pools[key]
 
     for kind, names in _contents(generator, world, n, shares):
-        model = str(generator.choice(list(world.models), p=list(world.models.values())))
+        model = world.model(generator, names)
         causes, size, varying = _planted(generator, world, kind, names, shares)
         simulator = simulator_for(kind, model)
         counts, odds = zip(*world.flights, strict=True)

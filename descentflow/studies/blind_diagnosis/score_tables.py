@@ -87,7 +87,7 @@ def confusion_table(world: StudyWorld, some: Sequence[Outcome]) -> dict[str, Any
     Example:
         >>> from descentflow.studies.blind_diagnosis.blind_worlds import FOREIGN
         >>> confusion_table(FOREIGN, [])["rows"][-3:]  # outside the catalogue
-        ['kept_thrust', 'idle_setting', 'wave_drag']
+        ['kept_thrust', 'anti_ice', 'wave_drag']
     """
     columns = [NONE, *_NAMED, UNKNOWN, REFUSED]
     rows = [NONE, *world.catalogued, *world.outside]

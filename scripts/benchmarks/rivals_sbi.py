@@ -62,7 +62,10 @@ def npe_answer(data: Measured, seed: int) -> Answer:
         # It would write its logs into the folder where one stands.
         trainer = NPE(prior, density, tracker=TensorBoardTracker(writer), show_progress_bars=False)
         trainer.append_simulations(theta, x).train()
-        draws = trainer.build_posterior().sample((DRAWS,), x=observed, show_progress_bars=False)
+        # Draws outside the prior's box count as large sizes; to reject them may take for ever.
+        draws = trainer.build_posterior().sample(
+            (DRAWS,), x=observed, show_progress_bars=False, reject_outside_prior=False
+        )
     matters = torch.tensor([effect.parameters[0].scale for effect in data.shifts.catalogue.values()])
     return posterior_answer(prior_of.names, draws[:, prior_of.first], NEGLIGIBLE * matters)
 

@@ -26,7 +26,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Scored:
-    """One answer beside the truth, with the seconds it took."""
+    """One answer beside the truth, with the seconds of one processor that it took."""
 
     name: str
     kind: str

@@ -97,7 +97,7 @@ def test_a_size_of_the_limit_is_named_in_most_cases(law: FlightLaw) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["temperature", "drag_polar", "wind_gradient", "level_off", "airspeed_bias"])
+@pytest.mark.parametrize("name", ["temperature", "drag_polar", "wind_gradient", "level_off"])
 def test_sizes_of_the_limits_are_named_in_eighty_of_a_hundred(law: FlightLaw, name: str) -> None:
     """Between 68 and 92: a share of 80 % gives that in 997 of 1,000 choices of seeds, which are fixed."""
     assert 0.68 <= share_named(law, name, 100) <= 0.92

@@ -201,7 +201,7 @@ class Diagnosis:
         progress("asking at which stage the simulator loses most")
         stages = stages_of(settings.simulator, frame, settings.seed)
         hidden = _not_identifiable(settings, self.source)
-        made = self._made(frame, fit) if causes else CorrectionMade()
+        made = self._made(frame, fit, spreads) if causes else CorrectionMade()
         return GapReport(
             verdict=verdict,
             p_value=test.p_value,
@@ -232,12 +232,12 @@ class Diagnosis:
         found = measured_gap(self.compared, affected, self.settings.seed)
         return replace(details, measured_over=found.entries, gap_error=found.error)
 
-    def _made(self, frame: pl.DataFrame, fit: Fit) -> CorrectionMade:
+    def _made(self, frame: pl.DataFrame, fit: Fit, spreads: Mapping[str, float]) -> CorrectionMade:
         """The simulator with the causes in it, and its scores."""
         self.settings.progress("putting the causes into the simulator's flights")
         asked = self.settings
         return correction_made(
-            asked.simulator, frame, self.likelihood, fit, asked.catalogue, asked.transition_fl, asked.seed
+            asked.simulator, frame, self.likelihood, fit, asked.catalogue, asked.transition_fl, asked.seed, spreads
         )
 
     def _null_test(self) -> NullTest:

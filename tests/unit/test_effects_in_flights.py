@@ -94,6 +94,21 @@ def test_a_share_of_the_flights_has_it_whole_and_by_seed() -> None:
     assert abs(float((each > 1.1).double().mean()) - 0.25) < 5 * (0.25 * 0.75 / 400) ** 0.5
 
 
+def test_a_size_that_spreads_between_flights_has_the_mean_and_the_spread() -> None:
+    """Of 2,000 flights: the mean is known to 1 % of the size, the spread to 2 % of itself; five of each are allowed."""
+    grid = flights(2000)
+    theta = {"temperature": torch.tensor([10.0]).double()}
+    asked = Correction(EFFECTS, theta, 60e3, Cleaning(), seed=3, spreads={"temperature": 0.4})
+    found = with_effects(grid, A320, asked)
+    shift = (found.values["TAS"] / grid.values["TAS"]).log()
+    state = state_of_levels(grid, A320, asked)
+    whole = EFFECTS["temperature"].shift(state, theta["temperature"])["tas"]
+    size = (shift / whole)[:, 0]
+    torch.testing.assert_close(shift, size[:, None] * whole)
+    assert float(size.mean()) == pytest.approx(1.0, abs=5 * 0.4 / 2000**0.5)
+    assert float(size.std()) == pytest.approx(0.4, rel=5 / (2 * 2000) ** 0.5)
+
+
 def test_warm_air_is_what_the_physics_says() -> None:
     grid = flights()
     found = put(grid, (EFFECTS["temperature"], [10.0]))

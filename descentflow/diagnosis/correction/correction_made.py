@@ -1,7 +1,7 @@
 """The corrected simulator of a diagnosis: the file that holds it, what writes it, and its scores before and after."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import polars as pl
@@ -60,6 +60,7 @@ def correction_made(
     catalogue: Mapping[str, Effect],
     transition_fl: float,
     seed: int,
+    spreads: Mapping[str, float],
 ) -> CorrectionMade:
     """The simulator with the causes in it: its own flights or its checkpoint, and what that does to all scores.
 
@@ -71,6 +72,7 @@ def correction_made(
         catalogue: Effects by name.
         transition_fl: Transition level of the type.
         seed: Of halves, samples and of which flights an effect takes.
+        spreads: Effect -> how widely its size spreads between flights, in its mean.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -86,7 +88,7 @@ def correction_made(
     mass_kg = likelihood.compared.state.mass_kg
     if simulator.flights is not None:
         cleaning = simulator.cleaning or Cleaning()
-        correction = Correction(catalogue, fit.theta, mass_kg, cleaning, seed)
+        correction = Correction(catalogue, fit.theta, mass_kg, cleaning, seed, spreads)
         return CorrectionMade(
             FLIGHTS,
             _writer(simulator, simulator.flights, correction),
@@ -137,8 +139,7 @@ def _scores_of_flights(
         return []
 
     def with_theta(theta: Mapping[str, Tensor]) -> DescentSet:
-        moved = Correction(correction.catalogue, theta, correction.mass_kg, correction.cleaning, correction.seed)
-        return descents_of(with_effects(own, simulator.aircraft, moved))
+        return descents_of(with_effects(own, simulator.aircraft, replace(correction, theta=theta)))
 
     return scores_of(halves, descents_of(own), with_theta, transition_fl, correction.seed)
 

@@ -1,7 +1,7 @@
 """Effects put into the flights of a simulator: rates, speeds and reports on every level, and times integrated again."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -40,6 +40,8 @@ class Correction:
         mass_kg: Mass at which their signatures are taken.
         cleaning: Settings by which the flights were cleaned: they say where descents begin and what rate ends them.
         seed: By which an effect takes its share of the flights.
+        spreads: Effect -> how widely its size spreads between flights, in its mean; only of effects of all flights that
+            say no law of their own.
 
     Example:
         >>> from descentflow.effects import EFFECTS
@@ -52,10 +54,7 @@ class Correction:
     mass_kg: float
     cleaning: Cleaning
     seed: int
-
-    def only(self, name: str) -> "Correction":
-        """With one of the effects alone."""
-        return replace(self, theta={name: self.theta[name]})
+    spreads: Mapping[str, float] = field(default_factory=dict)
 
 
 def with_effects(grid: LevelGrid, aircraft: Aircraft, correction: Correction) -> LevelGrid:
@@ -162,13 +161,16 @@ def _sums(state: FlightState, correction: Correction) -> tuple[dict[str, Tensor]
         taken = torch.nonzero((number >= first) & (number < first + share))[:, 0]
         uniform = [draws.uniform(n, stream=place * STREAMS + 1 + i) for i in range(len(whole))]
         own = effect.drawn(whole, torch.stack(uniform, 1)[taken])
+        spread = 0.0 if law or share < 1.0 else correction.spreads.get(name, 0.0)
+        usual = draws.uniform(n, stream=place * STREAMS + STREAMS - 1).clamp(min=1e-12)
+        size = 1 + spread * torch.special.ndtri(usual)
         for rows, parameters in _alike(taken, own):
             change = effect.change(state.rows(rows), parameters)
             if law and isinstance(effect, DiffersByFlight) and effect.holds_rate:
                 held[rows], rate_held[rows] = True, change.flown["rate"]
                 continue
             for total, shift in ((flown, change.flown), (reported, change.reported)):
-                _add(total, shift, rows, n)
+                _add(total, shift, rows, size)
     if bool((flown["cas"] != 0).any()):
         # At another speed the aircraft falls as the polar says.
         faster = log_rate(state, cas_mps=state.cas_mps + flown["cas"] * KT_MPS)
@@ -186,11 +188,12 @@ def _alike(taken: Tensor, parameters: Tensor) -> list[tuple[Tensor, Tensor]]:
     return [(taken[which == k], one) for k, one in enumerate(each)]
 
 
-def _add(total: dict[str, Tensor], shift: Shift, rows: Tensor, n: int) -> None:
+def _add(total: dict[str, Tensor], shift: Shift, rows: Tensor, size: Tensor) -> None:
+    """Add what an effect shifts in some flights, of the size (n,) that each has it in on every level."""
     for quantity, value in shift.items():
         if quantity not in total:
-            total[quantity] = torch.zeros(n, *value.shape[1:], dtype=torch.float64)
-        total[quantity][rows] += value
+            total[quantity] = torch.zeros(len(size), *value.shape[1:], dtype=torch.float64)
+        total[quantity][rows] += value * size[rows, None] if quantity in BY_LEVEL else value
 
 
 def _flown(grid: LevelGrid, state: FlightState, change: dict[str, Tensor]) -> LevelGrid:

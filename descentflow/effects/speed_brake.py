@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M
-from descentflow.effects.effect import FlightChange, Parameter, Shift
+from descentflow.effects.effect import STEP, FlightChange, Parameter, Shift
 from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Ways, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.effects.windowed_effect import WindowedEffect
@@ -117,6 +117,25 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         shown = {quantity: weight * change for quantity, weight in self._mean_within(state, theta).items()}
         # Edges of a window are steps of the rate, which count as short-scale noise.
         return {**shown, "noise_rate": theta[4] * torch.ones_like(change[:, 0])}
+
+    def sensitivity(self, state: FlightState, theta: Tensor) -> dict[str, Tensor]:
+        """Jacobian of the shift as for any effect; the energy equation, which takes time, at three sizes alone."""
+        size, step = theta[0] / theta[3], STEP * self.parameters[0].scale
+        change = theta[3] * self.whole_change(state, size)
+        steeper = (self.whole_change(state, size + step) - self.whole_change(state, size - step)) / (2 * step)
+        within = self._mean_within(state, theta)
+        found = {quantity: torch.zeros(*change.shape, len(theta), dtype=change.dtype) for quantity in within}
+        for quantity, weight in within.items():
+            found[quantity][:, :, 0] = weight * steeper
+        for end in self.ends:
+            move = torch.zeros_like(theta)
+            move[end] = STEP * self.parameters[end].scale
+            above, below = (self._mean_within(state, theta + sign * move) for sign in (1, -1))
+            for quantity in found:
+                found[quantity][:, :, end] = change * (above[quantity] - below[quantity]) / (2 * move[end])
+        noise = torch.zeros(len(change), len(theta), dtype=change.dtype)
+        noise[:, 4] = 1.0
+        return {**found, "noise_rate": noise}
 
     def _mean_within(self, state: FlightState, theta: Tensor) -> dict[str, Tensor]:
         """Weight of each band in the mean over the windows of the law."""

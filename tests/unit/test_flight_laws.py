@@ -7,9 +7,11 @@ import torch
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
+from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.flight_fit import FlightFit
 from descentflow.diagnosis.inference.flight_laws import Explained, Law, WaysOfFlights, taken
 from descentflow.diagnosis.inference.search import fit_effects
+from descentflow.diagnosis.inference.selection import discrepancy_gain
 from descentflow.diagnosis.inference.two_sides import Entry
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects.flight_law import Ways
@@ -181,3 +183,13 @@ def test_no_law_where_all_flights_are_alike() -> None:
         gain, _ = held.gain(fit.log_score, null.log_score)
         # Gains of laws that are not there are those of a few free parameters.
         assert gain < 8.0
+
+
+def test_nothing_is_left_beside_own_windows(windows) -> None:
+    held, _, _, fit = windows
+    columns, _ = discrepancy_columns(held.compared)
+    left, error = discrepancy_gain(held, fit, columns)
+    # What a shift of no cause would add is what its free coefficients gain by chance, not the flights' own windows.
+    assert left < 3 * error + 5.0
+    alone, _ = discrepancy_gain(held, fit_effects(held, ()), columns)
+    assert alone > 100.0

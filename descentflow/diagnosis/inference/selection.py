@@ -150,7 +150,9 @@ def discrepancy_gain(likelihood: EffectsLikelihood, chosen: Fit, discrepancy: Te
         True
     """
     free = likelihood.log_score(chosen.shift, likelihood.design(chosen.theta, discrepancy, 1.0))
-    return likelihood.gain(free, chosen.log_score)
+    # Where flights differ, both are scores of the flights without what is expected of each, and not of the mixture.
+    held = likelihood.log_score(chosen.shift, chosen.design) if chosen.per_flight else chosen.log_score
+    return likelihood.gain(free, held)
 
 
 def _forward(

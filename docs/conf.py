@@ -41,7 +41,7 @@ OTHERS = (
     "matplotlib normflows np numpy os pathlib pl polars pyro pytorch_lightning scipy sklearn torch types typing"
 )
 BARE = (
-    "DataclassInstance Figure None Path Tensor "
+    "Artist DataclassInstance Figure None Path Tensor "
     "bool bytes callable dict float int iterable list object set str tuple type"
 )
 nitpick_ignore_regex = [

@@ -156,7 +156,7 @@ class DiffersByFlight(Effect):
 
         Args:
             state: The simulator's flights, which do not have the effect.
-            theta: Parameters (k,) of flights that have it, see :meth:`mixture`.
+            theta: Parameters (k,) of flights that have it, see :meth:`~descentflow.effects.effect.Effect.mixture`.
             uniform: (n, :attr:`own_draws`) random numbers in [0, 1).
         """
 

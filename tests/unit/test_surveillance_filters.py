@@ -6,16 +6,8 @@ import pytest
 from surveillance_toys import rows_at
 
 from descentflow.surveillance.cleaning.constant_rate import ConstantRate
-from descentflow.surveillance.cleaning.filters import (
-    SEGMENT,
-    AirspeedsAgree,
-    Chain,
-    Descending,
-    Despike,
-    Falling,
-    LargestDescent,
-    SteadyDescent,
-)
+from descentflow.surveillance.cleaning.descent_filters import Descending, Falling, LargestDescent, SteadyDescent
+from descentflow.surveillance.cleaning.filters import SEGMENT, AirspeedsAgree, Chain, Despike
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 

@@ -7,7 +7,8 @@ from surveillance_toys import fleet, flight, rows_at
 
 from descentflow.surveillance.cleaning.chain import after_rates, before_rates
 from descentflow.surveillance.cleaning.clearances import ClearedLevel, ClearedSpeed, LargestBank
-from descentflow.surveillance.cleaning.filters import SEGMENT, Descending
+from descentflow.surveillance.cleaning.descent_filters import Descending
+from descentflow.surveillance.cleaning.filters import SEGMENT
 from descentflow.surveillance.cleaning.stale import Stale
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import mach_of_cas

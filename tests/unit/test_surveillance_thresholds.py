@@ -1,6 +1,7 @@
 """Thresholds are said once: the options, the YAML file and the library agree; wrong ones are refused."""
 
 import argparse
+import textwrap
 from dataclasses import fields
 from pathlib import Path
 
@@ -8,9 +9,20 @@ import pytest
 
 from descentflow.cli.prepare_command import _cleaning, add_arguments, memory_bytes
 from descentflow.core.errors import ConfigError
-from descentflow.surveillance.cleaning.thresholds import Cleaning, as_yaml, cleaning_of, describe, read_cleaning
+from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of, describe, read_cleaning
 
 DEFAULT = Path(__file__).resolve().parents[2] / "descentflow" / "configs" / "prepare" / "default.yaml"
+
+
+def as_yaml(cleaning: Cleaning) -> str:
+    """The text of the packaged file: every threshold with its meaning and source as a comment."""
+    lines = ["# Thresholds of `descentflow prepare --config`; an option of the same name overrides a line here."]
+    for field in fields(cleaning):
+        value = getattr(cleaning, field.name)
+        text = f"{field.metadata['meaning']}. Source: {field.metadata['source']}."
+        lines += ["", *(f"# {line}" for line in textwrap.wrap(text[0].upper() + text[1:], 110))]
+        lines.append(f"{field.name}: {'null' if value is None else value}")
+    return "\n".join(lines) + "\n"
 
 
 def test_the_yaml_file_holds_every_threshold_with_its_source() -> None:

@@ -3,8 +3,9 @@
 Reading order: :mod:`~descentflow.surveillance.cleaning.thresholds` (every threshold, with its source),
 :mod:`~descentflow.surveillance.cleaning.chain` (the filters in their order),
 :mod:`~descentflow.surveillance.cleaning.flights`, :mod:`~descentflow.surveillance.cleaning.filters`,
-:mod:`~descentflow.surveillance.cleaning.stale`, :mod:`~descentflow.surveillance.cleaning.rates`,
-:mod:`~descentflow.surveillance.cleaning.clearances`, :mod:`~descentflow.surveillance.cleaning.constant_rate`,
-:mod:`~descentflow.surveillance.cleaning.level_grid`; beside them :mod:`~descentflow.surveillance.cleaning.windows`,
-:mod:`~descentflow.surveillance.cleaning.drop_reasons` and :mod:`~descentflow.surveillance.cleaning.kept_settings`.
+:mod:`~descentflow.surveillance.cleaning.descent_filters`, :mod:`~descentflow.surveillance.cleaning.stale`,
+:mod:`~descentflow.surveillance.cleaning.rates`, :mod:`~descentflow.surveillance.cleaning.clearances`,
+:mod:`~descentflow.surveillance.cleaning.constant_rate`, :mod:`~descentflow.surveillance.cleaning.level_grid`; beside
+them :mod:`~descentflow.surveillance.cleaning.windows`, :mod:`~descentflow.surveillance.cleaning.drop_reasons` and
+:mod:`~descentflow.surveillance.cleaning.kept_settings`.
 """

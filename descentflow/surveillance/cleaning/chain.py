@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.cleaning import filters
+from descentflow.surveillance.cleaning import descent_filters, filters
 from descentflow.surveillance.cleaning.clearances import ClearedLevel, ClearedSpeed, LargestBank
 from descentflow.surveillance.cleaning.constant_rate import ConstantRate
 from descentflow.surveillance.cleaning.drop_reasons import ROW, TracedReport, some_flights
@@ -149,8 +149,8 @@ def after_rates(rules: Cleaning) -> filters.Chain:
     """
     descent = (
         filters.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps)
-        | filters.Descending(rules.slowest_fpm)
-        | filters.SteadyDescent(rules.transient_s)
+        | descent_filters.Descending(rules.slowest_fpm)
+        | descent_filters.SteadyDescent(rules.transient_s)
     )
     if rules.largest_bank_deg is not None:
         descent |= LargestBank(rules.largest_bank_deg)
@@ -169,8 +169,8 @@ def after_rates(rules: Cleaning) -> filters.Chain:
             offset_fpm=rules.constant_rate_offset_fpm,
             longest_gap_s=rules.longest_gap_s,
         )
-        | filters.LargestDescent(rules.climb_back_ft)
-        | filters.Falling()
+        | descent_filters.LargestDescent(rules.climb_back_ft)
+        | descent_filters.Falling()
     )
 
 

@@ -106,7 +106,8 @@ class ClearedLevel(Filter):
     """Drop rows within a height of the cleared flight level: the aircraft may be reducing its rate to capture it.
 
     A clearance that is replaced before its level is near is no constraint. Level flight itself is dropped without
-    clearances, by :class:`~descentflow.surveillance.cleaning.filters.Descending`. Only sources with clearances know.
+    clearances, by :class:`~descentflow.surveillance.cleaning.descent_filters.Descending`. Only sources with
+    clearances know.
 
     Args:
         within_ft: Height above and below the cleared level.

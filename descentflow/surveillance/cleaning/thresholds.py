@@ -5,7 +5,6 @@ options.
 """
 
 import dataclasses
-import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -290,19 +289,3 @@ def read_cleaning(path: Path) -> dict[str, Any]:
             mend="begin from configs/prepare/default.yaml",
         )
     return found or {}
-
-
-def as_yaml(cleaning: Cleaning) -> str:
-    """The thresholds as YAML, each with its meaning and source as a comment.
-
-    Example:
-        >>> as_yaml(Cleaning(bottom_fl=100)).splitlines()[3]
-        'bottom_fl: 100'
-    """
-    lines = ["# Thresholds of `descentflow prepare --config`; an option of the same name overrides a line here."]
-    for field in dataclasses.fields(Cleaning):
-        value = getattr(cleaning, field.name)
-        text = f"{field.metadata['meaning']}. Source: {field.metadata['source']}."
-        lines += ["", *(f"# {line}" for line in textwrap.wrap(text[0].upper() + text[1:], 110))]
-        lines.append(f"{field.name}: {'null' if value is None else value}")
-    return "\n".join(lines) + "\n"

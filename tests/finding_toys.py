@@ -23,6 +23,7 @@ from descentflow.diagnosis.findings.inputs_found import (
     LeftOutChannel,
     Provenance,
 )
+from descentflow.diagnosis.findings.measured_entry import MeasuredEntry
 from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
 from descentflow.effects import EFFECTS
 
@@ -104,6 +105,8 @@ def details() -> Details:
         normal_from="simulator flights",
         seed=0,
         quantities=["rate", "tas", "level"],
+        measured_over=[MeasuredEntry("rate", 150.0, 165.0, spread=0.07, distance=0.4, floor=0.05)],
+        gap_error=0.02,
         transition_fl=318.0,
         mass_kg=60_000.0,
         test=NullTest(1 / 2000, 41.0, 25.0, 1999),

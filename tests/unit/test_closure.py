@@ -29,7 +29,7 @@ def measure(sides: Compared) -> GapMeasure:
     """Nothing here needs a precision."""
     n, p = sides.y.shape
     alike, unit = torch.zeros(n, dtype=torch.long), torch.eye(p, dtype=torch.float64)
-    weights = Whitening(alike, unit[None], unit, torch.ones(n))
+    weights = Whitening(alike, unit[None], unit, torch.ones(n), unit)
     return GapMeasure(EffectsLikelihood(sides, weights, {}, seed=0), torch.ones(p, dtype=torch.bool), seed=0)
 
 

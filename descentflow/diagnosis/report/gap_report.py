@@ -38,8 +38,8 @@ class GapReport(Findings):
         ('effect', ['mass'])
         >>> report.to_polars().columns[:3]
         ['quantity', 'level_low_fl', 'level_high_fl']
-        >>> report.write("gap")
-        >>> sorted(path.name for path in Path("gap").iterdir())
+        >>> report.write("nominal-gap")
+        >>> sorted(path.name for path in Path("nominal-gap").iterdir())
         ['gap.html', 'gap.json']
     """
 

@@ -15,7 +15,7 @@ class Descending(Filter):
     """Keep rows that descend at 500 ft/min or more (paper, section 3): level-offs and climbs are dropped.
 
     Adds `_since_level` and `_until_level`, seconds from the last and to the next row of the flight that does not
-    descend so, and :data:`SEGMENT`: a new one begins after each dropped row.
+    descend so, and `SEGMENT`: a new one begins after each dropped row.
 
     Args:
         slowest_fpm: Slowest rate of descent.

@@ -34,7 +34,7 @@ def flights_of(rows: pl.DataFrame) -> np.ndarray:
 
 
 def cut(rows: pl.DataFrame, gone: np.ndarray) -> pl.DataFrame:
-    """Drop rows of a descent; a new :data:`SEGMENT` begins after each.
+    """Drop rows of a descent; a new `SEGMENT` begins after each.
 
     Example:
         >>> cut(pl.DataFrame({SEGMENT: [0, 0, 0]}), np.array([False, True, False]))[SEGMENT].to_list()

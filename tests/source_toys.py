@@ -8,11 +8,15 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import polars as pl
+from surveillance_toys import flight
 
+from descentflow.surveillance.read_rows import read_rows
+from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED
 
 GENERATOR = 0x1FFF409
 """Of the parity of Mode S (ICAO Annex 10, volume IV, 3.1.2.3.3)."""
+FLIGHT = flight()
 
 
 def trace_of(flight: pl.DataFrame, *, details_every: int = 4, extended: bool = True) -> dict:
@@ -192,3 +196,20 @@ def cat048(icao24: str, seconds: float, level_fl: float, registers: dict[int, st
 def written_to(path: Path, content: bytes | str) -> Path:
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
+
+
+def rows_of(path: Path, **options: object) -> tuple[pl.DataFrame, dict[str, int]]:
+    """The rows that a file gives, and what was noted on the way."""
+    report = DropReport()
+    return read_rows([path], report, **options), report.notes
+
+
+def assert_same_flight(found: pl.DataFrame, **tolerances: float) -> None:
+    """Columns that all sources share are those of the flight, within a source's quantum."""
+    assert len(found) == len(FLIGHT)
+    for name in ("icao24", "typecode"):
+        assert found[name].to_list() == FLIGHT[name].to_list()
+    late = (found["timestamp"] - FLIGHT["timestamp"]).dt.total_microseconds().abs().max()
+    assert late <= 1e6 * tolerances.pop("timestamp", 1e-6)
+    for name, tolerance in {"altitude": 0.5, "vertical_rate": 0.5, "IAS": 1e-9, "Mach": 1e-9, **tolerances}.items():
+        assert (found[name] - FLIGHT[name]).abs().max() <= tolerance, name

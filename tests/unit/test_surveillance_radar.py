@@ -1,0 +1,152 @@
+"""Mode S frames and ASTERIX blocks from a flight that is known: the same flight comes back."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from polars.testing import assert_frame_equal
+from source_toys import (
+    FLIGHT,
+    all_call,
+    assert_same_flight,
+    cat048,
+    cat062,
+    register_50,
+    register_60,
+    reply,
+    rows_of,
+    written_to,
+)
+from surveillance_toys import START
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.formats.mode_s_registers import values_of
+
+
+def frames_of(rows: pl.DataFrame) -> list[tuple[float, str]]:
+    """What a radar asks for: IAS and Mach, and two seconds later the track and turn report."""
+    found = []
+    for row in rows.iter_rows(named=True):
+        time, altitude = row["timestamp"].timestamp(), 25 * round(row["altitude"] / 25)
+        speeds = register_60(200.0, round(row["IAS"]), row["Mach"], row["vertical_rate"])
+        found += [(time, all_call(row["icao24"])), (time, reply(row["icao24"], altitude, speeds))]
+        found += [(time + 2.0, reply(row["icao24"], altitude, register_50(-5.0, row["track"], 400, 420)))]
+    return found
+
+
+@pytest.mark.parametrize("form", ["blank", "comma", "avr", "header", "jet1090", "parquet"])
+def test_frames_with_times_are_decoded_and_brought_together(form: str, tmp_path: Path) -> None:
+    pytest.importorskip("rs1090")
+    frames = frames_of(FLIGHT)
+    path = tmp_path / "frames"
+    if form == "parquet":
+        times, raw = zip(*frames, strict=True)
+        pl.DataFrame({"mintime": times, "rawmsg": raw}).write_parquet(path)
+    elif form == "jet1090":
+        written_to(path, "\n".join(json.dumps({"timestamp": time, "frame": frame}) for time, frame in frames))
+    else:
+        joint = {"blank": "{} {}", "comma": "{},{}", "avr": "{} *{};", "header": "{},{}"}[form]
+        lines = (["ts,hex"] if form == "header" else []) + [joint.format(*pair) for pair in frames]
+        written_to(path, "\n".join(lines))
+    found, notes = rows_of(path)
+    assert notes == {}
+    found = found.with_columns(typecode=pl.lit("A320"))
+    assert_same_flight(found, timestamp=1e-5, altitude=12.5, vertical_rate=16.0, IAS=0.5, Mach=0.002)
+    assert np.allclose(found["heading"], 200.0, atol=0.1)
+    assert set(found["TAS"]) == {420.0}
+    assert set(found["groundspeed"]) == {400.0}
+    assert np.allclose(found["roll"], -5.0, atol=0.1)
+    assert np.allclose(found["track"], 90.0, atol=0.1)
+
+
+def test_frames_in_milliseconds_are_brought_together_as_well(tmp_path: Path) -> None:
+    pytest.importorskip("rs1090")
+    plain, _ = rows_of(written_to(tmp_path / "s", "\n".join(f"{time} {frame}" for time, frame in frames_of(FLIGHT))))
+    lines = "\n".join(f"{round(1000 * time)} {frame}" for time, frame in frames_of(FLIGHT))
+    milli, _ = rows_of(written_to(tmp_path / "ms", lines))
+    assert_frame_equal(milli, plain)
+
+
+def test_batches_of_messages_make_no_difference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("rs1090")
+    lines = "\n".join(f"{time} {frame}" for time, frame in frames_of(FLIGHT))
+    path = written_to(tmp_path / "frames.txt", lines)
+    whole, _ = rows_of(path)
+    monkeypatch.setattr("descentflow.surveillance.formats.mode_s_frames.BATCH", 100)
+    parts, _ = rows_of(path)
+    assert_frame_equal(parts, whole)
+
+
+def test_registers_are_read_as_the_standard_has_them() -> None:
+    speeds = values_of((6, 0), int(register_60(200.0, 270, 0.78, -1984), 16))
+    assert speeds == pytest.approx({"heading": 200.0, "IAS": 270, "Mach": 0.78, "vertical_rate": -1984}, abs=0.1)
+    turn = values_of((5, 0), int(register_50(-20.0, 10.0, 400, 420), 16))
+    assert turn == pytest.approx({"roll": -20.0, "track": 10.0, "groundspeed": 400, "TAS": 420}, abs=0.1)
+    assert values_of((6, 0), 0) == {}
+    assert values_of((1, 0), 1 << 55) == {}
+
+
+def test_a_missing_decoder_is_named_with_the_way_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = written_to(tmp_path / "frames.txt", "\n".join(f"{time} {frame}" for time, frame in frames_of(FLIGHT)))
+    blocks = written_to(tmp_path / "a.ast", cat062("4ca001", 36_000, 350, 270, 0.8, -500))
+    monkeypatch.setitem(__import__("sys").modules, "rs1090", None)
+    monkeypatch.setitem(__import__("sys").modules, "pyasteryx", None)
+    with pytest.raises(DataError, match=r"pip install 'descentflow\[modes\]'"):
+        rows_of(frames)
+    with pytest.raises(DataError, match=r"pip install 'descentflow\[asterix\]'"):
+        rows_of(blocks)
+
+
+def test_tracks_and_plots_of_asterix(tmp_path: Path) -> None:
+    pytest.importorskip("pyasteryx")
+    midnight = START.replace(hour=0).timestamp()
+    tracks, plots = b"", b""
+    for row in FLIGHT.iter_rows(named=True):
+        seconds, level = row["timestamp"].timestamp() - midnight, row["altitude"] / 100
+        tracks += cat062("4ca001", seconds, level, round(row["IAS"]), row["Mach"], row["vertical_rate"])
+        registers = {
+            0x60: register_60(200.0, round(row["IAS"]), row["Mach"], row["vertical_rate"]),
+            0x50: register_50(0.0, 90.0, 400, 420),
+        }
+        plots += cat048("4ca001", seconds, level, registers) + bytes([34, 0, 4, 0])
+    found, notes = rows_of(written_to(tmp_path / "2024-03-01_tracks.ast", tracks))
+    assert notes == {}
+    typed = found.with_columns(typecode=pl.lit("A320"))
+    assert_same_flight(typed, timestamp=0.005, altitude=12.5, vertical_rate=3.2, IAS=0.5, Mach=0.0041)
+    assert found["heading"].to_list() == pytest.approx([88.0] * len(FLIGHT), abs=0.01)
+    assert found["groundspeed"].to_list() == pytest.approx([399.95] * len(FLIGHT), abs=0.01)
+    assert found["track"].to_list() == [90.0] * len(FLIGHT)
+    assert found["latitude"].to_list() == pytest.approx([45.5] * len(FLIGHT), abs=1e-5)
+    expected = {"selected_altitude": 11_000, "wind_speed": 35, "wind_direction": 270, "temperature": 233.15}
+    for name, value in expected.items():
+        assert found[name].to_list() == pytest.approx([value] * len(FLIGHT))
+    found, notes = rows_of(written_to(tmp_path / "plots_20240301.ast", plots))
+    assert notes == {"ASTERIX blocks of other categories": len(FLIGHT)}
+    typed = found.with_columns(typecode=pl.lit("A320"))
+    assert_same_flight(typed, timestamp=0.005, altitude=12.5, vertical_rate=16.1, IAS=0.5, Mach=0.0021)
+    assert set(found["TAS"]) == {420.0}
+
+
+def test_a_track_of_another_encoder_is_read(tmp_path: Path) -> None:
+    """A block that libasterix 0.36.3 wrote: FL350.25, 270 kt, Mach 0.784, 450 kt true, heading 90, -1500 ft/min."""
+    pytest.importorskip("pyasteryx")
+    record = "010246504000816c17001777770191ff36e905810c4ca001513531820820400001c2ff1001f4010e0062007b0579ff10"
+    block = bytes.fromhex(f"3e{3 + 3 + len(record) // 2:04x}9b1924{record}")
+    found, notes = rows_of(written_to(tmp_path / "a.ast", block))
+    assert notes == {"files of ASTERIX without a day in their name, put on 1970-01-01": 1}
+    row = found.row(0, named=True)
+    expected = {"altitude": 35_025, "IAS": 270, "Mach": 0.784, "TAS": 450, "heading": 90, "vertical_rate": -1500}
+    assert {name: row[name] for name in expected} == pytest.approx(expected)
+    assert (row["icao24"], row["callsign"]) == ("4ca001", "TST1")
+    assert str(row["timestamp"]) == "1970-01-01 10:00:00.500000+00:00"
+
+
+def test_midnight_passes_in_asterix(tmp_path: Path) -> None:
+    pytest.importorskip("pyasteryx")
+    seconds = [86_390, 86_399.5, 5, 86_399.75, 10]
+    blocks = b"".join(cat062("4ca001", second, 350, 270, 0.8, -500) for second in seconds)
+    found, _ = rows_of(written_to(tmp_path / "20240301.ast", blocks))
+    passed = (found["timestamp"] - found["timestamp"][0]).dt.total_microseconds() / 1e6
+    assert passed.to_list() == [0, 9.5, 15, 9.75, 20]

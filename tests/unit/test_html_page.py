@@ -1,11 +1,11 @@
 """The one builder of HTML pages: text is escaped, sections can be linked to, files are whole or not there."""
 
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 
 import matplotlib.figure
 import pytest
+from html_toys import Elements
 
 from descentflow.core.errors import DataError
 from descentflow.reporting import html_elements as html
@@ -13,23 +13,6 @@ from descentflow.reporting.html_figures import figure, figure_beside
 from descentflow.reporting.html_page import CONTENTS_FROM, HtmlPage, anchor_of
 
 HOSTILE = '<script>alert("x")</script>&"'
-
-
-class Nesting(HTMLParser):
-    """Every element that is opened is closed in turn."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.seen: list[tuple[str, dict[str, str | None]]] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.seen.append((tag, dict(attrs)))
-        if tag not in ("meta", "img", "br"):
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
 
 
 def small_figure() -> matplotlib.figure.Figure:
@@ -51,7 +34,7 @@ def full_page() -> HtmlPage:
 def test_text_never_becomes_markup() -> None:
     text = full_page().render()
     assert "<script" not in text
-    parser = Nesting()
+    parser = Elements()
     parser.feed(text)
     assert parser.open == []
     # What was escaped reads as it was given.

@@ -53,11 +53,14 @@ def signature_columns(shifts: "EffectShifts", theta: Mapping[str, Tensor]) -> Te
 def misfit_columns(compared: Compared, shift: Tensor) -> Tensor:
     """Columns (p, c) of a mean shift's (p,) own misfit: a share of it, smooth in altitude, quantity by quantity.
 
+    They span no multiple of the whole shift: how large an effect is stays with its parameters.
+
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> columns = misfit_columns(example_sides(), torch.ones(33).double())
-        >>> columns.shape[1], bool(torch.allclose(columns.sum(1), MISFIT * torch.ones(33).double()))
-        (9, True)
+        >>> sides = example_sides()
+        >>> columns = misfit_columns(sides, sides.negligible())
+        >>> columns.shape, float((columns / sides.negligible()[:, None]).sum().abs()) < 1e-9
+        (torch.Size([33, 9]), True)
     """
     columns = [torch.zeros(0, len(shift), dtype=shift.dtype)]
     for quantity in compared.quantities():
@@ -67,7 +70,10 @@ def misfit_columns(compared: Compared, shift: Tensor) -> Tensor:
             column = torch.zeros(len(hat), len(shift), dtype=shift.dtype)
             column[:, at] = MISFIT * hat * shift[at]
             columns.append(column)
-    return torch.cat(columns).T
+    found = torch.cat(columns).T
+    # How large an effect is stays with its parameters: what is a multiple of the whole shift is taken out.
+    weighted = shift / compared.negligible() ** 2
+    return found - torch.outer(shift, weighted @ found) / (weighted @ shift).clamp(min=1e-12)
 
 
 def _hats(compared: Compared, quantity: str, at: Tensor) -> Tensor:

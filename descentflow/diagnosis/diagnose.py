@@ -7,8 +7,9 @@ from typing import Any
 
 from descentflow.core.errors import ConfigError
 from descentflow.diagnosis.correction.previous_round import previous_round
+from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.open_both import open_both
-from descentflow.diagnosis.procedure import Settings, run
+from descentflow.diagnosis.procedure import run
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS, Effect, checked_catalogue

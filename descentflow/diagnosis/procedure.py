@@ -1,91 +1,49 @@
 """The diagnosis itself: from flights and a simulator to a report."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.core.units import FL_M
-from descentflow.diagnosis.correction.closure import Gap, GapMeasure
-from descentflow.diagnosis.correction.corrected_simulator import corrected
-from descentflow.diagnosis.correction.correction_made import CHECKPOINT, CorrectionMade, correction_made
+from descentflow.diagnosis.causes_of_both_sides import with_shared_effects
+from descentflow.diagnosis.correction.closure import GapMeasure
+from descentflow.diagnosis.correction.correction_made import CorrectionMade, correction_made
 from descentflow.diagnosis.correction.costs import costs_of, profile_of
 from descentflow.diagnosis.correction.measured_gap import measured_gap
 from descentflow.diagnosis.correction.previous_round import held_against
 from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
-from descentflow.diagnosis.findings.findings import Details, Findings, NullTest, Verdict
-from descentflow.diagnosis.findings.gap_found import WouldSplit
+from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
 from descentflow.diagnosis.inference.detection_limit import detection_limits
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.held_out import held_out_shifts
 from descentflow.diagnosis.inference.heterogeneity import together
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.naming_rule import named_alone
+from descentflow.diagnosis.inference.normal_flights import normal_flights
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
-from descentflow.diagnosis.inference.shared_effects import SharedEffects, shared_effects
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.inference.where import where
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.diagnosis.left_out_channels import left_out_channels
+from descentflow.diagnosis.not_identifiable import not_identifiable
 from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.report.causes import causes_of, would_split
 from descentflow.diagnosis.report.details import curves, discrepancy_of, remaining_of, singles_of
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.odd_flights import flights_worth_a_look
-from descentflow.diagnosis.simulator import Simulator, check_type
+from descentflow.diagnosis.simulator import check_type
 from descentflow.diagnosis.stages import stages_of
-from descentflow.effects import Effect
-from descentflow.measurements.quantities import Quantities
 from descentflow.measurements.quantity_registry import QUANTITIES
-from descentflow.physics.transition import transition_altitude_m
 
 SAMPLES_SLACK = 5.0
 """How much larger negligible shifts are against samples: they miss what components and energy share leave out, up to a
 percent of the rate about the transition."""
-MIN_NORMAL_FLIGHTS = 100
-"""Flights of a simulator from which the spread between flights is learnt without the real ones."""
-OWN_FLIGHTS = ("training flights", "samples")
-"""Sources that hold a model's own flights, whose causes its inferred drag holds as well; flights of any simulator are
-what it flies, and what both sides have alike is no gap."""
 SIGNIFICANT = 0.02
 """A gap is called up to this global p-value, so in 2 of 100 comparisons without one; five would be too many."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What a diagnosis is asked to do.
-
-    Attributes:
-        simulator: What is diagnosed.
-        catalogue: Effects that may be named.
-        channels: Channels to use.
-        seed: Of permutations, folds, bootstrap and samples.
-        progress: Called with what is being done.
-        previous: The round before, where this one is held against one.
-        previous_name: Of its file.
-
-    Example:
-        >>> from descentflow.aircraft_types.registry import aircraft
-        >>> from descentflow.effects import EFFECTS
-        >>> round(Settings(Simulator(aircraft("A320")), EFFECTS, ["IAS", "vertical_rate"], 0, print).transition_fl)
-        318
-    """
-
-    simulator: Simulator
-    catalogue: Mapping[str, Effect]
-    channels: Sequence[str]
-    seed: int
-    progress: Callable[[str], None]
-    previous: Findings | None = None
-    previous_name: str = ""
-
-    @property
-    def transition_fl(self) -> float:
-        """Flight level at which nominal BADA hands over from Mach to CAS."""
-        return float(transition_altitude_m(self.simulator.aircraft)) / FL_M
 
 
 def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> GapReport:
@@ -101,6 +59,7 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.diagnosis.simulator import Simulator
         >>> from descentflow.effects import EFFECTS
         >>> frame = pl.read_parquet("descents.parquet")
         >>> asked = Settings(Simulator(aircraft("A320")), {"mass": EFFECTS["mass"]}, ["IAS", "vertical_rate"], 0, str)
@@ -122,8 +81,7 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
     }
     report = Diagnosis(compared, settings, source).report(counts, frame)
     report = replace(report, left_out_channels=left_out_channels(sides.lacked, settings.catalogue))
-    if source in OWN_FLIGHTS:
-        report = _with_shared_effects(report, real, settings)
+    report = with_shared_effects(report, real, settings, source)
     if settings.previous is None:
         return report
     settings.progress("holding it against the round before")
@@ -131,22 +89,13 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
     return replace(report, previous=before)
 
 
-def _with_shared_effects(report: GapReport, real: Quantities, settings: Settings) -> GapReport:
-    """The report with causes that both sides have, where no other is named and there are such."""
-    # A gap that is faint and of no shape leaves room for a cause that both sides have.
-    faint = report.verdict == "unknown" and not report.details.discrepancy.named
-    if not (faint or report.verdict == "none"):
-        return report
-    found = shared_effects(real, settings.simulator.aircraft, settings.catalogue, settings.seed, settings.progress)
-    return report if found is None else _refit_report(report, found, settings)
-
-
 class Diagnosis:
     """The steps of one diagnosis, in their order.
 
     Example:
-        >>> from descentflow.diagnosis.inference.example_sides import EFFECTS, example_sides
         >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.diagnosis.inference.example_sides import EFFECTS, example_sides
+        >>> from descentflow.diagnosis.simulator import Simulator
         >>> asked = Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, str)
         >>> sides = example_sides(EFFECTS["mass"], [0.2])
         >>> Diagnosis(sides, asked, "training flights").report({}, pl.DataFrame()).verdict
@@ -200,7 +149,7 @@ class Diagnosis:
         causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if verdict == "effect" else []
         progress("asking at which stage the simulator loses most")
         stages = stages_of(settings.simulator, frame, settings.seed)
-        hidden = _not_identifiable(settings, self.source)
+        hidden = not_identifiable(settings, self.source)
         made = self._made(frame, fit, spreads) if causes else CorrectionMade()
         return GapReport(
             verdict=verdict,
@@ -286,64 +235,3 @@ class Diagnosis:
             profile=profile_of(self.compared),
             detection_limits=list(detection_limits(self.likelihood, named_alone, chosen.fit).values()),
         )
-
-
-def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -> GapReport:
-    """The report of flights that are as the simulator's own were, and not as it assumes.
-
-    Args:
-        report: Against the simulator's own flights, where no cause is named.
-        found: Effects that both sides have.
-        settings: What is diagnosed, and how.
-    """
-    likelihood, fit = found.likelihood, found.chosen.fit
-    cells, affected = where(likelihood, settings.transition_fl, settings.seed)
-    entries = affected if bool(affected.any()) else torch.ones_like(affected)
-    measure = GapMeasure(likelihood, entries, settings.seed)
-    shifts, spreads = held_out_shifts(likelihood, fit)
-    gap: Gap = measure.gap(together(shifts, likelihood))
-    causes = causes_of(likelihood, found.chosen, measure, shifts, spreads, settings.progress, inherited=True)
-    write = corrected(settings.simulator, report.details.mass_kg, settings.catalogue, fit.theta, inherited=True)
-    return replace(
-        report,
-        verdict="effect",
-        p_value=found.p_value,
-        global_p=found.p_value,
-        where=cells,
-        floor=gap.floor,
-        gap_before=gap.before,
-        gap_after=gap.after,
-        causes=causes,
-        # The gap of this report is another one, of what both sides have.
-        details=replace(
-            report.details, regime="refit", curves=curves(likelihood, fit.shift), measured_over=[], gap_error=None
-        ),
-        write_corrected=write,
-        corrected_file="" if write is None else CHECKPOINT,
-        recipe=recipe_of(causes, settings.catalogue, levels_compared(likelihood.compared)),
-        would_split=_not_identifiable(settings, "training flights"),
-    )
-
-
-def _not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:
-    """What no comparison with a simulator of the same flights could show."""
-    if source not in OWN_FLIGHTS:
-        return []
-    names = [name for name, effect in settings.catalogue.items() if effect.inherited_from is None]
-    why = "if the simulator's own flights had them as well, its inferred drag and speeds hold them: not identifiable"
-    return [WouldSplit(names, [], why)]
-
-
-def normal_flights(compared: Compared) -> Tensor | None:
-    """Flights that the spread is learnt from: the simulator's where they are enough, else all.
-
-    An effect that takes some flights and leaves others would widen the spread in its own direction, and so hide itself.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> int(normal_flights(example_sides(n=120)).sum()), normal_flights(example_sides(n=50)) is None
-        (120, True)
-    """
-    known = ~compared.real
-    enough = int(known.sum()) >= max(MIN_NORMAL_FLIGHTS, compared.y.shape[1])
-    return known if enough and bool(compared.free.all()) else None

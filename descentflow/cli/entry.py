@@ -91,6 +91,7 @@ def _run(name: str, rest: list[str]) -> int:
         if rest in (["-h"], ["--help"]):
             print(trainer_help.text(name), end="")
             return 0
+        import_module("descentflow.cli.trainer_words").check_words(name, rest)
         import_module("descentflow.cli.trainer").run(name, rest)
         return 0
     module = import_module(f"descentflow.cli.{name.replace('-', '_')}_command")

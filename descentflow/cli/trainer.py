@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from jsonargparse import ArgumentError
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
@@ -71,16 +72,28 @@ def run(command: str, rest: Sequence[str]) -> None:
     one_thread_unless_told()
     # The best checkpoint's own `save_last` writes only in epochs that are the best so far; a killed run resumes here.
     every_epoch = ModelCheckpoint(filename="last", save_top_k=1, enable_version_counter=False)
-    DescentCLI(
-        LatentModel,
-        DescentDataModule,
-        subclass_mode_model=True,
-        seed_everything_default=0,
-        trainer_defaults={"callbacks": [WriteLogProb(), every_epoch]},
-        save_config_kwargs={"overwrite": False},
-        parser_kwargs={"prog": "descentflow"},
-        args=[command, *words],
-    )
+    try:
+        DescentCLI(
+            LatentModel,
+            DescentDataModule,
+            subclass_mode_model=True,
+            seed_everything_default=0,
+            trainer_defaults={"callbacks": [WriteLogProb(), every_epoch]},
+            save_config_kwargs={"overwrite": False},
+            parser_kwargs={
+                "prog": "descentflow",
+                "exit_on_error": False,
+                **{name: {"exit_on_error": False} for name in ("fit", "validate", "test", "predict")},
+            },
+            args=[command, *words],
+        )
+    except ArgumentError as error:
+        # The parser's own way is two pages of usage before the line that says what is wrong.
+        raise ConfigError(
+            "; ".join(part.strip(" -:") for part in str(error).splitlines() if part.strip()),
+            expected="options, files and values as `descentflow fit --help_all` lists them",
+            mend="correct the value that is named first",
+        ) from None
 
 
 def _with_packaged_configs(words: list[str]) -> list[str]:

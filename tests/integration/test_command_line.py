@@ -218,12 +218,22 @@ def test_a_run_from_before_the_models_moved_is_tested_as_ever(run: Path, tmp_pat
     assert scores[run] == scores[older]
 
 
-def test_typos_and_impossible_settings_are_refused(descents: Path, capsys) -> None:
-    for words in (["--model.init_args.n_flowz=3"], ["--model.init_args.n_flows=-3"], ["--data.test_fraction=1.5"]):
-        with pytest.raises(SystemExit) as stopped:
-            main(["fit", "--model", "MaskedAffineFlow", "--data.descents", str(descents), *words])
-        assert stopped.value.code == 2
-        capsys.readouterr()
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("--model.init_args.n_flowz=3", "did you mean --model.n_flows?"),
+        ("--model.init_args.n_flows=-3", "n_flows"),
+        ("--data.test_fraction=1.5", "data.test_fraction"),
+        ("--trainer.max_epoks=3", "--trainer.max_epoks"),
+        ("--trainer.max_epochs=many", "many"),
+    ],
+)
+def test_typos_and_impossible_settings_are_refused_in_a_line(word: str, said: str, descents: Path, capsys) -> None:
+    assert main(["fit", "--model", "MaskedAffineFlow", "--data.descents", str(descents), word]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith("descentflow fit: ")
+    assert said in message
+    assert message.count("\n") == 1
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,154 @@
+"""A first look at the words after ``fit``, ``validate``, ``test`` and ``predict``, before seconds of imports.
+
+What is wrong in a name is said at once and in a line. The names are read from the sources of the classes that take
+them, without importing these, so they cannot go stale. Values, and options of the Trainer (which Lightning owns), are
+left to the full parser.
+"""
+
+import ast
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import yaml
+
+from descentflow.configs.packaged_config import config_file
+from descentflow.core.errors import ConfigError
+from descentflow.training.models import MODULES
+
+TOP = (
+    *("config", "model", "data", "trainer", "scores", "checkpoint", "optimizer", "lr_scheduler", "ckpt_path"),
+    *("seed_everything", "weights_only", "print_config", "verbose", "help", "help_all"),
+)
+MODELS = tuple(sorted(set(MODULES) - {"LatentModel"}))
+OWN = {
+    "data": ("descentflow.training.datamodule", "DescentDataModule"),
+    "scores": ("descentflow.training.callbacks.score_callback", "ScoreCallback"),
+}
+"""Sections of the command line whose options are the arguments of one class of this package."""
+
+
+def check_words(command: str, words: Sequence[str]) -> None:
+    """Refuse what cannot be an option, a model or a settings file.
+
+    Args:
+        command: ``fit``, ``validate``, ``test`` or ``predict``.
+        words: The words after it.
+
+    Raises:
+        ConfigError: With the valid names and the nearest of them.
+
+    Example:
+        >>> check_words("fit", ["--model", "Gausian", "--data.descents", "descents.parquet"])
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: no model Gausian; expected ...; to mend it, did you mean Gaussian?
+    """
+    options = [_named(words, position) for position in range(len(words)) if words[position].startswith("--")]
+    from_files = [option for name, value in options if name == "config" for option in _in_file(config_file(value))]
+    # What stands later counts; a file's model is replaced by the one that is named.
+    models = [value for name, value in from_files + options if name == "model"]
+    for name, value in from_files + options:
+        _check_name(name, models[-1] if models else None)
+        if name == "model":
+            _check_model(value)
+    given = {name for name, _ in options}
+    asks = any(name.rpartition(".")[2] in ("help", "help_all", "print_config") for name in given)
+    if command == "fit" and "config" not in given and not asks:
+        _check_complete(given)
+
+
+def _named(words: Sequence[str], position: int) -> tuple[str, str]:
+    name, equals, value = words[position][2:].partition("=")
+    following = words[position + 1] if position + 1 < len(words) else ""
+    return name.removesuffix("+"), value if equals else following
+
+
+def _in_file(file: Path) -> list[tuple[str, str]]:
+    """What a file of settings holds, as if it stood on the command line; the model by its class's name."""
+    try:
+        settings = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError(
+            f"{file}: {' '.join(str(error).split())}",
+            expected="settings as YAML",
+            mend="correct that line; `descentflow fit ... --print_config` prints a whole file",
+        ) from None
+    if not isinstance(settings, dict):
+        raise ConfigError(
+            f"{file} holds {type(settings).__name__}, no settings",
+            expected=f"YAML with the sections {', '.join(TOP[:6])}",
+            mend="see `descentflow fit ... --print_config`",
+        )
+    found = []
+    for section, content in settings.items():
+        inside = content if isinstance(content, dict) else {}
+        if section == "model":
+            found.append(("model", str(inside.get("class_path", content)).rpartition(".")[2]))
+        elif section in OWN:
+            found += [(f"{section}.{name}", "") for name in inside]
+        else:
+            found.append((str(section), ""))
+    return found
+
+
+def _check_complete(given: set[str]) -> None:
+    lacking = [
+        option
+        for option, spellings in (
+            ("--model", {"model", "model.class_path"}),
+            ("--data.descents", {"data", "data.descents"}),
+        )
+        if not given & spellings
+    ]
+    if lacking:
+        raise ConfigError(
+            f"fit without {' and '.join(lacking)}",
+            expected=f"--model NAME ({', '.join(MODELS)}) and --data.descents FILE, or --config FILE",
+            mend="name them, for instance: descentflow fit --model Gaussian --data.descents descents.parquet",
+        )
+
+
+def _check_name(name: str, model: str | None) -> None:
+    section, _, rest = name.partition(".")
+    _known(f"no option --{name}", section, TOP, "--")
+    first = rest.removeprefix("init_args.").partition(".")[0]
+    if section in OWN and rest:
+        _known(f"no option --{name}", first, (*_arguments(*OWN[section]), "help"), f"--{section}.")
+    elif section == "model" and first and model in MODELS:
+        module = f"descentflow.training.models.{MODULES[model]}"
+        _known(
+            f"no option --{name}", first, (*_arguments(module, model), "init_args", "class_path", "help"), "--model."
+        )
+
+
+def _check_model(value: str) -> None:
+    """A short name, the path of a class of the user's own, or a YAML file of its settings."""
+    if "." not in value and "/" not in value and not Path(value).is_file() and not value.startswith("{"):
+        _known(f"no model {value}", value, MODELS, "")
+
+
+def _known(shown: str, name: str, names: Iterable[str], prefix: str) -> None:
+    names = list(names)
+    if name in names:
+        return
+    near = get_close_matches(name, names, n=1)
+    raise ConfigError(
+        shown,
+        expected=f"one of {', '.join(prefix + valid for valid in sorted(names))}",
+        mend=f"did you mean {prefix}{near[0]}?" if near else "see `descentflow fit --help`",
+    )
+
+
+@cache
+def _arguments(module: str, name: str) -> tuple[str, ...]:
+    """Arguments of a class's constructor, from its source."""
+    # Finding a module imports the packages that it lies in, and these are light.
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(module)
+    tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+    found = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name)
+    start = next(node for node in found.body if isinstance(node, ast.FunctionDef) and node.name == "__init__")
+    return tuple(argument.arg for argument in [*start.args.args[1:], *start.args.kwonlyargs])

@@ -1,0 +1,102 @@
+"""Mistakes in the words after `fit` are said in one line, before anything heavy is imported."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from descentflow.cli.trainer_words import MODELS, OWN, _arguments, check_words
+from descentflow.configs.packaged_config import packaged_configs
+from descentflow.core.errors import ConfigError
+
+FILE = ["--data.descents", "descents.parquet"]
+
+
+@pytest.mark.parametrize(
+    ("words", "got", "near"),
+    [
+        (["--model", "Gausian", *FILE], "no model Gausian", "Gaussian"),
+        (["--model=gaussian", *FILE], "no model gaussian", "Gaussian"),
+        (["--modle", "Gaussian", *FILE], "no option --modle", "--model"),
+        (["--model", "Gaussian", "--data.descentz", "d"], "no option --data.descentz", "--data.descents"),
+        (["--model", "MaskedAffineFlow", "--model.n_flowz=3", *FILE], "no option --model.n_flowz", "--model.n_flows"),
+        (["--config", "gmm", "--model.learning_rat", "1", *FILE], "no option --model.learning_rat", "learning_rate"),
+        (["--config", "gmm", "--model", "Gaussian", "--model.extend", "no"], "no option --model.extend", "fit --help"),
+        (["--scores.sed", "1", "--config", "flow"], "no option --scores.sed", "--scores.seed"),
+        (["--config", "flwo"], "no settings file flwo", "path"),
+        ([], "fit without --model and --data.descents", "descentflow fit --model Gaussian"),
+        (["--model", "Gaussian"], "fit without --data.descents", "descentflow fit --model Gaussian"),
+        (FILE, "fit without --model", "descentflow fit --model Gaussian"),
+    ],
+)
+def test_a_mistake_is_named_with_the_nearest_valid_word(words: list[str], got: str, near: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        check_words("fit", words)
+    assert str(refused.value).startswith(f"{got};")
+    assert near in str(refused.value).rpartition("to mend it, ")[2]
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("model: {class_path: Gausian}", "no model Gausian"),
+        ("data: {descents: d, split: 3}", "no option --data.split;"),
+        ("modle: {class_path: Gaussian}", "no option --modle"),
+        ("model: [unclosed", "line 1"),
+        ("only words", "holds str, no settings"),
+        ("\xff", "settings as YAML"),
+    ],
+)
+def test_a_settings_file_is_read_like_the_command_line(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "own.yaml").write_bytes(text.encode("latin-1"))
+    with pytest.raises(ConfigError, match=message):
+        check_words("fit", ["--config", str(tmp_path / "own.yaml"), *FILE])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(["--config", name] for name in packaged_configs() if name != "default"),
+        ["--model", "Gaussian", *FILE, "--trainer.max_epochs=3", "--trainer.callbacks+=LearningRateMonitor"],
+        ["--model", "package.of.mine.Flow", "--model.anything", "1", *FILE],
+        ["--model.class_path", "Gaussian", *FILE, "--data.context+=hour", "--optimizer.lr", "1"],
+        ["--config=flow", "--model", "Gaussian", "--model.ridge", "2", "--print_config"],
+        ["--model.help", "Gaussian"],
+        ["--help_all"],
+    ],
+)
+def test_what_is_valid_passes(words: list[str]) -> None:
+    check_words("fit", words)
+
+
+def test_other_commands_need_no_model() -> None:
+    check_words("test", ["--ckpt_path", "best.ckpt"])
+
+
+def test_names_are_those_of_the_classes() -> None:
+    """Read from the sources, they are what Python itself says of the constructors."""
+    import inspect
+
+    from descentflow.training import models
+    from descentflow.training.callbacks.score_callback import ScoreCallback
+    from descentflow.training.datamodule import DescentDataModule
+
+    own = {"data": DescentDataModule, "scores": ScoreCallback}
+    for section, kind in own.items():
+        assert _arguments(*OWN[section]) == tuple(inspect.signature(kind).parameters)
+    for name in MODELS:
+        kind = getattr(models, name)
+        assert _arguments(kind.__module__, name) == tuple(inspect.signature(kind).parameters)
+
+
+def test_nothing_heavy_is_imported() -> None:
+    asks = (
+        "import sys; from descentflow.cli.entry import main; main(['fit', '--model', 'Gausian']);"
+        "print(sorted({'torch', 'lightning', 'numpy'} & set(sys.modules)))"
+    )
+    answer = subprocess.run([sys.executable, "-c", asks], capture_output=True, text=True, check=True)
+    assert answer.stdout.strip() == "[]"
+    assert answer.stderr.startswith("descentflow fit: no model Gausian")
+    assert answer.stderr.count("\n") == 1

@@ -161,9 +161,10 @@ def _check(args: argparse.Namespace) -> None:
 
 def _cleaning(args: argparse.Namespace) -> Cleaning:
     """Thresholds of the options, else of the file, else the defaults."""
-    from descentflow.surveillance.cleaning.thresholds import cleaning_of, read_cleaning
+    from descentflow.core.settings_file import read_settings
+    from descentflow.surveillance.cleaning.thresholds import cleaning_of
 
-    settings: dict[str, Any] = read_cleaning(config_file(args.config)) if args.config else {}
+    settings: dict[str, Any] = read_settings(config_file(args.config)) if args.config else {}
     cleaning_of(settings, str(args.config))
     chosen = {field.name: getattr(args, field.name) for field in fields(Cleaning) if field.name in args}
     return cleaning_of(settings | chosen, "options")

@@ -12,10 +12,9 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-import yaml
-
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import ConfigError
+from descentflow.core.settings_file import read_settings
 from descentflow.training.models import MODULES
 
 TOP = (
@@ -67,22 +66,8 @@ def _named(words: Sequence[str], position: int) -> tuple[str, str]:
 
 def _in_file(file: Path) -> list[tuple[str, str]]:
     """What a file of settings holds, as if it stood on the command line; the model by its class's name."""
-    try:
-        settings = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"{file}: {' '.join(str(error).split())}",
-            expected="settings as YAML",
-            mend="correct that line; `descentflow fit ... --print_config` prints a whole file",
-        ) from None
-    if not isinstance(settings, dict):
-        raise ConfigError(
-            f"{file} holds {type(settings).__name__}, no settings",
-            expected=f"YAML with the sections {', '.join(TOP[:6])}",
-            mend="see `descentflow fit ... --print_config`",
-        )
     found = []
-    for section, content in settings.items():
+    for section, content in read_settings(file).items():
         inside = content if isinstance(content, dict) else {}
         if section == "model":
             found.append(("model", str(inside.get("class_path", content)).rpartition(".")[2]))

@@ -1,6 +1,5 @@
 """How a model is trained: the settings of its YAML file, over the defaults that the command line has too."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -12,6 +11,7 @@ from lightning.pytorch import Callback
 
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import ConfigError
+from descentflow.core.settings_file import read_settings
 from descentflow.training.models.latent_model import LatentModel
 
 NAMES = {"gaussian": "gaussian", "mixture": "gmm", "flow": "flow", "spline": "spline"}
@@ -20,7 +20,6 @@ SETTINGS_OF = {"Gaussian": "gaussian", "GaussianMixture": "gmm", "MaskedAffineFl
 """Class of a model -> the packaged settings file with which an instance of it is trained."""
 CHECKPOINT_DEFAULTS = {"monitor": "val/nll", "filename": "best", "auto_insert_metric_name": False}
 TRAINER_DEFAULTS = {"max_epochs": 200, "num_sanity_val_steps": 0, "log_every_n_steps": 1}
-EXPONENT = re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$")
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,8 @@ def training_settings(name: str | Path) -> TrainingSettings:
             expected=f"{', '.join(NAMES)}, a model such as Gaussian(), or a YAML file of settings",
             mend="choose one of them",
         ) from error
-    found = _read(path)
-    model = found.get("model") if isinstance(found, Mapping) else None
+    found = read_settings(path)
+    model = found.get("model")
     if not isinstance(model, Mapping) or "class_path" not in model:
         raise ConfigError(f"{path} without a model", expected="model: class_path: ...", mend="name the model's class")
     trainer = dict(found.get("trainer") or {})
@@ -119,18 +118,6 @@ def accelerator() -> str:
         True
     """
     return "cuda" if torch.cuda.is_available() else "cpu"
-
-
-def _read(path: Path) -> Any:
-    """A YAML file's content; 1e-3 is the number that the command line reads too, though YAML 1.1 wants 1.0e-3."""
-    yaml: Any = import_module("yaml")
-    loader: Any = type("Loader", (yaml.SafeLoader,), {})
-    loader.add_implicit_resolver("tag:yaml.org,2002:float", EXPONENT, list("-+0123456789"))
-    try:
-        return yaml.load(path.read_text(encoding="utf-8"), loader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        reason = " ".join(str(error).split())
-        raise ConfigError(f"{path}: {reason}", expected="a YAML file of settings", mend="correct it") from error
 
 
 def _class_at(path: str) -> Any:

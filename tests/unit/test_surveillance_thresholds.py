@@ -9,7 +9,8 @@ import pytest
 
 from descentflow.cli.prepare_command import _cleaning, add_arguments, memory_bytes
 from descentflow.core.errors import ConfigError
-from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of, describe, read_cleaning
+from descentflow.core.settings_file import read_settings
+from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of, describe
 
 DEFAULT = Path(__file__).resolve().parents[2] / "descentflow" / "configs" / "prepare" / "default.yaml"
 
@@ -27,7 +28,7 @@ def as_yaml(cleaning: Cleaning) -> str:
 
 def test_the_yaml_file_holds_every_threshold_with_its_source() -> None:
     assert DEFAULT.read_text() == as_yaml(Cleaning())
-    assert cleaning_of(read_cleaning(DEFAULT), "file") == Cleaning()
+    assert cleaning_of(read_settings(DEFAULT), "file") == Cleaning()
     for field in fields(Cleaning):
         meaning, source = describe(field.name)
         assert len(meaning) > 10
@@ -64,7 +65,7 @@ def test_wrong_thresholds_are_refused(text: str, words: str, tmp_path: Path) -> 
     file = tmp_path / "mine.yaml"
     file.write_text(text)
     with pytest.raises(ConfigError, match=words):
-        cleaning_of(read_cleaning(file), str(file))
+        cleaning_of(read_settings(file), str(file))
 
 
 def test_sizes_are_read_as_people_write_them() -> None:

@@ -45,8 +45,8 @@ def test_a_mistake_is_named_with_the_nearest_valid_word(words: list[str], got: s
         ("data: {descents: d, split: 3}", "no option --data.split;"),
         ("modle: {class_path: Gaussian}", "no option --modle"),
         ("model: [unclosed", "line 1"),
-        ("only words", "holds str, no settings"),
-        ("\xff", "settings as YAML"),
+        ("only words", "holds a str"),
+        ("\xff", "a YAML file of settings"),
     ],
 )
 def test_a_settings_file_is_read_like_the_command_line(text: str, message: str, tmp_path: Path) -> None:

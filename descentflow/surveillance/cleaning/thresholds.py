@@ -7,8 +7,6 @@ options.
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import ConfigError
@@ -262,30 +260,3 @@ def _checked(value: object, field: "dataclasses.Field[Any]", origin: str) -> int
         expected=f"a {'whole ' if whole else ''}number of zero or more ({field.metadata['meaning']})",
         mend=f"the default is {field.default}",
     )
-
-
-def read_cleaning(path: Path) -> dict[str, Any]:
-    """Settings of a YAML file, not yet checked.
-
-    Raises:
-        ConfigError: If the file cannot be read or is no mapping of names to values.
-
-    Example:
-        >>> _ = Path("cleaning.yaml").write_text("bottom_fl: 100")
-        >>> read_cleaning(Path("cleaning.yaml"))
-        {'bottom_fl': 100}
-    """
-    yaml: Any = import_module("yaml")
-
-    try:
-        found = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        reason = " ".join(str(error).split())
-        raise ConfigError(f"{path}: {reason}", expected="a YAML file of thresholds", mend="correct it") from error
-    if not isinstance(found, dict | None):
-        raise ConfigError(
-            f"{path} holds a {type(found).__name__}",
-            expected="lines of `name: value`",
-            mend="begin from configs/prepare/default.yaml",
-        )
-    return found or {}

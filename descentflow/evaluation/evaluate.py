@@ -19,8 +19,8 @@ from descentflow.representation.encode_flights import encode_flights
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation
 
-N_SPLITS = 20
-"""Random halvings of the flights behind each noise floor."""
+N_SPLITS = 100
+"""Random splits behind each noise floor."""
 
 
 def evaluate(
@@ -42,9 +42,9 @@ def evaluate(
         real: Path of rows or of prepared descents, or descents in memory. Flights that the model was trained or
             validated on are left out and counted.
         n: Number of samples.
-        seed: Of sampling, and of the halvings behind the noise floors.
+        seed: Of sampling, and of the splits behind the noise floors.
         context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model.
-        n_splits: Random halvings of the flights behind each noise floor.
+        n_splits: Random splits behind each noise floor.
         draw_budget: Most draws; 100 for each sample (at least 10,000) if absent.
         progress: Progress callback: called with the number of newly accepted samples.
         score_progress: Progress callback: called with 1 after each comparison, see
@@ -112,9 +112,9 @@ def evaluate_profiles(
         real: Held-out flights on the decoder's grid.
         context: (flights, c) encoded context of the flights, for a conditional model.
         n: Number of samples.
-        seed: Of sampling, and of the halvings behind the noise floors.
+        seed: Of sampling, and of the splits behind the noise floors.
         name: The model's name in figures.
-        n_splits: Random halvings of the flights behind each noise floor.
+        n_splits: Random splits behind each noise floor.
         draw_budget: Most draws; 100 for each sample (at least 10,000) if absent.
         progress: Progress callback: called with the number of newly accepted samples.
         score_progress: Progress callback: called with 1 after each comparison.

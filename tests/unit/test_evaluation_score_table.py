@@ -77,7 +77,7 @@ def test_the_worst_level_is_found() -> None:
 def test_the_fewest_flights_that_are_scored() -> None:
     row = score(plain(40, 1), plain(MIN_VALUES), 205.0).get("cas_below_transition", "ks")
     assert row.score > 0
-    assert row.note == "no floor: fewer than 4 of 2 descents in a half"
+    assert row.note == "no floor: fewer than 4 of 2 descents on each side"
     halved = score(plain(40, 1), plain(2 * MIN_VALUES), 205.0).get("cas_below_transition", "ks")
     assert halved.floor > 0
     assert halved.note == ""
@@ -116,7 +116,7 @@ def test_nominal_must_cover_the_levels() -> None:
 
 def test_fewer_samples_than_half_of_the_flights() -> None:
     row = score(plain(6, 1), plain(100), 205.0).get("cas_below_transition", "ks")
-    assert (row.n_half, row.n_samples, row.n_real) == (6, 6, 100)
+    assert (row.n_each, row.n_samples, row.n_real) == (6, 6, 100)
     assert row.floor > 0
 
 
@@ -159,5 +159,5 @@ def test_absent_numbers_are_empty_fields(tmp_path: Path) -> None:
     header, first, *rest = path.read_text().splitlines()
     assert len(rest) == 21
     assert header.split(",")[:6] == ["quantity", "statistic", "unit", "score", "equal_size", "floor"]
-    assert first.startswith("time_to_bottom_of_descent,ks,1,,,,,,40,3,1,0,,")
+    assert first.startswith("time_to_bottom_of_descent,ks,1,,,,,,,,40,3,1,0,,")
     assert table.level_frame()["score"].null_count() == table.level_frame().height

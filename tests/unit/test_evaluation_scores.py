@@ -14,7 +14,7 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.noise_floor import half_size, split_distances
+from descentflow.evaluation.metrics.noise_floor import matched_size, split_distances
 from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.scores import score
 
@@ -48,11 +48,11 @@ def test_of_one_distribution_both_columns_have_one_expectation(share: float) -> 
     assert bool((found.mean(0).abs() < 4 * error).all())
 
 
-def test_halves_are_disjoint_and_equally_large() -> None:
+def test_the_two_sets_of_a_split_are_disjoint_and_equally_large() -> None:
     values = torch.arange(10, dtype=torch.float64)[:, None]
     samples, real = (values + 100, values >= 0), (values, values >= 0)
     _, floor = split_distances(samples, real, n_splits=30)
-    assert half_size(samples, real) == 5
+    assert matched_size(samples, real) == 5
     # Two halves of 0..9 have the sum 45, so their means of five differ by an odd number of fifths: never by zero.
     assert float(floor["mae"].min()) >= 0.2 - 1e-12
     assert set(floor.n_first.flatten().tolist()) == {5}

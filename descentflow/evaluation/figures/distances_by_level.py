@@ -22,8 +22,8 @@ def distance_by_level_figure(
         samples: Sampled descents.
         real: Held-out flights on the same grid.
         transition_fl: Transition level of the type; not drawn where the grid does not hold it.
-        seed: Of the halvings.
-        n_splits: Number of random halvings.
+        seed: Of the splits.
+        n_splits: Number of random splits.
 
     Returns:
         A figure of a panel for each quantity and statistic, which share the flight level.
@@ -44,9 +44,9 @@ def distance_by_level_figure(
 def level_scores_figure(table: ScoreTable, transition_fl: float) -> Figure:
     """Draw the distances by level of a table already scored.
 
-    Half of the flights against as many samples (line, mean over random halvings) and against the other half (band,
-    5th to 95th percentile, and its mean). For samples distributed like the flights, the line follows the mean of the
-    band and not zero. Levels with too few values are left open.
+    Flights against as many samples (line, mean over random splits) and against as many other flights (band, 5th to 95th
+    percentile, and its mean), all at one fixed size. For samples distributed like the flights, the line follows the
+    mean of the band and not zero. Levels with too few values are left open.
 
     Args:
         table: Scores, with those by level.

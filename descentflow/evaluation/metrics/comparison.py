@@ -1,4 +1,4 @@
-"""One quantity of sampled and real descents compared: whole, and by halves of the real flights."""
+"""One quantity of sampled and real descents compared: whole, and at one fixed size beside its noise floor."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,9 +8,8 @@ from torch import Tensor
 
 from descentflow.evaluation.metrics.level_distances import Distances, level_distances
 from descentflow.evaluation.metrics.noise_floor import (
-    MAX_SCORED,
     MIN_VALUES,
-    half_size,
+    matched_size,
     split_distances,
     split_profile_scores,
 )
@@ -23,35 +22,35 @@ class Comparison:
     """Statistics by name; NaN where there are too few values.
 
     Level statistics: ``whole`` (K,), all samples against all flights; ``same`` and ``floor`` (n_splits, K), samples
-    against one half of the flights and the other half against it (:func:`split_distances`). A statistic of whole
+    and other flights against ``n_each`` flights, as many of each (:func:`split_distances`). A statistic of whole
     profiles has one value for each of the m flights in ``whole`` (m,), and means in ``same`` and ``floor``
-    (n_splits, 1). Statistics without a noise floor are not in ``same`` and ``floor``. ``n_half`` flights in a half.
+    (n_splits, 1). Statistics without a noise floor are not in ``same`` and ``floor``.
 
     Example:
         >>> samples, real = torch.arange(20.0)[:, None], torch.arange(8.0)[:, None] + 3
         >>> samples, real = (samples, samples > -1), (real, real > -1)
         >>> found = compare(samples, real, seed=0, n_splits=5)
-        >>> found.whole["mae"], found.floor["mae"].shape, found.n_half
+        >>> found.whole["mae"], found.floor["mae"].shape, found.n_each
         (tensor([3.], dtype=torch.float64), torch.Size([5, 1]), 4)
     """
 
     whole: Mapping[str, Tensor]
     same: Mapping[str, Tensor]
     floor: Mapping[str, Tensor]
-    n_half: int
+    n_each: int
 
 
 def compare(
     samples: Values, real: Values, seed: int, n_splits: int, progress: Callable[[int], None] | None = None
 ) -> Comparison:
-    """Compare samples with real flights level by level, and halves of the flights with each other.
+    """Compare samples with real flights level by level, and flights with each other.
 
     Args:
         samples: Values and mask of the sampled descents.
         real: Values and mask of the real flights, on the same levels.
         seed: Of the splits.
         n_splits: How many.
-        progress: Progress callback: called with 1 after each split.
+        progress: Progress callback: called with the number of splits that have been compared since it was last called.
 
     Example:
         >>> samples, real = torch.arange(20.0)[:, None], torch.arange(8.0)[:, None] + 3
@@ -62,7 +61,7 @@ def compare(
     """
     splits = split_distances(samples, real, seed=seed, n_splits=n_splits, progress=progress)
     same, floor = (_enough(side) for side in splits)
-    return Comparison(whole_distances(samples, real), same, floor, half_size(samples, real))
+    return Comparison(whole_distances(samples, real), same, floor, matched_size(samples, real))
 
 
 def compare_profiles(
@@ -83,10 +82,9 @@ def compare_profiles(
     if int((~whole.isnan()).sum()) < MIN_VALUES:
         whole = torch.full_like(whole, torch.nan)
     if not statistic.has_floor:
-        return Comparison({name: whole}, {}, {}, half_size(samples, real))
-    n_half = min(half_size(samples, real), MAX_SCORED)
+        return Comparison({name: whole}, {}, {}, matched_size(samples, real))
     same, floor = split_profile_scores(statistic, samples, real, seed=seed, n_splits=n_splits)
-    return Comparison({name: whole}, {name: same[:, None]}, {name: floor[:, None]}, n_half)
+    return Comparison({name: whole}, {name: same[:, None]}, {name: floor[:, None]}, matched_size(samples, real))
 
 
 def whole_distances(samples: Values, real: Values) -> dict[str, Tensor]:

@@ -31,6 +31,11 @@ class Distances:
         """A statistic (L,)."""
         return self.by_name[name]
 
+    def unflatten(self, n: int) -> "Distances":
+        """The same (n, K), where n sets of K levels were compared side by side."""
+        by_name = {name: values.reshape(n, -1) for name, values in self.by_name.items()}
+        return Distances(by_name, self.n_first.reshape(n, -1), self.n_second.reshape(n, -1))
+
 
 def level_distances(
     first: Tensor,
@@ -66,15 +71,15 @@ def level_distances(
     return Distances({one.name: values for one, values in zip(chosen, found, strict=True)}, n_first, n_second)
 
 
-def stacked(splits: Sequence[Distances]) -> Distances:
-    """The same statistics of several comparisons, (n_splits, L) each.
+def joined(parts: Sequence[Distances]) -> Distances:
+    """The splits of several batches, (n, K) each, in one.
 
     Example:
-        >>> one = torch.ones(1, 5)
-        >>> splits = [level_distances(k * one, one > 0, 0 * one, one > 0) for k in (1, 2)]
-        >>> stacked(splits)["mae"].shape
-        torch.Size([2, 5])
+        >>> one = torch.ones(1, 10)
+        >>> parts = [level_distances(k * one, one > 0, 0 * one, one > 0).unflatten(2) for k in (1, 2)]
+        >>> joined(parts)["mae"].shape
+        torch.Size([4, 5])
     """
-    by_name = {name: torch.stack([one[name] for one in splits]) for name in splits[0].by_name}
-    counts = (torch.stack([getattr(one, name) for one in splits]) for name in ("n_first", "n_second"))
+    by_name = {name: torch.cat([one[name] for one in parts]) for name in parts[0].by_name}
+    counts = (torch.cat([getattr(one, name) for one in parts]) for name in ("n_first", "n_second"))
     return Distances(by_name, *counts)

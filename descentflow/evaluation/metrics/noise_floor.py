@@ -1,13 +1,27 @@
-"""Noise floors: samples against half of the flights, beside the other half against that half, at matched size."""
+"""Noise floors at one fixed size: samples against some flights, beside as many other flights against the same ones.
 
-from collections.abc import Callable, Iterator
+A distance between finite sets grows as they become smaller, that of a wrong generator less than that of a right one:
+their ratio depends on the size. So every comparison with a floor is of :data:`SIZE` against :data:`SIZE`, however many
+flights were held out, and is averaged over many splits. Ratios then compare between types and with a goal.
+"""
+
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
 
-from descentflow.evaluation.metrics.level_distances import Distances, level_distances, stacked
+from descentflow.evaluation.metrics.level_distances import Distances, joined, level_distances
 from descentflow.evaluation.metrics.pooled import Values
 from descentflow.evaluation.metrics.score_registry import ProfileStatistic, level_statistics
+
+SIZE = 200
+"""Flights on each side. A type needs twice as many held-out flights; of one with fewer, half are on each side."""
+MIN_VALUES = 4
+"""Fewest values of each set at a level, or of times, from which a distance is taken: below that, a distance says
+more about the count than about the flights. By the 25 % rule for the top of the grid, 32 flights leave about 4 on
+each side at the highest level."""
+BATCH_VALUES = 1 << 22
+"""Values of one set that are held at once: 32 MB in float64."""
 
 
 def split_distances(
@@ -16,11 +30,12 @@ def split_distances(
     *,
     seed: int = 0,
     n_splits: int = 20,
+    size: int = SIZE,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[Distances, Distances]:
-    """Distances of samples and of flights from the same random halves of the flights.
+    """Distances of samples and of flights from the same random sets of flights, all of one size.
 
-    Each split draws disjoint halves A and B of the flights and as many samples S, and measures S against A and B
+    Each split draws disjoint sets A and B of flights and as many samples S, and measures S against A and B
     against A. Where gaps leave B and S with different counts at a level, the larger is cut at random to the smaller,
     so that samples of the flights' own distribution and B are exchangeable: both distances then have one expectation,
     whatever the counts and the gaps.
@@ -29,8 +44,9 @@ def split_distances(
         samples: Values and mask of the sampled descents.
         real: Values and mask of the real flights, on the same levels.
         seed: Of the splits; they are the same on every device.
-        n_splits: Number of random halvings, at least one.
-        progress: Progress callback: called with 1 after each split.
+        n_splits: Number of random splits, at least one.
+        size: Flights on each side, see :func:`matched_size`.
+        progress: Progress callback: called with the number of splits that have been compared since it was last called.
 
     Returns:
         Distances of the samples, and the noise floor, of the statistics that have one; (n_splits, K) each.
@@ -42,37 +58,41 @@ def split_distances(
         (torch.Size([4, 5]), 15)
     """
     chosen = [one for one in level_statistics() if one.has_floor]
+    drawn, first, second = splits(samples, real, seed, n_splits, size)
+    step = max(BATCH_VALUES // max(first.shape[1] * real[0].shape[1], 1), 1)
     same, floor = [], []
-    for drawn, first, second in _halves(samples, real, seed, n_splits):
-        stand_in, other = _equally_many(drawn, second)
-        same.append(level_distances(*stand_in, *first, chosen))
-        floor.append(level_distances(*other, *first, chosen))
+    for at in range(0, n_splits, step):
+        batch = slice(at, at + step)
+        targets = _beside(real, first[batch])
+        stand_in, other = _equally_many(_beside(samples, drawn[batch]), _beside(real, second[batch]))
+        n = len(first[batch])
+        same.append(level_distances(*stand_in, *targets, chosen).unflatten(n))
+        floor.append(level_distances(*other, *targets, chosen).unflatten(n))
         if progress is not None:
-            progress(1)
-    return stacked(same), stacked(floor)
+            progress(n)
+    return joined(same), joined(floor)
 
 
 def split_profile_scores(
-    statistic: ProfileStatistic, samples: Values, real: Values, *, seed: int = 0, n_splits: int = 20
+    statistic: ProfileStatistic, samples: Values, real: Values, *, seed: int = 0, n_splits: int = 20, size: int = SIZE
 ) -> tuple[Tensor, Tensor]:
-    """Means (n_splits,) of a statistic of whole profiles: of the samples and of the other half, over the same flights.
+    """Means (n_splits,) of a statistic of whole profiles: of samples and of other flights, over the same flights.
 
     The splits are those of :func:`split_distances`. A flight that one of the two cannot be scored against is left out
-    of both means; a split with fewer than ``MIN_VALUES`` others is NaN. Large halves are cut to
-    :data:`MAX_SCORED` flights, scored against :data:`MAX_MEMBERS` samples or flights.
+    of both means; a split with fewer than ``MIN_VALUES`` others is NaN.
 
     Example:
-        >>> from descentflow.evaluation.metrics.score_registry import profile_statistics
+        >>> from descentflow.evaluation.metrics.score_registry import STATISTICS
         >>> values = torch.randn(60, 5).double()
         >>> samples, real = (values[:30], values[:30] < 9), (values[30:], values[30:] < 9)
-        >>> same, floor = split_profile_scores(profile_statistics()[0], samples, real, n_splits=4)
+        >>> same, floor = split_profile_scores(STATISTICS["energy"], samples, real, n_splits=4)
         >>> same.shape, floor.shape
         (torch.Size([4]), torch.Size([4]))
     """
     found = []
-    for drawn, first, second in _halves(samples, real, seed, n_splits):
-        scored = _first(first, MAX_SCORED)
-        same, floor = (statistic.compute(_first(one, MAX_MEMBERS), scored) for one in (drawn, second))
+    for drawn, first, second in zip(*splits(samples, real, seed, n_splits, size), strict=True):
+        scored = _take(real, first)
+        same, floor = (statistic.compute(one, scored) for one in (_take(samples, drawn), _take(real, second)))
         both = ~(same.isnan() | floor.isnan())
         enough = int(both.sum()) >= MIN_VALUES
         found.append([values[both].mean() if enough else values.new_tensor(torch.nan) for values in (same, floor)])
@@ -80,39 +100,42 @@ def split_profile_scores(
     return means[:, 0], means[:, 1]
 
 
-def _halves(samples: Values, real: Values, seed: int, n_splits: int) -> Iterator[tuple[Values, Values, Values]]:
-    """For each split, as many samples as half of the flights, one half and the other half."""
-    generator = torch.Generator().manual_seed(seed)
-    flights, drawn = _seen(real), _seen(samples)
-    half = half_size(samples, real)
-    for _ in range(n_splits):
-        order = torch.randperm(len(flights), generator=generator).to(flights.device)
-        picked = torch.randperm(len(drawn), generator=generator)[:half].to(drawn.device)
-        yield (
-            _take(samples, drawn[picked]),
-            _take(real, flights[order[:half]]),
-            _take(real, flights[order[half : 2 * half]]),
-        )
-
-
-def half_size(samples: Values, real: Values) -> int:
-    """Flights in each half: half of those observed anywhere, or as many as there are samples if these are fewer.
+def matched_size(samples: Values, real: Values, size: int = SIZE) -> int:
+    """Flights on each side: ``size``, or fewer where fewer than twice as many were observed or there are fewer samples.
 
     Example:
-        >>> samples, real = torch.ones(100, 3), torch.ones(31, 3)
-        >>> half_size((samples, samples > 0), (real, real > 0))
+        >>> samples, real = torch.ones(1000, 3), torch.ones(431, 3)
+        >>> matched_size((samples, samples > 0), (real, real > 0))
+        200
+        >>> matched_size((samples, samples > 0), (real[:31], real[:31] > 0))
         15
     """
-    return min(len(_seen(real)) // 2, len(_seen(samples)))
+    return min(size, len(_seen(real)) // 2, len(_seen(samples)))
 
 
-MAX_SCORED, MAX_MEMBERS = 500, 500
-"""Flights of a half that are scored by their whole profiles, and samples or other flights that they are scored against:
-the work of a split grows with the product."""
-MIN_VALUES = 4
-"""Fewest values of each set at a level, or of times, from which a distance is taken: below that, a distance says
-more about the count than about the flights. By the 25 % rule for the top of the grid, 32 flights leave about 4 in
-each half at the highest level."""
+def splits(samples: Values, real: Values, seed: int, n_splits: int, size: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions (n_splits, h) of samples, of flights, and of as many other flights; in random order within a split.
+
+    Args:
+        samples: Values and mask of the sampled descents.
+        real: Values and mask of the real flights.
+        seed: Of the splits.
+        n_splits: How many.
+        size: Most flights on each side, see :func:`matched_size`.
+
+    Example:
+        >>> samples, real = torch.ones(9, 3), torch.ones(6, 3)
+        >>> drawn, first, second = splits((samples, samples > 0), (real, real > 0), seed=0, n_splits=1, size=200)
+        >>> len(drawn[0]), sorted([*first[0].tolist(), *second[0].tolist()])
+        (3, [0, 1, 2, 3, 4, 5])
+    """
+    generator = torch.Generator().manual_seed(seed)
+    flights, drawn, h = _seen(real), _seen(samples), matched_size(samples, real, size)
+    order, picked = (
+        torch.rand(n_splits, len(one), generator=generator, dtype=torch.float64).argsort(1).to(one.device)
+        for one in (flights, drawn)
+    )
+    return drawn[picked[:, :h]], flights[order[:, :h]], flights[order[:, h : 2 * h]]
 
 
 def _seen(values: Values) -> Tensor:
@@ -124,9 +147,10 @@ def _take(values: Values, index: Tensor) -> Values:
     return values[0][index], values[1][index]
 
 
-def _first(values: Values, n: int) -> Values:
-    """The first n; rows are in random order."""
-    return values[0][:n], values[1][:n]
+def _beside(values: Values, index: Tensor) -> Values:
+    """The sets that rows of ``index`` (n_splits, h) choose from (n, K), side by side: (h, n_splits K)."""
+    drawn, mask = (one[index].transpose(0, 1).flatten(1) for one in values)
+    return drawn, mask
 
 
 def _equally_many(first: Values, second: Values) -> tuple[Values, Values]:

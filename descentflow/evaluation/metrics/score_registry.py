@@ -52,7 +52,9 @@ class Statistic:
         label: In figures and tables.
         short: The label where there is little room.
         unit: Of the statistic; None for that of the quantity.
-        has_floor: Whether it is compared with its noise floor (two halves of the flights against each other).
+        has_floor: Whether it is compared with its noise floor (flights against other flights, as many).
+        proper: Whether it is a proper score: noise adds nothing to it on average, and what a wrong generator adds
+            is a squared distance.
         of_one: The statistic of one descent (nominal BADA), with the shape of ``compute``'s result; None if one descent
             has none.
         in_figure: Whether it is drawn by level.
@@ -69,6 +71,7 @@ class Statistic:
     short: str
     unit: str | None = None
     has_floor: bool = True
+    proper: bool = False
     of_one: Callable[[Values, Values], Tensor] | None = None
     in_figure: bool = False
     in_paper: bool = False
@@ -76,6 +79,24 @@ class Statistic:
     def unit_of(self, quantity: Quantity) -> str:
         """Unit of the statistic of a quantity."""
         return quantity.unit if self.unit is None else self.unit
+
+    def excess(self, distance: float, floor: float, spread: float) -> float:
+        """What a distance has above its noise floor, both at one size.
+
+        ``sqrt(max(d^2 - f^2, 0))`` of a distance d beside its floor f, as independent errors add up; ``d - f`` of a
+        proper score, which may fall below zero by chance. In spreads, except for a statistic without a unit.
+
+        Args:
+            distance: Of the samples.
+            floor: Of other flights.
+            spread: Standard deviation of the flights, in the statistic's unit.
+
+        Example:
+            >>> STATISTICS["wasserstein"].excess(5.0, 3.0, spread=8.0), STATISTICS["ks"].excess(0.5, 0.3, spread=8.0)
+            (0.5, 0.4)
+        """
+        above = distance - floor if self.proper else max(distance**2 - floor**2, 0.0) ** 0.5
+        return above if self.unit == "1" else above / spread
 
 
 @dataclass(frozen=True)
@@ -139,8 +160,10 @@ STATISTICS: dict[str, Statistic] = {
         LevelStatistic(
             "mae", "error of the mean", "mean", of_one=error_of_one, in_paper=True, compute=error_of_the_mean
         ),
-        LevelStatistic("crps", "CRPS", "CRPS", of_one=crps_of_one, compute=crps_of),
-        ProfileStatistic("energy", "energy score", "energy", of_one=energy_scores_of_one, compute=energy_scores),
+        LevelStatistic("crps", "CRPS", "CRPS", proper=True, of_one=crps_of_one, compute=crps_of),
+        ProfileStatistic(
+            "energy", "energy score", "energy", proper=True, of_one=energy_scores_of_one, compute=energy_scores
+        ),
     )
 }
 """Statistic by name, in the order of the table."""

@@ -4,27 +4,41 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from math import isnan, nan
 from pathlib import Path
+from textwrap import wrap
 
 import polars as pl
 from torch import Tensor
 
 from descentflow.core.files import whole_file
 
-_HEADINGS = ("quantity", "statistic", "unit", "score", "matched", "floor", "(95 %)", "nominal", "worst FL")
+_HEADINGS = ("quantity", "statistic", "unit")
+_NUMBERS = {
+    "score": "score",
+    "matched": "equal_size",
+    "floor": "floor",
+    "ratio": "over_floor",
+    "excess": "excess",
+    "nominal": "nominal",
+    "worst FL": "worst_fl",
+}
+"""Heading -> field."""
 
 
 @dataclass(frozen=True)
 class Score:
     """One statistic of one quantity; NaN where ``note`` says why there is no number.
 
-    ``score``: all samples against all flights, as in the paper; ``equal_size`` (matched size): as many samples as half
-    of the flights, against that half; ``floor`` and ``floor_high`` (noise floor): half of the flights against the
-    other, mean and 95th percentile over random halvings; ``nominal``: nominal BADA, where one descent has the
-    statistic; ``n_samples`` and ``n_real``: descents observed anywhere in the part of the grid (of whole profiles,
-    flights that were scored); ``n_half``: flights in a half; ``n_levels``: levels that ``score`` averages;
-    ``worst_fl``: the level with the largest distance.
+    ``score``: all samples against all flights, as in the paper. ``equal_size`` (matched size): ``n_each`` samples
+    against as many flights; ``floor`` and ``floor_high`` (noise floor): as many other flights against the same
+    flights, mean and 95th percentile over random splits. ``over_floor``: their ratio, ``equal_size / floor``;
+    ``excess``: what is above the floor, in standard deviations of the flights
+    (:meth:`~descentflow.evaluation.metrics.score_registry.Statistic.excess`). ``nominal``: nominal BADA, where one
+    descent has the statistic; ``n_samples`` and ``n_real``: descents observed anywhere in the part of the grid (of
+    whole profiles, flights that were scored); ``n_levels``: levels that ``score`` averages; ``worst_fl``: the level
+    with the largest distance.
 
-    Only ``equal_size`` compares with ``floor``: ``score`` is of larger sets, whose distance is smaller by chance.
+    Only ``equal_size`` compares with ``floor``: ``score`` is of larger sets, whose distance is smaller by chance. The
+    ratio compares between types, and with a goal, where ``n_each`` is the same.
 
     Example:
         >>> row = Score("cas_below_transition", "wasserstein", "kt", equal_size=2.6, floor=2.4, floor_high=3.5)
@@ -39,10 +53,12 @@ class Score:
     equal_size: float = nan
     floor: float = nan
     floor_high: float = nan
+    over_floor: float = nan
+    excess: float = nan
     nominal: float = nan
     n_samples: int = 0
     n_real: int = 0
-    n_half: int = 0
+    n_each: int = 0
     n_levels: int = 0
     worst_fl: float = nan
     note: str = ""
@@ -52,8 +68,7 @@ class Score:
 class LevelScores:
     """One statistic of CAS or rate by level, all (L,); NaN where there are too few values.
 
-    ``equal_size`` is at matched size; ``floor_low`` and ``floor_high`` are the 5th and 95th percentile over the
-    halvings.
+    ``equal_size`` is at matched size; ``floor_low`` and ``floor_high`` are the 5th and 95th percentile over the splits.
 
     Example:
         >>> from descentflow.evaluation.evaluate import evaluate
@@ -128,28 +143,45 @@ class ScoreTable:
             self.frame().write_csv(temporary)
 
     def scalars(self) -> dict[str, float]:
-        """Names and values for a logger: ``quantity/statistic``, with ``_equal_size`` and ``_floor`` beside it."""
+        """Names and values for a logger: ``quantity/statistic``, with ``_equal_size``, ``_floor``, ``_over_floor``."""
         named = {f"{r.quantity}/{r.statistic}": r.score for r in self.rows}
-        named |= {f"{r.quantity}/{r.statistic}_equal_size": r.equal_size for r in self.rows}
-        named |= {f"{r.quantity}/{r.statistic}_floor": r.floor for r in self.rows}
+        for field in ("equal_size", "floor", "over_floor"):
+            named |= {f"{r.quantity}/{r.statistic}_{field}": getattr(r, field) for r in self.rows}
         return {name: value for name, value in named.items() if not isnan(value)}
 
     def __str__(self) -> str:
         """The table for a terminal, with the reasons of what is absent below it."""
-        lines = [_line(_HEADINGS), "-" * len(_line(_HEADINGS))]
+        heading = _line((*_HEADINGS, *_NUMBERS))
+        lines = [heading, "-" * len(heading)]
         notes: dict[str, int] = {}
         for row in self.rows:
-            numbers = (row.score, row.equal_size, row.floor, row.floor_high, row.nominal, row.worst_fl)
+            numbers = (_number(getattr(row, field)) for field in _NUMBERS.values())
             mark = f" [{notes.setdefault(row.note, len(notes) + 1)}]" if row.note else ""
-            lines.append(_line((row.quantity, row.statistic, row.unit, *map(_number, numbers))) + mark)
-        lines.append(
-            "score: all samples against all flights; matched size and noise floor: against half of the flights"
+            lines.append(_line((row.quantity, row.statistic, row.unit, *numbers)) + mark)
+        sizes = "; ".join(f"{n} in {', '.join(names)}" for n, names in self.sizes().items())
+        told = (
+            f"score: all samples against all flights; matched size and noise floor, flights on each side: {sizes or 0}"
         )
+        lines += wrap(told, len(heading), subsequent_indent="  ")
+        lines.append("ratio: matched size over noise floor; excess: above the noise floor, in spreads of the flights")
         return "\n".join([*lines, *(f"[{number}] {note}" for note, number in notes.items())])
+
+    def sizes(self) -> dict[int, list[str]]:
+        """Flights on each side of a matched comparison -> the quantities that were compared at that size.
+
+        Example:
+            >>> rows = (Score("time_to_bottom_of_descent", "ks", "1", n_each=53), Score("cas_profile", "energy", "kt"))
+            >>> ScoreTable(rows).sizes()
+            {53: ['time_to_bottom_of_descent']}
+        """
+        found: dict[int, list[str]] = {}
+        for quantity, n in dict.fromkeys((row.quantity, row.n_each) for row in self.rows if row.n_each):
+            found.setdefault(n, []).append(quantity)
+        return found
 
 
 def _line(cells: tuple[str, ...]) -> str:
-    return f"{cells[0]:<26}{cells[1]:<12}{cells[2]:<7}" + "".join(f"{cell:>11}" for cell in cells[3:])
+    return f"{cells[0]:<26}{cells[1]:<12}{cells[2]:<7}" + "".join(f"{cell:>10}" for cell in cells[3:])
 
 
 def _number(value: float) -> str:

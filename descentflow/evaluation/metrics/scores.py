@@ -10,6 +10,7 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.evaluation.metrics.comparison import Comparison, compare, compare_profiles
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import observed_mean
 from descentflow.evaluation.metrics.noise_floor import MIN_VALUES
 from descentflow.evaluation.metrics.pooled import Values
 from descentflow.evaluation.metrics.score_registry import (
@@ -42,10 +43,10 @@ def score(
     (paper, sections 4.3 to 4.5); statistics of whole profiles are averaged over flights.
 
     A distance between finite sets is above zero even for a perfect generator. So beside the score of all samples
-    against all flights (the paper's), half of the flights are scored against as many samples (matched size, column
-    ``equal_size``) and against the other half (the noise floor, column ``floor``), over the same random splits: equal
-    sizes, hence equal noise. The halvings share flights, so ``floor_high`` tells how much the floor depends on the
-    halving, not on the flights at hand.
+    against all flights (the paper's), :data:`~descentflow.evaluation.metrics.noise_floor.SIZE` flights are scored
+    against as many samples (matched size, column ``equal_size``) and against as many other flights (the noise floor,
+    column ``floor``), over the same random splits: equal sizes, hence equal noise, and one size for all types. Splits
+    share flights, so ``floor_high`` tells how much the floor depends on the split, not on the flights at hand.
 
     Levels where a set has fewer than ``MIN_VALUES`` values are left out, and the note counts them.
 
@@ -55,8 +56,8 @@ def score(
         transition_fl: Transition level of the type; infinite where the type holds no Mach.
         nominal: The one nominal BADA descent, for the statistics that one descent has.
         seed: Of the splits.
-        n_splits: Number of random halvings.
-        progress: Progress callback: called with 1 after each of :func:`n_comparisons`.
+        n_splits: Number of random splits.
+        progress: Progress callback: called with numbers that sum to :func:`n_comparisons`.
 
     Returns:
         A row for each part of a quantity and each statistic, in s, kt and ft/min; NaN with a reason where there are
@@ -70,7 +71,7 @@ def score(
         >>> from descentflow.generation.sample import sample
         >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 60, seed=s).trajectories) for s in (1, 2))
         >>> table = score(one, two, transition_fl=291.5, n_splits=2)
-        >>> table.get("cas_below_transition", "ks").n_half
+        >>> table.get("cas_below_transition", "ks").n_each
         30
     """
     _check(samples, real, nominal, transition_fl, n_splits)
@@ -96,7 +97,7 @@ def score(
 
 
 def n_comparisons(n_splits: int) -> int:
-    """How often :func:`score` calls its progress callback.
+    """The sum of what :func:`score` calls its progress callback with.
 
     Example:
         >>> n_comparisons(n_splits=20)  # three quantities
@@ -121,7 +122,7 @@ class _Scored:
         n_samples, n_real = (int(values[1][:, chosen].any(1).sum()) for values in (self.samples, self.real))
         levels = self.found.whole[statistic.name][chosen]
         used = ~levels.isnan()
-        numbers = self._numbers(statistic, levels, chosen)
+        numbers = self._numbers(statistic, levels, chosen, self._spreads()[chosen].nanmean())
         one = None if self.nominal is None or statistic.of_one is None else self._of_nominal(statistic)
         numbers["nominal"] = nan if one is None else float(one[chosen][used].mean())
         return Score(
@@ -131,7 +132,7 @@ class _Scored:
             **numbers,
             n_samples=n_samples,
             n_real=n_real,
-            n_half=self.found.n_half,
+            n_each=self.found.n_each,
             n_levels=int(used.sum()) if self.quantity.by_level else 0,
             worst_fl=self._worst_fl(chosen, levels) if bool(used.any()) else nan,
             note="; ".join(self._reasons(part, statistic, used, n_samples, n_real, numbers, one is not None)),
@@ -141,7 +142,8 @@ class _Scored:
         """The row of a statistic of whole profiles."""
         flights = self.found.whole[statistic.name]
         used = ~flights.isnan()
-        numbers = self._numbers(statistic, flights, torch.ones(1, dtype=torch.bool, device=flights.device))
+        everywhere = torch.ones(1, dtype=torch.bool, device=flights.device)
+        numbers = self._numbers(statistic, flights, everywhere, self._spreads().square().nanmean().sqrt())
         if self.nominal is not None and statistic.of_one is not None:
             numbers["nominal"] = float(self._of_nominal(statistic)[used].nanmean())
         reasons = []
@@ -156,12 +158,19 @@ class _Scored:
             **numbers,
             n_samples=int(self.samples[1].any(1).sum()),
             n_real=int(used.sum()),
-            n_half=self.found.n_half,
+            n_each=self.found.n_each,
             n_levels=len(self.levels_fl),
             note="; ".join(reasons),
         )
 
-    def _numbers(self, statistic: Statistic, whole: Tensor, chosen: Tensor) -> dict[str, float]:
+    def _spreads(self) -> Tensor:
+        """Standard deviation (K,) of the flights at each level that has enough of them, else NaN."""
+        values, mask = self.real
+        n = mask.sum(0)
+        from_mean = torch.where(mask, values - observed_mean(values, mask), 0.0).double()
+        return (from_mean.square().sum(0) / (n - 1)).sqrt().where(n >= MIN_VALUES, nan)
+
+    def _numbers(self, statistic: Statistic, whole: Tensor, chosen: Tensor, spread: Tensor) -> dict[str, float]:
         """Score, and where the statistic has one, matched size and noise floor."""
         numbers = {"score": float(whole.nanmean())}
         if statistic.has_floor:
@@ -171,6 +180,9 @@ class _Scored:
                 "floor": float(floor.mean()),
                 "floor_high": float(floor.quantile(0.95)),
             }
+            distance, noise = numbers["equal_size"], numbers["floor"]
+            numbers["over_floor"] = distance / noise if noise else nan
+            numbers["excess"] = statistic.excess(distance, noise, float(spread)) if float(spread) else nan
         return numbers
 
     def _of_nominal(self, statistic: Statistic) -> Tensor:
@@ -198,7 +210,7 @@ class _Scored:
             left_out = int((~used).sum())
             reasons.append(f"{left_out} of {len(used)} levels left out: fewer than {MIN_VALUES} descents")
         if statistic.has_floor and isnan(numbers["floor"]):
-            reasons.append(f"no floor: fewer than {MIN_VALUES} of {self.found.n_half} descents in a half")
+            reasons.append(f"no floor: fewer than {MIN_VALUES} of {self.found.n_each} descents on each side")
         if has_nominal and isnan(numbers["nominal"]):
             reasons.append("the nominal descent does not cover these levels")
         return reasons
@@ -213,7 +225,7 @@ class _Scored:
         whole = self.found.whole[statistic.name]
         absent = whole.new_full((1, len(whole)), nan)
         sides = (side.get(statistic.name, absent) for side in (self.found.same, self.found.floor))
-        # A level that most halvings leave out has no band worth drawing.
+        # A level that most splits leave out has no band worth drawing.
         same, floor = (splits.where((~splits.isnan()).float().mean(0) > 0.5, nan) for splits in sides)
         low, high = (floor.nanquantile(q, 0) for q in (0.05, 0.95))
         return LevelScores(

@@ -74,7 +74,7 @@ def means_over_types(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Html]
     Example:
         >>> row = {"quantity": "time_to_bottom_of_descent", "statistic": "ks", "unit": "1", "model": "gmm", "types": 13}
         >>> row |= {"score": 0.12, "floor": 0.1, "over_floor": 1.1, "nominal": None}
-        >>> "half 1.10 floors" in str(means_over_types(pl.DataFrame([row]), ("gmm",))[1])
+        >>> "1.10 floors" in str(means_over_types(pl.DataFrame([row]), ("gmm",))[1])
         True
     """
     rows: list[Row] = []
@@ -93,7 +93,9 @@ def means_over_types(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Html]
         floors = [r["floor"] for r in found.values() if r["floor"] is not None]
         floor = sum(floors) / len(floors) if floors else None
         rows.append([*cells, number(floor), number(first["nominal"]), str(first["types"])])
-    text = paragraph("Small: the distance of half the flights from as many samples, in floors; the median over types.")
+    text = paragraph(
+        "Small: the distance of samples from flights in noise floors, both at one size; the median over types."
+    )
     head = ["quantity", "statistic", *(MODELS[m] for m in models), "floor", "BADA", "types"]
     return [text, table(head, rows, align="llr", grouped=True)]
 
@@ -108,7 +110,7 @@ def boxes(scores: pl.DataFrame, plan: StudyPlan) -> Html:
         True
     """
     drawn = boxes_figure(scores, {name: MODELS[name] for name in plan.models})
-    caption = "Each dot is a type; boxes are quartiles over types. Floor: two halves of the held-out flights."
+    caption = "Each dot is a type; boxes are quartiles over types. Floor: held-out flights against as many others."
     return figure(drawn, "Boxes of each score over types, a box per model", caption)
 
 
@@ -245,12 +247,13 @@ def _paper_column(column: str) -> str:
 
 def _to_floor(row: dict[str, float | None]) -> str:
     ratio = row["over_floor"]
-    return "" if ratio is None else f"half {ratio:.2f} floors"
+    return "" if ratio is None else f"{ratio:.2f} floors"
 
 
 def _below(row: dict[str, float | None], model: str) -> str:
-    low, high, half = (number(row[f"{model}{ending}"], 2) for ending in ("_low", "_high", "_equal_size"))
-    return " ".join(filter(None, ["" if low == "-" else f"[{low}, {high}]", "" if half == "-" else f"half {half}"]))
+    low, high, matched = (number(row[f"{model}{ending}"], 2) for ending in ("_low", "_high", "_equal_size"))
+    told = ["" if low == "-" else f"[{low}, {high}]", "" if matched == "-" else f"matched {matched}"]
+    return " ".join(filter(None, told))
 
 
 def _unit(unit: str) -> str:

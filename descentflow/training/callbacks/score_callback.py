@@ -8,9 +8,12 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.utilities import rank_zero_info, rank_zero_warn
 
 from descentflow.core.errors import SamplingError
-from descentflow.evaluation.evaluate import evaluate_profiles
+from descentflow.evaluation.evaluate import N_SPLITS, evaluate_profiles
 from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.training.models.latent_model import LatentModel
+
+FEW_SPLITS = 20
+"""Random splits behind each noise floor while a model trains."""
 
 
 class ScoreCallback(Callback):
@@ -53,7 +56,7 @@ class ScoreCallback(Callback):
         if trainer.state.fn != "fit" or trainer.sanity_checking or not self._due(trainer):
             return
         try:
-            found = self._evaluate(trainer, pl_module, "validation", self.n_samples, n_splits=5)
+            found = self._evaluate(trainer, pl_module, "validation", self.n_samples, n_splits=FEW_SPLITS)
         except SamplingError as error:
             # An untrained density may propose nothing plausible; the fit goes on.
             rank_zero_warn(f"epoch {trainer.current_epoch}: not scored, {error}")
@@ -62,7 +65,7 @@ class ScoreCallback(Callback):
 
     def on_test_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Score against the test flights, write the files and print the table."""
-        found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, n_splits=20)
+        found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, n_splits=N_SPLITS)
         self._log(trainer, found, "test")
         folder = Path(trainer.log_dir or trainer.default_root_dir)
         found.write(folder)

@@ -22,8 +22,8 @@ _FILLS = {"": "#c9d7e6", "above": "#bcd7ea", "at or below": "#f2c9d0"}
 def boxes_figure(scores: pl.DataFrame, models: Mapping[str, str]) -> Figure:
     """Scores of each model over types: quartiles, median, whiskers to 1.5 interquartile ranges, each type as a dot.
 
-    Boxes in pairs are above (blue) and at or below (pink) the transition altitude. ``floor`` is the distance between
-    two halves of the held-out flights; nominal BADA has only an error of the mean, drawn on a logarithmic axis.
+    Boxes in pairs are above (blue) and at or below (pink) the transition altitude. ``floor`` is the distance of
+    held-out flights from as many others; nominal BADA has only an error of the mean, drawn on a logarithmic axis.
 
     Args:
         scores: Columns ``quantity statistic unit model score floor nominal``, one row per type, quantity, statistic

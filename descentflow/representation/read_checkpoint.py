@@ -1,10 +1,10 @@
 """Read a checkpoint without executing code, or say clearly why it cannot be read."""
 
 import pickle
+import re
 import warnings
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import torch
 
@@ -15,6 +15,14 @@ SECTION = "descentflow"
 """Key of a checkpoint under which everything is kept that Lightning does not save itself."""
 FORMAT = 2
 """Version of that section."""
+ZIP = b"PK\x03\x04"
+"""How every checkpoint begins: it is a zip archive."""
+UNSAFE = re.compile(r"GLOBAL ([\w.]+)")
+"""What torch's message calls an object that the safe loader does not make."""
+OTHER_MEND = (
+    "pass a .ckpt file that `descentflow fit` wrote; flights of a simulator, as rows or descents, are taken by "
+    "`descentflow diagnose --simulator`, and `descentflow fit` learns from them"
+)
 MEND = "pass a .ckpt file that `descentflow fit` wrote, for instance runs/.../checkpoints/best.ckpt"
 
 
@@ -31,19 +39,32 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     """
     if not Path(path).is_file():
         raise CheckpointError(f"no file {path}", expected="a checkpoint", mend=MEND)
+    with open(path, "rb") as file:
+        begins = file.read(len(ZIP))
+    if begins != ZIP:
+        raise CheckpointError(
+            f"{path} is {'no checkpoint' if begins else 'empty'}",
+            expected="a checkpoint of descentflow",
+            mend=OTHER_MEND,
+        )
     try:
         with warnings.catch_warnings():
             # torch wonders aloud about pickle protocols that it then refuses.
             warnings.simplefilter("ignore", UserWarning)
             content = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
+        # Not torch's own text: it advises to switch the safe loader off.
+        named = UNSAFE.search(str(error))
         raise CheckpointError(
-            f"{path}: {str(error).splitlines()[0]}", expected="a checkpoint of tensors and primitives", mend=MEND
+            f"{path} holds {named[1] if named else 'objects'}, which could execute code",
+            expected="a checkpoint of tensors and primitives",
+            mend=MEND,
         ) from error
-    except (RuntimeError, EOFError, BadZipFile, OSError, ValueError, KeyError) as error:
+    except Exception as error:
+        # Whatever breaks the reader, the file is not whole: archives and pickles fail in many ways.
         raise CheckpointError(
             f"{path}: {str(error).splitlines()[0] if str(error) else type(error).__name__}",
-            expected="a whole checkpoint file (this one is truncated or something else)",
+            expected="a whole checkpoint file (this one is truncated or changed)",
             mend=MEND,
         ) from error
     if not isinstance(content, dict) or SECTION not in content:

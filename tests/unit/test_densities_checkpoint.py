@@ -2,6 +2,7 @@
 
 import os
 import pickle
+from datetime import date
 from pathlib import Path
 
 import pytest
@@ -112,6 +113,12 @@ def broken(kind: str, folder: Path) -> Path:
     if kind == "text":
         target.write_text("not a checkpoint")
         return target
+    if kind == "rows":
+        target.write_text("a,b\n1,2\n")
+        return target
+    if kind == "unsafe":
+        torch.save({"a": date(2020, 1, 1)}, target)
+        return target
     changes = {
         "foreign": lambda c: c.pop("descentflow"),
         "format": lambda c: c["descentflow"].update(format=99),
@@ -129,8 +136,10 @@ def broken(kind: str, folder: Path) -> Path:
     ("kind", "words"),
     [
         ("truncated", "truncated"),
-        ("empty", "truncated"),
-        ("text", "expected"),
+        ("empty", "is empty"),
+        ("text", "is no checkpoint; expected a checkpoint of descentflow; .* --simulator"),
+        ("rows", "is no checkpoint"),
+        ("unsafe", "holds datetime.date, which could execute code"),
         ("foreign", "not a checkpoint of descentflow"),
         ("format", "format 99"),
         ("model", "Diffusion"),
@@ -143,6 +152,7 @@ def test_a_bad_checkpoint_says_what_is_wrong(kind: str, words: str, tmp_path: Pa
     with pytest.raises(Exception, match=words) as caught:
         load_model(broken(kind, tmp_path))
     assert type(caught.value).__module__ == "descentflow.core.errors"
+    assert "weights_only" not in str(caught.value), "torch's advice would execute what the file holds"
 
 
 def test_no_file(tmp_path: Path) -> None:

@@ -26,7 +26,8 @@ def context_rows(context: Contexts | None, encoder: ContextEncoder | None) -> pl
         encoder: The density's; None if it has no context.
 
     Raises:
-        ConfigError: If the density has no context, none is given to one that has, or a name or a value cannot be.
+        ConfigError: If the density has no context, none is given to one that has, a name or a value cannot be, or a
+            number lies outside of what the training flights had.
         DataError: If the table cannot be read or is empty.
 
     Example:
@@ -53,13 +54,18 @@ def context_rows(context: Contexts | None, encoder: ContextEncoder | None) -> pl
     table = context if isinstance(context, pl.DataFrame) else read_table(Path(context))
     if table.is_empty():
         raise DataError("a table of contexts without a row", expected="a row for each context", mend="add rows")
-    return table.select([name for name in encoder.names if name in table.columns])
+    rows = table.select([name for name in encoder.names if name in table.columns])
+    if rows.width == len(encoder.names):
+        encoder.check_range(rows)
+    return rows
 
 
 def _one_row(context: Mapping[str, Any], encoder: ContextEncoder) -> pl.DataFrame:
     encoder.encode_one(context)  # refuses unknown names and values
     kinds = {column.name: pl.String if column.kind == "category" else pl.Float64 for column in encoder.columns}
-    return pl.DataFrame([pl.Series(name, [value]).cast(kinds[name]) for name, value in context.items()])
+    row = pl.DataFrame([pl.Series(name, [value]).cast(kinds[name]) for name, value in context.items()])
+    encoder.check_range(row)
+    return row
 
 
 def entry_levels(

@@ -41,6 +41,16 @@ class Column:
     values: tuple[str, ...] = ()
     """Of a category, the most frequent first."""
     indicator: bool = False
+    low: float | None = None
+    high: float | None = None
+    """Of a number: the least and the most that training flights had; None in a checkpoint of before they were kept."""
+
+    def beyond(self, series: pl.Series) -> pl.Series:
+        """Which entries lie outside of what the training flights had: (n,) bool, missing ones do not."""
+        if self.low is None or self.high is None:
+            return pl.repeat(False, len(series), eager=True)
+        number = series.cast(pl.Float64, strict=False)
+        return ((number < self.low) | (number > self.high)).fill_null(False)
 
     @property
     def width(self) -> int:
@@ -118,6 +128,24 @@ class ContextEncoder:
         """For each column without an indicator, which flights cannot be encoded: (n,) bool."""
         return {c.name: ~c.usable(frame[c.name]) for c in self.columns if not c.indicator}
 
+    def check_range(self, frame: pl.DataFrame) -> None:
+        """Refuse contexts that no training flight was near: a density says nothing of them.
+
+        Args:
+            frame: A row for each context.
+
+        Raises:
+            ConfigError: If a number lies outside of what the training flights had.
+        """
+        for column in self.columns:
+            values = frame[column.name].filter(column.beyond(frame[column.name]))
+            if len(values):
+                raise ConfigError(
+                    f"{column.name} = {values[0]}" + (f" (and {len(values) - 1} more)" if len(values) > 1 else ""),
+                    expected=f"{column.low:g} to {column.high:g}, as the training flights had",
+                    mend="choose values in this range, or fit with flights that had such values",
+                )
+
     def encode(self, frame: pl.DataFrame) -> Tensor:
         """Numbers (n, width) of a flight table, float64.
 
@@ -173,7 +201,10 @@ class ContextEncoder:
 def _describe(column: Column) -> str:
     if column.kind == "category":
         return f"{column.name} (one of {', '.join(column.values)})"
-    return f"{column.name} (hour of the day)" if column.kind == "hour" else f"{column.name} (a number)"
+    if column.kind == "hour":
+        return f"{column.name} (hour of the day)"
+    seen = "" if column.low is None else f" from {column.low:g} to {column.high:g}"
+    return f"{column.name} (a number{seen})"
 
 
 def _fit_column(series: pl.Series, indicator: bool) -> Column:
@@ -204,7 +235,8 @@ def _number(series: pl.Series, indicator: bool) -> Column:
     tensor = torch.tensor(values, dtype=torch.float64)
     if len(values) < 2 or not float(tensor.std()) > 0:
         raise _constant(series.name, "one number" if values else "none")
-    return Column(series.name, "number", float(tensor.mean()), float(tensor.std()), indicator=indicator)
+    moments = float(tensor.mean()), float(tensor.std())
+    return Column(series.name, "number", *moments, indicator=indicator, low=min(values), high=max(values))
 
 
 def _constant(name: str, got: str) -> DataError:

@@ -64,10 +64,16 @@ def test_an_unknown_type_is_refused_with_the_known_ones() -> None:
         open_aircraft("ZZZZ")
 
 
-@pytest.mark.parametrize("name", ["sources", "../open_types/A320", "a320", ""])
+@pytest.mark.parametrize("name", ["sources", "../open_types/A320", ""])
 def test_names_that_are_no_types_are_refused(name: str) -> None:
     with pytest.raises(AircraftError, match="no open aircraft"):
         open_aircraft(name)
+
+
+def test_a_type_is_found_in_any_case_and_a_near_one_is_offered() -> None:
+    assert open_aircraft(" a320") == open_aircraft("A320")
+    with pytest.raises(AircraftError, match=r"did you mean .*A320.*\? Else"):
+        open_aircraft("A32O")
 
 
 @pytest.mark.parametrize("typecode", TYPES)

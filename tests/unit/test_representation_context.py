@@ -9,6 +9,7 @@ import torch
 import toys
 
 from descentflow.core.errors import ConfigError, DataError
+from descentflow.generation.sample_contexts import context_rows
 from descentflow.representation.context import OTHER, ContextEncoder
 from descentflow.representation.context_columns import flight_context, read_context_table
 from descentflow.training.datamodule import DescentDataModule
@@ -71,6 +72,22 @@ def test_a_context_that_cannot_be_says_what_could(values: dict[str, str], messag
     encoder = ContextEncoder.fit(flights_table(), ["deviation_k", "operator"])
     with pytest.raises(ConfigError, match=message):
         encoder.encode_one(values)
+
+
+def test_a_context_that_no_training_flight_was_near_is_refused_at_once() -> None:
+    encoder = ContextEncoder.fit(flights_table(), ["deviation_k", "operator", "hour"])
+    near = {"deviation_k": "59", "operator": "AAA", "hour": 23.5}
+    assert context_rows(near, encoder)["deviation_k"].to_list() == [59.0]
+    with pytest.raises(ConfigError, match=r"deviation_k = 59.1; expected 0 to 59, as the training flights had"):
+        context_rows({**near, "deviation_k": "59.1"}, encoder)
+    table = pl.DataFrame([near, {**near, "deviation_k": "-1"}, {**near, "deviation_k": "-2"}])
+    with pytest.raises(ConfigError, match=r"deviation_k = -1 \(and 1 more\)"):
+        context_rows(table, encoder)
+    # Held-out flights beyond the training flights are still scored.
+    assert encoder.encode(table).shape == (3, encoder.width)
+    assert ContextEncoder.from_state(encoder.to_state()).columns == encoder.columns
+    old = [{k: v for k, v in column.items() if k not in ("low", "high")} for column in encoder.to_state()]
+    assert context_rows({**near, "deviation_k": "99"}, ContextEncoder.from_state(old)) is not None
 
 
 def test_columns_that_tell_nothing_are_refused() -> None:

@@ -6,6 +6,7 @@ on demand, so that importing this module costs nothing.
 
 import tomllib
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -72,7 +73,7 @@ def open_aircraft(typecode: str) -> Aircraft:
     """Coefficients of an open aircraft.
 
     Args:
-        typecode: ICAO type designator, as in :func:`open_typecodes`.
+        typecode: ICAO type designator, as in :func:`open_typecodes`, in any case.
 
     Returns:
         The aircraft. Not EUROCONTROL's BADA: rates are uncertain by 10 to 20 %.
@@ -86,7 +87,7 @@ def open_aircraft(typecode: str) -> Aircraft:
     """
     read = open_type(typecode)
     values = {c.name: c.value for c in read.coefficients}
-    return Aircraft(typecode=typecode, source=f"descentflow open aircraft, not BADA: {read.summary}", **values)  # type: ignore[arg-type]
+    return Aircraft(typecode=read.typecode, source=f"descentflow open aircraft, not BADA: {read.summary}", **values)  # type: ignore[arg-type]
 
 
 def open_typecodes() -> tuple[str, ...]:
@@ -119,12 +120,11 @@ def open_sources(typecode: str) -> tuple[CoefficientSource, ...]:
     return open_type(typecode).coefficients
 
 
-@cache
 def open_type(typecode: str) -> OpenType:
     """All that is known of an open aircraft: coefficients, facts, published ranges and what is known to be off.
 
     Args:
-        typecode: ICAO type designator.
+        typecode: ICAO type designator, in any case.
 
     Returns:
         The type; what a relation leaves open is taken from the type that it names.
@@ -133,15 +133,23 @@ def open_type(typecode: str) -> OpenType:
         AircraftError: If the type is not among the open ones, or its file is not complete.
 
     Example:
-        >>> open_type("A20N").relation
+        >>> open_type("a20n").relation
         'A320'
     """
-    if typecode not in open_typecodes():
+    wanted = typecode.strip().upper()
+    if wanted not in open_typecodes():
+        near = " or ".join(get_close_matches(wanted, open_typecodes()))
         raise AircraftError(
             f"no open aircraft {typecode!r}",
             expected=f"one of {', '.join(open_typecodes())}",
-            mend="choose one of these, or point --bada-dir at BADA files that have the type",
+            mend=f"{f'did you mean {near}? Else ' if near else ''}choose one of these, or point --bada-dir at BADA "
+            "files that have the type",
         )
+    return _whole_type(wanted)
+
+
+@cache
+def _whole_type(typecode: str) -> OpenType:
     content = _read(typecode)
     base = open_type(content["relation"]) if "relation" in content else None
     read = OpenType(

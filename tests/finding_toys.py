@@ -15,7 +15,15 @@ from descentflow.diagnosis.findings.cause_found import (
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumber, RecipeStep, Score
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
 from descentflow.diagnosis.findings.findings import Curve, Details, Discrepancy, Findings, NullTest, SingleEffect
-from descentflow.diagnosis.findings.gap_found import Block, GapCell, LargestDifference, Remaining, Stage, WouldSplit
+from descentflow.diagnosis.findings.gap_found import (
+    BelowRounding,
+    Block,
+    GapCell,
+    LargestDifference,
+    Remaining,
+    Stage,
+    WouldSplit,
+)
 from descentflow.diagnosis.findings.inputs_found import (
     CoefficientsUsed,
     FlightWorthALook,
@@ -162,4 +170,5 @@ def findings() -> Findings:
         previous=Previous("gap/gap.json", ["temperature"], CLOSED, CLOSED, 0.6, 0.1, "The air is as it was found."),
         provenance=Provenance(real, simulator, {"descentflow": "0.1.0"}, {"seed": "0"}, ["own_effects.py"], used),
         corrected_file="corrected.parquet",
+        below_rounding=[BelowRounding("cas", 150.0, 195.0, 0.11, 0.29)],
     )

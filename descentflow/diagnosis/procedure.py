@@ -16,6 +16,7 @@ from descentflow.diagnosis.correction.previous_round import held_against
 from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
+from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.inference.detection_limit import detection_limits
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.held_out import held_out_shifts
@@ -30,6 +31,7 @@ from descentflow.diagnosis.inference.where import where
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.diagnosis.left_out_channels import left_out_channels
 from descentflow.diagnosis.not_identifiable import not_identifiable
+from descentflow.diagnosis.practical_size import below_rounding
 from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.report.causes import causes_of, would_split
 from descentflow.diagnosis.report.details import curves, discrepancy_of, remaining_of, singles_of
@@ -136,6 +138,9 @@ class Diagnosis:
         cells, affected = where(likelihood, settings.transition_fl, settings.seed)
         chosen = select(likelihood, self.discrepancy, progress)
         verdict = self._verdict(test.p_value, chosen)
+        small = [] if verdict == "none" else self._below_rounding(cells)
+        if small:
+            verdict = "none"
         fit = chosen.fit if verdict == "effect" else chosen.null
         if verdict == "none" or not bool(affected.any()):
             # Entries that stand out by chance would make a gap of it.
@@ -174,7 +179,13 @@ class Diagnosis:
             if verdict in ("unknown", "partial")
             else [],
             write_flights=made.write_flights,
+            below_rounding=small,
         )
+
+    def _below_rounding(self, cells: Sequence[GapCell]) -> list[BelowRounding]:
+        """The gap by quantity, if it is less than the rounding of one report throughout."""
+        c = self.compared
+        return below_rounding(c, cells, costs_of(c, None, self.settings.seed), profile_of(c))
 
     def _measured(self, details: Details, affected: Tensor) -> Details:
         """With what the gap was measured over, for the next round."""

@@ -96,6 +96,15 @@ QUANTITIES: dict[str, Quantity] = {
 """What may differ between flights, by name: those of a band first, in the order in which they are compared."""
 BY_BAND = tuple(name for name, quantity in QUANTITIES.items() if quantity.by_band)
 """Quantities with a number for each band of altitude."""
+NOISE_CHANNELS = {
+    "noise_rate": "vertical_rate",
+    "noise_cas": "IAS",
+    "noise_mach": "Mach",
+    "noise_tas": "TAS",
+    "noise_groundspeed": "groundspeed",
+    "noise_altitude": "altitude",
+}
+"""Short-scale noise -> the channel that has it."""
 OF_FLIGHT = tuple(name for name, quantity in QUANTITIES.items() if not quantity.by_band)
 """Quantities with one number for each flight."""
 CHANNELS = ("IAS", "Mach", "vertical_rate", "TAS", "groundspeed", "track", "heading", "geoaltitude")

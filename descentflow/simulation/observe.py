@@ -9,6 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from descentflow.core.constants import G0_MPS2
+from descentflow.core.mode_s_steps import STEPS
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.simulation.injected import EDGE_M, REFERENCE_MACH, Injected
 from descentflow.simulation.truth import Flight
@@ -17,18 +18,6 @@ from descentflow.simulation.world_config import WorldConfig
 Array = NDArray[np.float64]
 
 EARTH_RADIUS_M = 6_371_000.0
-QUANTA = {
-    "altitude": 25.0,
-    "geoaltitude": 25.0,
-    "IAS": 1.0,
-    "Mach": 0.004,
-    "vertical_rate": 32.0,
-    "TAS": 2.0,
-    "groundspeed": 2.0,
-    "track": 90 / 512,
-    "heading": 90 / 512,
-}
-"""Least significant bits of the reported fields (registers 4,0 to 6,0 of Mode S, and ADS-B), in their units."""
 _STREAM = 1
 _TRUTH = ("time_s", "altitude_m", "height_m", "cas_mps", "mach", "tas_mps", "groundspeed_mps", "rate_mps")
 
@@ -156,7 +145,7 @@ def _report(
         "heading": bearing,
         "geoaltitude": at(height) / FT_M,
     }
-    counted = {name: np.rint(value / QUANTA[name]) * QUANTA[name] for name, value in fields.items()}
+    counted = {name: np.rint(value / STEPS[name]) * STEPS[name] for name, value in fields.items()}
     place = {"latitude": np.degrees(latitude + north), "longitude": np.degrees(longitude + east)}
     return {"time_s": time, **counted, **place}
 

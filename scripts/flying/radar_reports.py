@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from descentflow.simulation.observe import QUANTA
+from descentflow.core.mode_s_steps import STEPS
 from descentflow.simulation.world_config import WorldConfig
 from flying.flight_plans import FlightPlan
 
@@ -44,7 +44,7 @@ def reports(plan: FlightPlan, state: State, number: int = 0, noise: float = 0.0)
         if name in state:
             values = _interpolated(due, state["time_s"], state[name], turns=name in ("track", "heading"))
             values = values + noise * NOISE.get(name, 0.0) * generator.standard_normal(len(due))
-            fields[name] = np.rint(values / QUANTA[name]) * QUANTA[name]
+            fields[name] = np.rint(values / STEPS[name]) * STEPS[name]
     start = plan.start.replace(tzinfo=None) + timedelta(days=number)
     stamps = [start + timedelta(seconds=float(second)) for second in due]
     place = {name: np.interp(due, state["time_s"], state[name]) for name in ("latitude", "longitude") if name in state}

@@ -88,7 +88,7 @@ def of_verdict(verdict: str) -> Findings:
     found = finding_toys.findings()
     if verdict in ("none", "unknown"):
         costs = [replace(cost, after=None) for cost in found.costs]
-        return replace(found, verdict=verdict, causes=[], recipe=[], costs=costs)  # type: ignore[arg-type]
+        return replace(found, verdict=verdict, causes=[], recipe=[], costs=costs, below_rounding=[])  # type: ignore[arg-type]
     return replace(found, verdict=verdict)  # type: ignore[arg-type]
 
 

@@ -11,8 +11,8 @@ from toys import AIRCRAFT
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError
+from descentflow.core.mode_s_steps import STEPS
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.simulation.observe import QUANTA
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig, default_operators
 
@@ -30,7 +30,7 @@ def test_rows_have_the_schema(world: World) -> None:
     texts = {name for name, kind in schema.items() if kind == pl.String}
     numbers = {name for name, kind in schema.items() if kind == pl.Float64}
     assert texts == {"icao24", "callsign", "flight_id", "typecode"}
-    assert numbers == set(QUANTA) | {"latitude", "longitude"}
+    assert numbers == set(STEPS) | {"latitude", "longitude"}
     assert world.rows.null_count().sum_horizontal().item() == 0
     assert world.rows.select(pl.col(pl.Float64).is_finite().all()).row(0) == (True,) * len(numbers)
     assert world.rows["icao24"].str.contains("^[0-9a-f]{6}$").all()
@@ -49,9 +49,9 @@ def test_times_rise_within_a_flight_and_flights_of_an_aircraft_do_not_overlap(wo
     assert gaps.drop_nulls().min().total_seconds() > 3600
 
 
-@pytest.mark.parametrize("field", QUANTA)
+@pytest.mark.parametrize("field", STEPS)
 def test_fields_are_quantised(world: World, field: str) -> None:
-    counts = world.rows[field] / QUANTA[field]
+    counts = world.rows[field] / STEPS[field]
     assert (counts - counts.round()).abs().max() < 1e-6
     assert counts.n_unique() > 10
 

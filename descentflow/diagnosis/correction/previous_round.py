@@ -150,7 +150,7 @@ def _judged(previous: Findings, predicted: ClosedShare, achieved: ClosedShare) -
 
 def _remains(now: Findings) -> str:
     if now.verdict == "none":
-        return "What remains is what chance would show."
+        return f"What remains is what {'rounding' if now.is_small else 'chance'} would show."
     left = f"A gap remains (p = {now.p_value:.2g})"
     if not now.causes:
         return f"{left}, of no named cause."

@@ -6,14 +6,14 @@ from typing import Literal
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep, Score
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
-from descentflow.diagnosis.findings.gap_found import GapCell, Remaining, Stage, WouldSplit
+from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell, Remaining, Stage, WouldSplit
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel, Provenance
 from descentflow.diagnosis.findings.measured_entry import MeasuredEntry
 from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
 
 Verdict = Literal["none", "effect", "partial", "unknown"]
-"""``none``: no gap; ``effect``: a gap with named causes; ``partial``: the named causes are real, and what they leave is
-still a gap, of no named cause; ``unknown``: a gap of no named cause."""
+"""``none``: no gap, or none that matters; ``effect``: a gap with named causes; ``partial``: the named causes are real,
+and what they leave is still a gap, of no named cause; ``unknown``: a gap of no named cause."""
 
 
 @dataclass(frozen=True)
@@ -182,6 +182,8 @@ class Findings:
         previous: The round before, where one was given.
         provenance: What went in; None where it is not known.
         corrected_file: Name of the corrected simulator beside `gap.json`; empty where there is none.
+        below_rounding: Of a gap that is more than chance and yet less than the rounding of one report, the largest
+            difference of each quantity; empty of any other.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -212,3 +214,16 @@ class Findings:
     previous: Previous | None = None
     provenance: Provenance | None = None
     corrected_file: str = ""
+    below_rounding: list[BelowRounding] = field(default_factory=list)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether there is a gap that is more than chance and does not matter.
+
+        Example:
+            >>> from descentflow.diagnosis.diagnose import diagnose
+            >>> from descentflow.effects import EFFECTS
+            >>> diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}).is_small
+            False
+        """
+        return self.verdict == "none" and bool(self.below_rounding)

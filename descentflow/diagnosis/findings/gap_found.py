@@ -39,6 +39,34 @@ class GapCell:
 
 
 @dataclass(frozen=True)
+class BelowRounding:
+    """Where a quantity differs most, of a gap that is more than chance and less than the rounding of one report.
+
+    Attributes:
+        quantity: Name, see :data:`descentflow.measurements.quantity_registry.QUANTITIES`.
+        level_low_fl: Lowest flight level.
+        level_high_fl: Highest.
+        difference: Distance beyond the noise floor, in the quantity's unit.
+        rounding: Standard uncertainty of one flight's number from the rounding of its reports.
+
+    Example:
+        >>> BelowRounding("cas", 150.0, 195.0, difference=0.1, rounding=0.29).share < 0.5
+        True
+    """
+
+    quantity: str
+    level_low_fl: float
+    level_high_fl: float
+    difference: float
+    rounding: float
+
+    @property
+    def share(self) -> float:
+        """The difference in the uncertainty."""
+        return self.difference / self.rounding
+
+
+@dataclass(frozen=True)
 class Stage:
     """What a simulator loses at one stage on the way from flights to samples.
 

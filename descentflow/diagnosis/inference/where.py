@@ -24,6 +24,10 @@ MATTERS = 0.5
 """An excess over the floor below this many negligible shifts is not counted as a gap, however significant."""
 
 
+ALL = "all"
+"""Name of the slice that is all flights."""
+
+
 @dataclass(frozen=True)
 class Slice:
     """Some of the flights, by name, and the cells that are looked at in them; ``y`` (n, p) is NaN for the others.
@@ -64,7 +68,7 @@ def where(likelihood: EffectsLikelihood, transition_fl: float, seed: int) -> tup
     counted = []
     for (row, cell, _), p_value in zip(measured, p_values, strict=True):
         large = row.distance - row.floor > MATTERS * float(negligible[cell.at].mean())
-        counted.append(row.slice == slices[0].name and p_value <= FALSE_CELLS and large)
+        counted.append(row.slice == ALL and p_value <= FALSE_CELLS and large)
         if counted[-1]:
             affected[cell.at] = True
     total = sum(excess for (_, _, excess), counts in zip(measured, counted, strict=True) if counts)
@@ -81,7 +85,7 @@ def _slices(compared: Compared, transition_fl: float) -> list[Slice]:
     slow = cas <= cas.median()
     known = cells(compared, transition_fl)
     of_rate = [cell for cell in known if cell.quantity == "rate"]
-    found = [Slice("all", compared.y, torch.ones_like(slow), known)]
+    found = [Slice(ALL, compared.y, torch.ones_like(slow), known)]
     for name, part in (("slower half", slow), ("faster half", ~slow)) if of_rate else ():
         found.append(Slice(name, torch.where(part[:, None], compared.y, torch.nan), part, of_rate))
     return found

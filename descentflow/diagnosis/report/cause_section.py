@@ -27,6 +27,11 @@ def cause_section(found: Findings) -> list[Html]:
 
 
 def _no_cause(found: Findings) -> str:
+    if found.is_small:
+        return (
+            "What differs is less than the rounding of one flight's reports leaves open: no cause is named for it. "
+            "Every effect of the catalogue was tried all the same."
+        )
     if found.verdict == "none":
         return "There is no gap to explain. Every effect of the catalogue was tried all the same."
     return "No effect of the catalogue explains the gap, alone or with others."

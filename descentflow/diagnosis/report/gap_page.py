@@ -45,7 +45,8 @@ def page(found: Findings) -> str:
         >>> page(report).count("<h2")  # sections
         8
     """
-    title = f"{simulator_name(found)} against {flights_name(found)}: {VERDICTS[found.verdict]}"
+    verdict = "a gap too small to matter" if found.is_small else VERDICTS[found.verdict]
+    title = f"{simulator_name(found)} against {flights_name(found)}: {verdict}"
     whole = HtmlPage(title, [answer(sentences(found), BOXES[found.verdict])])
     whole.section("What it costs", *cost_section(found))
     whole.section("Which cause, and how sure", *cause_section(found))

@@ -2,6 +2,7 @@
 
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.findings import Findings
+from descentflow.diagnosis.findings.gap_found import BelowRounding
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.next_steps import next_steps
 from descentflow.diagnosis.report.trade_units import in_trade, level_range, trade_number
@@ -18,6 +19,9 @@ from descentflow.diagnosis.report.words import (
     whole_costs,
 )
 from descentflow.measurements.quantity_registry import label_of
+
+SHOWN_SMALL = 3
+"""Quantities that are told of a gap that does not matter."""
 
 
 def sentences(found: Findings) -> list[str]:
@@ -42,7 +46,29 @@ def _p_value(found: Findings) -> str:
 
 def _no_gap(found: Findings) -> str:
     both = f"{simulator_name(found)} and the {flights_name(found)}"
+    if found.is_small:
+        rows = sorted(found.below_rounding, key=lambda row: -row.share)[:SHOWN_SMALL]
+        most = [f"{label_of(row.quantity)} {small_difference(found, row)}" for row in rows]
+        return (
+            f"{both} differ measurably ({_p_value(found)}), but everywhere by less than the rounding of one flight's "
+            f"reports leaves open (most: {spoken(most)})."
+        )
     return f"{both} differ by no more than chance would ({_p_value(found)})."
+
+
+def small_difference(found: Findings, row: BelowRounding) -> str:
+    """A difference that does not matter, beside what rounding leaves open, in units of the trade.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> small_difference(report, BelowRounding("cas", 150.0, 195.0, difference=0.11, rounding=0.29))
+        '0.1 kt of 0.3 kt'
+    """
+    levels = (row.level_low_fl, row.level_high_fl)
+    told = [in_trade(row.quantity, size, *levels, found.details.profile) for size in (row.difference, row.rounding)]
+    return " of ".join(trade_number(*one) for one in told)
 
 
 def _differ(found: Findings) -> str:

@@ -4,6 +4,7 @@ from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.gap_found import GapCell
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.gap_figures import curves_figure, where_figure
+from descentflow.diagnosis.report.text import small_difference
 from descentflow.diagnosis.report.trade_units import at_level, in_trade, level_range, trade_number
 from descentflow.diagnosis.report.words import spoken
 from descentflow.measurements.quantity_registry import label_of
@@ -38,6 +39,7 @@ def where_section(found: Findings) -> list[Html]:
         drawn_for_both(
             lambda narrow: where_figure(d.curves, d.profile, narrow=narrow), "where", largest_in_words(found), caption
         ),
+        *_below_rounding(found),
         _cells(found),
         *_whole_flights(found),
         *_stages(found),
@@ -86,6 +88,22 @@ def _cell(found: Findings, cell: GapCell) -> list[str]:
         trade_number(value, unit, signed=True),
         percent(cell.share),
     ]
+
+
+def _below_rounding(found: Findings) -> list[Html]:
+    """Each quantity of a gap that does not matter."""
+    if not found.is_small:
+        return []
+    rows = [
+        [label_of(row.quantity), level_range(row.level_low_fl, row.level_high_fl), small_difference(found, row)]
+        for row in found.below_rounding
+    ]
+    lead = (
+        "Reports are rounded, the vertical rate to 32 ft/min, IAS to 1 kt, TAS and groundspeed to 2 kt, Mach number to "
+        "0.004 and altitudes to 25 ft. What that leaves open in one flight (its standard uncertainty) is more than the "
+        "difference at every level; largest of each quantity:"
+    )
+    return [paragraph(lead), stacked_table(["quantity", "levels", "difference of uncertainty"], rows, align="lll")]
 
 
 def _whole_flights(found: Findings) -> list[Html]:

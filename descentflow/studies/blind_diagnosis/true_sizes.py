@@ -13,6 +13,7 @@ from torch import Tensor
 
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.constants import T0_K
+from descentflow.core.mode_s_steps import STEPS
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.simulation.causes import Injection
@@ -21,7 +22,6 @@ from descentflow.simulation.injected import REFERENCE_MACH
 from descentflow.simulation.jsbsim_world.airframes import AIRFRAMES
 from descentflow.simulation.jsbsim_world.flight_plans import FlightPlan, JsbsimConfig, draw_plans
 from descentflow.simulation.jsbsim_world.model_effects import inject
-from descentflow.simulation.observe import QUANTA
 from descentflow.simulation.parameters import draw_parameters
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.studies.blind_diagnosis.blind_plan import SetPlan
@@ -54,7 +54,7 @@ def _noise(own: Own) -> dict[str, float]:
     config, factor = WorldConfig(), float(own["factor"].mean())
     # Not of the rate: what a descent itself does within a few seconds is as large as the noise of its report.
     noises = {"cas": config.cas_noise_kt, "mach": config.mach_noise, "tas": config.tas_noise_kt}
-    quanta = {"cas": QUANTA["IAS"], "mach": QUANTA["Mach"], "tas": QUANTA["TAS"]}
+    quanta = {"cas": STEPS["IAS"], "mach": STEPS["Mach"], "tas": STEPS["TAS"]}
     found = {}
     for name, noise in noises.items():
         # Rounding adds a twelfth of its step squared to both variances.

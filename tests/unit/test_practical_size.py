@@ -1,0 +1,101 @@
+"""A gap that is more than chance and does not matter: told so, in units of the trade, and no cause is looked for."""
+
+from dataclasses import replace
+
+import finding_toys
+import polars as pl
+import pytest
+import torch
+
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.core.mode_s_steps import STEPS
+from descentflow.diagnosis.correction.costs import costs_of, profile_of
+from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.inference.example_sides import example_sides
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.inference.where import where
+from descentflow.diagnosis.inference.whitening import whiten
+from descentflow.diagnosis.practical_size import below_rounding, rounding_of
+from descentflow.diagnosis.procedure import Diagnosis
+from descentflow.diagnosis.report.gap_page import page
+from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.diagnosis.report.text import sentences
+from descentflow.diagnosis.simulator import Simulator
+from descentflow.effects import EFFECTS
+
+MANY = 1500
+
+
+def diagnosed(sides: Compared) -> GapReport:
+    asked = Settings(Simulator(aircraft("A320")), {"temperature": EFFECTS["temperature"]}, [], 0, str)
+    return Diagnosis(sides, asked, "training flights").report({}, pl.DataFrame())
+
+
+def small_gap(sides: Compared) -> list[str]:
+    weights = whiten(sides.y, sides.real, sides.airframe, sides.nugget(), sides.of_flight())
+    cells, _ = where(EffectsLikelihood(sides, weights, EFFECTS, seed=0), 290.0, 0)
+    return [row.quantity for row in below_rounding(sides, cells, costs_of(sides, None, 0), profile_of(sides))]
+
+
+def test_the_uncertainty_of_a_quantity_is_that_of_rounding_its_fields() -> None:
+    """Reports rounded to the steps, against the formula: a true airspeed over that of its Mach number."""
+    sides = example_sides()
+    profile = profile_of(sides)
+    found = rounding_of(sides, profile)[sides.columns("tas")]
+    generator = torch.Generator().manual_seed(0)
+    for at, here in ((0, profile[0]), (10, profile[10])):
+        mach = float(sides.state.mach()[:, at].mean())
+        tas = here.tas_kt + 40 * torch.rand(200_000, generator=generator, dtype=torch.float64) - 20
+        ratio = mach + 0.1 * torch.rand(200_000, generator=generator, dtype=torch.float64) - 0.05
+        told = [torch.round(v / STEPS[n]) * STEPS[n] for v, n in ((tas, "TAS"), (ratio, "Mach"))]
+        error = (told[0] / tas).log() - (told[1] / ratio).log()
+        # Speeds within 5 % of the middle: their mean uncertainty is that of the middle to 1 %.
+        assert float(found[at]) == pytest.approx(float(error.std()), rel=0.01)
+
+
+def test_a_fifth_of_a_kelvin_is_measurable_and_no_gap_to_explain() -> None:
+    report = diagnosed(example_sides(EFFECTS["temperature"], [0.3], MANY))
+    assert report.p_value < 0.02
+    assert report.verdict == "none"
+    assert report.causes == []
+    assert {row.quantity for row in report.below_rounding} == {"rate", "cas", "tas"}
+    first = sentences(report)[0]
+    assert "differ measurably" in first
+    assert "true airspeed against Mach number 0." in first
+    assert "a gap too small to matter" in page(report)
+
+
+def test_what_is_larger_than_rounding_is_explained_however_many_flights() -> None:
+    report = diagnosed(example_sides(EFFECTS["temperature"], [2.0], MANY))
+    assert report.verdict == "effect"
+    assert report.below_rounding == []
+
+
+def test_few_flights_cannot_say_that_a_gap_is_small() -> None:
+    assert small_gap(example_sides(EFFECTS["temperature"], [0.3], 80)) == []
+
+
+def test_a_small_cost_of_time_that_is_more_than_chance_counts() -> None:
+    """A rate that is 2 % slower throughout, and the time that it takes with it."""
+    sides = example_sides(n=MANY)
+    slower = torch.where(sides.real[:, None] & sides.of("rate"), -0.02, 0.0)
+    assert small_gap(sides)
+    assert small_gap(replace(sides, y=sides.y + slower)) == []
+
+
+def test_flights_that_differ_more_are_a_gap_though_their_means_agree() -> None:
+    sides = example_sides(n=MANY)
+    wider = torch.where(sides.real[:, None] & sides.of("cas"), 1.5 * sides.y, sides.y)
+    assert small_gap(replace(sides, y=wider)) == []
+
+
+def test_the_page_of_a_small_gap_says_so() -> None:
+    found = replace(finding_toys.findings(), verdict="none", causes=[], recipe=[])
+    text = page(found)
+    assert "a gap too small to matter" in text
+    assert "0.1 kt of 0.3 kt" in text
+    assert sentences(found)[0] == (
+        "house_simulator.parquet and the 400 real A320 flights differ measurably (p = 0.001), but everywhere by less "
+        "than the rounding of one flight's reports leaves open (most: calibrated airspeed 0.1 kt of 0.3 kt)."
+    )

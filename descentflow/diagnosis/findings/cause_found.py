@@ -151,7 +151,8 @@ class Cause:
     Attributes:
         effect: Its name in the catalogue.
         group: Effects that these data cannot tell from it.
-        probability: Share of resampled fleets in which it does best of those.
+        probability: Share of fleets of these aircraft, drawn with replacement, in which it explains held-out flights
+            best of all effects that could be named in its place.
         parameters: Estimates by name.
         score_gain: What its presence gains on flights that it was not fitted to.
         heterogeneity: How it differs between flights.

@@ -7,7 +7,7 @@ import torch
 from descentflow.diagnosis.inference.aircraft_groups import by_aircraft
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.search import fit_effects, score_test_gain
-from descentflow.diagnosis.inference.selection_rules import Candidate, is_credible
+from descentflow.diagnosis.inference.selection_rules import MIN_GAIN_Z, Candidate, is_credible
 
 TIE_Z = 1.64
 """Standard errors by which the named effect must lead for another to be told from it: a one-sided test at 5 %."""
@@ -56,6 +56,10 @@ def alike(
 ) -> tuple[tuple[str, ...], float]:
     """Names that do as well as a named effect, and the share of resampled fleets in which that one does best.
 
+    Best is judged among the effects that could be named in its place: those that can be what they say and whose gain
+    stands as far above its standard error as a first effect's must. Others may score higher by a few odd flights that
+    they alone take up; they are in the group, for these data do not exclude them, and are no rivals for a name.
+
     Args:
         likelihood: Of the flights.
         chosen: The named effects.
@@ -75,10 +79,13 @@ def alike(
     totals = [by_aircraft(chosen.log_score, likelihood.compared.airframe)]
     for name, fit in others.items():
         lead, error = likelihood.gain(chosen.log_score, fit.log_score)
-        gain = likelihood.gain(fit.log_score, without.log_score)[0]
-        if is_credible(likelihood, fit, name) and gain >= least and (lead < TIE_Z * error or lead < TIE_GAIN):
+        gain, gain_error = likelihood.gain(fit.log_score, without.log_score)
+        if not is_credible(likelihood, fit, name):
+            continue
+        if gain >= least and (lead < TIE_Z * error or lead < TIE_GAIN):
             same.append(name)
-        totals.append(by_aircraft(fit.log_score, likelihood.compared.airframe))
+        if gain >= MIN_GAIN_Z * gain_error:
+            totals.append(by_aircraft(fit.log_score, likelihood.compared.airframe))
     scores = torch.stack(totals)
     generator = torch.Generator().manual_seed(0)
     # Rubin's Bayesian bootstrap over aircraft.

@@ -149,12 +149,12 @@ def how_sure(cause: Cause) -> str:
         >>> from descentflow.diagnosis.diagnose import diagnose
         >>> from descentflow.effects import EFFECTS
         >>> how_sure(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}).causes[0])
-        'best in 100 of 100 fleets drawn from these aircraft'
+        'explains best in 100 of 100 fleets drawn from these aircraft'
     """
-    best = f"best in {100 * cause.probability:.0f} of 100 fleets drawn from these aircraft"
+    best = f"explains best in {100 * cause.probability:.0f} of 100 fleets drawn from these aircraft"
     if cause.inclusion is None:
         return best
-    return f"among the causes with a probability of {percent(cause.inclusion)}; {best}"
+    return f"is a cause with a probability of {percent(cause.inclusion)}; {best}"
 
 
 def became(cost: Cost) -> str:

@@ -50,6 +50,23 @@ class DescentCLI(LightningCLI):
         if getattr(logger, "init_args", None) is not None and logger.init_args.get("name") == UNNAMED:
             logger.init_args.name = config.model.class_path.rsplit(".", 1)[-1]
 
+    def after_fit(self) -> None:
+        """Say where the best epoch was written, how good it was, and what to do with it."""
+        for kept in self.trainer.checkpoint_callbacks:
+            if self.trainer.is_global_zero and isinstance(kept, ModelCheckpoint) and kept.monitor:
+                print(_next_steps(kept))
+
+
+def _next_steps(best: ModelCheckpoint) -> str:
+    path, here = Path(best.best_model_path), Path.cwd()
+    path = path.relative_to(here) if path.is_relative_to(here) else path
+    score = "" if best.best_model_score is None else f" ({best.monitor} {float(best.best_model_score):.4g})"
+    return (
+        f"wrote {path}{score}\n"
+        f"  descentflow test --ckpt_path {path}   # scores against its held-out flights, figures\n"
+        f"  descentflow sample {path} -n 1000 --out samples.parquet"
+    )
+
 
 def run(command: str, rest: Sequence[str]) -> None:
     """Run ``fit``, ``validate``, ``test`` or ``predict``.

@@ -5,7 +5,8 @@ Reading order: :mod:`~descentflow.densities.density` (what every density offers)
 :mod:`~descentflow.densities.mixture_parameters`), :mod:`~descentflow.densities.em` (its fit; the steps are in
 :mod:`~descentflow.densities.gaussian_steps` and :mod:`~descentflow.densities.regression_steps`),
 :mod:`~descentflow.densities.component_search` (how many mixture components), :mod:`~descentflow.densities.flow` (with
-:mod:`~descentflow.densities.layers`), :mod:`~descentflow.densities.checkpoint`.
+:mod:`~descentflow.densities.layers`), :mod:`~descentflow.densities.checkpoint` (what it holds:
+:mod:`~descentflow.densities.checkpoint_summary`).
 
 To add a density: write a subclass of :class:`Density` with ``log_prob`` and ``draw`` in a file of its own, enter it in
 ``MODULES`` below, and add a LightningModule that fits it to :mod:`descentflow.training.models` (enter it in ``MODULES``

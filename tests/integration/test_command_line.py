@@ -1,6 +1,7 @@
 """The trainer's commands and sampling, run as a user runs them, on small prepared descents."""
 
 import importlib.util
+import re
 import warnings
 from pathlib import Path
 
@@ -85,6 +86,24 @@ def test_what_a_fit_leaves_behind(run: Path) -> None:
     parts = [set(split[name]) for name in ("train", "validation", "test")]
     assert [len(part) for part in parts] == [216, 24, 60]
     assert len(set.union(*parts)) == 300
+
+
+def test_a_fit_ends_with_its_checkpoint_and_info_tells_what_it_holds(
+    tmp_path: Path, descents: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK]) == 0
+    said = capsys.readouterr().out
+    path = "runs/Gaussian/version_0/checkpoints/best.ckpt"
+    score = re.search(rf"wrote {path} \((val/nll \S+)\)\n  descentflow test --ckpt_path {path} ", said)
+    assert score is not None, said
+    assert main(["info", path]) == 0
+    told = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines()[1:])
+    parts = load_model(path).representation
+    assert told["flights"].startswith(f"{len(parts.split.train)} train, {len(parts.split.validation)} validation")
+    assert told["aircraft"].startswith(parts.decoder.aircraft.typecode)
+    assert told["score"].startswith(f"{score[1]} in epoch 1;")
+    assert (told["context"], told["effects added"], told["cleaning"]) == ("none", "none", "the default thresholds")
 
 
 def test_tensorboard_holds_scores_acceptance_and_figures(run: Path) -> None:

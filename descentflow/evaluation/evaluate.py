@@ -97,6 +97,7 @@ def evaluate_profiles(
     seed: int = 0,
     name: str = "samples",
     n_splits: int = N_SPLITS,
+    costly: bool = True,
     draw_budget: int | None = None,
     progress: Callable[[int], None] | None = None,
     score_progress: Callable[[int], None] | None = None,
@@ -115,6 +116,7 @@ def evaluate_profiles(
         seed: Of sampling, and of the splits behind the noise floors.
         name: The model's name in figures.
         n_splits: Random splits behind each noise floor.
+        costly: Whether costly statistics are among the scores, see :func:`.metrics.scores.score`.
         draw_budget: Most draws; 100 for each sample (at least 10,000) if absent.
         progress: Progress callback: called with the number of newly accepted samples.
         score_progress: Progress callback: called with 1 after each comparison.
@@ -152,5 +154,6 @@ def evaluate_profiles(
     )
     generated, observed = DescentSet.of_trajectories(samples.trajectories), DescentSet.of_profiles(real)
     nominal = DescentSet.of_nominal(nominal_descent(decoder.aircraft, decoder.levels_fl.cpu()))
-    scores = score(generated, observed, decoder.transition_fl, nominal, seed, n_splits, progress=score_progress)
+    transition_fl = decoder.transition_fl
+    scores = score(generated, observed, transition_fl, nominal, seed, n_splits, costly=costly, progress=score_progress)
     return Evaluation(name, generated, observed, nominal, scores, samples.report, representation)

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,13 @@ from matplotlib.figure import Figure
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import to_pandas
 from descentflow.evaluation.figures.acceptance import acceptance_figure
+from descentflow.evaluation.figures.classifier_looks import classifier_figure
 from descentflow.evaluation.figures.components import components_figure
 from descentflow.evaluation.figures.distances_by_level import level_scores_figure
 from descentflow.evaluation.figures.level_cuts import cuts_figure
 from descentflow.evaluation.figures.profile_bands import profiles_figure
 from descentflow.evaluation.metrics.bootstrap import score_intervals
+from descentflow.evaluation.metrics.classifier import Detection, detect
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.generation.samples import RejectionReport
@@ -46,7 +49,7 @@ class Evaluation:
         ['quantity', 'statistic', 'unit', 'score']
         >>> found.write("evaluation", figures=False)
         >>> sorted(path.name for path in Path("evaluation").iterdir())
-        ['rejections.json', 'scores.csv']
+        ['classifier.csv', 'rejections.json', 'scores.csv']
     """
 
     name: str
@@ -59,9 +62,18 @@ class Evaluation:
     n_seen: int | None = None
     notes: tuple[str, ...] = ()
 
+    @cached_property
+    def classifier(self) -> Detection:
+        """How well a classifier tells the samples from the flights, and what it looks at."""
+        return detect(self.samples, self.real)
+
     def figures(self) -> dict[str, Figure]:
-        """Figures by name: samples against flights (paper, figures 4-6), distances, rejections, components."""
+        """Figures by name: samples against flights (paper, figures 4-6), distances, rejections, components, classifier.
+
+        The last is left out where there are too few flights to judge.
+        """
         decoder = self.representation.decoder
+        told = {"classifier": classifier_figure(self.classifier)} if self.classifier.importance else {}
         profiles = profiles_figure(self.real, {self.name: self.samples}, self.nominal, title=decoder.aircraft.typecode)
         return {
             "profiles": profiles,
@@ -69,6 +81,7 @@ class Evaluation:
             "distance_by_level": level_scores_figure(self.scores, decoder.transition_fl),
             "rejections": acceptance_figure(self.rejections),
             "components": components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl),
+            **told,
         }
 
     def _cut_fl(self) -> float:
@@ -88,7 +101,7 @@ class Evaluation:
             ConfigError: If there are fewer than two resamples.
         """
         transition_fl = self.representation.decoder.transition_fl
-        found = score_intervals(self.samples, self.real, transition_fl, seed, n_resamples)
+        found = score_intervals(self.samples, self.real, transition_fl, seed, n_resamples, costly=True)
         return pl.DataFrame([asdict(one) for one in found]).fill_nan(None)
 
     def to_polars(self) -> pl.DataFrame:
@@ -104,10 +117,12 @@ class Evaluation:
         return to_pandas(self.scores.frame())
 
     def write(self, folder: str | Path, *, figures: bool = True) -> None:
-        """Write `scores.csv`, `rejections.json` and, unless they are not wanted, the figures as PNG."""
+        """Write `scores.csv`, `classifier.csv`, `rejections.json` and, unless they are not wanted, figures as PNG."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         self.scores.write_csv(folder / "scores.csv")
+        with whole_file(folder / "classifier.csv") as temporary:
+            pl.DataFrame(self.classifier.importance, schema=_IMPORTANCE).write_csv(temporary)
         with whole_file(folder / "rejections.json") as temporary:
             temporary.write_text(json.dumps(self.rejections.as_dict(), indent=1))
         for name, figure in self.figures().items() if figures else ():
@@ -115,12 +130,16 @@ class Evaluation:
                 figure.savefig(temporary, dpi=110)
 
     def __str__(self) -> str:
-        """Flights, what was left out, rejections, and the table of scores."""
+        """Flights, what was left out, rejections, the table of scores, and what the classifier looks at."""
         seen = self.n_seen
         left_out = "" if seen is None else f" ({seen} left out: the checkpoint was trained or validated on them)"
         lines = [f"{len(self.real)} held-out flights{left_out}", *self.notes, str(self.rejections), str(self.scores)]
+        lines += [str(self.classifier)] if self.classifier.importance else []
         return "\n".join(lines)
 
     def __repr__(self) -> str:
         """As printed."""
         return str(self)
+
+
+_IMPORTANCE = {"quantity": pl.String, "low_fl": pl.Float64, "high_fl": pl.Float64, "loss": pl.Float64}

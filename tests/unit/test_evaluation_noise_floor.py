@@ -84,6 +84,6 @@ def test_all_rows_of_the_table_meet_their_floor_under_the_null() -> None:
         gaps.append([row.equal_size - row.floor for row in table])
     found = torch.tensor(gaps, dtype=torch.float64)
     z = found.mean(0) / found.std(0) * len(found) ** 0.5
-    # Seeds are fixed; were they not, 4.5 standard errors in 22 rows would fail once in 7,000 runs.
-    assert z.shape == (22,)
+    # Seeds are fixed; were they not, 4.5 standard errors in 23 rows would fail once in 6,400 runs.
+    assert z.shape == (23,)
     assert float(z.abs().max()) < 4.5

@@ -157,7 +157,7 @@ def test_absent_numbers_are_empty_fields(tmp_path: Path) -> None:
     table = score(plain(40, 1), plain(3), 205.0, n_splits=2)
     table.write_csv(path)
     header, first, *rest = path.read_text().splitlines()
-    assert len(rest) == 21
+    assert len(rest) == 22
     assert header.split(",")[:6] == ["quantity", "statistic", "unit", "score", "equal_size", "floor"]
     assert first.startswith("time_to_bottom_of_descent,ks,1,,,,,,,,40,3,1,0,,")
     assert table.level_frame()["score"].null_count() == table.level_frame().height

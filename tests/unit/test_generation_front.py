@@ -102,7 +102,9 @@ def test_evaluation_leaves_out_what_the_model_has_seen(model: Gaussian, descents
     assert in_memory.to_polars().equals(found.to_polars())
     assert len(found.to_pandas()) == len(found.to_polars())
     found.write(tmp_path / "e", figures=False)
-    assert sorted(path.name for path in (tmp_path / "e").iterdir()) == ["rejections.json", "scores.csv"]
+    assert sorted(path.name for path in (tmp_path / "e").iterdir()) == [
+        "classifier.csv", "rejections.json", "scores.csv"
+    ]  # fmt: skip
 
 
 def test_flights_with_a_level_too_few_are_named(model: Gaussian, descents: Path) -> None:

@@ -11,6 +11,7 @@ from descentflow.evaluation.metrics.comparison import whole_distances
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_registry import (
     QUANTITIES,
+    descent_statistics,
     level_statistics,
     parts_of,
     profile_statistics,
@@ -44,6 +45,8 @@ def score_intervals(
     transition_fl: float,
     seed: int = 0,
     n_resamples: int = 50,
+    *,
+    costly: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> list[Interval]:
     """90 % intervals of the scores of :func:`descentflow.evaluation.metrics.scores.score`.
@@ -58,6 +61,8 @@ def score_intervals(
         transition_fl: Transition level of the type.
         seed: Of the resampling.
         n_resamples: How often, at least two.
+        costly: Whether costly statistics are among them. The interval of the classifier's AUC takes the classifiers as
+            they are: flights are judged again, not learnt from again.
         progress: Progress callback: called with 1 after each.
 
     Raises:
@@ -75,7 +80,7 @@ def score_intervals(
         raise ConfigError(f"{n_resamples} resamples", expected="at least two", mend="ask for 50")
     generator = torch.Generator().manual_seed(seed)
     few = samples.subset(torch.randperm(len(samples), generator=generator)[:MAX_SAMPLES])
-    profiles = _profile_scores(samples, real)
+    profiles = _profile_scores(samples, real, costly)
     resampled: list[Tensor] = []
     for _ in range(n_resamples):
         chosen = torch.randint(len(real), (len(real),), generator=generator)
@@ -86,7 +91,7 @@ def score_intervals(
     middle = torch.cat([_level_scores(samples, real, transition_fl), profiles.nanmean(1)])
     deviation = torch.stack(resampled).std(0)
     low, high = (middle - NORMAL_90 * deviation).clamp(min=0), middle + NORMAL_90 * deviation
-    names = [(part.name, statistic.name) for part, statistic in rows()]
+    names = [(part.name, statistic.name) for part, statistic in rows(costly=costly)]
     ends = zip(low.tolist(), high.tolist(), strict=True)
     return [Interval(*name, *end) for name, end in zip(names, ends, strict=True)]
 
@@ -102,12 +107,13 @@ def _level_scores(samples: DescentSet, real: DescentSet, transition_fl: float) -
     return torch.stack(found)
 
 
-def _profile_scores(samples: DescentSet, real: DescentSet) -> Tensor:
-    """Scores of whole profiles, one for each flight: (rows, flights), in the order of the table."""
+def _profile_scores(samples: DescentSet, real: DescentSet, costly: bool) -> Tensor:
+    """Scores of whole profiles and descents, one for each flight: (rows, flights), in the order of the table."""
     found = [
         statistic.compute(quantity.of(samples), quantity.of(real))
         for quantity in QUANTITIES
         if quantity.by_level
         for statistic in profile_statistics()
     ]
+    found += [one.compute(samples, real) for one in descent_statistics(costly=costly)]
     return torch.stack(found) if found else torch.zeros(0, len(real), dtype=torch.float64)

@@ -6,15 +6,17 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.level_distances import Distances, level_distances
 from descentflow.evaluation.metrics.noise_floor import (
     MIN_VALUES,
     matched_size,
+    split_descent_scores,
     split_distances,
     split_profile_scores,
 )
 from descentflow.evaluation.metrics.pooled import Values
-from descentflow.evaluation.metrics.score_registry import ProfileStatistic
+from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, ProfileStatistic
 
 
 @dataclass(frozen=True)
@@ -78,13 +80,29 @@ def compare_profiles(
         >>> found.whole["energy"].shape, found.floor["energy"].shape
         (torch.Size([10]), torch.Size([2, 1]))
     """
-    name, whole = statistic.name, statistic.compute(samples, real)
-    if int((~whole.isnan()).sum()) < MIN_VALUES:
-        whole = torch.full_like(whole, torch.nan)
+    name, whole = statistic.name, _enough_flights(statistic.compute(samples, real))
     if not statistic.has_floor:
         return Comparison({name: whole}, {}, {}, matched_size(samples, real))
     same, floor = split_profile_scores(statistic, samples, real, seed=seed, n_splits=n_splits)
     return Comparison({name: whole}, {name: same[:, None]}, {name: floor[:, None]}, matched_size(samples, real))
+
+
+def compare_descents(
+    statistic: DescentStatistic, samples: DescentSet, real: DescentSet, seed: int, n_splits: int
+) -> Comparison:
+    """As :func:`compare`, by a statistic of whole descents.
+
+    Example:
+        >>> from descentflow.evaluation.metrics.score_registry import STATISTICS
+        >>> from descentflow.generation.sample import sample
+        >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 60, seed=s).trajectories) for s in (1, 2))
+        >>> compare_descents(STATISTICS["joint_energy"], one, two, seed=0, n_splits=2).n_each
+        30
+    """
+    name, whole = statistic.name, _enough_flights(statistic.compute(samples, real))
+    same, floor = split_descent_scores(statistic, samples, real, seed=seed, n_splits=n_splits)
+    n_each = matched_size((samples.mask, samples.mask), (real.mask, real.mask))
+    return Comparison({name: whole}, {name: same[:, None]}, {name: floor[:, None]}, n_each)
 
 
 def whole_distances(samples: Values, real: Values) -> dict[str, Tensor]:
@@ -100,6 +118,11 @@ def whole_distances(samples: Values, real: Values) -> dict[str, Tensor]:
         tensor([nan], dtype=torch.float64)
     """
     return _enough(level_distances(*samples, *real))
+
+
+def _enough_flights(whole: Tensor) -> Tensor:
+    """Scores by flight, all NaN where too few flights have one."""
+    return whole if int((~whole.isnan()).sum()) >= MIN_VALUES else torch.full_like(whole, torch.nan)
 
 
 def _enough(distances: Distances) -> dict[str, Tensor]:

@@ -6,14 +6,19 @@ flights were held out, and is averaged over many splits. Ratios then compare bet
 """
 
 from collections.abc import Callable
+from functools import partial
+from typing import TypeVar
 
 import torch
 from torch import Tensor
 
+from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.level_distances import Distances, joined, level_distances
 from descentflow.evaluation.metrics.pooled import Values
-from descentflow.evaluation.metrics.score_registry import ProfileStatistic, level_statistics
+from descentflow.evaluation.metrics.score_registry import level_statistics
+from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, ProfileStatistic
 
+T = TypeVar("T")
 SIZE = 200
 """Flights on each side. A type needs twice as many held-out flights; of one with fewer, half are on each side."""
 MIN_VALUES = 4
@@ -89,15 +94,32 @@ def split_profile_scores(
         >>> same.shape, floor.shape
         (torch.Size([4]), torch.Size([4]))
     """
-    found = []
-    for drawn, first, second in zip(*splits(samples, real, seed, n_splits, size), strict=True):
-        scored = _take(real, first)
-        same, floor = (statistic.compute(one, scored) for one in (_take(samples, drawn), _take(real, second)))
-        both = ~(same.isnan() | floor.isnan())
-        enough = int(both.sum()) >= MIN_VALUES
-        found.append([values[both].mean() if enough else values.new_tensor(torch.nan) for values in (same, floor)])
-    means = torch.stack([torch.stack(pair) for pair in found])
-    return means[:, 0], means[:, 1]
+    dealt = splits(samples, real, seed, n_splits, size)
+    return _means(statistic.compute, partial(_take, samples), partial(_take, real), dealt)
+
+
+def split_descent_scores(
+    statistic: DescentStatistic,
+    samples: DescentSet,
+    real: DescentSet,
+    *,
+    seed: int = 0,
+    n_splits: int = 20,
+    size: int = SIZE,
+) -> tuple[Tensor, Tensor]:
+    """As :func:`split_profile_scores`, of a statistic of whole descents; of no more splits than it wants.
+
+    Example:
+        >>> from descentflow.evaluation.metrics.score_registry import STATISTICS
+        >>> from descentflow.generation.sample import sample
+        >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 60, seed=s).trajectories) for s in (1, 2))
+        >>> same, floor = split_descent_scores(STATISTICS["auc"], one, two, n_splits=100)
+        >>> same.shape, floor.shape
+        (torch.Size([3]), torch.Size([3]))
+    """
+    seen = [(one.mask, one.mask) for one in (samples, real)]
+    dealt = splits(seen[0], seen[1], seed, min(n_splits, statistic.most_splits), size)
+    return _means(statistic.compute, samples.subset, real.subset, dealt)
 
 
 def matched_size(samples: Values, real: Values, size: int = SIZE) -> int:
@@ -136,6 +158,24 @@ def splits(samples: Values, real: Values, seed: int, n_splits: int, size: int) -
         for one in (flights, drawn)
     )
     return drawn[picked[:, :h]], flights[order[:, :h]], flights[order[:, h : 2 * h]]
+
+
+def _means(
+    compute: Callable[[T, T], Tensor],
+    of_samples: Callable[[Tensor], T],
+    of_real: Callable[[Tensor], T],
+    dealt: tuple[Tensor, Tensor, Tensor],
+) -> tuple[Tensor, Tensor]:
+    """Means (n_splits,) over the flights that both samples and other flights can be scored against."""
+    found = []
+    for drawn, first, second in zip(*dealt, strict=True):
+        scored = of_real(first)
+        same, floor = (compute(one, scored) for one in (of_samples(drawn), of_real(second)))
+        both = ~(same.isnan() | floor.isnan())
+        enough = int(both.sum()) >= MIN_VALUES
+        found.append([values[both].mean() if enough else values.new_tensor(torch.nan) for values in (same, floor)])
+    means = torch.stack([torch.stack(pair) for pair in found])
+    return means[:, 0], means[:, 1]
 
 
 def _seen(values: Values) -> Tensor:

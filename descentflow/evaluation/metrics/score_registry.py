@@ -1,136 +1,37 @@
 """Everything that is scored: one entry says what a quantity or a statistic is called, its unit and how it is computed.
 
-To add a score, add an entry to :data:`STATISTICS`: the table, its CSV file, the bootstrap intervals and the figures
-take it from there.
+To add a score, add an entry to :data:`STATISTICS`: the table, its CSV file, the bootstrap intervals, the figures, the
+callbacks and the study take it from there.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import torch
-from torch import Tensor
 
 from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.evaluation.metrics.classifier import MIN_PAIRS, classifier_auc
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.distances import error_of_one, error_of_the_mean, ks_distance, wasserstein_distance
-from descentflow.evaluation.metrics.pooled import Pooled, Values
+from descentflow.evaluation.metrics.joint_energy import joint_energy_scores
+from descentflow.evaluation.metrics.pooled import Values
 from descentflow.evaluation.metrics.proper import crps_of, crps_of_one, energy_scores, energy_scores_of_one
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """What is compared: values and mask of a set of descents, in the units of the field.
-
-    Attributes:
-        name: In files and code.
-        label: In figures and tables.
-        unit: Of the values.
-        of: Values and mask (n, K) of n descents.
-        by_level: Whether K counts the levels; else there is one value for each descent.
-        short: The label where there is little room; the label itself if empty.
-
-    Example:
-        >>> drag = Quantity("drag", "Drag", "kN", lambda descents: (descents.drag_n / 1000, descents.mask))
-        >>> [part.name for part in parts_of(drag)]
-        ['drag_above_transition', 'drag_below_transition']
-    """
-
-    name: str
-    label: str
-    unit: str
-    of: Callable[[DescentSet], Values]
-    by_level: bool = True
-    short: str = ""
-
-
-@dataclass(frozen=True)
-class Statistic:
-    """How far samples are from real flights: what all kinds of statistic have in common.
-
-    Attributes:
-        name: In files and code.
-        label: In figures and tables.
-        short: The label where there is little room.
-        unit: Of the statistic; None for that of the quantity.
-        has_floor: Whether it is compared with its noise floor (flights against other flights, as many).
-        proper: Whether it is a proper score: noise adds nothing to it on average, and what a wrong generator adds
-            is a squared distance.
-        of_one: The statistic of one descent (nominal BADA), with the shape of ``compute``'s result; None if one descent
-            has none.
-        in_figure: Whether it is drawn by level.
-        in_paper: Whether it is in the paper's tables.
-
-    Example:
-        >>> cas = QUANTITIES[1]
-        >>> STATISTICS["ks"].unit_of(cas), STATISTICS["wasserstein"].unit_of(cas)
-        ('1', 'kt')
-    """
-
-    name: str
-    label: str
-    short: str
-    unit: str | None = None
-    has_floor: bool = True
-    proper: bool = False
-    of_one: Callable[[Values, Values], Tensor] | None = None
-    in_figure: bool = False
-    in_paper: bool = False
-
-    def unit_of(self, quantity: Quantity) -> str:
-        """Unit of the statistic of a quantity."""
-        return quantity.unit if self.unit is None else self.unit
-
-    def excess(self, distance: float, floor: float, spread: float) -> float:
-        """What a distance has above its noise floor, both at one size.
-
-        ``sqrt(max(d^2 - f^2, 0))`` of a distance d beside its floor f, as independent errors add up; ``d - f`` of a
-        proper score, which may fall below zero by chance. In spreads, except for a statistic without a unit.
-
-        Args:
-            distance: Of the samples.
-            floor: Of other flights.
-            spread: Standard deviation of the flights, in the statistic's unit.
-
-        Example:
-            >>> STATISTICS["wasserstein"].excess(5.0, 3.0, spread=8.0), STATISTICS["ks"].excess(0.5, 0.3, spread=8.0)
-            (0.5, 0.4)
-        """
-        above = distance - floor if self.proper else max(distance**2 - floor**2, 0.0) ** 0.5
-        return above if self.unit == "1" else above / spread
-
-
-@dataclass(frozen=True)
-class LevelStatistic(Statistic):
-    """A statistic at every level: ``compute`` takes samples (first) and flights (second) pooled, and gives (K,).
-
-    Example:
-        >>> from descentflow.evaluation.metrics.pooled import pool
-        >>> bias = LevelStatistic("bias", "bias", "bias", compute=lambda p: (p.mean_first - p.mean_second)[:, 0])
-        >>> one, two = torch.tensor([[1.0]]), torch.tensor([[3.0]])
-        >>> bias.compute(pool(one, one > 0, two, two > 0))
-        tensor([-2.], dtype=torch.float64)
-    """
-
-    compute: Callable[[Pooled], Tensor] = error_of_the_mean
-
-
-@dataclass(frozen=True)
-class ProfileStatistic(Statistic):
-    """A statistic of whole profiles: ``compute`` takes samples and m flights, and gives one number a flight (m,).
-
-    Flights that cannot be scored are NaN; the score is the mean over the others.
-
-    Example:
-        >>> samples, real = torch.zeros(9, 3), torch.ones(2, 3)
-        >>> STATISTICS["energy"].compute((samples, samples == 0), (real, real == 1))
-        tensor([1., 1.], dtype=torch.float64)
-    """
-
-    compute: Callable[[Values, Values], Tensor] = energy_scores
+from descentflow.evaluation.metrics.statistic_kinds import (
+    DescentStatistic,
+    LevelStatistic,
+    Part,
+    ProfileStatistic,
+    Quantity,
+    Statistic,
+)
 
 
 def _times(descents: DescentSet) -> Values:
     return (descents.time_s[:, 0] - descents.time_s[:, -1])[:, None], descents.spans_grid()[:, None]
+
+
+def _cas_and_rate(descents: DescentSet) -> Values:
+    (cas, mask), (rate, _) = QUANTITIES[1].of(descents), QUANTITIES[2].of(descents)
+    return torch.cat([cas, rate], 1), torch.cat([mask, mask], 1)
 
 
 QUANTITIES = (
@@ -144,6 +45,9 @@ QUANTITIES = (
         short="rate",
     ),
 )
+
+WHOLE = Part(Quantity("descent", "Whole descent", "1", _cas_and_rate), "descent", "Whole descent", "whole descent")
+"""What statistics of whole descents are of: CAS and rate together, at all levels."""
 
 STATISTICS: dict[str, Statistic] = {
     one.name: one
@@ -160,9 +64,23 @@ STATISTICS: dict[str, Statistic] = {
         LevelStatistic(
             "mae", "error of the mean", "mean", of_one=error_of_one, in_paper=True, compute=error_of_the_mean
         ),
-        LevelStatistic("crps", "CRPS", "CRPS", proper=True, of_one=crps_of_one, compute=crps_of),
+        LevelStatistic("crps", "CRPS", "CRPS", additive=True, of_one=crps_of_one, compute=crps_of),
         ProfileStatistic(
-            "energy", "energy score", "energy", proper=True, of_one=energy_scores_of_one, compute=energy_scores
+            "energy", "energy score", "energy", additive=True, of_one=energy_scores_of_one, compute=energy_scores
+        ),
+        DescentStatistic(
+            "joint_energy", "joint energy score", "joint energy", "1", additive=True, compute=joint_energy_scores
+        ),
+        DescentStatistic(
+            "auc",
+            "AUC of a classifier",
+            "AUC",
+            "1",
+            additive=True,
+            compute=classifier_auc,
+            costly=True,
+            most_splits=3,
+            needs=f"{MIN_PAIRS} flights",
         ),
     )
 }
@@ -187,36 +105,6 @@ def profile_statistics() -> list[ProfileStatistic]:
         ['energy']
     """
     return [one for one in STATISTICS.values() if isinstance(one, ProfileStatistic)]
-
-
-@dataclass(frozen=True)
-class Part:
-    """Levels of a quantity over which the rows of the table average.
-
-    Attributes:
-        name: In files: the quantity's, with ``_above_transition``, ``_below_transition`` or ``_profile``.
-        label: In tables.
-        short: The label where there is little room.
-        side: ``above``, ``at or below``, or nothing.
-
-    Example:
-        >>> above = level_parts()["cas_above_transition"]
-        >>> above.levels(torch.tensor([280.0, 290.0, 300.0]), transition_fl=290.0)
-        tensor([False, False,  True])
-    """
-
-    quantity: Quantity
-    name: str
-    label: str
-    short: str
-    side: str = ""
-
-    def levels(self, levels_fl: Tensor, transition_fl: float) -> Tensor:
-        """Which of the quantity's K values belong to it (K,)."""
-        if not self.quantity.by_level:
-            return torch.ones(1, dtype=torch.bool, device=levels_fl.device)
-        above = levels_fl > transition_fl
-        return above if self.side == "above" else ~above
 
 
 def parts_of(quantity: Quantity) -> list[Part]:
@@ -252,12 +140,15 @@ def profile_of(quantity: Quantity) -> Part:
     return Part(quantity, f"{quantity.name}_profile", f"{quantity.label}, whole profile", f"{short} profile")
 
 
-def rows() -> Iterator[tuple[Part, Statistic]]:
-    """The rows of the table of scores in their order: by level first, then whole profiles.
+def rows(*, costly: bool = False) -> Iterator[tuple[Part, Statistic]]:
+    """The rows of the table of scores in their order: by level first, then whole profiles, then whole descents.
+
+    Args:
+        costly: Whether costly statistics are among them.
 
     Example:
-        >>> [(part.name, statistic.name) for part, statistic in rows()][-2:]
-        [('cas_profile', 'energy'), ('rocd_profile', 'energy')]
+        >>> [(part.name, statistic.name) for part, statistic in rows(costly=True)][-3:]
+        [('rocd_profile', 'energy'), ('descent', 'joint_energy'), ('descent', 'auc')]
     """
     for quantity in QUANTITIES:
         for part in parts_of(quantity):
@@ -267,6 +158,19 @@ def rows() -> Iterator[tuple[Part, Statistic]]:
         if quantity.by_level:
             for whole in profile_statistics():
                 yield profile_of(quantity), whole
+    for one in descent_statistics(costly=costly):
+        yield WHOLE, one
+
+
+def descent_statistics(*, costly: bool = True) -> list[DescentStatistic]:
+    """The registered statistics of whole descents, without the costly ones unless they are wanted.
+
+    Example:
+        >>> [one.name for one in descent_statistics(costly=False)]
+        ['joint_energy']
+    """
+    found = [one for one in STATISTICS.values() if isinstance(one, DescentStatistic)]
+    return [one for one in found if costly or not one.costly]
 
 
 def paper_statistics() -> dict[str, Statistic]:

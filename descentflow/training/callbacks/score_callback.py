@@ -56,7 +56,7 @@ class ScoreCallback(Callback):
         if trainer.state.fn != "fit" or trainer.sanity_checking or not self._due(trainer):
             return
         try:
-            found = self._evaluate(trainer, pl_module, "validation", self.n_samples, n_splits=FEW_SPLITS)
+            found = self._evaluate(trainer, pl_module, "validation", self.n_samples, n_splits=FEW_SPLITS, costly=False)
         except SamplingError as error:
             # An untrained density may propose nothing plausible; the fit goes on.
             rank_zero_warn(f"epoch {trainer.current_epoch}: not scored, {error}")
@@ -65,7 +65,7 @@ class ScoreCallback(Callback):
 
     def on_test_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Score against the test flights, write the files and print the table."""
-        found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, n_splits=N_SPLITS)
+        found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, n_splits=N_SPLITS, costly=True)
         self._log(trainer, found, "test")
         folder = Path(trainer.log_dir or trainer.default_root_dir)
         found.write(folder)
@@ -76,13 +76,15 @@ class ScoreCallback(Callback):
         last = epoch == trainer.max_epochs or trainer.should_stop
         return last or (self.every_n_epochs > 0 and epoch % self.every_n_epochs == 0)
 
-    def _evaluate(self, trainer: Trainer, module: LightningModule, part: str, n: int, *, n_splits: int) -> Evaluation:
+    def _evaluate(
+        self, trainer: Trainer, module: LightningModule, part: str, n: int, *, n_splits: int, costly: bool
+    ) -> Evaluation:
         assert isinstance(module, LatentModel)
         real = trainer.datamodule.profiles(part)  # type: ignore[attr-defined]
         context = trainer.datamodule.contexts(part)  # type: ignore[attr-defined]
         name, parts = type(module).__name__, module.representation
         return evaluate_profiles(
-            module, parts, real, context=context, n=n, seed=self.seed, name=name, n_splits=n_splits
+            module, parts, real, context=context, n=n, seed=self.seed, name=name, n_splits=n_splits, costly=costly
         )
 
     def _log(self, trainer: Trainer, found: Evaluation, stage: str) -> None:

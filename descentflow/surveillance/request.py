@@ -8,7 +8,6 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.core.errors import DataError
 from descentflow.core.version import __version__
 from descentflow.core.workers import version
 from descentflow.surveillance.cleaning.chain import Work
@@ -106,15 +105,6 @@ class Request:
             for name, number in some.items():
                 present[name] = present.get(name, 0) + number
         check_left(report, self.typecodes, present)
-
-    def nothing_left(self, report: DropReport) -> DataError:
-        """The error to raise if the filters left no descent."""
-        rules = self.cleaning
-        return DataError(
-            f"no free descent of {rules.fewest_levels} levels above FL{rules.bottom_fl} is left\n{report}",
-            expected="descents of airliners with IAS, Mach and a rate of 500 ft/min or more",
-            mend="see which step dropped the rows; a lower --bottom-fl keeps lower descents",
-        )
 
 
 def description(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from descentflow.surveillance.cleaning.flights import (
     with_types,
 )
 from descentflow.surveillance.cleaning.rates import local_slope, with_rate
+from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 from descentflow.surveillance.rows.units_check import check_rate_units, check_units
 
@@ -151,3 +152,17 @@ def test_noise_and_position_error_are_no_wrong_unit() -> None:
     rows = fleet(2)
     noise = np.random.default_rng(0).normal(0, 3, len(rows))
     check_units(rows.with_columns(IAS=pl.col("IAS") * 1.04 + pl.Series(noise)), "rows")
+
+
+def test_another_airspeed_and_flight_levels_are_recognised() -> None:
+    rows = fleet(4)
+    tas = pl.Series(isa_tas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy()))
+    # One wind for each aircraft, up to 80 kt along its track, and air 15 K warmer than standard.
+    winds = pl.col("icao24").rank("dense") * 40.0 - 100.0
+    for speed in (tas, 1.03 * tas, rows.with_columns(tas=tas).select(pl.col("tas") + winds).to_series()):
+        with pytest.raises(DataError, match="rows: IAS seems to be TAS or groundspeed"):
+            check_units(rows.with_columns(IAS=speed), "rows")
+    with pytest.raises(DataError, match="altitude seems to be in hundreds of feet"):
+        check_units(rows.with_columns(altitude=(pl.col("altitude") / 100).round()), "rows")
+    with pytest.raises(DataError, match="IAS seems to be in km/h"):
+        check_units(rows.with_columns(IAS=1.852 * pl.col("IAS")), "rows")

@@ -138,7 +138,7 @@ def _folder(bada_dir: str | Path) -> Path:
         raise AircraftError(
             f"BADA directory {folder}",
             expected="an existing directory with OPF, APF and SYNONYM.NEW files",
-            mend="pass the directory of your BADA 3 release as --bada-dir",
+            mend="pass the directory of your BADA 3 release as --bada-dir (of fit: --data.bada_dir)",
         )
     return folder
 

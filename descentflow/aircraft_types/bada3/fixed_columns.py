@@ -86,7 +86,7 @@ def read_lines(path: Path) -> list[Line]:
         raise AircraftError(
             f"{path}: {error.strerror}",
             expected="a readable BADA file",
-            mend="check --bada-dir and the file's permissions",
+            mend="check the BADA directory (--bada-dir, of fit: --data.bada_dir) and the file's permissions",
         ) from error
     return [Line(path, number, line) for number, line in enumerate(text.splitlines(), start=1)]
 

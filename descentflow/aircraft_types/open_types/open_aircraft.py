@@ -142,8 +142,8 @@ def open_type(typecode: str) -> OpenType:
         raise AircraftError(
             f"no open aircraft {typecode!r}",
             expected=f"one of {', '.join(open_typecodes())}",
-            mend=f"{f'did you mean {near}? Else ' if near else ''}choose one of these, or point --bada-dir at BADA "
-            "files that have the type",
+            mend=f"{f'did you mean {near}? Else ' if near else ''}choose one of these, or point --bada-dir (of fit: "
+            "--data.bada_dir) at BADA files that have the type",
         )
     return _whole_type(wanted)
 

@@ -107,7 +107,7 @@ class DescentPredictor:
             raise DataError(
                 f"{len(usable)} flights observed from the middle of their descent to its bottom",
                 expected="at least ten to calibrate with",
-                mend="prepare more descents, or predict without calibration",
+                mend="pass descents that hold more of the model's validation flights",
             )
         candidates = [self._with_noise(multiple) for multiple in MULTIPLES]
         own = {i: None if context is None else context[i : i + 1] for i in usable}

@@ -191,7 +191,7 @@ def _check(values: Tensor, mask: Tensor) -> None:
         raise DataError(
             f"{len(thin)} level(s) observed by fewer than two training flights, the first at index {int(thin[0])}",
             expected="at least two flights on every level of the grid",
-            mend="prepare more descents, or choose a grid (bottom, top) that they cover",
+            mend="prepare more descents, or choose a higher lowest level (--data.bottom_fl)",
         )
     centred = torch.where(mask, values - ppca.observed_mean(values, mask), 0.0)
     if float(centred.abs().max()) <= 1e-9 * float(values.abs().max()):

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import polars as pl
 
 from descentflow.surveillance.cleaning.chain import Outcome, clean
+from descentflow.surveillance.nothing_left import nothing_left
 from descentflow.surveillance.out_of_core.intake import Intake
 from descentflow.surveillance.request import Request
 
@@ -35,5 +36,5 @@ def clean_held(intake: Intake, request: Request, threads: int, progress: Callabl
     outcome = clean(rows, request.work(intake.columns, intake.names), threads=threads, progress=progress)
     request.account(intake.report, [(outcome.report, outcome.present)])
     if outcome.levels.is_empty():
-        raise request.nothing_left(intake.report)
+        raise nothing_left(intake.report, request.cleaning)
     return outcome

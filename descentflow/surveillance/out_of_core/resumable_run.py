@@ -14,6 +14,7 @@ from descentflow.surveillance.cleaning.drop_reasons import some_flights
 from descentflow.surveillance.cleaning.flights import check_left
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+from descentflow.surveillance.nothing_left import nothing_left
 from descentflow.surveillance.out_of_core.finished_store import finished
 from descentflow.surveillance.out_of_core.held_rows import clean_held
 from descentflow.surveillance.out_of_core.intake import Intake, read_groups, take_in
@@ -104,7 +105,7 @@ def _written(
 ) -> Descents:
     parts = store.Parts.of(cleaned.levels)
     if parts.flights.is_empty():
-        raise request.nothing_left(cleaned.report)
+        raise nothing_left(cleaned.report, request.cleaning)
     metadata = description(facts, cleaned.report, parts.flights)
     progress("writing descents")
     if out.suffix == ".parquet":

@@ -10,6 +10,8 @@ from descentflow.surveillance.rows.schema import POSSIBLE
 
 AGREES = 0.06
 """Median relative difference of IAS and the CAS of Mach below which units are taken to be right."""
+WIND = 0.15
+"""The same of a groundspeed and the TAS of Mach: half of the aircraft have less wind than this along their track."""
 SAMPLE = 20_000
 """Rows that are checked."""
 RATE_SAMPLE = 200_000
@@ -99,12 +101,21 @@ def _check_airspeeds(rows: pl.DataFrame, source: str) -> None:
         return
     readings = {
         "altitude seems to be in metres": (1.0, 1 / FT_M),
+        "altitude seems to be in hundreds of feet": (1.0, 100.0),
         "IAS seems to be in m/s": (1 / KT_MPS, 1.0),
         "IAS seems to be in km/h": (1 / 1.852, 1.0),
         "altitude seems to be in metres and IAS in m/s": (1 / KT_MPS, 1 / FT_M),
     }
     misfits = {what: _misfit(speed * ias, mach, height * altitude) for what, (speed, height) in readings.items()}
     best = min(misfits, key=misfits.__getitem__)
+    of_tas = float(np.median(np.abs(np.log(ias / isa_tas_of_mach_kt(mach, altitude)))))
+    if of_tas < min(WIND, expected / 2, misfits[best]):
+        raise DataError(
+            f"{source}: IAS seems to be TAS or groundspeed: it differs by {of_tas:.0%} from the TAS of Mach and "
+            f"altitude, and by {expected:.0%} from their CAS",
+            expected="indicated airspeed in kt",
+            mend="take the indicated airspeed of BDS 6,0; where there is none, compute CAS from Mach and altitude",
+        )
     if misfits[best] < min(AGREES, expected / 2):
         raise DataError(
             f"{source}: {best}; read so, IAS agrees with Mach and altitude within {misfits[best]:.1%} (as given: "
@@ -115,7 +126,11 @@ def _check_airspeeds(rows: pl.DataFrame, source: str) -> None:
 
 
 def _misfit(ias_kt: Array, mach: Array, altitude_ft: Array) -> float:
-    return float(np.median(np.abs(np.log(np.maximum(ias_kt, 1e-3) / cas_of_mach_kt(mach, altitude_ft)))))
+    possible = altitude_ft <= POSSIBLE["altitude"][1]
+    if np.median(possible) < 1:
+        return float("inf")  # read so, flights would leave the atmosphere
+    cas_kt = cas_of_mach_kt(mach[possible], altitude_ft[possible])
+    return float(np.median(np.abs(np.log(np.maximum(ias_kt[possible], 1e-3) / cas_kt))))
 
 
 def check_rate_units(rows: pl.DataFrame, source: str) -> None:

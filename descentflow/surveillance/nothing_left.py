@@ -1,0 +1,76 @@
+"""The error when cleaning leaves no descent: first what took most rows and its mend, then every step."""
+
+from dataclasses import asdict
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.rows.drop_report import DropReport, Step
+
+REASONS: dict[str, tuple[str, str]] = {
+    "missing_value": (
+        "lack a time, an address, an altitude, IAS or Mach",
+        "see which column is empty; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B",
+    ),
+    "impossible_": (
+        "hold a value that no airliner has",
+        "check the unit of that column: altitude in ft, IAS in kt, vertical_rate in ft/min",
+    ),
+    "spike_": ("leap between neighbours", "check that rows of different aircraft have different icao24"),
+    "stale_": ("repeat the same values", "give each row the time at which its values were measured"),
+    "IAS_contradicts_Mach": (
+        "hold an IAS that contradicts Mach and altitude",
+        "check that IAS is the indicated airspeed (not TAS or groundspeed) and that both are of one time; "
+        "--airspeeds-differ-kt says how far they may differ",
+    ),
+    "not_descending": (
+        "do not descend at {slowest_fpm:g} ft/min or more",
+        "pass rows of descents; check that vertical_rate is in ft/min and negative in descent (--slowest-fpm)",
+    ),
+    "transient": (
+        "lie within {transient_s:g} s of a level-off or climb",
+        "pass rows at shorter intervals, or a smaller --transient-s",
+    ),
+    "constant_rate": (
+        "are flown at a constant rate or path, not in free descent",
+        "pass flights whose crews descend freely; --constant-rate-s says how long a rate may be held",
+    ),
+    "second_descent": ("belong to a descent after a climb", "pass each descent of a flight under its own flight_id"),
+    "not_below_earlier_row": ("are not below an earlier row of their descent", "check that times and altitudes belong"),
+    "banked": ("are turning", "pass --largest-bank-deg with a larger bank"),
+    "cleared_": ("fly a speed or level that was cleared", "pass flights without such clearances"),
+    "too_few_levels": (
+        "belong to descents of fewer than {fewest_levels} levels above FL{bottom_fl}",
+        "pass rows at shorter intervals and of higher levels; --bottom-fl and --fewest-levels say what is enough",
+    ),
+}
+"""Step of cleaning, or the beginning of its name, -> what its rows have in common, and what to do about it."""
+
+
+def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
+    """The error to raise if cleaning left no descent.
+
+    Args:
+        report: Of every step.
+        cleaning: Its thresholds.
+
+    Example:
+        >>> report = DropReport([Step("read", 0, None, 9, None), Step("not_descending", 9, 1, 0, 0)])
+        >>> print(nothing_left(report, Cleaning()))
+        no free descent is left: 9 of 9 rows do not descend at 500 ft/min or more (not_descending); expected ...
+    """
+    read = report.steps[0].rows_left + report.steps[0].rows_dropped if report.steps else 0
+    most = max(report.steps, key=lambda step: step.rows_dropped, default=Step("read", 0, None, 0, None))
+    why, mend = _reason(most.step, cleaning)
+    return DataError(
+        f"no free descent is left: {most.rows_dropped:,} of {read:,} rows {why} ({most.step})",
+        expected=f"descents of airliners over {cleaning.fewest_levels} levels above FL{cleaning.bottom_fl}, with IAS, "
+        "Mach and altitude",
+        mend=f"{mend}\n{report}",
+    )
+
+
+def _reason(step: str, cleaning: Cleaning) -> tuple[str, str]:
+    for name, (why, mend) in REASONS.items():
+        if step == name or (name.endswith("_") and step.startswith(name)):
+            return why.format(**asdict(cleaning)), mend
+    return "were dropped", "see what that step asks for in configs/prepare/default.yaml"

@@ -1,0 +1,50 @@
+"""Messages name only options that there are."""
+
+import argparse
+import ast
+import re
+from importlib import import_module
+from pathlib import Path
+
+import descentflow
+from descentflow.cli.entry import COMMANDS, TRAINER
+from descentflow.cli.trainer_words import OWN, TOP, _arguments
+
+OPTION = re.compile(r"(?<![\w-])--[a-z][\w.-]*[a-z]")
+MESSAGES = re.compile("MEND|REASON|EXPECTED")
+SOURCES = sorted(Path(descentflow.__file__).parent.rglob("*.py"))
+
+
+def options() -> set[str]:
+    """Every option of every command, as the parsers have them."""
+    found = {f"--{name}" for name in TOP}
+    found |= {f"--{section}.{name}" for section, place in OWN.items() for name in _arguments(*place)}
+    for command in set(COMMANDS) - set(TRAINER):
+        parser = argparse.ArgumentParser()
+        import_module(f"descentflow.cli.{command.replace('-', '_')}_command").add_arguments(parser)
+        found |= {option for action in parser._actions for option in action.option_strings}
+    return found
+
+
+def texts(source: str) -> list[tuple[int, str]]:
+    """Strings inside the calls that make errors and inside constants, which messages are put together from."""
+    parts = [
+        node
+        for node in ast.walk(ast.parse(source))
+        if (isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("Error", "warn")))
+        or (isinstance(node, ast.Assign | ast.AnnAssign) and MESSAGES.search(ast.unparse(node).split("=")[0]))
+    ]
+    inside = [node for part in parts for node in ast.walk(part)]
+    return [(n.lineno, n.value) for n in inside if isinstance(n, ast.Constant) and isinstance(n.value, str)]
+
+
+def test_every_option_that_a_text_names_exists() -> None:
+    known, named, wrong = options(), set(), []
+    for path in SOURCES:
+        for line, text in texts(path.read_text(encoding="utf-8")):
+            for option in OPTION.findall(text):
+                named.add(option)
+                if option not in known and not option.startswith(("--trainer.", "--model.")):
+                    wrong.append(f"{path.name}:{line}: {option}")
+    assert not wrong
+    assert {"--types", "--data.bada_dir", "--slowest-fpm"} <= named & known, "what the test would overlook"

@@ -34,6 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "same kind, nearest in take-off mass",
     )
     parser.add_argument(
+        "--any-type",
+        action="store_true",
+        help="take real flights of all types; without it those of other types than the checkpoint's or --typecode's "
+        "are left out and counted",
+    )
+    parser.add_argument(
         "--bada-dir", type=Path, help="BADA 3 files for --typecode or a simulator's flights (default: open aircraft)"
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the report")
@@ -73,6 +79,7 @@ def run(args: argparse.Namespace) -> None:
             _one_or_several(args.simulator),
             typecode=args.typecode,
             nearest_type=args.nearest_type,
+            any_type=args.any_type,
             bada_dir=args.bada_dir,
             channels=channels,
             catalogue=args.catalogue,

@@ -29,6 +29,7 @@ def diagnose(
     previous: str | Path | None = None,
     seed: int = 0,
     out: str | Path | None = None,
+    any_type: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> GapReport:
     """Say where a simulator and real descents differ, which unmodelled effect causes it, and how far it shrinks.
@@ -55,6 +56,8 @@ def diagnose(
             what it predicted is held against what was achieved.
         seed: Of permutations, bootstrap and samples: the same seed gives the same answer.
         out: Folder for `gap.json`, `gap.html` and the corrected simulator; nothing is written if absent.
+        any_type: Whether real flights of other types than a checkpoint's or a nominal descent's are taken too; if not,
+            they are left out, counted and named.
         progress: Called with what is being done.
 
     Returns:
@@ -90,7 +93,8 @@ def diagnose(
         )
     wanted = _channels(channels)
     effects, user_files = _catalogue(catalogue, say)
-    opened = open_both(real, simulator, SignatureSource(typecode, bada_dir, nearest_type), say)
+    source = SignatureSource(typecode, bada_dir, nearest_type)
+    opened = open_both(real, simulator, source, say, any_type=any_type)
     made = opened.provenance({"seed": str(seed), "channels": ", ".join(wanted)})
     made = replace(made, user_files=user_files)
     settings = Settings(opened.simulator, effects, wanted, seed, say)

@@ -1,16 +1,18 @@
 """Real flights and the simulator opened together: one cleaning for both, and where either comes from."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import polars as pl
 
+from descentflow.core.errors import DescentflowWarning
 from descentflow.core.version import __version__
 from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
 from descentflow.diagnosis.inputs import input_of_flights, input_of_simulator
 from descentflow.diagnosis.open_simulator import open_simulator
-from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.simulator import Simulator, of_its_type
 from descentflow.diagnosis.simulator_flights import (
     SignatureSource,
     check_no_source,
@@ -58,7 +60,12 @@ class Opened:
 
 
 def open_both(
-    real: Any, simulator: Any, source: SignatureSource, progress: Callable[[str], None] | None = None
+    real: Any,
+    simulator: Any,
+    source: SignatureSource,
+    progress: Callable[[str], None] | None = None,
+    *,
+    any_type: bool = False,
 ) -> Opened:
     """Open real flights and the simulator that they are held against.
 
@@ -67,12 +74,17 @@ def open_both(
         simulator: The same; None for the nominal descent of the source's type.
         source: Whose coefficients give the signatures.
         progress: Called with what is being done.
+        any_type: Whether real flights of other types than a checkpoint's or a nominal descent's are taken too; if not,
+            they are left out and counted.
 
     Raises:
         AircraftError: If a type has no coefficients.
         CheckpointError: If a checkpoint cannot be read.
         ConfigError: If the simulator and the source contradict each other.
         DataError: If flights cannot be read, or both sides are of different types.
+
+    Warns:
+        DescentflowWarning: If flights of other types are left out.
 
     Example:
         >>> opened = open_both("rows.parquet", "descents.parquet", SignatureSource())
@@ -91,7 +103,15 @@ def open_both(
     parts = found.representation
     descents = open_descents(real, progress=say) if parts is None else comparable_descents(real, parts, progress=say)
     own = input_of_flights(name_of(real), descents)
-    return Opened(descents.frame, found, own, input_of_simulator(found), _rows_dropped(descents))
+    frame, others = (descents.frame, {}) if any_type else of_its_type(descents.frame, found)
+    if others:
+        left_out = ", ".join(f"{number:,} of {name.rpartition('_')[2]}" for name, number in others.items())
+        warnings.warn(
+            f"flights of other types are left out: {left_out}; --any-type (any_type=True) takes them too",
+            DescentflowWarning,
+            stacklevel=3,
+        )
+    return Opened(frame, found, own, input_of_simulator(found), {**_rows_dropped(descents), **others})
 
 
 def _with_flights(real: Any, simulator: Any, source: SignatureSource, say: Callable[[str], None]) -> Opened:

@@ -37,7 +37,6 @@ from descentflow.diagnosis.report.causes import causes_of, would_split
 from descentflow.diagnosis.report.details import curves, discrepancy_of, remaining_of, singles_of
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.odd_flights import flights_worth_a_look
-from descentflow.diagnosis.simulator import check_type
 from descentflow.diagnosis.stages import stages_of
 from descentflow.measurements.quantity_registry import QUANTITIES
 
@@ -69,7 +68,6 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
         'effect'
     """
     simulator = settings.simulator
-    check_type(frame, simulator)
     settings.progress("measuring flights")
     sides = both_sides(simulator, frame, settings.channels, settings.seed)
     real, source = sides.real, sides.source

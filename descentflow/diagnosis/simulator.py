@@ -83,28 +83,43 @@ def _levels_of(frame: pl.DataFrame) -> tuple[float, float]:
     return float(lowest), float(max(top, lowest + 20))
 
 
-def check_type(frame: pl.DataFrame, simulator: Simulator) -> None:
-    """Refuse flights of another type than a checkpoint's or a nominal descent's (DataError).
+def of_its_type(frame: pl.DataFrame, simulator: Simulator) -> tuple[pl.DataFrame, dict[str, int]]:
+    """Real flights of a checkpoint's or a nominal descent's type, and how many there were of each other type.
 
-    Types of a simulator's flights were chosen with the real ones, and its coefficients may be another type's.
+    Args:
+        frame: Prepared descents; all are kept if they name no type.
+        simulator: Types of a simulator's flights were chosen with the real ones: all are kept.
+
+    Returns:
+        The flights, and counts by reason.
+
+    Raises:
+        DataError: If none is of its type.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
-        >>> check_type(read_descents("descents.parquet").frame, Simulator(aircraft("A320")))  # no error: they are A320
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> own = pl.format("other {}", "flight_id")
+        >>> other = frame.with_columns(typecode=pl.lit("B738"), flight_id=own)
+        >>> kept, dropped = of_its_type(pl.concat([frame, other]), Simulator(aircraft("A320")))
+        >>> len(kept) == len(frame), dropped
+        (True, {'flights_of_B738': 120})
     """
-    if simulator.flights is not None:
-        return
-    types = {str(t) for t in frame["typecode"].drop_nulls().unique()} if "typecode" in frame.columns else set()
+    if simulator.flights is not None or "typecode" not in frame.columns:
+        return frame, {}
     known = {simulator.aircraft.typecode}
     if simulator.representation is not None:
         known |= set(simulator.representation.provenance.get("typecodes", []))
-    if types and not types & known:
+    flights = frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).drop_nulls().sort("typecode")
+    given = {str(name): int(number) for name, number in flights.iter_rows()}
+    if given and not given.keys() & known:
         raise DataError(
-            f"descents of {', '.join(sorted(types))} for a simulator of {', '.join(sorted(known))}",
+            f"descents of {', '.join(given)} for a simulator of {', '.join(sorted(known))}",
             expected="flights of the simulator's type",
-            mend="choose the flights, or a simulator of their type",
+            mend="choose the flights, or a simulator of their type; --any-type takes them all the same",
         )
+    kept = frame.filter(pl.col("typecode").is_in(known) | pl.col("typecode").is_null())
+    return kept, {f"flights_of_{name}": number for name, number in given.items() if name not in known}
 
 
 def check_count(found: Quantities, given: int, low: float, high: float, whose: str = "real flights") -> None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import gap_toys
+import polars as pl
 import pytest
 import torch
 from lightning.pytorch import Trainer
@@ -12,7 +13,9 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import AircraftError, ConfigError, DescentflowWarning
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
+from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects.example_flights import example_flights
 from descentflow.effects.vertical_rate_lag import _late
 from descentflow.simulation.world import simulate
@@ -84,6 +87,22 @@ def test_nominal_bada_may_be_a_designator_or_coefficients(folder: Path) -> None:
         diagnose(real, 3)
     with pytest.raises(ConfigError, match="BADA files for a simulator"):
         diagnose(real, folder / "simulator.ckpt", bada_dir=folder)
+
+
+def test_flights_of_other_types_are_left_out_counted_and_named(folder: Path) -> None:
+    given = read_descents(folder / "alike.parquet")
+    real = given.frame
+    named = real.select("flight_id").unique().sort("flight_id").head(30)["flight_id"]
+    other = pl.when(pl.col("flight_id").is_in(named.implode())).then(pl.lit("B738")).otherwise(pl.lit("A320"))
+    mixed = replace(given, frame=real.with_columns(typecode=other))
+    for simulator in (folder / "simulator.ckpt", "A320"):
+        with pytest.warns(DescentflowWarning, match="flights of other types are left out: 30 of B738; --any-type"):
+            opened = open_both(mixed, simulator, SignatureSource())
+        assert opened.frame["typecode"].unique().to_list() == ["A320"]
+        assert opened.dropped["flights_of_B738"] == 30
+        everyone = open_both(mixed, simulator, SignatureSource(), any_type=True)
+        assert len(everyone.frame) == len(real)
+        assert "flights_of_B738" not in everyone.dropped
 
 
 def test_a_late_rate_begins_where_the_settings_say() -> None:

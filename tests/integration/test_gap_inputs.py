@@ -20,7 +20,7 @@ from descentflow.effects.example_flights import example_flights
 from descentflow.effects.vertical_rate_lag import _late
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.descents.prepared_descents import read_descents, write_descents
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian
@@ -94,7 +94,7 @@ def test_flights_of_other_types_are_left_out_counted_and_named(folder: Path) -> 
     real = given.frame
     named = real.select("flight_id").unique().sort("flight_id").head(30)["flight_id"]
     other = pl.when(pl.col("flight_id").is_in(named.implode())).then(pl.lit("B738")).otherwise(pl.lit("A320"))
-    mixed = replace(given, frame=real.with_columns(typecode=other))
+    mixed = Descents(real.with_columns(typecode=other), given.metadata)
     for simulator in (folder / "simulator.ckpt", "A320"):
         with pytest.warns(DescentflowWarning, match="flights of other types are left out: 30 of B738; --any-type"):
             opened = open_both(mixed, simulator, SignatureSource())

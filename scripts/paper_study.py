@@ -4,6 +4,7 @@ python scripts/paper_study.py OUT                             # thirteen types a
 python scripts/paper_study.py OUT --share 0.05 --types A320,DH8D,BE20
 python scripts/paper_study.py OUT --store descents.parquet --types A320
 python scripts/paper_study.py OUT --sweeps variance gappy     # and the appendices' sweeps, of the same study
+python scripts/paper_study.py OUT --recipe paper              # split, fPCA, mixtures and flow as the paper has them
 python scripts/paper_study.py OUT --workers 2                 # two processes; or --engine dask --scheduler tcp://...
 
 A killed run goes on where it stopped when it is started again with the same settings, on any engine.
@@ -20,7 +21,7 @@ from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.errors import DescentflowError
 from descentflow.core.workers import DaskEngine, Engine, ProcessEngine
 from descentflow.simulation.scenarios import scenario_settings
-from descentflow.studies.paper.study_plan import MODELS, PAPER_FLIGHTS, StudyPlan, begin, paper_plan
+from descentflow.studies.paper.study_plan import MODELS, PAPER_FLIGHTS, RECIPES, StudyPlan, begin, paper_plan
 from descentflow.studies.paper.study_report import write_report
 from descentflow.studies.paper.study_run import costs, run_study
 from descentflow.studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
@@ -33,7 +34,10 @@ def main() -> None:
     parser.add_argument("out", type=Path, help="folder of the study")
     parser.add_argument("--share", type=float, default=1.0, help="of the paper's flights (default: all)")
     parser.add_argument("--types", default=",".join(PAPER_FLIGHTS), help="type designators (default: all thirteen)")
-    parser.add_argument("--models", default=",".join(MODELS), help="default: %(default)s")
+    parser.add_argument("--models", help=f"default: all of the recipe ({','.join(MODELS)})")
+    parser.add_argument(
+        "--recipe", choices=list(RECIPES), default="own", help="how they are fitted: ours, or as the paper does"
+    )
     parser.add_argument("--samples", type=int, default=10_000, help="of each model (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--store", type=Path, help="prepared descents in place of simulated flights")
@@ -54,7 +58,8 @@ def main() -> None:
     parser.add_argument("--scheduler", help="address of a Dask scheduler; its workers must see OUT under the same name")
     args = parser.parse_args()
     settings = {
-        "models": tuple(args.models.split(",")),
+        "models": tuple(args.models.split(",") if args.models else RECIPES[args.recipe].models),
+        "recipe": args.recipe,
         "seed": args.seed,
         "n_samples": args.samples,
         "max_epochs": args.max_epochs,

@@ -8,8 +8,9 @@ config.yaml and TensorBoard's events (tensorboard --logdir runs).
 
 what to train
   --model NAME                   Gaussian, GaussianMixture, MaskedAffineFlow or SplineFlow
-  --config FILE                  YAML; these come along: gaussian, gmm, gmm_svi, flow, spline, flow_paper (good
-                                 settings for each), and configs/experiment/quickstart.yaml (complete)
+  --config FILE                  YAML; these come along: gaussian, gmm, gmm_svi, flow, spline (good settings for each),
+                                 gmm_paper, flow_paper, paper (the paper's recipe), and
+                                 configs/experiment/quickstart.yaml (complete)
 on what
   --data.descents FILE           prepared descents (descentflow prepare)
   --data.aircraft TYPE           whose coefficients infer and fly the drag, where descents of several types are pooled

@@ -15,7 +15,7 @@ def packaged_configs() -> dict[str, Path]:
 
     Example:
         >>> sorted(packaged_configs())
-        ['default', 'flow', 'flow_paper', 'gaussian', 'gmm', 'gmm_svi', 'quickstart', 'spline']
+        ['default', 'flow', 'flow_paper', 'gaussian', 'gmm', 'gmm_paper', 'gmm_svi', 'paper', 'quickstart', 'spline']
     """
     return {path.stem: path for path in sorted(FOLDER.rglob("*.yaml"))}
 

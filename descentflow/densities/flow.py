@@ -152,6 +152,7 @@ class MaskedAffineFlowDensity(FlowDensity):
         n_context: int = 0,
         whitened: bool = False,
         linear: bool = True,
+        turned_round: bool = True,
     ) -> None:
         """Flows that start close to the identity; at the identity where they are whitened.
 
@@ -162,10 +163,12 @@ class MaskedAffineFlowDensity(FlowDensity):
             n_context: Numbers of context c.
             whitened: Start at the weights' Gaussian, see :class:`FlowDensity`, with maps that can be the identity.
             linear: LU-decomposed maps between the flows; their order is reversed otherwise.
+            turned_round: Whether one pass of the networks gives the density and sampling is sequential; as shipped,
+                normflows has it the other way about.
         """
         super().__init__(dimension, n_context, whitened)
         self.n_flows, self.hidden_per_weight = n_flows, hidden_per_weight
-        self.linear = linear
+        self.linear, self.turned_round = linear, turned_round
         hidden = hidden_per_weight * (dimension + n_context)
         flows: list[nf.flows.Flow] = []
         for _ in range(n_flows):
@@ -179,12 +182,13 @@ class MaskedAffineFlowDensity(FlowDensity):
                 nn.init.zeros_(final.weight)
                 nn.init.zeros_(final.bias)
             mix = turned_linear(dimension) if linear else Flip()
-            flows += [TurnedRound(affine), mix]
+            flows += [TurnedRound(affine) if turned_round else affine, mix]
         self.flow = self._assembled(flows)
 
     def settings(self) -> dict[str, Any]:
         """Number, width and kind of the flows."""
         mix = {} if self.linear else {"linear": False}
+        mix |= {} if self.turned_round else {"turned_round": False}
         size = {"n_flows": self.n_flows, "hidden_per_weight": self.hidden_per_weight}
         return {**size, **self._own_settings(), **mix}
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import polars as pl
-from jsonargparse.typing import OpenUnitInterval, PositiveFloat, PositiveInt
+from jsonargparse.typing import ClosedUnitInterval, OpenUnitInterval, PositiveFloat, PositiveInt
 from lightning.pytorch import LightningDataModule
 from lightning.pytorch.utilities import rank_zero_info
 from torch import Tensor
@@ -63,7 +63,7 @@ class DescentDataModule(LightningDataModule):
         bottom_fl: int | None = None,
         mass_kg: PositiveFloat | None = None,
         test_fraction: OpenUnitInterval = 0.2,
-        validation_fraction: OpenUnitInterval = 0.1,
+        validation_fraction: ClosedUnitInterval = 0.1,
         split_by: SplitBy = "flight",
         seed: int = 0,
         explained_variance: OpenUnitInterval = 0.8,
@@ -87,7 +87,8 @@ class DescentDataModule(LightningDataModule):
             bottom_fl: Lowest level of the grid; the one that the descents were prepared with if absent.
             mass_kg: Mass that infers and flies the drag; the type's reference mass if absent.
             test_fraction: Share of the flights held out for test.
-            validation_fraction: Share of the other flights held out for validation.
+            validation_fraction: Share of the other flights held out for validation; with zero, the training flights
+                serve for it.
             split_by: What the split never tears apart: a flight, or an aircraft with all its flights.
             seed: Of the split.
             explained_variance: Share of variance that the components of drag, and of CAS, explain.
@@ -183,8 +184,8 @@ class DescentDataModule(LightningDataModule):
         return self._loader("train", shuffle=True)
 
     def val_dataloader(self) -> DataLoader[Any]:
-        """Validation weights."""
-        return self._loader("validation")
+        """Validation weights; those of the training flights where none were held out for validation."""
+        return self._loader("validation" if len(self.weights("validation")) else "train")
 
     def test_dataloader(self) -> DataLoader[Any]:
         """Test weights."""

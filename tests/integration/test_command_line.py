@@ -46,6 +46,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, descents: Path) -> Path:
         ("gmm", 5, "GaussianMixture"),
         ("gmm_svi", 2, "GaussianMixture"),
         ("flow", 3, "MaskedAffineFlow"),
+        ("gmm_paper", 5, "GaussianMixture"),
         ("flow_paper", 2, "MaskedAffineFlow"),
         ("spline", 2, "SplineFlow"),
     ],

@@ -1,11 +1,12 @@
 """Gappy functional PCA with the interface of scikit-learn: fit, transform, inverse_transform."""
 
+import warnings
 from typing import Literal
 
 import torch
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.hidden import hide, noise_length
@@ -14,7 +15,7 @@ from descentflow.representation.fpca.number_of_components import explained_share
 
 Method = Literal["ppca", "iterative"]
 MAX_ITERATIONS = 100
-"""Bound on the iterations of either algorithm; both end before it."""
+"""Bound on the iterations of EM, which ends before it."""
 TOLERANCE = 1e-5
 """EM stops when the mean log-likelihood per observed value gains less (nats)."""
 TUNING_FLIGHTS = 1000
@@ -135,7 +136,15 @@ class GappyFPCA:
         return ppca.em(centred, mask, q, max_iterations=MAX_ITERATIONS, tolerance=TOLERANCE)
 
     def _fit_iterative(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
-        fitted = iterate(values, mask, self.explained_variance, max_iterations=MAX_ITERATIONS)
+        fitted = iterate(values, mask, self.explained_variance)
+        if not fitted.converged:
+            warnings.warn(
+                f"the paper's iteration has not settled after {fitted.n_iterations} iterations: what it extrapolates "
+                f"to hidden levels has made the variance {fitted.growth:.1f} times that of the observed values, so "
+                "that the first components explain the extrapolation; to mend it, take fpca ppca",
+                DescentflowWarning,
+                stacklevel=2,
+            )
         share = explained_share(fitted.eigenvalues)
         k = number_of_components(share, self.explained_variance)
         self.n_iterations_, self.converged_ = fitted.n_iterations, fitted.converged

@@ -15,14 +15,18 @@ from descentflow.representation.fpca.ppca import observed_mean, pairwise_covaria
 
 QUIET_CHANGE = 0.01
 QUIET_ITERATIONS = 10
-"""The paper stops after 10 iterations in which the mean reconstruction changes by less than 1 %."""
+"""The paper stops after 10 iterations in which the mean reconstruction changes by less than 1 %. Here the covariance
+must have settled as well: the mean does so while the weights of flights with large gaps, which few levels determine,
+make the covariance of the completed profiles grow with every iteration."""
+MAX_ITERATIONS = 50
+"""The paper's bound."""
 
 
 @dataclass(frozen=True)
 class IterativeFit:
     """Eigenvectors (L, L) as columns and eigenvalues (L,), largest first, of the completed data; its mean (L,).
 
-    :func:`iterate` returns it.
+    ``growth``: total variance of the completed data over that of the observed values. :func:`iterate` returns it.
 
     Example:
         >>> curves = torch.randn(30, 1).double() * torch.linspace(0, 1, 50).double()
@@ -36,6 +40,7 @@ class IterativeFit:
     eigenvectors: Tensor
     n_iterations: int
     converged: bool
+    growth: float
 
 
 def modewise_weights(centred: Tensor, mask: Tensor, modes: Tensor) -> Tensor:
@@ -62,14 +67,16 @@ def modewise_weights(centred: Tensor, mask: Tensor, modes: Tensor) -> Tensor:
     return torch.stack(weights, 1)
 
 
-def iterate(values: Tensor, mask: Tensor, explained_variance: float, *, max_iterations: int) -> IterativeFit:
-    """Fill the gaps by reconstruction until the mean reconstruction settles (appendix A, steps 1-5).
+def iterate(
+    values: Tensor, mask: Tensor, explained_variance: float, *, max_iterations: int = MAX_ITERATIONS
+) -> IterativeFit:
+    """Fill the gaps by reconstruction until its mean and covariance settle (appendix A, steps 1-5).
 
     Args:
         values: (n, L) float64.
         mask: (n, L) observed.
         explained_variance: Share of variance whose modes rebuild the missing levels.
-        max_iterations: The paper's bound is 50.
+        max_iterations: Where it ends even if it has not settled.
 
     Example:
         >>> shape = torch.linspace(0, 1, 50).double()
@@ -77,26 +84,31 @@ def iterate(values: Tensor, mask: Tensor, explained_variance: float, *, max_iter
         >>> mask = torch.ones(30, 50, dtype=torch.bool)
         >>> mask[:10, 40:] = False  # ten flights lack the upper levels
         >>> fitted = iterate(curves, mask, 0.9, max_iterations=50)
-        >>> fitted.converged, fitted.eigenvectors.shape
-        (True, torch.Size([50, 50]))
+        >>> fitted.converged, fitted.eigenvectors.shape, fitted.growth < 1.1
+        (True, torch.Size([50, 50]), True)
     """
     mean = observed_mean(values, mask)
     centred = torch.where(mask, values - mean, 0.0)
     covariance = pairwise_covariance(centred, mask)
-    previous, quiet, n_iterations = mean, 0, 0
+    previous, quiet, n_iterations, observed = mean, 0, 0, covariance.trace()
     while n_iterations < max_iterations and quiet < QUIET_ITERATIONS:
         n_iterations += 1
         eigenvalues, eigenvectors = _eigen(covariance)
         k = number_of_components(explained_share(eigenvalues), explained_variance)
         rebuilt = mean + modewise_weights(values - mean, mask, eigenvectors[:, :k]) @ eigenvectors[:, :k].T
         filled = torch.where(mask, values, rebuilt)
-        mean = filled.mean(0)
-        covariance = torch.cov(filled.T)
+        mean, before, covariance = filled.mean(0), covariance, torch.cov(filled.T)
         average = rebuilt.mean(0)
-        change = (average - previous).norm() / average.norm().clamp(min=1e-300)
-        previous, quiet = average, quiet + 1 if change < QUIET_CHANGE else 0
+        changes = [_change(average, previous), _change(covariance, before)]
+        previous, quiet = average, quiet + 1 if max(changes) < QUIET_CHANGE else 0
     eigenvalues, eigenvectors = _eigen(covariance)
-    return IterativeFit(mean, eigenvalues, eigenvectors, n_iterations, quiet == QUIET_ITERATIONS)
+    growth = float(covariance.trace() / observed)
+    return IterativeFit(mean, eigenvalues, eigenvectors, n_iterations, quiet == QUIET_ITERATIONS, growth)
+
+
+def _change(now: Tensor, before: Tensor) -> float:
+    """Relative change of a vector or a matrix."""
+    return float((now - before).norm() / now.norm().clamp(min=1e-300))
 
 
 def _eigen(covariance: Tensor) -> tuple[Tensor, Tensor]:

@@ -11,7 +11,7 @@ import polars as pl
 
 from descentflow.core.files import whole_file
 from descentflow.studies.paper.job_log import logged_to
-from descentflow.studies.paper.study_plan import StudyPlan
+from descentflow.studies.paper.study_plan import RECIPES, StudyPlan
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 
 BLOCK = 4_000
@@ -145,7 +145,8 @@ def _write_slim(descents: Descents, path: Path) -> None:
 def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path, first: Path | None) -> None:
     from descentflow.training.fit import fit
 
-    out, epochs = folder / "model.ckpt", plan.max_epochs
+    out, epochs, recipe = folder / "model.ckpt", plan.max_epochs, RECIPES[plan.recipe]
+    options = {"seed": plan.seed, "max_epochs": epochs, "device": "cpu", "checkpoint": first, **recipe.data}
     with logged_to(folder / "fit.log"):
         # The checkpoint of the first model brings split, components and bounds.
-        print(fit(descents, name, out=out, seed=plan.seed, max_epochs=epochs, device="cpu", checkpoint=first))
+        print(fit(descents, recipe.models[name], out=out, **options))  # type: ignore[arg-type]

@@ -34,6 +34,33 @@ MODELS = {
     "spline": "Neural spline flow",
 }
 """Settings file of `configs/model/` -> name in tables."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How the models of a study are fitted.
+
+    Attributes:
+        models: Those it has, each with the settings file that trains it.
+        data: Options of :class:`~descentflow.training.datamodule.DescentDataModule` that are not the defaults.
+
+    Example:
+        >>> RECIPES["paper"].models["flow"], RECIPES["paper"].data["fpca"]
+        ('flow_paper', 'iterative')
+    """
+
+    models: dict[str, str]
+    data: dict[str, object]
+
+
+RECIPES = {
+    "own": Recipe({name: name for name in MODELS}, {}),
+    "paper": Recipe(
+        {"gaussian": "gaussian", "gmm": "gmm_paper", "flow": "flow_paper"},
+        {"validation_fraction": 0.0, "fpca": "iterative"},
+    ),
+}
+"""Ours, and the paper's own: its 80:20 split, its gappy fPCA, mixtures with its cap, its flow with nothing added."""
 LAST = "flights.json"
 """The last file of a type's folder: where it is, the type is done."""
 
@@ -50,6 +77,7 @@ class StudyPlan:
         store: Prepared descents to use instead of simulated ones.
         max_epochs: Bound on the epochs of every fit; each config's own if absent.
         scenario: Settings of the simulated world, see :mod:`descentflow.simulation.scenarios`.
+        recipe: Name of :data:`RECIPES`.
 
     Example:
         >>> StudyPlan({"A320": 2_000}, models=("gaussian", "flow")).n_samples
@@ -63,14 +91,18 @@ class StudyPlan:
     store: str | None = None
     max_epochs: int | None = None
     scenario: str = "london-fir-2019"
+    recipe: str = "own"
 
     def __post_init__(self) -> None:
         """Refuse a plan that cannot be carried out."""
-        unknown = [name for name in self.models if name not in MODELS]
+        if self.recipe not in RECIPES:
+            raise ConfigError(f"recipe {self.recipe!r}", expected=f"one of {', '.join(RECIPES)}", mend="choose another")
+        known = RECIPES[self.recipe].models
+        unknown = [name for name in self.models if name not in known]
         if unknown or not self.models or not self.flights:
             raise ConfigError(
                 f"models {', '.join(self.models) or 'none'} for {len(self.flights)} types",
-                expected=f"some of {', '.join(MODELS)}, and at least one type",
+                expected=f"some of {', '.join(known)}, and at least one type",
                 mend="name others",
             )
         if self.n_samples < 2 or self.seed < 0 or min(self.flights.values()) < 50:

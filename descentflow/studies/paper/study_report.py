@@ -126,8 +126,9 @@ def write_report(plan: StudyPlan, folder: Path, published: Path | None = None) -
 def _settings(plan: StudyPlan) -> Html:
     models = ", ".join(MODELS[name] for name in plan.models)
     source = f"simulated, scenario {plan.scenario}" if plan.store is None else "prepared from a store"
+    recipe = ", by the paper's own recipe" if plan.recipe == "paper" else ""
     epochs = "" if plan.max_epochs is None else f" at most {plan.max_epochs} epochs,"
     return paragraph(
-        f"Flights: {source}. Models: {models};{epochs} {plan.n_samples:,} samples of each, seed {plan.seed}.",
+        f"Flights: {source}. Models: {models}{recipe};{epochs} {plan.n_samples:,} samples of each, seed {plan.seed}.",
         kind="lead",
     )

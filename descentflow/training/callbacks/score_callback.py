@@ -55,6 +55,9 @@ class ScoreCallback(Callback):
         """Score against the validation flights, in the epochs that are due."""
         if trainer.state.fn != "fit" or trainer.sanity_checking or not self._due(trainer):
             return
+        if len(trainer.datamodule.profiles("validation")) == 0:  # type: ignore[attr-defined]
+            # All flights but the test flights train, as in the paper: nothing to score against yet.
+            return
         try:
             found = self._evaluate(trainer, pl_module, "validation", self.n_samples, n_splits=FEW_SPLITS, costly=False)
         except SamplingError as error:

@@ -99,6 +99,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         shrinkage: NonNegativeFloat = 300.0,
         whitened: bool = True,
         linear: bool = True,
+        turned_round: bool = True,
         caution: NonNegativeFloat = 1.0,
     ) -> None:
         """Set the hyperparameters.
@@ -112,12 +113,13 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
                 whitened flow is pulled towards its Gaussian.
             whitened: Start from the Gaussian of the training flights.
             linear: LU-decomposed maps between the flows.
+            turned_round: One pass of the networks for a density, not one a weight; see the density.
             caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
         """
         super().__init__()
         self.save_hyperparameters()
         self.n_flows, self.hidden_per_weight = int(n_flows), int(hidden_per_weight)
-        self.whitened, self.linear = whitened, linear
+        self.whitened, self.linear, self.turned_round = whitened, linear, turned_round
         # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
         self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
         self.shrinkage, self.caution = float(shrinkage), float(caution)
@@ -131,6 +133,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
             n_context,
             whitened=self.whitened,
             linear=self.linear,
+            turned_round=self.turned_round,
         )
 
 

@@ -1,4 +1,4 @@
-"""The paper's own recipe: all flights but the test flights train, the flow is normflows' own, fPCA says if it runs off."""
+"""The paper's own recipe: who trains, normflows' own flow, and an fPCA that says where it runs off."""
 
 import warnings
 from pathlib import Path
@@ -103,7 +103,7 @@ def test_an_iteration_that_runs_off_is_told() -> None:
     fitted = iterate(values, mask, 0.95)
     assert not fitted.converged
     assert fitted.n_iterations == MAX_ITERATIONS
-    with pytest.warns(DescentflowWarning, match="has not settled after 50 iterations"):
+    with pytest.warns(DescentflowWarning, match="after 50 iterations the paper's fPCA has not settled"):
         GappyFPCA(0.95, "iterative").fit(values, mask, 30.48)
 
 

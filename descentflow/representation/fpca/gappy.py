@@ -10,7 +10,7 @@ from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.hidden import hide, noise_length
-from descentflow.representation.fpca.iterative import iterate
+from descentflow.representation.fpca.iterative import MAX_GROWTH, iterate
 from descentflow.representation.fpca.number_of_components import explained_share, number_of_components
 
 Method = Literal["ppca", "iterative"]
@@ -137,11 +137,12 @@ class GappyFPCA:
 
     def _fit_iterative(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
         fitted = iterate(values, mask, self.explained_variance)
-        if not fitted.converged:
+        if not fitted.converged or fitted.growth > MAX_GROWTH:
+            settled = "" if fitted.converged else "has not settled and "
             warnings.warn(
-                f"the paper's iteration has not settled after {fitted.n_iterations} iterations: what it extrapolates "
-                f"to hidden levels has made the variance {fitted.growth:.1f} times that of the observed values, so "
-                "that the first components explain the extrapolation; to mend it, take fpca ppca",
+                f"after {fitted.n_iterations} iterations the paper's fPCA {settled}has {fitted.growth:.1f} times the "
+                "variance of the observed values: what was extrapolated to hidden levels is what the first "
+                "components explain; to mend it, take fpca ppca",
                 DescentflowWarning,
                 stacklevel=2,
             )

@@ -20,6 +20,9 @@ must have settled as well: the mean does so while the weights of flights with la
 make the covariance of the completed profiles grow with every iteration."""
 MAX_ITERATIONS = 50
 """The paper's bound."""
+MAX_GROWTH = 1.2
+"""Growth from which on the user is warned: without gaps it is 1, of simulated CAS 0.99, of simulated drag, of which one
+component is then left instead of five, 1.4 (E190) and 2.8 (B738)."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,6 @@ resumed and spread over workers), :mod:`~descentflow.studies.paper.study_tables`
 :mod:`~descentflow.studies.paper.sweeps` for the appendices.
 
 A study's folder holds ``plan.json``, and for each type ``descents.parquet``, a folder per model (``model.ckpt``,
-``scores.csv``, ``intervals.csv``, ``rejections.json``, logs and, last, ``done``), figures, ``nll.csv`` and, last,
-``flights.json``; the tables as CSV and ``report.html`` lie beside the types.
+``scores.csv``, ``intervals.csv``, ``classifier.csv``, ``rejections.json``, logs and, last, ``done``), figures,
+``nll.csv`` and, last, ``flights.json``; the tables as CSV and ``report.html`` lie beside the types.
 """

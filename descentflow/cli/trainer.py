@@ -77,14 +77,17 @@ def run(command: str, rest: Sequence[str]) -> None:
 
     Raises:
         ConfigError: If ``validate``, ``test`` or ``predict`` is given no checkpoint: it would score a model of
-            random parameters.
+            random parameters; or if checkpoints are to be loaded unsafely.
         CheckpointError: If the checkpoint cannot be used.
     """
     words = _with_packaged_configs(["--help" if word == "--help_all" else word for word in rest])
     if "--help" not in words:
+        words = _with_safe_loading(words)
         words = _with_accelerator(words)
         if command != "fit":
             words = _with_run_settings(command, words)
+        elif (resumed := _option(words, "--ckpt_path")) is not None and Path(resumed).suffix:
+            read_checkpoint(resumed)
     quiet()
     one_thread_unless_told()
     # The best checkpoint's own `save_last` writes only in epochs that are the best so far; a killed run resumes here.
@@ -126,6 +129,17 @@ def _with_packaged_configs(words: list[str]) -> list[str]:
         found(word) if before == "--config" else f"--config={found(word[9:])}" if word.startswith("--config=") else word
         for before, word in zip(["", *words], words, strict=False)
     ]
+
+
+def _with_safe_loading(words: list[str]) -> list[str]:
+    """Have Lightning load checkpoints as this package does; left to itself it runs whatever their pickles say."""
+    if _option(words, "--weights_only") not in (None, "true"):
+        raise ConfigError(
+            "--weights_only that is not true",
+            expected="checkpoints of tensors and primitives: loading one never executes code",
+            mend="leave it out",
+        )
+    return ["--weights_only", "true", *words]
 
 
 def _with_accelerator(words: list[str]) -> list[str]:

@@ -1,6 +1,7 @@
 """The trainer's commands and sampling, run as a user runs them, on small prepared descents."""
 
 import importlib.util
+import os
 import re
 import warnings
 from pathlib import Path
@@ -124,7 +125,7 @@ def test_test_scores_the_held_out_flights(run: Path, tmp_path: Path) -> None:
     assert main(["test", "--ckpt_path", str(checkpoint), *where, "--scores.n_test_samples=500"]) == 0
     folder = next((tmp_path / "gaussian").iterdir())
     rows = pl.read_csv(folder / "scores.csv")
-    assert len(rows) == 22
+    assert len(rows) == 4 * 5 + 2 + 2  # by part, of whole profiles, of whole descents
     assert set(rows["quantity"]) >= {"time_to_bottom_of_descent", "rocd_below_transition"}
     assert (folder / "profiles.png").stat().st_size > 10_000
 
@@ -205,6 +206,28 @@ def test_a_killed_fit_resumes_from_its_last_checkpoint(tmp_path: Path, descents:
     assert after["lr_schedulers"][0]["last_epoch"] == 6
     name = "_density.program.locs_unconstrained"
     assert after["state_dict"][name].shape == before["state_dict"][name].shape, "BIC is not asked again"
+
+
+class Payload:
+    def __init__(self, target: Path) -> None:
+        self.target = target
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return os.system, (f"touch {self.target}",)
+
+
+def test_resuming_executes_nothing_of_what_a_checkpoint_holds(
+    run: Path, descents: Path, tmp_path: Path, capsys
+) -> None:
+    evil = tmp_path / "evil.ckpt"
+    content = torch.load(run / "checkpoints" / "best.ckpt", weights_only=True)
+    torch.save({**content, "extra": Payload(tmp_path / "owned")}, evil)
+    words = ["fit", "--config", str(run / "config.yaml"), "--ckpt_path", str(evil)]
+    assert main(words) == 2
+    assert "could execute code" in capsys.readouterr().err
+    assert main([*words, "--weights_only=false"]) == 2
+    assert "never executes code" in capsys.readouterr().err
+    assert not (tmp_path / "owned").exists()
 
 
 def test_resuming_on_other_flights_is_refused(run: Path, tmp_path: Path, capsys) -> None:

@@ -1,0 +1,173 @@
+"""Sampling, scores and predictions of a fit, run as a user runs them."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+import toys
+from command_line_toys import QUICK, fit
+from scipy.io import netcdf_file
+
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.cli.entry import main
+from descentflow.densities.checkpoint import load_model
+from descentflow.representation.read_checkpoint import read_checkpoint
+
+
+def test_sample_table(run: Path, tmp_path: Path) -> None:
+    checkpoint = str(run / "checkpoints" / "best.ckpt")
+    for name in ("a.parquet", "b.parquet"):
+        assert main(["sample", checkpoint, "-n", "50", "--seed", "3", "--out", str(tmp_path / name)]) == 0
+    first, second = pl.read_parquet(tmp_path / "a.parquet"), pl.read_parquet(tmp_path / "b.parquet")
+    assert first.equals(second), "the same seed gives the same samples, bit for bit"
+    assert first.columns == [
+        "sample_id", "level_fl", "time_s", "altitude_ft", "CAS", "Mach", "TAS", "vertical_rate", "drag_n",
+    ]  # fmt: skip
+    assert first["sample_id"].n_unique() == 50
+    assert (first["vertical_rate"] < 0).all()
+    assert (first["altitude_ft"] == 100 * first["level_fl"]).all()
+    steps = first.with_columns(pl.col("time_s").diff().over("sample_id").alias("step"))["step"].drop_nulls()
+    assert (steps > 0).all(), "time grows down each sample's rows"
+    # The average rate of each interval explains its time: units and signs agree.
+    one = first.filter(sample_id=0)
+    height = -np.diff(one["altitude_ft"].to_numpy())
+    mean_slowness = -(0.5 / one["vertical_rate"].to_numpy()[1:] + 0.5 / one["vertical_rate"].to_numpy()[:-1])
+    np.testing.assert_allclose(np.diff(one["time_s"].to_numpy()), 60 * height * mean_slowness, rtol=0.02)
+
+
+def test_netcdf_and_csv_hold_the_same_samples(run: Path, tmp_path: Path) -> None:
+    checkpoint = str(run / "checkpoints" / "best.ckpt")
+    for name in ("s.nc", "s.csv", "s.parquet"):
+        assert main(["sample", checkpoint, "-n", "7", "--out", str(tmp_path / name)]) == 0
+    table = pl.read_parquet(tmp_path / "s.parquet")
+    assert pl.read_csv(tmp_path / "s.csv").shape == table.shape
+    with netcdf_file(tmp_path / "s.nc", "r", mmap=False) as file:
+        cas, levels = file.variables["CAS"][:], file.variables["level_fl"][:]
+        assert file.variables["CAS"].units == b"kt"
+    assert np.isfinite(cas).sum() == len(table)
+    row = table.filter(sample_id=2)
+    np.testing.assert_allclose(cas[2][np.isin(levels, row["level_fl"])][::-1], row["CAS"])
+
+
+def test_evaluate_leaves_out_what_was_trained_on(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
+    checkpoint = str(run / "checkpoints" / "best.ckpt")
+    assert main(["evaluate", checkpoint, "--real", str(descents), "--out", str(tmp_path / "old"), "-n", "300"]) == 0
+    assert "60 held-out flights (240 left out" in capsys.readouterr().out
+    other = toys.write_descents_file(tmp_path / "new.parquet", 80, seed=9)
+    assert main(["evaluate", checkpoint, "--real", str(other), "--out", str(tmp_path / "new"), "-n", "300"]) == 0
+    assert "80 held-out flights (0 left out" in capsys.readouterr().out
+    assert {p.name for p in (tmp_path / "new").iterdir()} >= {"scores.csv", "rejections.json", "profiles.png"}
+
+
+def test_bad_outputs_of_sample(run: Path, tmp_path: Path, capsys) -> None:
+    checkpoint = str(run / "checkpoints" / "best.ckpt")
+    for out, message in (("s.xlsx", "extension among"), ("no/such/s.parquet", "does not exist")):
+        assert main(["sample", checkpoint, "-n", "3", "--out", str(tmp_path / out)]) == 2
+        assert message in capsys.readouterr().err
+    assert main(["sample", checkpoint, "-n", "0", "--out", str(tmp_path / "s.parquet")]) == 2
+    assert list(tmp_path.iterdir()) == [], "nothing half-written is left"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nonsense"], "no command 'nonsense'"),
+        (["sample", "absent.ckpt", "--out", "s.parquet"], "no file absent.ckpt"),
+        (["evaluate", "absent.ckpt", "--real", "d.parquet", "--out", "e"], "no file absent.ckpt"),
+    ],
+)
+def test_mistakes_end_with_a_message_and_status_two(words: list[str], message: str, capsys) -> None:
+    assert main(words) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_predict_descent_writes_intervals_and_occupancy(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
+    words = ["predict-descent", str(run / "checkpoints" / "best.ckpt"), str(descents), "--from-fl", "290", "-n", "40"]
+    assert main([*words, "--out", str(tmp_path / "p.parquet"), "--occupancy", str(tmp_path / "o.parquet")]) == 0
+    said = capsys.readouterr().out
+    assert "calibrated on the checkpoint's validation flights" in said
+    assert "90 % intervals hold" in said
+    table = pl.read_parquet(tmp_path / "p.parquet")
+    assert (table["q05_s"] <= table["q95_s"]).all()
+    assert set(pl.read_parquet(tmp_path / "o.parquet")["flight_id"]) == set(table["flight_id"])
+    assert main([*words, "--flight", "nobody", "--out", str(tmp_path / "p.parquet")]) == 2
+    assert "was not trained or validated on" in capsys.readouterr().err
+
+
+def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path, capsys) -> None:
+    """Every command with a context: fitted, scored, evaluated on each flight's own, sampled with what is given."""
+    flights = pl.read_parquet(descents)["flight_id"].unique().sort()
+    speeds = pl.Series([("SLO", "FST", "MID")[i % 3] for i in range(len(flights))])
+    table = pl.DataFrame({"flight_id": flights, "operator": speeds, "deviation_k": np.arange(len(flights)) % 7.0})
+    table.write_csv(tmp_path / "context.csv")
+    context = ["--data.context=[operator,deviation_k,entry_fl]", f"--data.context_table={tmp_path / 'context.csv'}"]
+    folder = fit(tmp_path, descents, "gaussian", *context)
+    checkpoint = str(folder / "checkpoints" / "best.ckpt")
+    where = f"--trainer.logger.init_args.save_dir={tmp_path / 'tested'}"
+    assert main(["predict", "--ckpt_path", checkpoint, where]) == 0
+    known = ["--context-table", str(tmp_path / "context.csv")]
+    words = ["evaluate", checkpoint, "--real", str(descents), "--out", str(tmp_path / "e"), "-n", "100"]
+    assert main([*words, *known]) == 0
+    assert main(words) == 2, "the table is missing"
+    out = tmp_path / "s.parquet"
+    given = ["--given", "operator=FST", "deviation_k=3.5", "entry_fl=300"]
+    assert main(["sample", checkpoint, "-n", "30", *given, "--out", str(out)]) == 0
+    samples = pl.read_parquet(out)
+    assert samples["given_operator"].unique().to_list() == ["FST"]
+    assert samples.group_by("sample_id").agg(pl.col("level_fl").max())["level_fl"].unique().to_list() == [300]
+    rows = pl.DataFrame({"operator": ["SLO", "FST"], "deviation_k": [0.0, 5.0], "entry_fl": [280, 340]})
+    rows.write_csv(tmp_path / "rows.csv")
+    for name in ("t.parquet", "t.nc"):
+        words = ["sample", checkpoint, "-n", "5", "--given-table", str(tmp_path / "rows.csv")]
+        assert main([*words, "--out", str(tmp_path / name)]) == 0
+    first = pl.read_parquet(tmp_path / "t.parquet").unique("sample_id", keep="first").sort("sample_id")
+    assert first["given_operator"].to_list() == ["SLO", "FST", "SLO", "FST", "SLO"]
+    held_out = read_checkpoint(checkpoint)["descentflow"]["representation"]["split"]["test"]
+    reaching = pl.read_parquet(descents).filter(pl.col("flight_id").is_in(held_out), pl.col("level_fl") > 320)
+    words = ["predict-descent", checkpoint, str(descents), "--from-fl", "290", "-n", "20", *known]
+    words += ["--flight", reaching["flight_id"][0]]
+    assert main([*words, "--out", str(tmp_path / "p.parquet")]) == 0
+    capsys.readouterr()
+    for bad, message in (
+        ([], "a conditional model without a context"),
+        (["--given", "operator=FST"], "no value for the context deviation_k, entry_fl"),
+        (["--given", *given[2:], "operator=XXX"], "operator (one of"),
+        (["--given", "operator"], "NAME=VALUE"),
+        (["--given", *given[1:], "wind=3"], "context wind"),
+    ):
+        assert main(["sample", checkpoint, "-n", "3", *bad, "--out", str(out)]) == 2
+        assert message in capsys.readouterr().err
+
+
+def test_a_model_without_context_refuses_one(run: Path, tmp_path: Path, capsys) -> None:
+    words = ["sample", str(run / "checkpoints" / "best.ckpt"), "--given", "hour=3", "--out", str(tmp_path / "s.csv")]
+    assert main(words) == 2
+    assert "knows no context" in capsys.readouterr().err
+
+
+def test_descents_of_several_types_need_an_aircraft(tmp_path: Path, capsys) -> None:
+    first = pl.read_parquet(toys.write_descents_file(tmp_path / "a.parquet", 30))
+    metadata = pl.read_parquet_metadata(tmp_path / "a.parquet")
+    other = pl.when(pl.col("flight_id") > "toy-0-00015").then(pl.lit("B738")).otherwise("typecode").alias("typecode")
+    first.with_columns(other).write_parquet(
+        tmp_path / "mixed.parquet", metadata={"descentflow": metadata["descentflow"]}
+    )
+    assert main(["fit", "--model", "Gaussian", "--data.descents", str(tmp_path / "mixed.parquet"), *QUICK]) == 2
+    assert "types" in capsys.readouterr().err
+
+
+def test_a_licence_holders_directory_serves_the_whole_path(tmp_path: Path) -> None:
+    """EUROCONTROL's files as they come (here the dummies): rows, descents, checkpoint and samples are of that type."""
+    spec = importlib.util.find_spec("pyBADA")
+    assert spec is not None, "the test extra installs pybada"
+    release = Path(str(spec.origin)).parent / "aircraft" / "BADA3" / "DUMMY"
+    rows, prepared = tmp_path / "rows.parquet", tmp_path / "descents.parquet"
+    flown = ["simulate", "--typecode", "J2H", "--bada-dir", str(release), "--flights", "60", "--out", str(rows)]
+    assert main(flown) == 0
+    assert main(["prepare", str(rows), "--out", str(prepared)]) == 0
+    run = fit(tmp_path / "run", prepared, "gaussian", "--data.bada_dir", str(release))
+    checkpoint = next(run.rglob("best.ckpt"))
+    assert load_model(checkpoint).representation.decoder.aircraft == aircraft("J2H", release)
+    assert main(["sample", str(checkpoint), "-n", "5", "--out", str(tmp_path / "samples.parquet")]) == 0

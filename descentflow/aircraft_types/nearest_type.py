@@ -1,15 +1,20 @@
 """The type whose coefficients are nearest to a type that has none: same engines, nearest in take-off mass."""
 
+import csv
 from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
 from math import log
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from descentflow.aircraft_types.aircraft import Aircraft, Engine
 from descentflow.aircraft_types.bada3.bada_directory import load_directory
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
 from descentflow.core.errors import AircraftError
 
+SIZES = "sizes.csv"
+"""Beside the open aircraft: types without coefficients."""
 LARGEST_RATIO = 1.5
 """A type that is heavier or lighter by more has another wing and other engines: no coefficients are near it."""
 
@@ -18,8 +23,8 @@ class TypeSize(NamedTuple):
     """Engines and maximum take-off mass of a type.
 
     Example:
-        >>> SIZES["B788"].engine, SIZES["B788"].mass_maximum_kg
-        ('jet', 227930.0)
+        >>> TypeSize("jet", 2, 228000.0).n_engines
+        2
     """
 
     engine: Engine
@@ -27,35 +32,22 @@ class TypeSize(NamedTuple):
     mass_maximum_kg: float
 
 
-_TWIN_JETS = {
-    "A306": 171700, "A310": 164000, "A318": 68000, "A19N": 75500, "A332": 242000, "A333": 242000, "A338": 251000,
-    "A339": 251000, "A359": 283000, "A35K": 319000, "B37M": 80290, "B38M": 82190, "B39M": 88310, "B712": 54880,
-    "B733": 62820, "B734": 68040, "B735": 60550, "B736": 65540, "B752": 115680, "B753": 123830, "B762": 179170,
-    "B763": 186880, "B764": 204120, "B773": 299370, "B77L": 347450, "B77W": 351530, "B788": 227930, "B789": 254010,
-    "B78X": 254010, "BCS1": 63100, "BCS3": 70900, "CRJ2": 24040, "CRJ7": 34020, "CRJ9": 38330, "CRJX": 41640,
-    "E135": 20000, "E145": 22000, "E195": 52290, "E290": 56400, "E295": 61500, "E75L": 38790, "E75S": 38790,
-    "F100": 45810, "F70": 41730, "GL5T": 41960, "GLEX": 45130, "GLF5": 41280, "GLF6": 45180, "MD82": 67810,
-    "MD83": 72570, "MD90": 70760, "SU95": 49450,
-}  # fmt: skip
-_FOUR_JETS = {
-    "A343": 276500, "A346": 380000, "B461": 38100, "B462": 42180, "B463": 44230, "B744": 412770, "B748": 447700,
-    "RJ85": 44000,
-}  # fmt: skip
-_THREE_JETS = {"F900": 22230, "FA7X": 31750, "MD11": 286000}
-_TWIN_TURBOPROPS = {"AT43": 16900, "AT45": 18600, "AT72": 22800, "AT75": 22800, "DH8A": 15650, "DH8C": 19500}
+@cache
+def type_sizes() -> Mapping[str, TypeSize]:
+    """Types without open coefficients whose size is known: engines and MTOW of OpenAP 2.6.2's aircraft files.
 
-_ENGINES: tuple[tuple[Engine, int, dict[str, int]], ...] = (
-    ("jet", 2, _TWIN_JETS),
-    ("jet", 3, _THREE_JETS),
-    ("jet", 4, _FOUR_JETS),
-    ("turboprop", 2, _TWIN_TURBOPROPS),
-)
+    The masses choose a neighbour and are used for nothing else.
 
-SIZES: Mapping[str, TypeSize] = {
-    name: TypeSize(engine, number, float(mass)) for engine, number, masses in _ENGINES for name, mass in masses.items()
-}
-"""Types without open coefficients; masses in kg as manufacturers print them for a heavy variant, which differ by some
-percent between variants and years: enough to choose a neighbour by, and for nothing else."""
+    Example:
+        >>> type_sizes()["B788"]
+        TypeSize(engine='jet', n_engines=2, mass_maximum_kg=228000.0)
+    """
+    text = files("descentflow.aircraft_types.open_types").joinpath(SIZES).read_text(encoding="utf-8")
+    rows = csv.DictReader(text.splitlines())
+    return {
+        row["typecode"]: TypeSize(cast("Engine", row["engine"]), int(row["n_engines"]), float(row["mass_maximum_kg"]))
+        for row in rows
+    }
 
 
 def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> Aircraft:
@@ -73,7 +65,7 @@ def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> Aircraft:
 
     Example:
         >>> nearest_type("B788").typecode, nearest_type("B38M").typecode, nearest_type("A320").typecode
-        ('B772', 'B739', 'A320')
+        ('B772', 'B738', 'A320')
     """
     at_hand = {name: open_aircraft(name) for name in open_typecodes()} if bada_dir is None else load_directory(bada_dir)
     if typecode in at_hand:
@@ -96,13 +88,13 @@ def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> Aircraft:
 
 
 def _size(typecode: str) -> TypeSize:
-    if typecode in SIZES:
-        return SIZES[typecode]
+    if typecode in type_sizes():
+        return type_sizes()[typecode]
     if typecode in open_typecodes():
         known = open_aircraft(typecode)
         return TypeSize(known.engine, known.n_engines, float(known.mass_maximum_kg))
     raise AircraftError(
         f"the size of type {typecode!r} is not known",
-        expected=f"one of {', '.join(sorted({*SIZES, *open_typecodes()}))}",
+        expected=f"one of {', '.join(sorted({*type_sizes(), *open_typecodes()}))}",
         mend="name the type whose coefficients stand for it (typecode)",
     )

@@ -69,7 +69,9 @@ def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -
     shifts, spreads = held_out_shifts(likelihood, fit)
     gap: Gap = measure.gap(together(shifts, likelihood))
     causes = causes_of(likelihood, found.chosen, measure, shifts, spreads, settings.progress, inherited=True)
-    write = corrected(settings.simulator, report.details.mass_kg, settings.catalogue, fit.theta, inherited=True)
+    write = corrected(
+        settings.simulator, report.details.mass_kg, settings.catalogue, fit.theta, spreads=spreads, inherited=True
+    )
     return replace(
         report,
         verdict="effect",

@@ -24,11 +24,20 @@ def corrected(
     catalogue: Mapping[str, Effect],
     theta: Mapping[str, Tensor],
     *,
+    spreads: Mapping[str, float] | None = None,
     inherited: bool = False,
 ) -> Callable[[Path], None] | None:
     """What writes the corrected checkpoint; None where there is no checkpoint to correct, or none could hold it.
 
     Effects of the user's own cannot be written: a checkpoint that names code outside the package would not load.
+
+    Args:
+        simulator: What was diagnosed.
+        mass_kg: Mass at which signatures are taken.
+        catalogue: Effects by name.
+        theta: Parameters of those that are added.
+        spreads: Effect -> how widely its size spreads between flights, in its mean; alike in all if absent.
+        inherited: Whether the simulator's own flights had the effects.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -47,7 +56,8 @@ def corrected(
     def write(path: Path) -> None:
         content = read()
         sizes = {name: value.tolist() for name, value in theta.items()}
-        correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning())
+        own = {name: float(spread) for name, spread in (spreads or {}).items() if name in sizes}
+        correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning(), own)
         state: dict[str, Any] = content[SECTION]["representation"]
         before = state["decoder"].get("correction")
         if before is not None:

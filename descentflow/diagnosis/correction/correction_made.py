@@ -94,7 +94,7 @@ def correction_made(
             _writer(simulator, simulator.flights, correction),
             _scores_of_flights(simulator, simulator.flights, frame, likelihood, fit, correction, transition_fl),
         )
-    write = corrected(simulator, mass_kg, catalogue, fit.theta)
+    write = corrected(simulator, mass_kg, catalogue, fit.theta, spreads=spreads)
     parts = simulator.representation
     if (
         simulator.sampler is None
@@ -102,7 +102,7 @@ def correction_made(
         or any(catalogue[name] is not EFFECTS.get(name) for name in fit.theta)
     ):
         return CorrectionMade(CHECKPOINT if write is not None else "", write)
-    flown, moved = _samples(simulator, frame, mass_kg, seed)
+    flown, moved = _samples(simulator, frame, mass_kg, seed, spreads)
     found = _scores_of_samples(simulator, frame, likelihood, fit, flown, moved, transition_fl, seed)
     settings = None if parts.cleaning is None else asdict(parts.cleaning)
 
@@ -145,7 +145,7 @@ def _scores_of_flights(
 
 
 def _samples(
-    simulator: Simulator, frame: pl.DataFrame, mass_kg: float, seed: int
+    simulator: Simulator, frame: pl.DataFrame, mass_kg: float, seed: int, spreads: Mapping[str, float]
 ) -> tuple[Trajectories, Callable[[Mapping[str, Tensor]], Trajectories]]:
     """Samples that begin where real flights do, and what puts causes into them."""
     parts, sampler = simulator.representation, simulator.sampler
@@ -159,7 +159,9 @@ def _samples(
 
     def moved(theta: Mapping[str, Tensor]) -> Trajectories:
         sizes = {name: value.tolist() for name, value in theta.items()}
-        return DecoderCorrection(sizes, mass_kg, cleaning=parts.cleaning or Cleaning()).apply(simulator.aircraft, flown)
+        own = {name: float(spreads.get(name, 0.0)) for name in sizes}
+        correction = DecoderCorrection(sizes, mass_kg, cleaning=parts.cleaning or Cleaning(), spreads=own)
+        return correction.apply(simulator.aircraft, flown)
 
     return flown, moved
 

@@ -115,11 +115,15 @@ def details() -> Details:
         quantities=["rate", "tas", "level"],
         measured_over=[MeasuredEntry("rate", 150.0, 165.0, spread=0.07, distance=0.4, floor=0.05)],
         gap_error=0.02,
+        narrow_simulator=True,
         transition_fl=318.0,
         mass_kg=60_000.0,
         test=NullTest(1 / 2000, 41.0, 25.0, 1999),
         discrepancy=Discrepancy(300.0, 12.0, 9.0, 0.96, False),
-        singles=[SingleEffect("temperature", 210.0, 15.0, {"deviation_k": 7.2}), SingleEffect("mass", 90.0, 12.0, {})],
+        singles=[
+            SingleEffect("temperature", 210.0, 15.0, {"deviation_k": 7.2}),
+            SingleEffect("mass", 90.0, 12.0, {}, "mass x 0.65 is the limit of what is possible"),
+        ],
         curves={
             "rate": Curve(levels, [-0.05 + 0.001 * k for k in range(14)], [0.002] * 14, [0.004] * 14),
             "tas": Curve(levels, [0.016] * 14, [0.0] * 14, [0.001] * 14),

@@ -44,6 +44,7 @@ class Parameter:
         inexact: Standard error that comes on top of the data's: how well the equations of the effect place it.
         from_heterogeneity: Set by :meth:`Effect.learn_heterogeneity` from how flights differ, not by their mean.
         is_spread: A spread between flights that have the effect, zero where it is alike in all of them.
+        by_product: What the effect does to reports of itself: told with its size, and nothing to enter in a simulator.
         label: What readers call it; the name with spaces if empty.
         shown_as: How readers are told it.
         symbol: What stands before the number, such as ``CD0`` before a factor; the label if empty.
@@ -67,6 +68,7 @@ class Parameter:
     inexact: float = 0.0
     from_heterogeneity: bool = False
     is_spread: bool = False
+    by_product: bool = False
     label: str = ""
     shown_as: ShownAs = "number"
     symbol: str = ""

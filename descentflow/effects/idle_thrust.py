@@ -6,6 +6,10 @@ from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.effects.scale_group import THRUST_DRAG_WEIGHT
 
+NONE_LEFT = -1.0
+"""Change by which there is no thrust: engines that pull backwards are no idle thrust, and rates that would need it have
+another cause. An estimate at this bound is refused."""
+
 
 class IdleThrust(Effect):
     """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed.
@@ -24,7 +28,7 @@ class IdleThrust(Effect):
     parameters = (
         Parameter(
             "relative_change",
-            -1.5,
+            NONE_LEFT,
             3.0,
             "1",
             0.1,

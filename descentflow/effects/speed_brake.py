@@ -93,6 +93,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
             label="ln of the ratio of short-scale noise",
             shown_as="logarithm",
             symbol="short-scale noise",
+            by_product=True,
         ),
         spread_of("spread_middle_fl", 100.0, "FL", 10.0, "spread of the window's middle between flights"),
         spread_of("spread_height_fl", 50.0, "FL", 10.0, "spread of the window's height between flights"),

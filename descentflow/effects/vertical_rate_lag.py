@@ -41,6 +41,7 @@ class VerticalRateLag(Effect):
             label="ln of the ratio of short-scale noise",
             shown_as="logarithm",
             symbol="short-scale noise",
+            by_product=True,
         ),
     )
     needs = ("vertical_rate",)

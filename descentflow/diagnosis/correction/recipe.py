@@ -49,7 +49,8 @@ def levels_compared(compared: Compared) -> tuple[float, float]:
 def _step(cause: Cause, effect: Effect, levels_fl: tuple[float, float]) -> RecipeStep:
     ends = {size.parameter: size.value.estimate for size in cause.sizes if size.parameter in WINDOW}
     low, high = (ends.get(name, level) for name, level in zip(WINDOW, levels_fl, strict=True))
-    entered = [size for size in cause.sizes if size.parameter not in WINDOW]
+    told_only = {p.name for p in effect.parameters if p.by_product}
+    entered = [size for size in cause.sizes if size.parameter not in WINDOW and size.parameter not in told_only]
     numbers = [RecipeNumber(size.parameter, size.unit, size.value, low, high) for size in entered]
     share = 1.0 if cause.share_of_flights is None else cause.share_of_flights.estimate or 1.0
     text = effect.recipe({size.parameter: size.text for size in entered}) or cause.text

@@ -69,6 +69,9 @@ class Discrepancy:
 class SingleEffect:
     """An effect of the catalogue fitted alone: gain in held-out log score (nats), its error, and the parameters.
 
+    ``refused`` says why it cannot be named with these parameters, such as ``idle thrust x 0.00 is the limit of what is
+    possible``; empty where it can.
+
     Example:
         >>> SingleEffect("drag_polar", score_gain=210.0, error=15.0, parameters={"relative_change": 0.12}).score_gain
         210.0
@@ -78,6 +81,7 @@ class SingleEffect:
     score_gain: float
     error: float
     parameters: dict[str, float]
+    refused: str = ""
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,8 @@ class Details:
         profile: What the simulator flies on average by level.
         measured_over: What the gap was measured over, for the next round.
         gap_error: Standard error of the gap before the causes, in spreads.
+        narrow_simulator: Whether the simulator's flights scatter so much less than the real ones that how flights
+            differ was learnt from these.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -149,6 +155,7 @@ class Details:
     profile: list[LevelMeans] = field(default_factory=list)
     measured_over: list[MeasuredEntry] = field(default_factory=list)
     gap_error: float | None = None
+    narrow_simulator: bool = False
 
     def label(self, effect: str) -> str:
         """What readers call an effect of the catalogue; ``unknown`` is the one outside it."""

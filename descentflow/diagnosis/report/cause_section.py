@@ -23,7 +23,7 @@ def cause_section(found: Findings) -> list[Html]:
         True
     """
     named = [_causes(found), _closure(found)] if found.causes else [paragraph(_no_cause(found))]
-    return [*named, _alone(found), *_others(found)]
+    return [*named, _alone(found), *_refused(found), *_others(found)]
 
 
 def _no_cause(found: Findings) -> str:
@@ -82,6 +82,18 @@ def _alone(found: Findings) -> Html:
         lambda narrow: singles_figure(found.details.singles, chosen, group, label, narrow=narrow),
         "effects", alt, caption,
     )  # fmt: skip
+
+
+def _refused(found: Findings) -> list[Html]:
+    """Effects that would explain flights, and cannot be what they say."""
+    told = [
+        f"{found.details.label(s.effect)} ({s.refused})"
+        for s in found.details.singles
+        if s.refused and s.score_gain > 2 * s.error
+    ]
+    if not told:
+        return []
+    return [paragraph(f"Would explain held-out flights alone, and is not named, for it cannot be so: {spoken(told)}.")]
 
 
 def _others(found: Findings) -> list[Html]:

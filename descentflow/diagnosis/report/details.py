@@ -3,11 +3,16 @@
 import torch
 from torch import Tensor
 
+from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import Curve, Discrepancy, SingleEffect
 from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.selection import Chosen, Outside
 from descentflow.diagnosis.inference.where import strongest_block
+from descentflow.diagnosis.report.sizes import told_text
+
+BOUND = 1e-6
+"""How near an estimate is to a bound that it was driven to."""
 
 
 def discrepancy_of(outside: Outside) -> Discrepancy:
@@ -37,8 +42,20 @@ def singles_of(likelihood: EffectsLikelihood, chosen: Chosen) -> list[SingleEffe
     for name, c in sorted(chosen.singles.items(), key=lambda item: -item[1].gain):
         parameters = likelihood.catalogue[name].parameters
         theta = {p.name: float(v) for p, v in zip(parameters, c.fit.theta[name], strict=True)}
-        found.append(SingleEffect(name, c.gain, c.error, theta))
+        found.append(SingleEffect(name, c.gain, c.error, theta, _refused(likelihood, name, c.fit.theta[name])))
     return found
+
+
+def _refused(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> str:
+    """Why parameters cannot be what the effect says; empty where they can."""
+    effect = likelihood.catalogue[name]
+    if effect.plausible(likelihood.compared.state, theta):
+        return ""
+    for p, value in zip(effect.parameters, theta.tolist(), strict=True):
+        at_bound = value != 0.0 and not p.low + BOUND < value < p.high - BOUND
+        if at_bound and not p.from_heterogeneity and not p.by_product:
+            return f"{told_text(p, Measured(p.told(value)))} is the limit of what is possible"
+    return "with such parameters it is not what it says"
 
 
 def remaining_of(likelihood: EffectsLikelihood, shift: Tensor, gap: float, outside: Outside) -> Remaining:

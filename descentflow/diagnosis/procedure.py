@@ -17,13 +17,14 @@ from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
+from descentflow.diagnosis.inference.blind_whitening import blind_whitening
 from descentflow.diagnosis.inference.detection_limit import detection_limits
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.held_out import held_out_shifts
 from descentflow.diagnosis.inference.heterogeneity import together
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.naming_rule import named_alone
-from descentflow.diagnosis.inference.normal_flights import normal_flights
+from descentflow.diagnosis.inference.normal_flights import is_narrow, normal_flights
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
 from descentflow.diagnosis.inference.two_sides import Compared, compare
@@ -202,8 +203,7 @@ class Diagnosis:
         """Whether there is a gap at all, under a covariance that does not know the sides."""
         self.settings.progress("asking whether there is a gap")
         c, settings = self.compared, self.settings
-        everyone = torch.ones_like(c.real)
-        blind = whiten(c.y, everyone, c.airframe, c.nugget(), c.of_flight())
+        blind = blind_whitening(c, settings.seed)
         unsided = EffectsLikelihood(c, blind, settings.catalogue, settings.seed, self.likelihood)
         return null_test(unsided, self.discrepancy, settings.transition_fl, settings.seed)
 
@@ -241,6 +241,7 @@ class Diagnosis:
             curves=curves(self.likelihood, shift),
             flights=dict(counts),
             labels={name: effect.text for name, effect in settings.catalogue.items()},
+            narrow_simulator=is_narrow(self.compared),
             profile=profile_of(self.compared),
             detection_limits=list(detection_limits(self.likelihood, named_alone, chosen.fit).values()),
         )

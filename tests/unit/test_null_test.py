@@ -10,13 +10,13 @@ from scipy.stats import binom, kstest
 from torch import Tensor
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.diagnosis.inference.blind_whitening import blind_whitening
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.label_scores import LabelScores
 from descentflow.diagnosis.inference.labellings import labellings_of
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.two_sides import Compared, compare
-from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantities import Quantities
 
@@ -34,9 +34,7 @@ class Reused(EffectsLikelihood):
 
     def __init__(self, compared: Compared, known: Known) -> None:
         self.known = known
-        everyone = torch.ones_like(compared.real)
-        weights = whiten(compared.y, everyone, compared.airframe, compared.nugget(), compared.of_flight())
-        super().__init__(compared, weights, EFFECTS, seed=0)
+        super().__init__(compared, blind_whitening(compared, 0), EFFECTS, seed=0)
 
     def jacobian(self, name: str, theta: Tensor) -> Tensor:
         key = (name, tuple(theta.tolist()))
@@ -65,6 +63,7 @@ def p_values(law: FlightLaw, simulated: Sequence[int], real: Sequence[int], seed
 FLEETS = {
     "one flight an aircraft against five": ([1] * 150, [5] * 40),
     "five against five": ([5] * 40, [5] * 40),
+    "twenty against five": ([20] * 20, [5] * 40),
 }
 
 

@@ -81,6 +81,7 @@ def whiten(
     nugget: Tensor,
     apart: Tensor,
     learn: Tensor | None = None,
+    held_out: Tensor | None = None,
 ) -> Whitening:
     """Estimate a covariance within groups and invert it for every pattern.
 
@@ -99,6 +100,8 @@ def whiten(
         nugget: (p,) variance to add.
         apart: (p,) bool: entries that are taken as independent of the others.
         learn: (n,) bool: flights that it is estimated from; all if absent.
+        held_out: (n,) folds of whole aircraft: each is weighed by what the flights of the other folds say, which also
+            complete what is missing by what all say. The covariance that is returned beside is that of all.
 
     Example:
         >>> noise = torch.randn(500, 2, generator=torch.Generator().manual_seed(0))
@@ -124,34 +127,59 @@ def whiten(
     covariance = _start(z[used], seen[used], pull)
     members = [torch.nonzero((pattern == k) & used)[:, 0] for k in range(len(patterns))]
     for _ in range(ITERATIONS):
-        moment = torch.zeros_like(covariance)
-        for k, at in enumerate(members):
-            there, gone = patterns[k], ~patterns[k]
-            filled = z[at]
-            if bool(gone.any()) and bool(there.any()):
-                part = covariance[there][:, there]
-                weights = torch.linalg.solve(part + 1e-9 * eye[there][:, there], covariance[there][:, gone])
-                filled = filled.clone()
-                filled[:, gone] = filled[:, there] @ weights
-                rest = covariance[gone][:, gone] - covariance[gone][:, there] @ weights
-                block = torch.zeros_like(covariance)
-                block[gone.nonzero(), gone.nonzero()[:, 0]] = rest
-                moment += len(at) * block
-            elif bool(gone.all()):
-                moment += len(at) * covariance
-            moment += filled.T @ filled
-        covariance = (moment + pull * eye) / (n + pull)
-        covariance = (covariance + covariance.T) / 2
-    completed = _completed(z, patterns, members, covariance)
-    shared = _shared(completed[used], airframe[used], covariance)
-    within = covariance
-    covariance = covariance + shared + torch.diag(nugget / scale**2)
-    covariance = torch.where(apart[:, None] == apart, covariance, 0.0)
-    units = scale[:, None] * scale
-    optimism = torch.where(used, _optimism(within, covariance, n), 1.0)
+        covariance = _symmetric((_moment(z, patterns, members, covariance) + pull * eye) / (n + pull))
+    completed, within = _completed(z, patterns, members, covariance), covariance
+    units, together = scale[:, None] * scale, apart[:, None] == apart
+
+    def of_means(within: Tensor, flights: Tensor) -> Tensor:
+        """Covariance that weighs differences of means, from flights (n,) bool that give the one of single flights."""
+        whole = within + _shared(completed[flights], airframe[flights], within) + torch.diag(nugget / scale**2)
+        return torch.where(together, whole, 0.0)
+
+    covariance = of_means(within, used)
     # Along what is weighed most, flights that nothing was learnt from scatter more.
-    between = torch.where(apart[:, None] == apart, within, 0.0) * units * _optimism(within, within, n)
-    return Whitening(pattern, _inverted(covariance * units, patterns), covariance * units, optimism, between)
+    between = torch.where(together, within, 0.0) * units * _optimism(within, within, n)
+    if held_out is None:
+        optimism = torch.where(used, _optimism(within, covariance, n), 1.0)
+        return Whitening(pattern, _inverted(covariance * units, patterns), covariance * units, optimism, between)
+    precision: list[Tensor] = []
+    moved, base = torch.zeros_like(pattern), _moment(z, patterns, members, within)
+    for fold in torch.unique(held_out).tolist():
+        mine = held_out == fold
+        own = [at[mine[at]] for at in members]
+        other, count = used & ~mine, int((used & mine).sum())
+        part = (base - _moment(z, patterns, own, within) + pull * eye) / (n - count + pull)
+        shown, index = torch.unique(pattern[mine], return_inverse=True)
+        moved[mine] = index + sum(len(p) for p in precision)
+        precision.append(_inverted(of_means(_symmetric(part), other) * units, patterns[shown]))
+    return Whitening(moved, torch.cat(precision), covariance * units, torch.ones(len(y), dtype=y.dtype), between)
+
+
+def _symmetric(matrix: Tensor) -> Tensor:
+    return (matrix + matrix.T) / 2
+
+
+def _moment(z: Tensor, patterns: Tensor, members: list[Tensor], covariance: Tensor) -> Tensor:
+    """Expected sum (p, p) of the products of what flights show, with what is missing as a covariance says it."""
+    moment, eye = torch.zeros_like(covariance), torch.eye(len(covariance), dtype=z.dtype)
+    for k, at in enumerate(members):
+        if not len(at):
+            continue
+        there, gone = patterns[k], ~patterns[k]
+        filled = z[at]
+        if bool(gone.any()) and bool(there.any()):
+            part = covariance[there][:, there]
+            weights = torch.linalg.solve(part + 1e-9 * eye[there][:, there], covariance[there][:, gone])
+            filled = filled.clone()
+            filled[:, gone] = filled[:, there] @ weights
+            rest = covariance[gone][:, gone] - covariance[gone][:, there] @ weights
+            block = torch.zeros_like(covariance)
+            block[gone.nonzero(), gone.nonzero()[:, 0]] = rest
+            moment += len(at) * block
+        elif bool(gone.all()):
+            moment += len(at) * covariance
+        moment += filled.T @ filled
+    return moment
 
 
 def _optimism(learnt: Tensor, whole: Tensor, n: int) -> float:

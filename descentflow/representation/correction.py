@@ -159,7 +159,8 @@ class Correction:
         uniform = torch.full_like(like[:, 0], FAR_OUT)
         if draws is not None:
             uniform = draws.uniform(len(like), SIZES + place).to(like)
-        return 1 + spread * torch.special.ndtri(uniform.clamp(min=1e-12))[:, None]
+        found: Tensor = 1 + spread * torch.special.ndtri(uniform.clamp(min=1e-12))[:, None]
+        return found
 
     def to_state(self) -> dict[str, Any]:
         """Primitives for a checkpoint."""

@@ -9,18 +9,20 @@ import polars as pl
 import torch
 from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
 from torch import Tensor
-from torch.utils.data import DataLoader, TensorDataset
+from torch.utils.data import DataLoader
 
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.evidence import Evidence, as_evidence
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles, infer_drag_n
 from descentflow.representation.representation import Representation, Split, fit_representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
+from descentflow.training.flight_batches import flight_batches
 from descentflow.training.models import LatentModel
 
 AIRCRAFT = Aircraft(
@@ -95,22 +97,25 @@ def representation_of(dimension: int) -> Representation:
 
 
 class WeightsModule(LightningDataModule):
-    """Weights of known density in place of a DescentDataModule."""
+    """Weights of known density, or what is known of them, in place of a DescentDataModule."""
 
-    def __init__(self, train: Tensor, validation: Tensor, batch_size: int = 512) -> None:
+    def __init__(self, train: Tensor | Evidence, validation: Tensor | Evidence, batch_size: int = 512) -> None:
         super().__init__()
         self.parts = {"train": train, "validation": validation}
         self.batch_size = batch_size
-        self.representation = representation_of(train.shape[1])
+        self.representation = representation_of(as_evidence(train).points.shape[1])
 
-    def weights(self, part: str) -> Tensor:
-        return self.parts[part]
+    def evidence(self, part: str) -> Evidence:
+        return as_evidence(self.parts[part])
+
+    def contexts(self, part: str) -> Tensor | None:
+        return None
 
     def train_dataloader(self) -> DataLoader:
-        return DataLoader(TensorDataset(self.parts["train"]), self.batch_size, shuffle=True)
+        return flight_batches(self.evidence("train"), self.contexts("train"), self.batch_size, shuffle=True)
 
     def val_dataloader(self) -> DataLoader:
-        return DataLoader(TensorDataset(self.parts["validation"]), 4096)
+        return flight_batches(self.evidence("validation"), self.contexts("validation"), 4096)
 
 
 def fit(model: LatentModel, data: LightningDataModule, max_epochs: int, **settings: object) -> LatentModel:

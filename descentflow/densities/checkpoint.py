@@ -1,10 +1,11 @@
 """A density in a checkpoint: loaded ready to sample without any trainer, and written."""
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 from descentflow import densities
-from descentflow.core.errors import CheckpointError, ConfigError
+from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
 from descentflow.core.version import __version__
 from descentflow.densities import MODULES
 from descentflow.densities.density import Density
@@ -27,6 +28,9 @@ def load_model(path: str | Path) -> Density:
     Raises:
         CheckpointError: If the file cannot be used; the message says why.
 
+    Warns:
+        DescentflowWarning: If it was fitted to filled gaps by a version that knew nothing else.
+
     Example:
         >>> model = load_model("best.ckpt")
         >>> len(model.sample(10, seed=0))
@@ -41,6 +45,14 @@ def load_model(path: str | Path) -> Density:
         raise CheckpointError(f"{path}: {error.got}", expected=error.expected, mend=error.mend) from error
     except (KeyError, TypeError, RuntimeError) as error:
         raise incomplete(path, error) from error
+    if density.representation.gaps is None:
+        warnings.warn(
+            f"{path} was fitted before densities knew what was not seen: gaps were filled by expectation, so that its "
+            "samples vary too little where many flights show no level (at the top); it is read as it was, and to mend "
+            "it, fit again",
+            DescentflowWarning,
+            stacklevel=2,
+        )
     return density.eval()
 
 

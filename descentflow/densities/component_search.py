@@ -7,8 +7,9 @@ from typing import TypeVar
 
 from torch import Tensor
 
-from descentflow.densities.em import fit_mixture
+from descentflow.densities.em import fit_steps, steps_of
 from descentflow.densities.mixture_parameters import Mixture, n_parameters
+from descentflow.representation.evidence import Evidence, as_evidence
 
 FLIGHTS_PER_PARAMETER = 15
 """The paper's cap: 15 n_p <= n_train (appendix C)."""
@@ -18,6 +19,10 @@ EVERY_NUMBER_TO = 16
 """Up to here every number of mixture components is tried."""
 PATIENCE = 4
 """Beyond it, numbers in a row that may be no better before the search ends."""
+
+OBSERVED_TOLERANCE = 1e-5
+"""Gain (nats per flight) at which EM by what was observed ends in the search: BIC's price of a component is a thousand
+times what is left of it, and the training that follows goes on from there."""
 
 M = TypeVar("M")
 
@@ -53,7 +58,7 @@ def max_components(
 
 
 def select_mixture(
-    weights: Tensor,
+    flights: Tensor | Evidence,
     *,
     context: Tensor | None = None,
     seed: int,
@@ -65,7 +70,8 @@ def select_mixture(
     """Choose the number of mixture components by the Bayesian information criterion (paper, appendix C).
 
     Args:
-        weights: (n, d) standardised weights of the training flights.
+        flights: Standardised weights (n, d) of the training flights, or their evidence: then BIC takes the likelihood
+            of what was observed.
         context: (n, c) encoded context, if there is one.
         seed: Of the starts.
         n_restarts: Starts for each number of components.
@@ -82,14 +88,16 @@ def select_mixture(
         >>> select_mixture(weights, seed=0, n_restarts=2).mixture.n_components
         2
     """
-    n, dimension = weights.shape
+    steps, evidence = steps_of(flights, context), as_evidence(flights)
+    stop = tolerance if evidence.known else max(tolerance, OBSERVED_TOLERANCE)
+    n, dimension = evidence.points.shape
     n_context = 0 if context is None else context.shape[1]
     most, furthest = (
         max_components(n, dimension, n_context, share) for share in (FLIGHTS_PER_PARAMETER, MIN_FLIGHTS_PER_PARAMETER)
     )
 
     def fit(k: int) -> tuple[Mixture, float]:
-        return fit_mixture(weights, k, context=context, seed=seed, n_restarts=n_restarts, tolerance=tolerance)
+        return fit_steps(steps, k, seed=seed, n_restarts=n_restarts, tolerance=stop)
 
     def count(k: int) -> int:
         return n_parameters(k, dimension, n_context)

@@ -9,8 +9,16 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.core.errors import ConfigError
+from descentflow.densities.importance import Estimate, estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.observed import log_observed
+from descentflow.representation.evidence import Evidence
 from descentflow.representation.representation import Representation
+
+SCORING_DRAWS = 128
+"""Draws of a flight's weights by which a density without a closed form is scored."""
+MOMENT_DRAWS = 2000
+"""Draws of a density that is neither a mixture nor knows a Gaussian, from whose moments one is made."""
 
 
 class Density(nn.Module, ABC):
@@ -90,9 +98,87 @@ class Density(nn.Module, ABC):
         with seeded(seed, self.device):
             return self.draw(n) if rows is None else self.draw(n, rows)
 
+    @property
+    def mixture(self) -> Mixture | None:
+        """The density as a Gaussian mixture, with slopes and gate where it takes a context; None if it is not one."""
+        return None
+
+    @torch.no_grad()
     def mixture_at(self, context: Tensor | None = None) -> Mixture | None:
         """The density as a Gaussian mixture, at one context (1, c) where it takes one; None if it is not a mixture."""
-        return None
+        mixture, rows = self.mixture, self.rows_of_context(context, 1)
+        return mixture if mixture is None or rows is None else mixture.at(rows[0].to(mixture.locs))
+
+    def log_observed(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
+        """Log-likelihood (n,) of what was observed of n flights, in nats, up to a constant of each flight.
+
+        The constant is :attr:`~descentflow.representation.evidence.Evidence.log_scale`, which makes it the log density
+        of the weights for a flight that shows every level, and zero for one that shows nothing.
+
+        Args:
+            evidence: Of n flights.
+            context: (n, c) or (1, c) where the density is conditioned on one.
+
+        Example:
+            >>> from descentflow.densities.checkpoint import load_model
+            >>> from descentflow.representation.linear_curves import evidence_of
+            >>> from descentflow.training.datamodule import DescentDataModule
+            >>> data, density = DescentDataModule("descents.parquet", checkpoint="best.ckpt"), load_model("best.ckpt")
+            >>> data.setup()
+            >>> density.log_observed(evidence_of(density.representation.decoder, data.profiles("test"))).shape
+            torch.Size([24])
+        """
+        mixture, rows = self.mixture, self.rows_of_context(context, len(evidence))
+        if mixture is not None:
+            return log_observed(mixture, evidence, rows)
+        if evidence.known:
+            return self.log_prob(evidence.points) if rows is None else self.log_prob(evidence.points, rows)
+        return self.estimate_observed(evidence, rows).log_prob
+
+    def estimate_observed(
+        self,
+        evidence: Evidence,
+        context: Tensor | None = None,
+        *,
+        gaussian: Mixture | None = None,
+        n_draws: int = SCORING_DRAWS,
+        seed: int = 0,
+    ) -> Estimate:
+        """:meth:`log_observed` by importance sampling, with the effective share of the draws behind each flight.
+
+        Args:
+            evidence: Of n flights whose weights are not known.
+            context: (n, c) where the density is conditioned on one.
+            gaussian: What proposes, a mixture of one; :meth:`wide_gaussian` if absent.
+            n_draws: Draws of each flight's weights.
+            seed: Of the draws: the same ones for every density, so that differences between densities vary less.
+        """
+        proposing = self.wide_gaussian(context) if gaussian is None else gaussian
+        parts, order = [], []
+        for index, rows in evidence.chunks():
+            given = None if context is None else context[index]
+            proposals = propose(proposing, rows, n_draws, given, seed)
+            parts.append(estimate(self._log_density, proposals, given))
+            order.append(index)
+        back = torch.cat(order).argsort()
+        return Estimate(*(torch.cat([getattr(p, name) for p in parts])[back] for name in ("log_prob", "effective")))
+
+    @torch.no_grad()
+    def wide_gaussian(self, context: Tensor | None = None) -> Mixture:
+        """A Gaussian (a mixture of one) wider than the density, which proposes where there is no closed form.
+
+        Args:
+            context: Contexts at which the density is going to be asked, if it takes one.
+        """
+        n = MOMENT_DRAWS
+        rows = None if context is None else context[torch.arange(n, device=context.device) % len(context)]
+        drawn = self.sample(n, 0, rows).to(torch.float64)
+        drawn = drawn[drawn.isfinite().all(1)]
+        factor = torch.linalg.cholesky(torch.cov(drawn.T) + 1e-6 * torch.eye(self.dimension).to(drawn))
+        return widened(Mixture(drawn.new_ones(1), drawn.mean(0)[None], factor[None]))
+
+    def _log_density(self, weights: Tensor, context: Tensor | None) -> Tensor:
+        return self.log_prob(weights) if context is None else self.log_prob(weights, context)
 
     def rows_of_context(self, context: Tensor | None, n: int) -> Tensor | None:
         """The context (n, c) of n flights, checked; None for a density without context.

@@ -1,67 +1,45 @@
 """Expectation maximisation for mixtures, with or without a context: starts, restarts and convergence.
 
-The likelihood, and one step towards its maximum, are those of :mod:`descentflow.densities.gaussian_steps` or, with a
-context, of :mod:`descentflow.densities.regression_steps`; everything else is the same for both and stands here.
+The likelihood, and one step towards its maximum, are those of :mod:`descentflow.densities.gaussian_steps` where the
+weights are known, with a context those of :mod:`descentflow.densities.regression_steps`, and those of
+:mod:`descentflow.densities.evidence_steps` where flights show only some levels; everything else is the same for all.
 """
 
 import warnings
-from typing import Protocol
 
 import torch
 from torch import Tensor
 
+from descentflow.densities.em_steps import Steps
+from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian_steps import GaussianSteps
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import RegressionSteps
+from descentflow.representation.evidence import Evidence, as_evidence
 
 SCREENING_ITERATIONS = 30
 """EM steps after which restarts are compared."""
 FINALISTS = 4
 """Restarts that go on to convergence."""
+COMPARING_ITERATIONS = 8
+"""EM steps by marginal likelihood after which the finalists are compared, where their stand-ins have converged."""
 
 
-class Steps(Protocol):
-    """What EM needs of the training flights and of the kind of mixture component.
+def steps_of(flights: Tensor | Evidence, context: Tensor | None = None) -> Steps:
+    """The steps for what is known of flights and, if there is one, context (n, c).
 
-    Example:
-        >>> steps: Steps = GaussianSteps(torch.randn(100, 2).double())
-        >>> one = steps.maximise(torch.ones(100, 1).double())  # all flights in one mixture component
-        >>> steps.log_joint(one).shape
-        torch.Size([100, 1])
-    """
-
-    def points_to_group(self, seed: int) -> Tensor:
-        """What k-means starts from, (n, d)."""
-
-    def log_joint(self, mixture: Mixture) -> Tensor:
-        """Log of proportion times density (n, k) of each flight and mixture component, in nats."""
-
-    def maximise(self, responsibilities: Tensor, before: Mixture | None = None) -> Mixture:
-        """The M step, from the mixture before it where it is no closed form."""
-
-
-def steps_of(weights: Tensor, context: Tensor | None = None) -> Steps:
-    """The steps for weights (n, d) and, if there is one, context (n, c).
+    Args:
+        flights: Weights (n, d), or the evidence of flights that show only some levels.
+        context: (n, c) encoded context.
 
     Example:
         >>> type(steps_of(torch.randn(100, 2))).__name__
         'GaussianSteps'
     """
-    return GaussianSteps(weights) if context is None else RegressionSteps(weights, context)
-
-
-def expectation(steps: Steps, mixture: Mixture) -> tuple[Tensor, Tensor]:
-    """The E step: responsibilities (n, k) and the mean log-likelihood (nats per flight).
-
-    Example:
-        >>> half, zero, one = (torch.full((2, 1, 1), value).double() for value in (0.5, 0.0, 1.0))
-        >>> same = Mixture(half[:, 0, 0], zero[:, 0], one)
-        >>> expectation(steps_of(torch.zeros(1, 1)), same)[0].tolist()
-        [[0.5, 0.5]]
-    """
-    joint = steps.log_joint(mixture)
-    total = joint.logsumexp(1)
-    return (joint - total[:, None]).exp(), total.mean()
+    evidence = as_evidence(flights)
+    if not evidence.known:
+        return EvidenceSteps(evidence, context)
+    return GaussianSteps(evidence.points) if context is None else RegressionSteps(evidence.points, context)
 
 
 def start(steps: Steps, n_components: int, seed: int) -> Mixture:
@@ -101,7 +79,7 @@ def _k_means_labels(points: Tensor, n_components: int, seed: int) -> Tensor:
 
 
 def best_start(
-    weights: Tensor, n_components: int, *, context: Tensor | None = None, seed: int, n_restarts: int
+    flights: Tensor | Evidence, n_components: int, *, context: Tensor | None = None, seed: int, n_restarts: int
 ) -> Mixture:
     """The first mixture with the highest likelihood among ``n_restarts``, each as :func:`start` makes it.
 
@@ -109,9 +87,10 @@ def best_start(
         >>> best_start(torch.randn(50, 2), 3, seed=0, n_restarts=2).locs.shape
         torch.Size([3, 2])
     """
-    steps = steps_of(weights, context)
-    starts = [start(steps, n_components, seed + i) for i in range(n_restarts)]
-    return max(starts, key=lambda mixture: float(expectation(steps, mixture)[1]))
+    steps = steps_of(flights, context)
+    stand_in = steps.stand_in(seed)
+    starts = [start(stand_in, n_components, seed + i) for i in range(n_restarts)]
+    return max(starts, key=lambda mixture: float(steps.expectation(mixture)[1]))
 
 
 def converge(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: float) -> tuple[Mixture, float]:
@@ -120,22 +99,20 @@ def converge(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: floa
     Example:
         >>> steps = steps_of(torch.randn(200, 2))
         >>> first = start(steps, n_components=2, seed=0)
-        >>> converge(steps, first, iterations=50, tolerance=1e-6)[1] > float(expectation(steps, first)[1])
+        >>> converge(steps, first, iterations=50, tolerance=1e-6)[1] > float(steps.expectation(first)[1])
         True
     """
     previous = -float("inf")
     for _ in range(iterations):
-        responsibilities, likelihood = expectation(steps, mixture)
-        current = float(likelihood)
+        improved, current = steps.improve(mixture)
         if current - previous < tolerance:
-            break
-        previous = current
-        mixture = steps.maximise(responsibilities, mixture)
-    return mixture, float(expectation(steps, mixture)[1])
+            return mixture, current
+        mixture, previous = improved, current
+    return mixture, float(steps.expectation(mixture)[1])
 
 
 def fit_mixture(
-    weights: Tensor,
+    flights: Tensor | Evidence,
     n_components: int,
     *,
     context: Tensor | None = None,
@@ -147,10 +124,11 @@ def fit_mixture(
     """Maximum-likelihood mixture from several starts.
 
     Restarts matter more than the algorithm: seeds differ by 0.3 nats. All are screened by a few steps, and the
-    best go on to convergence.
+    best go on to convergence. Where weights are not known this is done with weights drawn given what was observed,
+    whose steps cost little, and the best of what they lead to are compared and converged by marginal likelihood.
 
     Args:
-        weights: (n, d) standardised weights.
+        flights: Standardised weights (n, d), or the evidence of flights that show only some levels.
         n_components: Number of mixture components k.
         context: (n, c) encoded context, on which means and proportions depend where there is one.
         seed: Of the starts.
@@ -168,9 +146,33 @@ def fit_mixture(
         >>> sorted(round(float(p), 2) for p in fitted.probs)
         [0.33, 0.67]
     """
-    steps = steps_of(weights, context)
-    starts = [start(steps, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]
-    screened = [converge(steps, m, iterations=SCREENING_ITERATIONS, tolerance=tolerance) for m in starts]
+    return fit_steps(
+        steps_of(flights, context),
+        n_components,
+        seed=seed,
+        n_restarts=n_restarts,
+        iterations=iterations,
+        tolerance=tolerance,
+    )
+
+
+def fit_steps(
+    steps: Steps, n_components: int, *, seed: int, n_restarts: int = 8, iterations: int = 500, tolerance: float = 1e-6
+) -> tuple[Mixture, float]:
+    """:func:`fit_mixture` for steps that are used again, for instance with another number of components.
+
+    Example:
+        >>> steps = steps_of(torch.randn(100, 2))
+        >>> [fit_steps(steps, k, seed=0, n_restarts=1)[0].n_components for k in (1, 2)]
+        [1, 2]
+    """
+    stand_in = steps.stand_in(seed)
+    starts = [start(stand_in, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]
+    screened = [converge(stand_in, m, iterations=SCREENING_ITERATIONS, tolerance=tolerance) for m in starts]
     screened.sort(key=lambda pair: -pair[1])
-    finals = [converge(steps, m, iterations=iterations, tolerance=tolerance) for m, _ in screened[:FINALISTS]]
+    finals = [converge(stand_in, m, iterations=iterations, tolerance=tolerance) for m, _ in screened[:FINALISTS]]
+    if stand_in is not steps:
+        compared = [converge(steps, m, iterations=COMPARING_ITERATIONS, tolerance=tolerance) for m, _ in finals]
+        best = max(compared, key=lambda pair: pair[1])[0]
+        finals = [converge(steps, best, iterations=iterations, tolerance=tolerance)]
     return max(finals, key=lambda pair: pair[1])

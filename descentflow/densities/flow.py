@@ -8,7 +8,11 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.densities.density import Density
+from descentflow.densities.importance import widened
 from descentflow.densities.layers import Bounded, ContextNet, ExponentialAffine, Flip, TurnedRound, made, turned_linear
+from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.observed import log_observed
+from descentflow.representation.evidence import Evidence
 
 
 class FlowDensity(Density):
@@ -70,6 +74,26 @@ class FlowDensity(Density):
         """Log density (n,) of an untrained flow, the Gaussian alone."""
         standard = self._standardised(weights, self.rows_of_context(context, len(weights)))
         return self._base(standard[:, self.order]) - self.scale.log().sum()
+
+    @torch.no_grad()
+    def base_log_observed(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
+        """Log-likelihood (n,) of what was observed under an untrained flow, the Gaussian alone."""
+        return log_observed(self.base_gaussian(), evidence, self.rows_of_context(context, len(evidence)))
+
+    def base_gaussian(self) -> Mixture:
+        """The Gaussian of a whitened flow, as a mixture of one."""
+        place = self.order.argsort()
+        correlation = (self.correlation_tril @ self.correlation_tril.T)[place][:, place]
+        factor = torch.linalg.cholesky(self.scale[:, None] * correlation * self.scale)
+        one = self.loc.new_ones(1)
+        if not self.n_context:
+            return Mixture(one, self.loc[None], factor[None])
+        return Mixture(one, self.loc[None], factor[None], self.slope[None], self.loc.new_zeros(1, self.n_context))
+
+    @torch.no_grad()
+    def wide_gaussian(self, context: Tensor | None = None) -> Mixture:
+        """A Gaussian wider than the density: of a whitened flow the one that it starts from, widened."""
+        return widened(self.base_gaussian()) if self.whitened else super().wide_gaussian(context)
 
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         """Log density (n,) of standardised weights (n, d), in nats, at context (n, c) if it takes one."""

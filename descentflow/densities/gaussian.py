@@ -35,11 +35,22 @@ class GaussianDensity(Density):
         """Numbers of context, if there are any."""
         return {"n_context": self.n_context} if self.n_context else {}
 
+    @property
+    def mixture(self) -> Mixture:
+        """The density as a mixture of one."""
+        one = self.loc.new_ones(1)
+        if not self.n_context:
+            return Mixture(one, self.loc[None], self.scale_tril[None])
+        gate = self.loc.new_zeros(1, self.n_context)
+        return Mixture(one, self.loc[None], self.scale_tril[None], self.slope[None], gate)
+
+    @mixture.setter
     @torch.no_grad()
-    def mixture_at(self, context: Tensor | None = None) -> Mixture:
-        """The density, at one context (1, c) where it takes one, as a mixture of one."""
-        loc = self._locs(self.rows_of_context(context, 1))
-        return Mixture(torch.ones(1, dtype=loc.dtype), loc.expand(1, -1), self.scale_tril[None])
+    def mixture(self, mixture: Mixture) -> None:
+        self.loc.copy_(mixture.locs[0])
+        self.scale_tril.copy_(mixture.scale_trils[0])
+        if mixture.slopes is not None:
+            self.slope.copy_(mixture.slopes[0])
 
     def _locs(self, context: Tensor | None) -> Tensor:
         return self.loc if context is None else self.loc + context.to(self.loc.dtype) @ self.slope.T

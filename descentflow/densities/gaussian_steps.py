@@ -9,14 +9,15 @@ from math import log, pi
 import torch
 from torch import Tensor
 
+from descentflow.densities.em_steps import Steps
 from descentflow.densities.mixture_parameters import Mixture
 
 JITTER = 1e-6
 """Added to the variances, as scikit-learn's ``reg_covar``."""
 
 
-class GaussianSteps:
-    """The steps of a mixture without a context (paper, appendix C).
+class GaussianSteps(Steps):
+    """The steps of a mixture without a context (paper, appendix C), of flights whose weights are known.
 
     Example:
         >>> steps = GaussianSteps(torch.tensor([[0.0], [1.0], [10.0], [11.0]]))

@@ -13,6 +13,8 @@ from torch.distributions import constraints
 
 from descentflow.densities.density import Density
 from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.observed import log_proportions, posteriors
+from descentflow.representation.evidence import Evidence
 
 # Without this two mixtures in one process share their parameters by name.
 pyro.settings.set(module_local_params=True)
@@ -63,7 +65,23 @@ class MixtureProgram(PyroModule):
             drawn: Tensor = pyro.sample("weights", flight, obs=weights)
         return drawn
 
-    def guide(self, n: int, weights: Tensor | None = None, context: Tensor | None = None) -> None:
+    @config_enumerate  # type: ignore[untyped-decorator]
+    def observe(self, evidence: Evidence, context: Tensor | None = None) -> None:
+        """Condition on what was observed of n flights: given its component, a flight's weights are integrated out."""
+        n = len(evidence)
+        fit = posteriors(self.mixture, evidence, context).log_joint - log_proportions(self.mixture, context)
+        with pyro.plate("flights", n):
+            logits = log_proportions(self.mixture, context).expand(n, -1)
+            component = pyro.sample("component", dist.Categorical(logits=logits))
+            pyro.factor("observed", fit[torch.arange(n, device=fit.device), component])
+
+    @property
+    def mixture(self) -> Mixture:
+        """The parameters, with slopes and gate if there is a context."""
+        line = (self.slopes, self.gate) if self.n_context else ()
+        return Mixture(self.probs, self.locs, self.scale_trils, *line)
+
+    def guide(self, *observed: object) -> None:
         """Nothing to approximate: the only latent variable is enumerated exactly."""
 
 
@@ -98,9 +116,8 @@ class GaussianMixtureDensity(Density):
     @property
     def mixture(self) -> Mixture:
         """The program's parameters, with slopes and gate if there is a context."""
-        program = self.program
-        line = (program.slopes, program.gate) if self.n_context else ()
-        return Mixture(program.probs, program.locs, program.scale_trils, *line)
+        found: Mixture = self.program.mixture
+        return found
 
     @mixture.setter
     @torch.no_grad()
@@ -114,12 +131,6 @@ class GaussianMixtureDensity(Density):
             assert mixture.slopes is not None
             assert mixture.gate is not None
             self.program.slopes, self.program.gate = mixture.slopes, mixture.gate
-
-    @torch.no_grad()
-    def mixture_at(self, context: Tensor | None = None) -> Mixture:
-        """The mixture, at one context (1, c) where it takes one."""
-        rows = self.rows_of_context(context, 1)
-        return self.mixture if rows is None else self.mixture.at(rows[0].to(torch.float64))
 
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         """Log density (n,) of weights (n, d) at context (n, c): the program's, the component summed out."""
@@ -136,11 +147,12 @@ class GaussianMixtureDensity(Density):
         drawn: Tensor = self.program(n, None, _double(context))
         return drawn
 
-    def negative_elbo(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        """Loss of stochastic variational inference for a batch (n, d), the component summed out: its NLL."""
-        elbo = TraceEnum_ELBO(max_plate_nesting=1)
+    def negative_elbo(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
+        """Loss of stochastic variational inference for some flights, the component summed out: their NLL."""
+        elbo, rows = TraceEnum_ELBO(max_plate_nesting=1), _double(context)
+        known = (self.program, self.program.guide, len(evidence), evidence.points, rows)
         loss: Tensor = elbo.differentiable_loss(
-            self.program, self.program.guide, len(weights), weights, _double(context)
+            *(known if evidence.known else (self.program.observe, self.program.guide, evidence, rows))
         )
         return loss
 

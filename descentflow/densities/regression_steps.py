@@ -8,6 +8,7 @@ decides. With no context at all, :mod:`descentflow.densities.gaussian_steps` tak
 import torch
 from torch import Tensor
 
+from descentflow.densities.em_steps import Steps
 from descentflow.densities.gaussian_steps import JITTER, cholesky_or_small
 from descentflow.densities.mixture_parameters import Mixture
 
@@ -18,8 +19,8 @@ GATE_STEPS = 5
 """Steps of the gate within one M step; each raises its likelihood (Boehning 1992, doi:10.1007/BF00048682)."""
 
 
-class RegressionSteps:
-    """The steps of a mixture with a context.
+class RegressionSteps(Steps):
+    """The steps of a mixture with a context, of flights whose weights are known.
 
     Example:
         >>> context = torch.linspace(-1, 1, 2000)[:, None].double()
@@ -32,6 +33,7 @@ class RegressionSteps:
     def __init__(self, weights: Tensor, context: Tensor) -> None:
         """Take the training flights' weights (n, d) and encoded context (n, c)."""
         self.weights, self.context = weights.to(torch.float64), context.to(torch.float64)
+        self._gate = Gate(self.context)
 
     def points_to_group(self, seed: int) -> Tensor:
         """What k-means starts from: the weights or, every other pair of seeds, their residuals given the context."""
@@ -56,24 +58,39 @@ class RegressionSteps:
         """Ridge regression of each component in closed form, and some steps of the gate from where it was."""
         shares = responsibilities.unbind(1)
         locs, slopes, factors = zip(*(regression(self.weights, self.context, r) for r in shares), strict=True)
-        logits, gate = self._gate(responsibilities, before)
+        logits, gate = self._gate.newton(responsibilities, before)
         return Mixture(logits.softmax(0), torch.stack(locs), torch.stack(factors), torch.stack(slopes), gate)
 
-    def _gate(self, responsibilities: Tensor, before: Mixture | None) -> tuple[Tensor, Tensor]:
-        """Logits (k,) and gate (k, c) of a multinomial regression on responsibilities, by bounded Newton steps."""
-        design = torch.cat([torch.ones_like(self.context[:, :1]), self.context], 1)
-        penalty = RIDGE * torch.eye(design.shape[1]).to(design)
-        penalty[0, 0] = JITTER  # the intercept is free
-        factor = torch.linalg.cholesky(design.T @ design / 2 + penalty)
+
+class Gate:
+    """Multinomial regression of responsibilities on the context: how the mixing proportions follow it.
+
+    Example:
+        >>> context = torch.tensor([[-1.0], [1.0]]).double()
+        >>> logits, slopes = Gate(context).newton(torch.tensor([[0.9, 0.1], [0.1, 0.9]]).double(), None)
+        >>> bool(slopes[1] > slopes[0])  # the second component belongs to the greater context
+        True
+    """
+
+    def __init__(self, context: Tensor) -> None:
+        """Take the training flights' context (n, c), float64."""
+        self.n_context = context.shape[1]
+        self.design = torch.cat([torch.ones_like(context[:, :1]), context], 1)
+        self.penalty = RIDGE * torch.eye(self.design.shape[1]).to(self.design)
+        self.penalty[0, 0] = JITTER  # the intercept is free
+        self.factor = torch.linalg.cholesky(self.design.T @ self.design / 2 + self.penalty)
+
+    def newton(self, responsibilities: Tensor, before: Mixture | None) -> tuple[Tensor, Tensor]:
+        """Logits (k,) and gate (k, c) after some bounded Newton steps from where they were."""
         if before is None:
             logits = (responsibilities.mean(0) + 1e-12).log()
-            table = torch.cat([logits[:, None], torch.zeros(len(logits), self.context.shape[1]).to(logits)], 1).T
+            table = torch.cat([logits[:, None], torch.zeros(len(logits), self.n_context).to(logits)], 1).T
         else:
             table = torch.cat([before.probs.log()[:, None], _with_context(before)[1]], 1).T
             table = table - table.mean(1, keepdim=True)
         for _ in range(GATE_STEPS):
-            gradient = design.T @ (responsibilities - (design @ table).softmax(1)) - penalty @ table
-            table = table + torch.cholesky_solve(gradient, factor)
+            gradient = self.design.T @ (responsibilities - (self.design @ table).softmax(1)) - self.penalty @ table
+            table = table + torch.cholesky_solve(gradient, self.factor)
         table = table - table.mean(1, keepdim=True)  # softmax knows differences only
         return table[0], table[1:].T.clone()
 

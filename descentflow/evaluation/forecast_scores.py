@@ -10,6 +10,7 @@ from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.densities.density import Density
 from descentflow.evaluation.metrics.proper import crps_each, energy_score_each
 from descentflow.generation.rejection import sample_descents
+from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.profiles import Profiles
 
 
@@ -41,9 +42,9 @@ def forecast_scores(
         seed: Of the samples.
 
     Returns:
-        (n,) tensors: ``nll`` in nats, ``energy`` of the standardised weights, ``crps_cas_kt`` and ``crps_rate_fpm`` as
-        means over a flight's levels, ``crps_time_s`` of the time from its highest level to the lowest of the grid, NaN
-        where that level was not observed.
+        (n,) tensors: ``nll`` in nats of what was observed, ``energy`` of the standardised weights, ``crps_cas_kt`` and
+        ``crps_rate_fpm`` as means over a flight's levels, ``crps_time_s`` of the time from its highest level to the
+        lowest of the grid, NaN where that level was not observed.
 
     Raises:
         DataError: If there is no flight.
@@ -71,7 +72,7 @@ def forecast_scores(
         return values.reshape(n_draws, n, *values.shape[1:]).transpose(0, 1)
 
     flown = samples.trajectories
-    log_prob = density.log_prob(weights) if context is None else density.log_prob(weights, context)
+    log_prob = density.log_observed(evidence_of(parts.decoder, flights), context)
     mask = flights.mask
     cas = crps_each(by_flight(flown.cas_mps), flights.cas_mps) / KT_MPS
     rate = crps_each(by_flight(flown.rate_mps), flights.rate_mps) / FPM_MPS

@@ -13,6 +13,7 @@ from descentflow.representation.context import ContextEncoder
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
+from descentflow.representation.linear_curves import Gaps
 from descentflow.representation.plausibility import MARGIN, Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
@@ -61,6 +62,7 @@ class Representation(nn.Module):
         reference: dict[str, Any] | None = None,
         context: ContextEncoder | None = None,
         cleaning: Cleaning | None = None,
+        gaps: Gaps | None = "marginal",
     ) -> None:
         """Hold the parts.
 
@@ -75,11 +77,13 @@ class Representation(nn.Module):
             context: What the density is conditioned on; None for nothing.
             cleaning: Thresholds with which the training descents were cleaned, and with which rows are cleaned that the
                 model is held against; None if they are unknown.
+            gaps: What the density is fitted to, see :func:`~descentflow.representation.linear_curves.evidence_of`; None
+                for a checkpoint of before there was a choice, which is fitted to filled gaps.
         """
         super().__init__()
         self.decoder, self.plausibility = decoder, plausibility
         self.split, self.provenance = split, provenance
-        self.reference, self.context, self.cleaning = reference, context, cleaning
+        self.reference, self.context, self.cleaning, self.gaps = reference, context, cleaning, gaps
 
     @property
     def n_context(self) -> int:
@@ -94,6 +98,8 @@ class Representation(nn.Module):
             "split": self.split.to_state(),
             "provenance": self.provenance,
         }
+        if self.gaps is not None:
+            state["gaps"] = self.gaps
         if self.reference is not None:
             state["reference"] = self.reference
         if self.context is not None:
@@ -116,6 +122,7 @@ class Representation(nn.Module):
             state.get("reference"),
             ContextEncoder.from_state(state["context"]) if "context" in state else None,
             cleaning,
+            state.get("gaps"),
         )
 
 

@@ -1,4 +1,4 @@
-"""The one DataModule: splits by flight, fits the representation on the train part, serves standardised weights."""
+"""The one DataModule: splits by flight, fits the representation on the train part, serves what flights show."""
 
 import warnings
 from pathlib import Path
@@ -9,7 +9,7 @@ from jsonargparse.typing import ClosedUnitInterval, OpenUnitInterval, PositiveFl
 from lightning.pytorch import LightningDataModule
 from lightning.pytorch.utilities import rank_zero_info
 from torch import Tensor
-from torch.utils.data import DataLoader, TensorDataset
+from torch.utils.data import DataLoader
 from tqdm import tqdm
 
 from descentflow.aircraft_types.aircraft import Aircraft
@@ -25,9 +25,11 @@ from descentflow.representation.encode_flights import (
     encode_parts,
     summary_of,
 )
+from descentflow.representation.evidence import Evidence
 from descentflow.representation.flight_contexts import without_missing
 from descentflow.representation.flight_parts import Part, parts_of, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
+from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
 from descentflow.representation.plausibility import MARGIN
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
@@ -35,6 +37,7 @@ from descentflow.representation.representation import Representation, Split, fit
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_prepared
+from descentflow.training.flight_batches import flight_batches
 from descentflow.training.splitting import SplitBy, split_flights
 
 
@@ -75,6 +78,7 @@ class DescentDataModule(LightningDataModule):
         missing_context: Missing = "drop",
         fewest_batches: PositiveInt = 1,
         margin: PositiveFloat = MARGIN,
+        gaps: Gaps = "marginal",
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -103,6 +107,9 @@ class DescentDataModule(LightningDataModule):
             fewest_batches: Batches that an epoch has at least; with few flights they are smaller than ``batch_size``.
             margin: Share by which the plausibility bounds lie outside the extremes of the training flights; 0.05 in the
                 paper (section 2.4).
+            gaps: What densities are fitted to and scored by: ``marginal``, the likelihood of the levels that a flight
+                shows; or ``filled``, weights that count as known after expectations were put where nothing was
+                observed, as in the paper. The components of ``iterative`` have no likelihood, so that theirs are known.
         """
         super().__init__()
         self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
@@ -112,6 +119,8 @@ class DescentDataModule(LightningDataModule):
         self.explained_variance, self.fpca, self.margin = explained_variance, fpca, margin
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
+        self.gaps = gaps
+        self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
         self._parts: dict[Part, EncodedFlights] = {}
 
@@ -147,6 +156,7 @@ class DescentDataModule(LightningDataModule):
                 representation.reference = reference_state(frame, float(levels[0]), float(levels[-1]), seen)
                 representation.context = self._encoder(table, split)
                 representation.cleaning = self._cleaning(source)
+                representation.gaps = self.gaps if has_noise_model(representation.decoder) else "filled"
                 # A gigabyte for forty thousand flights, which what follows has no use for.
                 del frame, source
                 begin("encoding flights")
@@ -172,34 +182,39 @@ class DescentDataModule(LightningDataModule):
         return self.flights(part).profiles
 
     def weights(self, part: Part) -> Tensor:
-        """Standardised weights (n, d) of a part, float64."""
+        """Standardised weights (n, d) of a part, float64, gaps filled by their expectation."""
         return self.flights(part).weights
+
+    def evidence(self, part: Part) -> Evidence:
+        """What the flights of a part say of their weights: what densities are fitted to and scored by."""
+        if part not in self._evidence:
+            self._evidence[part] = evidence_of(self.representation.decoder, self.profiles(part), self.gaps)
+        return self._evidence[part]
 
     def contexts(self, part: Part) -> Tensor | None:
         """Encoded context (n, c) of a part, float64; None where the density is not conditioned on any."""
         return self.flights(part).context
 
     def train_dataloader(self) -> DataLoader[Any]:
-        """Training weights, shuffled by Lightning's seed."""
+        """Training flights, shuffled by Lightning's seed."""
         return self._loader("train", shuffle=True)
 
     def val_dataloader(self) -> DataLoader[Any]:
-        """Validation weights; those of the training flights where none were held out for validation."""
-        return self._loader("validation" if len(self.weights("validation")) else "train")
+        """Validation flights; the training flights where none were held out for validation."""
+        return self._loader("validation" if len(self.evidence("validation")) else "train")
 
     def test_dataloader(self) -> DataLoader[Any]:
-        """Test weights."""
+        """Test flights."""
         return self._loader("test")
 
     def predict_dataloader(self) -> DataLoader[Any]:
-        """Test weights, for their log density flight by flight."""
+        """Test flights, for their log-likelihood one by one."""
         return self._loader("test")
 
     def _loader(self, part: Part, *, shuffle: bool = False) -> DataLoader[Any]:
-        # The weights are in memory and a batch is one slice: worker processes would only cost.
-        tensors = [tensor for tensor in (self.weights(part), self.contexts(part)) if tensor is not None]
-        most = -(-len(tensors[0]) // self.fewest_batches) if shuffle else self.batch_size
-        return DataLoader(TensorDataset(*tensors), batch_size=min(self.batch_size, most), shuffle=shuffle)
+        evidence = self.evidence(part)
+        most = -(-len(evidence) // self.fewest_batches) if shuffle else self.batch_size
+        return flight_batches(evidence, self.contexts(part), min(self.batch_size, most), shuffle=shuffle)
 
     def _name(self) -> str:
         """The descents' file in messages and checkpoints."""

@@ -10,11 +10,10 @@ import torch
 import toys
 from sklearn.linear_model import LinearRegression
 from torch import Tensor
-from torch.utils.data import DataLoader, TensorDataset
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import content_of, load_model
-from descentflow.densities.em import expectation, fit_mixture, steps_of
+from descentflow.densities.em import fit_mixture, steps_of
 from descentflow.densities.flow import ContextNet, MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.mixture_parameters import Mixture, n_parameters
 from descentflow.generation.prediction.posterior import log_density, posterior_of, prior_of
@@ -62,12 +61,6 @@ class ContextModule(toys.WeightsModule):
     def contexts(self, part: str) -> Tensor:
         return self.known[part]
 
-    def train_dataloader(self) -> DataLoader:
-        return DataLoader(TensorDataset(self.parts["train"], self.known["train"]), self.batch_size, shuffle=True)
-
-    def val_dataloader(self) -> DataLoader:
-        return DataLoader(TensorDataset(self.parts["validation"], self.known["validation"]), 4096)
-
 
 KINDS = {
     "gaussian": (Gaussian, {}, 1),
@@ -112,10 +105,10 @@ def test_em_of_regressions_never_loses_likelihood_and_finds_the_regimes() -> Non
     weights, context = two_regimes(1500, 0)
     mixture, best = fit_mixture(weights, 2, context=context, seed=0, n_restarts=2)
     steps = steps_of(weights, context)
-    responsibilities, likelihood = expectation(steps, mixture)
+    responsibilities, likelihood = steps.expectation(mixture)
     updated = steps.maximise(responsibilities, mixture)
     # The ridge is a penalty, so the likelihood itself may give way by as much as that is worth.
-    assert float(expectation(steps, updated)[1]) >= float(likelihood) - 1e-5
+    assert float(steps.expectation(updated)[1]) >= float(likelihood) - 1e-5
     single = fit_mixture(weights, 1, context=context, seed=0)[1]
     assert best > single + 0.5
     assert n_parameters(2, D, C) == 2 * (3 + 6 + 6) + 1 + 2

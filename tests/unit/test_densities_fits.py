@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
 from descentflow.densities.component_search import max_components
-from descentflow.densities.em import expectation, fit_mixture, start, steps_of
+from descentflow.densities.em import fit_mixture, start, steps_of
 from descentflow.densities.mixture_parameters import n_parameters
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
@@ -118,7 +118,7 @@ def test_em_step_equals_scikit_learns_formulae() -> None:
     weights = normal(200, 3)
     steps = steps_of(weights)
     mixture = start(steps, 2, seed=0)
-    responsibilities, likelihood = expectation(steps, mixture)
+    responsibilities, likelihood = steps.expectation(mixture)
     truth = MixtureSameFamily(
         Categorical(mixture.probs), MultivariateNormal(mixture.locs, scale_tril=mixture.scale_trils)
     )

@@ -11,7 +11,6 @@ from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.generation.prediction.linear_curves import LinearCurves, linear_curves
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.generation.prediction.summary import (
@@ -22,6 +21,7 @@ from descentflow.generation.prediction.summary import (
     time_intervals,
 )
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.linear_curves import KEPT_NOISE, LinearCurves, linear_curves
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:
@@ -31,6 +31,18 @@ def normal(*shape: int, seed: int = 0) -> Tensor:
 def linear(n_weights: int = 3, n_residual: int = 2, n_levels: int = 6) -> LinearCurves:
     noise = 0.2 + 0.1 * torch.arange(2 * n_levels, dtype=torch.float64)
     return LinearCurves(normal(2 * n_levels), normal(2 * n_levels, n_weights + n_residual, seed=1), noise, n_weights)
+
+
+def seen_of(curves: LinearCurves, drag: Tensor, cas: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    """Precision and shift of one flight."""
+    found = curves.information(drag[None], cas[None], mask[None])
+    return found.precisions[0], found.shift[0]
+
+
+def noise_left(curves: LinearCurves) -> Tensor:
+    """Covariance of the noise about the weights of the whole profile: what its projection takes is in the weights."""
+    kept, noise = curves.loadings[:, : curves.n_weights], torch.diag(curves.noise_variance)
+    return noise - (1 - KEPT_NOISE) * kept @ torch.linalg.inv(kept.T @ torch.linalg.inv(noise) @ kept) @ kept.T
 
 
 def two_components() -> Mixture:
@@ -45,13 +57,13 @@ def test_each_component_and_its_probability_are_those_of_the_joint_gaussian() ->
     mask = torch.tensor([True, False, True, True, False, False])
     seen = torch.cat([mask, mask])
     drag, cas = normal(6, seed=2), normal(6, seed=3)
-    found = posterior_of(Prior(mixture, None), *curves.evidence(drag, cas, mask))
+    found = posterior_of(Prior(mixture, None), *seen_of(curves, drag, cas, mask))
     rows, observed = curves.loadings[seen], torch.cat([drag, cas])[seen]
     log_probs = []
     for k in range(2):
         mean = torch.cat([mixture.locs[k], torch.zeros(2, dtype=torch.float64)])
         covariance = torch.block_diag(mixture.scale_trils[k] @ mixture.scale_trils[k].T, torch.eye(2).double())
-        marginal = rows @ covariance @ rows.T + torch.diag(curves.noise_variance[seen])
+        marginal = rows @ covariance @ rows.T + noise_left(curves)[seen][:, seen]
         gain = covariance @ rows.T @ torch.linalg.inv(marginal)
         expected = mean + gain @ (observed - curves.offset[seen] - rows @ mean)
         torch.testing.assert_close(found.means[k], expected, rtol=1e-9, atol=1e-9)
@@ -65,7 +77,7 @@ def test_each_component_and_its_probability_are_those_of_the_joint_gaussian() ->
 def test_draws_have_the_posteriors_moments() -> None:
     curves, mixture = linear(), two_components()
     mask = torch.ones(6, dtype=torch.bool)
-    found = posterior_of(Prior(mixture, None), *curves.evidence(normal(6, seed=2), normal(6, seed=3), mask))
+    found = posterior_of(Prior(mixture, None), *seen_of(curves, normal(6, seed=2), normal(6, seed=3), mask))
     drawn, effective = found.draw(40_000, torch.Generator().manual_seed(0))
     probs = found.log_probs.exp()
     mean = probs @ found.means
@@ -94,7 +106,7 @@ class Opaque(Density):
 
 def test_importance_resampling_meets_the_closed_form() -> None:
     opaque, curves = Opaque(3), linear()
-    evidence = curves.evidence(normal(6, seed=2), normal(6, seed=3), torch.ones(6, dtype=torch.bool))
+    evidence = seen_of(curves, normal(6, seed=2), normal(6, seed=3), torch.arange(6) < 4)
     exact = posterior_of(prior_of(opaque.hidden), *evidence)
     weighted = posterior_of(prior_of(opaque), *evidence)
     assert weighted.prior.exact is opaque
@@ -107,7 +119,7 @@ def test_importance_resampling_meets_the_closed_form() -> None:
 
 def test_a_density_that_excludes_the_flight_says_so() -> None:
     opaque, curves = Opaque(3), linear()
-    far = curves.evidence(1e3 + normal(6), 1e3 + normal(6), torch.ones(6, dtype=torch.bool))
+    far = seen_of(curves, 1e3 + normal(6), 1e3 + normal(6), torch.ones(6, dtype=torch.bool))
     posterior = posterior_of(prior_of(opaque), *far)
     with pytest.raises(SamplingError, match="effective"):
         posterior.draw(100, torch.Generator().manual_seed(0))

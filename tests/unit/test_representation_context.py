@@ -119,8 +119,8 @@ def test_datamodule_serves_contexts_beside_weights(descents: Path, tmp_path: Pat
     plain.setup()
     assert plain.contexts("train") is None
     assert sum(len(data.profiles(part)) for part in ("train", "validation", "test")) == 113
-    weights, context = next(iter(data.train_dataloader()))
-    assert context.shape == (len(weights), 6)
+    evidence, context = next(iter(data.train_dataloader()))
+    assert context.shape == (len(evidence), 6)
     train = data.contexts("train")
     assert float(train[:, 0].mean()) == pytest.approx(0, abs=1e-9), "fitted on training flights"
     kept = DescentDataModule(

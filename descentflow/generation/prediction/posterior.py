@@ -121,7 +121,8 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
 
     Args:
         prior: Over the d weights; the residual components are standard normal.
-        precision: (D, D) information of the observed levels, see :meth:`LinearCurves.evidence`.
+        precision: (D, D) information of the observed levels, see
+            :meth:`~descentflow.representation.linear_curves.LinearCurves.information`.
         shift: (D,).
 
     Returns:

@@ -9,9 +9,9 @@ from torch import Tensor
 from descentflow.core.errors import DataError, SamplingError
 from descentflow.core.units import FL_M
 from descentflow.densities.density import Density
-from descentflow.generation.prediction.linear_curves import LinearCurves, linear_curves
 from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
+from descentflow.representation.linear_curves import LinearCurves, linear_curves
 from descentflow.representation.profiles import Profiles
 
 MULTIPLES = (1.0, 3.0, 10.0, 30.0)
@@ -149,8 +149,8 @@ class DescentPredictor:
             SamplingError: If no continuation descends.
         """
         mask = self._observed(flight, from_fl)
-        precision, shift = self.curves.evidence(flight.drag_n[0], flight.cas_mps[0], mask)
-        posterior = posterior_of(self._prior(context), precision, shift)
+        seen = self.curves.information(flight.drag_n, flight.cas_mps, mask[None])
+        posterior = posterior_of(self._prior(context), seen.precisions[0], seen.shift[0])
         generator = torch.Generator().manual_seed(seed)
         drawn, effective = posterior.draw(n, generator)
         flown = self._fly(drawn, int(mask.nonzero()[0]))

@@ -240,7 +240,7 @@ def _flow(job: _SweepJob, common: _Sweeps) -> None:
     data.setup()
     model = load_model(checkpoint)
     with torch.no_grad():
-        nll = -model.log_prob(data.weights("test")).double()
+        nll = -model.log_observed(data.evidence("test")).double()
     result = {"flows": job.flows, "hidden": job.hidden, "nll": float(nll.mean()), "n": len(nll)}
     result |= {"error": float(nll.std() / len(nll) ** 0.5), "parameters": sum(p.numel() for p in model.parameters())}
     with whole_file(job.product(common.own)) as temporary:

@@ -49,7 +49,7 @@ def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
     data = DescentDataModule(folder / "descents.parquet", checkpoint=next(iter(checkpoints.values())))
     data.setup()
     held_out = data.profiles("test")
-    real, weights = DescentSet.of_profiles(held_out), data.weights("test")
+    real, evidence = DescentSet.of_profiles(held_out), data.evidence("test")
     samples, likelihoods = {}, []
     for name, path in checkpoints.items():
         model = load_model(path)
@@ -58,7 +58,7 @@ def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
         drawn = sample_descents(model, parts.decoder, parts.plausibility, n, plan.seed, entry=held_out.entry_level)
         samples[MODELS[name]] = DescentSet.of_trajectories(drawn.trajectories)
         with torch.no_grad():
-            nll = -model.log_prob(weights).double()
+            nll = -model.log_observed(evidence).double()
         likelihoods.append((name, float(nll.mean()), float(nll.std() / len(nll) ** 0.5), len(nll)))
     decoder = data.representation.decoder
     nominal = DescentSet.of_nominal(nominal_descent(decoder.aircraft, real.levels_fl))

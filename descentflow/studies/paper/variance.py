@@ -19,6 +19,7 @@ from descentflow.generation.rejection import sample_descents
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA
+from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
@@ -125,7 +126,7 @@ def _representation(train: Profiles, aircraft: Aircraft, drag: FunctionalBasis, 
 def _one_share(
     parts: Representation, train: Profiles, test: Profiles, transition_fl: float, share: float, fold: int
 ) -> list[_FoldScore]:
-    mixture = select_mixture(parts.decoder.encode(train), seed=fold, n_restarts=RESTARTS).mixture
+    mixture = select_mixture(evidence_of(parts.decoder, train), seed=fold, n_restarts=RESTARTS).mixture
     density = GaussianMixtureDensity(mixture.locs.shape[1], len(mixture.probs))
     density.mixture = mixture
     about: dict[str, Any] = {

@@ -8,9 +8,12 @@ from jsonargparse.typing import NonNegativeFloat, PositiveFloat, PositiveInt
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
+from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
+from descentflow.densities.importance import estimate, propose, widened
+from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import regression
-from descentflow.training.models.latent_model import LatentModel
+from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import adam_with_cosine
 
 F = TypeVar("F", bound=FlowDensity)
@@ -28,25 +31,56 @@ class _Flow(LatentModel[F], ABC):
     weight_decay: float
     shrinkage: float
     caution: float
+    n_draws: int
 
     def __init__(self) -> None:
         super().__init__()
         self._restored = False
         self._by_flight: list[Tensor] = []
+        self._wide: Mixture | None = None
         self._best: tuple[float, dict[str, Tensor]] | None = None
 
-    def training_step(self, batch: tuple[Tensor, ...], batch_index: int) -> Tensor:
-        """Negative log-likelihood of a batch."""
-        loss = self.nll(batch)
-        self.log("train/nll", loss, on_epoch=True, on_step=False, batch_size=len(batch[0]))
+    def training_step(self, batch: Batch, batch_index: int) -> Tensor:
+        """Negative log-likelihood of what was observed of a batch.
+
+        Where weights are not known, of each flight some are drawn given what was observed, under a Gaussian wider than
+        the flow: others in every epoch, and each counts by its importance (:mod:`descentflow.densities.importance`).
+        """
+        evidence, context = batch[0], batch[1] if len(batch) > 1 else None
+        if evidence.known:
+            loss = self.nll(batch)
+        else:
+            proposals = propose(self._proposing(), evidence, self.n_draws, context)
+            found = estimate(self.density.log_prob, proposals, context)
+            loss = -found.log_prob.mean()
+            self.log("train/effective", found.effective.mean(), on_epoch=True, on_step=False, batch_size=len(evidence))
+        self.log("train/nll", loss, on_epoch=True, on_step=False, batch_size=len(evidence))
         return loss
 
-    def validation_step(self, batch: tuple[Tensor, ...], batch_index: int) -> None:
-        """As every model, and keep each flight's gain over the Gaussian."""
-        log_prob = self.log_prob(*batch)
+    def validation_step(self, batch: Batch, batch_index: int) -> None:
+        """As every model, and keep each flight's gain over the Gaussian.
+
+        ``val/effective`` is the mean share of effective draws behind the estimates; one where weights are known.
+        """
+        evidence, context = batch[0], batch[1] if len(batch) > 1 else None
+        if evidence.known:
+            log_prob = self.log_observed(*batch)
+        else:
+            found = self.density.estimate_observed(evidence, context, gaussian=self._proposing())
+            log_prob = found.log_prob
+            self.log("val/effective", found.effective.mean(), on_epoch=True, batch_size=len(evidence))
         self.log("val/nll", -log_prob.mean(), prog_bar=True, on_epoch=True, batch_size=len(log_prob))
-        base = self.density.base_log_prob(*batch) if self.density.whitened else torch.zeros_like(log_prob)
+        base = self.density.base_log_observed(*batch) if self.density.whitened else torch.zeros_like(log_prob)
         self._by_flight.append(torch.stack([log_prob.double(), base.double()]))
+
+    def _proposing(self) -> Mixture:
+        """The wide Gaussian of the training flights, made once."""
+        if self._wide is None:
+            if self.density.whitened:
+                self._wide = self.density.wide_gaussian()
+            else:
+                self._wide = widened(EvidenceSteps(*training_flights(self)).single)
+        return self._wide
 
     def on_validation_epoch_end(self) -> None:
         """Log ``val/bound``, and keep the parameters of the best epoch so far."""
@@ -65,14 +99,19 @@ class _Flow(LatentModel[F], ABC):
 
     def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
         """AdamW with a cosine that ends with the last epoch; before it, the Gaussian of the training flights."""
+        evidence, context = training_flights(self)
         if self.density.whitened and not self._restored:
-            data = self.trainer.datamodule  # type: ignore[attr-defined]
-            weights = data.weights("train").to(self.device, torch.float64)
-            context = data.contexts("train").to(weights) if self.density.n_context else weights[:, :0]
-            self.density.whiten(*regression(weights, context, torch.ones_like(weights[:, 0])))
+            if evidence.known:
+                given = evidence.points[:, :0] if context is None else context
+                start = regression(evidence.points, given, torch.ones_like(evidence.points[:, 0]))
+            else:
+                one = EvidenceSteps(evidence, context).single
+                slope = evidence.points.new_zeros(self.density.dimension, 0) if one.slopes is None else one.slopes[0]
+                start = one.locs[0], slope, one.scale_trils[0]
+            self.density.whiten(*start)
         decay = self.weight_decay
         if self.shrinkage > 0:
-            decay += self.shrinkage / len(self.trainer.datamodule.weights("train"))  # type: ignore[attr-defined]
+            decay += self.shrinkage / len(evidence)
         return adam_with_cosine(self, self.learning_rate, decay, still_first=self.density.whitened)
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
@@ -101,6 +140,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         linear: bool = True,
         turned_round: bool = True,
         caution: NonNegativeFloat = 1.0,
+        n_draws: PositiveInt = 8,
     ) -> None:
         """Set the hyperparameters.
 
@@ -115,6 +155,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
             linear: LU-decomposed maps between the flows.
             turned_round: One pass of the networks for a density, not one a weight; see the density.
             caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
+            n_draws: Weights drawn of each flight, given what it shows, in each epoch.
         """
         super().__init__()
         self.save_hyperparameters()
@@ -122,7 +163,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         self.whitened, self.linear, self.turned_round = whitened, linear, turned_round
         # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
         self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
-        self.shrinkage, self.caution = float(shrinkage), float(caution)
+        self.shrinkage, self.caution, self.n_draws = float(shrinkage), float(caution), int(n_draws)
 
     def make(self, dimension: int, n_context: int = 0) -> MaskedAffineFlowDensity:
         """Flows that start at the identity or its neighbourhood."""
@@ -156,6 +197,7 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         shrinkage: NonNegativeFloat = 600.0,
         whitened: bool = True,
         caution: NonNegativeFloat = 1.0,
+        n_draws: PositiveInt = 8,
     ) -> None:
         """Set the hyperparameters.
 
@@ -169,12 +211,14 @@ class SplineFlow(_Flow[SplineFlowDensity]):
                 whitened flow is pulled towards its Gaussian.
             whitened: Start from the Gaussian of the training flights.
             caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
+            n_draws: Weights drawn of each flight, given what it shows, in each epoch.
         """
         super().__init__()
         self.save_hyperparameters()
         self.n_flows, self.hidden, self.n_bins = int(n_flows), int(hidden), int(n_bins)
         self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
         self.whitened, self.shrinkage, self.caution = whitened, float(shrinkage), float(caution)
+        self.n_draws = int(n_draws)
 
     def make(self, dimension: int, n_context: int = 0) -> SplineFlowDensity:
         """Flows that start at the identity."""

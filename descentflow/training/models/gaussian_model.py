@@ -2,24 +2,27 @@
 
 import torch
 from jsonargparse.typing import NonNegativeFloat
-from torch import Tensor
 
+from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
-from descentflow.densities.regression_steps import RIDGE
-from descentflow.training.models.latent_model import LatentModel
+from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.regression_steps import RIDGE, regression
+from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm
 
 
 class Gaussian(LatentModel[GaussianDensity]):
-    """The maximum-likelihood Gaussian: mean and full covariance, gathered over one epoch.
+    """The maximum-likelihood Gaussian: mean and full covariance, set in one epoch.
 
     ``log p(w) = log N(w; loc, scale_tril scale_tril')``; with a context, ridge regression of the mean on it and
-    the covariance of the residuals.
+    the covariance of the residuals. The likelihood is that of what was observed
+    (:class:`~descentflow.densities.evidence_steps.EvidenceSteps`); with ``data.gaps: filled`` the weights count as
+    known, and mean and covariance are theirs.
 
     Example:
         >>> from descentflow.training.fit import fit
         >>> density = fit("descents.parquet", Gaussian()).density
-        >>> bool(density.loc.abs().max() < 1e-6)  # the weights of the training flights are standardised
+        >>> bool((density.scale_tril.norm(dim=1) > 1).all())  # wider than the expected weights, whose deviation is one
         True
     """
 
@@ -39,42 +42,28 @@ class Gaussian(LatentModel[GaussianDensity]):
         """A standard normal of the dimension."""
         return GaussianDensity(dimension, n_context)
 
-    def on_train_epoch_start(self) -> None:
-        """Forget the moments of the last epoch."""
-        # Weights and context are gathered together: the regression is in their joint moments.
-        density = self.density
-        self._count, self._sum = 0, density.loc.new_zeros(density.dimension + density.n_context)
-        self._outer = torch.outer(self._sum, self._sum)
-
-    def training_step(self, batch: tuple[Tensor, ...], batch_index: int) -> None:
-        """Gather count, sum and second moments of a batch; set the parameters after the epoch's last one."""
-        both = torch.cat([part.to(self.density.loc.dtype) for part in batch], 1)
-        self._count += len(both)
-        self._sum += both.sum(0)
-        self._outer += both.T @ both
+    def training_step(self, batch: Batch, batch_index: int) -> None:
+        """Set the parameters in the epoch's last step, from all training flights."""
         # Not in on_train_epoch_end: Lightning validates, and saves the best checkpoint, before that hook.
         if self.trainer.is_last_batch:
             self.optimizers().step(closure=self._maximise)  # type: ignore[union-attr]
-            # Another epoch would gather the same moments.
+            # Another epoch would find the same.
             self.trainer.should_stop = True
 
     @torch.no_grad()
     def _maximise(self) -> None:
-        mean = self._sum / self._count
-        covariance = self._outer / self._count - torch.outer(mean, mean)
-        d = self.density.dimension
-        loc, spread = mean[:d], covariance[:d, :d]
-        if self.density.n_context:
-            across, inner = covariance[:d, d:], covariance[d:, d:]
-            eye = torch.eye(len(inner)).to(inner)
-            slope = torch.linalg.solve(inner + self.ridge / self._count * eye, across.T).T
-            loc = loc - slope @ mean[d:]
-            spread = spread - slope @ across.T - across @ slope.T + slope @ inner @ slope.T
-            self.density.slope.copy_(slope)
-        spread = spread.clone()
-        spread.diagonal().add_(self.jitter)
-        self.density.loc.copy_(loc)
-        self.density.scale_tril.copy_(torch.linalg.cholesky(spread))
+        evidence, context = training_flights(self)
+        if evidence.known:
+            given = evidence.points[:, :0] if context is None else context.to(evidence.points)
+            share = torch.ones_like(evidence.points[:, 0])
+            loc, slope, factor = regression(evidence.points, given, share, self.ridge, self.jitter)
+            self.density.mixture = Mixture(
+                share[:1], loc[None], factor[None], slope[None] if self.density.n_context else None
+            )
+        else:
+            self.density.mixture = EvidenceSteps(evidence, context, ridge=self.ridge, jitter=self.jitter).single
+        train = self.log_observed(evidence) if context is None else self.log_observed(evidence, context)
+        self.log("train/nll", -train.mean(), on_epoch=True, on_step=False, batch_size=len(evidence))
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """An optimizer whose step is the closed form."""

@@ -13,10 +13,13 @@ from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.files import whole_file
 from descentflow.densities.checkpoint import content_of, density_of, section_of
 from descentflow.densities.density import Density
+from descentflow.representation.evidence import Evidence
 from descentflow.representation.read_checkpoint import SECTION
 from descentflow.representation.representation import Representation
 
 D = TypeVar("D", bound=Density)
+Batch = tuple[Evidence] | tuple[Evidence, Tensor]
+"""What was observed of some flights, and their encoded context (n, c) where the density takes one."""
 
 
 class LatentModel(LightningModule, ABC, Generic[D]):
@@ -131,21 +134,25 @@ class LatentModel(LightningModule, ABC, Generic[D]):
             lines.append(f"conditioned on {parts.context.describe()}")
         return "\n".join(lines)
 
-    def nll(self, batch: tuple[Tensor, ...]) -> Tensor:
-        """Mean negative log-likelihood of a batch of standardised weights (and context), in nats per flight."""
-        return -self.log_prob(*batch).mean()
+    def log_observed(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
+        """Log-likelihood (n,) of what was observed of n flights, see :meth:`~descentflow.densities.Density`."""
+        return self.density.log_observed(evidence, context)
 
-    def validation_step(self, batch: tuple[Tensor, ...], batch_index: int) -> None:
+    def nll(self, batch: Batch) -> Tensor:
+        """Mean negative log-likelihood of what was observed of a batch of flights, in nats per flight."""
+        return -self.log_observed(*batch).mean()
+
+    def validation_step(self, batch: Batch, batch_index: int) -> None:
         """Log the NLL of flights that no parameter was fitted to."""
         self.log("val/nll", self.nll(batch), prog_bar=True, on_epoch=True, batch_size=len(batch[0]))
 
-    def test_step(self, batch: tuple[Tensor, ...], batch_index: int) -> None:
+    def test_step(self, batch: Batch, batch_index: int) -> None:
         """Log the NLL of the test flights."""
         self.log("test/nll", self.nll(batch), on_epoch=True, batch_size=len(batch[0]))
 
-    def predict_step(self, batch: tuple[Tensor, ...], batch_index: int) -> Tensor:
-        """Log density of each flight: the smaller, the less usual its descent."""
-        return self.log_prob(*batch)
+    def predict_step(self, batch: Batch, batch_index: int) -> Tensor:
+        """Log-likelihood of what was observed of each flight: the smaller, the less usual its descent."""
+        return self.log_observed(*batch)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Add what sampling needs besides the parameters, and leave nothing that is not a tensor or a primitive."""
@@ -164,6 +171,28 @@ class LatentModel(LightningModule, ABC, Generic[D]):
                 mend="use that run's own config.yaml and data, or start a new fit",
             )
         self._density = saved.to(self.device)
+
+
+def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor | None]:
+    """What was observed of all training flights, and their context if the density takes one, on the model's device.
+
+    Example:
+        >>> from lightning.pytorch import Trainer
+        >>> from descentflow.training.datamodule import DescentDataModule
+        >>> from descentflow.training.models.gaussian_model import Gaussian
+        >>> data, model = DescentDataModule("descents.parquet"), Gaussian()
+        >>> data.setup()
+        >>> model.attach(data.representation)
+        >>> model.trainer = Trainer(accelerator="cpu", logger=False)
+        >>> model.trainer.datamodule = data
+        >>> len(training_flights(model)[0]), training_flights(model)[1] is None
+        (86, True)
+    """
+    data = model.trainer.datamodule  # type: ignore[attr-defined]
+    evidence = data.evidence("train").to(model.device)
+    if not model.density.n_context:
+        return evidence, None
+    return evidence, data.contexts("train").to(evidence.points)
 
 
 def _primitive(value: Any) -> Any:

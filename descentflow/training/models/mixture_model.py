@@ -12,9 +12,10 @@ from tqdm import tqdm
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, MIN_FLIGHTS_PER_PARAMETER, select_mixture
-from descentflow.densities.em import best_start, expectation, fit_mixture, steps_of
+from descentflow.densities.em import best_start, fit_mixture, steps_of
+from descentflow.densities.em_steps import Steps
 from descentflow.densities.mixture import GaussianMixtureDensity
-from descentflow.training.models.latent_model import LatentModel
+from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm, adam_with_cosine
 
 Training = Literal["em", "svi"]
@@ -23,9 +24,10 @@ Training = Literal["em", "svi"]
 class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     """Trains a Gaussian mixture, see :class:`GaussianMixtureDensity`.
 
-    Trained by expectation maximisation (``em``, the default: each training step is one E and M step over the
-    whole training part) or by stochastic variational inference with an enumerated ELBO (``svi``). The number of
-    mixture components is chosen by BIC with at least 15 training flights per parameter, unless it is set.
+    Trained by expectation maximisation (``em``, the default: each epoch is one E and M step over the whole training
+    part, by the likelihood of what was observed) or by stochastic variational inference with an enumerated ELBO
+    (``svi``). The number of mixture components is chosen by BIC with at least 15 training flights per parameter, unless
+    it is set.
 
     Example:
         >>> from descentflow.training.fit import fit
@@ -66,7 +68,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.learning_rate, self.seed, self.extend = float(learning_rate), seed, extend
         self.bic: dict[int, float] = {}
         self._restored = False
-        self._batches: list[tuple[Tensor, ...]] = []
+        self._steps: Steps | None = None
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianMixtureDensity:
         """A mixture of the number of components that was set, or of one until BIC has chosen."""
@@ -74,19 +76,17 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     def _initialise(self) -> None:
         """Choose the number of mixture components and the starting point from the training flights."""
-        data = self.trainer.datamodule  # type: ignore[attr-defined]
-        weights = data.weights("train").to(self.device, torch.float64)
-        context = data.contexts("train").to(weights) if self.density.n_context else None
+        flights, context = training_flights(self)
         options = {"context": context, "seed": self.seed, "n_restarts": self.n_restarts}
         if self.n_clusters is not None:
-            best = fit_mixture(weights, self.n_clusters, **options)[0]
+            best = fit_mixture(flights, self.n_clusters, **options)[0]
         else:
             with self._progress() as show:
-                selection = select_mixture(weights, progress=show, extend=self.extend, **options)
+                selection = select_mixture(flights, progress=show, extend=self.extend, **options)
             best = selection.mixture
             self._say(selection.bic, best.n_components, selection.cap_binds)
         if self.training_method == "svi":
-            best = best_start(weights, best.n_components, **options)
+            best = best_start(flights, best.n_components, **options)
         self.density.mixture = best
 
     @contextmanager
@@ -105,29 +105,32 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         cap = f" (the cap of {flights} flights per parameter decides: more components might fit better)"
         self.print(f"BIC chooses {chosen} of 1..{max(bic)} mixture components{cap if cap_binds else ''}")
 
-    def training_step(self, batch: tuple[Tensor, ...], batch_index: int) -> Tensor | None:
-        """One EM step over all training flights, or the enumerated ELBO of a batch."""
+    def training_step(self, batch: Batch, batch_index: int) -> Tensor | None:
+        """One EM step over all training flights in the epoch's last step, or the enumerated ELBO of a batch."""
         if self.training_method == "svi":
-            weights = batch[0].to(torch.float64)
-            loss = self.density.negative_elbo(weights, *batch[1:])
-            self.log("train/nll", loss / len(weights), on_epoch=True, on_step=False, batch_size=len(weights))
-            return loss / len(weights)
-        self._batches.append(tuple(part.to(torch.float64) for part in batch))
+            evidence = batch[0]
+            loss = self.density.negative_elbo(evidence, *batch[1:]) / len(evidence)
+            self.log("train/nll", loss, on_epoch=True, on_step=False, batch_size=len(evidence))
+            return loss
         if self.trainer.is_last_batch:
-            whole = [torch.cat(parts) for parts in zip(*self._batches, strict=True)]
-            self._batches = []
-            self.optimizers().step(closure=lambda: self._em_step(*whole))  # type: ignore[union-attr]
+            self.optimizers().step(closure=self._em_step)  # type: ignore[union-attr]
         return None
 
     @torch.no_grad()
-    def _em_step(self, weights: Tensor, context: Tensor | None = None) -> None:
-        steps = steps_of(weights, context)
-        responsibilities, before = expectation(steps, self.density.mixture)
-        self.density.mixture = steps.maximise(responsibilities, self.density.mixture)
-        after = expectation(steps, self.density.mixture)[1]
-        self.log("train/nll", -before, on_epoch=True, on_step=False, batch_size=len(weights))
-        if float(after - before) < self.tolerance:
+    def _em_step(self) -> None:
+        if self._steps is None:
+            self._steps = steps_of(*training_flights(self))
+        improved, before = self._steps.improve(self.density.mixture)
+        self.density.mixture = improved
+        after = float(self._steps.expectation(improved)[1])
+        n_flights = len(self.trainer.datamodule.evidence("train"))  # type: ignore[attr-defined]
+        self.log("train/nll", -before, on_epoch=True, on_step=False, batch_size=n_flights)
+        if after - before < self.tolerance:
             self.trainer.should_stop = True
+
+    def on_train_end(self) -> None:
+        """Let the training flights go."""
+        self._steps = None
 
     def configure_optimizers(self) -> torch.optim.Optimizer | OptimizerLRSchedulerConfig:
         """Adam for SVI; for EM an optimizer whose step is the M step.

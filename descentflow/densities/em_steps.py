@@ -1,0 +1,46 @@
+"""What expectation maximisation asks of the flights and of the kind of mixture component."""
+
+from abc import ABC, abstractmethod
+
+from torch import Tensor
+
+from descentflow.densities.mixture_parameters import Mixture
+
+
+class Steps(ABC):
+    """The steps of EM for one set of flights.
+
+    Example:
+        >>> from descentflow.densities.gaussian_steps import GaussianSteps
+        >>> steps: Steps = GaussianSteps(torch.randn(100, 2).double())
+        >>> one = steps.maximise(torch.ones(100, 1).double())  # all flights in one mixture component
+        >>> steps.log_joint(one).shape, steps.improve(one)[0].locs.shape
+        (torch.Size([100, 1]), torch.Size([1, 2]))
+    """
+
+    @abstractmethod
+    def points_to_group(self, seed: int) -> Tensor:
+        """What k-means starts from, (n, d)."""
+
+    @abstractmethod
+    def log_joint(self, mixture: Mixture) -> Tensor:
+        """Log of proportion times density (n, k) of each flight and mixture component, in nats."""
+
+    @abstractmethod
+    def maximise(self, responsibilities: Tensor, before: Mixture | None = None) -> Mixture:
+        """The M step, from the mixture before it where it is no closed form."""
+
+    def stand_in(self, seed: int) -> "Steps":
+        """Flights of which the starts are tried: these themselves, unless a step of these costs much."""
+        return self
+
+    def expectation(self, mixture: Mixture) -> tuple[Tensor, Tensor]:
+        """The E step: responsibilities (n, k) and the mean log-likelihood (nats per flight)."""
+        joint = self.log_joint(mixture)
+        total = joint.logsumexp(1)
+        return (joint - total[:, None]).exp(), total.mean()
+
+    def improve(self, mixture: Mixture) -> tuple[Mixture, float]:
+        """One E and M step, and the mean log-likelihood before it (nats per flight)."""
+        responsibilities, likelihood = self.expectation(mixture)
+        return self.maximise(responsibilities, mixture), float(likelihood)

@@ -1,0 +1,210 @@
+"""Drag and CAS as linear functions of weights and residual components: what observed levels say of both."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import ConfigError
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.evidence import Evidence
+from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.fpca.ppca import group_masks
+from descentflow.representation.profiles import Profiles
+
+Gaps = Literal["marginal", "filled"]
+KEPT_NOISE = 1e-4
+"""Share of the noise that blurs the weights of a flight seen whole: enough for the arithmetic, 1 % of its deviation."""
+BLOCK = 512
+"""Sets of observed levels whose information is computed at a time."""
+
+
+@dataclass(frozen=True)
+class Information:
+    """Log-likelihood of u for n flights, ``shift' u - u' precision u / 2`` up to a constant.
+
+    Shapes: ``precisions`` (U, D, D), one for each set of observed levels; ``shift`` (n, D); ``group`` (n,).
+
+    Example:
+        >>> two = Information(torch.eye(2)[None], torch.ones(1, 2), torch.tensor([0]))
+        >>> precisions, shift = two.marginal(n_weights=1)  # the second is standard normal and says nothing of the first
+        >>> precisions, shift
+        (tensor([[[1.]]]), tensor([[1.]]))
+    """
+
+    precisions: Tensor
+    shift: Tensor
+    group: Tensor
+
+    def marginal(self, n_weights: int) -> tuple[Tensor, Tensor]:
+        """Precisions (U, d, d) and shift (n, d) of the first d of u, the others integrated over a standard normal."""
+        d = n_weights
+        inner = self.precisions[:, d:, d:]
+        across = self.precisions[:, d:, :d]
+        factor = torch.linalg.cholesky(inner + torch.eye(inner.shape[1]).to(inner))
+        gain = torch.cholesky_solve(across, factor)  # (U, r, d)
+        precisions = self.precisions[:, :d, :d] - across.mT @ gain
+        passed = [
+            (rest[:, None] @ gain[g])[:, 0]
+            for rest, g in zip(torch.split(self.shift[:, d:], BLOCK), torch.split(self.group, BLOCK), strict=True)
+        ]
+        return precisions, self.shift[:, :d] - torch.cat(passed)
+
+
+@dataclass(frozen=True)
+class LinearCurves:
+    r"""``(drag, CAS) = offset + loadings u + noise`` with ``u = (w, r)``: weights, then residual components.
+
+    The d weights w are those of the density. The residual components r, standard normal a priori and independent of
+    w, are the directions of the probabilistic PCA that the explained-variance cut left out of the weights: without them
+    a flight would be thought to follow the kept components to within white noise, and its future known too well.
+
+    The weights of a flight are what :meth:`~descentflow.representation.decoder.descent_decoder.DescentDecoder.encode`
+    gives of the *whole* profile. What noise adds to that projection is therefore part of the weights, and not of the
+    noise about them: with $N$ the variance of the noise and $\Phi$ the kept loadings on all levels, the noise that is
+    left has the covariance $N - (1 - \epsilon)\,\Phi (\Phi^T N^{-1} \Phi)^{-1} \Phi^T$. A flight that shows every level
+    then has the weights that it is encoded to, to within a small $\epsilon$.
+
+    Shapes: ``offset`` and ``noise_variance`` (2 L,), ``loadings`` (2 L, d + r); drag stands before CAS.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> curves = linear_curves(load_representation("best.ckpt").decoder)
+        >>> at_mean = torch.zeros(1, curves.loadings.shape[1], dtype=torch.float64)
+        >>> drag_n, cas_mps = curves.profiles(at_mean)
+        >>> found = curves.information(drag_n, cas_mps, torch.ones_like(drag_n, dtype=torch.bool))
+        >>> bool((found.shift.abs() < 1e-3).all())  # an observed mean profile does not move the weights
+        True
+    """
+
+    offset: Tensor
+    loadings: Tensor
+    noise_variance: Tensor
+    n_weights: int
+
+    @property
+    def n_residual(self) -> int:
+        """Number of residual components."""
+        return self.loadings.shape[1] - self.n_weights
+
+    def information(self, drag_n: Tensor, cas_mps: Tensor, mask: Tensor) -> Information:
+        """What observed levels say of u.
+
+        Args:
+            drag_n: (n, L).
+            cas_mps: (n, L).
+            mask: (n, L) observed; masked values are ignored.
+        """
+        d, n_levels = self.n_weights, mask.shape[1]
+        groups = group_masks(mask)
+        scaled = self.loadings / self.noise_variance[:, None]
+        # Drag and CAS are observed on the same levels, so their products are added up level by level.
+        upper, lower = (
+            torch.einsum("lu,lv->luv", scaled[part], self.loadings[part])
+            for part in (slice(0, n_levels), slice(n_levels, None))
+        )
+        by_level = (upper + lower).flatten(1)
+        total = self.loadings.shape[1]
+        white = torch.cat([masks @ by_level for masks in torch.split(groups.masks, BLOCK)]).reshape(-1, total, total)
+        both = torch.cat([drag_n, cas_mps], 1).to(self.offset) - self.offset
+        shift = torch.where(torch.cat([mask, mask], 1), both, 0.0) @ scaled
+        # The noise left is that of the class's docstring: its inverse by Woodbury.
+        whole = by_level.sum(0).reshape(total, total)[:d, :d]
+        gap = torch.linalg.cholesky(whole / (1 - KEPT_NOISE) - white[:, :d, :d])
+        gain = torch.cholesky_solve(white[:, :d], gap)  # (U, d, D)
+        moved = [
+            (part[:, None, :d] @ gain[g])[:, 0]
+            for part, g in zip(torch.split(shift, BLOCK), torch.split(groups.group, BLOCK), strict=True)
+        ]
+        precisions = white + white[:, :d].mT @ gain
+        return Information((precisions + precisions.mT) / 2, shift + torch.cat(moved), groups.group)
+
+    def profiles(self, u: Tensor) -> tuple[Tensor, Tensor]:
+        """Drag and CAS (n, L) of (n, D)."""
+        both = self.offset + u @ self.loadings.T
+        drag, cas = both.chunk(2, dim=1)
+        return drag, cas
+
+
+def linear_curves(decoder: DescentDecoder) -> LinearCurves:
+    """The linear form of a decoder's bases and scaler.
+
+    Raises:
+        ConfigError: If the bases were fitted by the paper's iteration, which has no model of what they leave out.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> curves = linear_curves(load_representation("best.ckpt").decoder)
+        >>> curves.loadings.shape[1] == curves.n_weights + curves.n_residual
+        True
+    """
+    if not has_noise_model(decoder):
+        raise ConfigError(
+            "components fitted by the paper's iteration (data.fpca: iterative)",
+            expected="probabilistic PCA, which says how far flights stray from the components",
+            mend="fit again with data.fpca: ppca",
+        )
+    bases = (decoder.drag_basis, decoder.cas_basis)
+    n_drag = decoder.drag_basis.n_components
+    parts = (slice(0, n_drag), slice(n_drag, None))
+    kept = [basis.components.T for basis in bases]
+    offsets = [basis.mean + k @ decoder.weight_mean[part] for basis, k, part in zip(bases, kept, parts, strict=True)]
+    kept = [k * decoder.weight_scale[part] for k, part in zip(kept, parts, strict=True)]
+    # Levels whose noise is alike tell together as much as one: the same as each with so many times the variance.
+    noise = [(basis.noise_variance * basis.noise_length).expand(len(basis.mean)) for basis in bases]
+    rest = [_residual(basis) for basis in bases]
+    loadings = torch.cat([_two_blocks(*kept), _two_blocks(*rest)], 1)
+    return LinearCurves(torch.cat(offsets), loadings, torch.cat(noise), decoder.dimension)
+
+
+def has_noise_model(decoder: DescentDecoder) -> bool:
+    """Whether the components come with a model of what they leave out; those of the paper's iteration do not.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> has_noise_model(load_representation("best.ckpt").decoder)
+        True
+    """
+    return all(basis.loadings.shape[1] > 0 for basis in (decoder.drag_basis, decoder.cas_basis))
+
+
+def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "marginal") -> Evidence:
+    """What flights say of their weights.
+
+    Args:
+        decoder: Whose components the weights are of.
+        flights: On its grid.
+        gaps: ``marginal`` leaves open what a flight does not show; ``filled`` puts its expectation there and takes the
+            weights as known, as the paper does. With the components of the paper's iteration, which have no model of
+            what they leave out, the weights are always known.
+
+    Example:
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> import polars as pl
+        >>> known = load_representation("best.ckpt")
+        >>> flights = encode_flights(pl.read_parquet("descents.parquet"), known)["test"].profiles
+        >>> evidence = evidence_of(known.decoder, flights)
+        >>> whole = flights.mask.all(1)  # a flight that shows every level is where it is encoded to
+        >>> bool((evidence.points - known.decoder.encode(flights))[whole].abs().max() < 0.01)
+        True
+    """
+    if gaps == "filled" or not has_noise_model(decoder):
+        return Evidence.of_weights(decoder.encode(flights))
+    curves = linear_curves(decoder)
+    found = curves.information(flights.drag_n, flights.cas_mps, flights.mask)
+    return Evidence.of_information(*found.marginal(curves.n_weights), found.group)
+
+
+def _two_blocks(upper: Tensor, lower: Tensor) -> Tensor:
+    """Block-diagonal matrix of two."""
+    blocks: Tensor = torch.block_diag(upper, lower)  # type: ignore[no-untyped-call]
+    return blocks
+
+
+def _residual(basis: FunctionalBasis) -> Tensor:
+    """Loadings (L, q - k) of the directions beyond the kept components."""
+    left, singular, _ = torch.linalg.svd(basis.loadings, full_matrices=False)
+    rest: Tensor = left[:, basis.n_components :] * singular[basis.n_components :]
+    return rest

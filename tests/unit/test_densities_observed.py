@@ -1,0 +1,297 @@
+"""Fitting and scoring by what was observed: against closed forms, other implementations and direct optimisation."""
+
+import math
+
+import pytest
+import torch
+import toys
+from sklearn.mixture import GaussianMixture as SklearnMixture
+from torch import Tensor
+from torch.distributions import MultivariateNormal
+
+from descentflow.densities.density import Density
+from descentflow.densities.em import fit_mixture, steps_of
+from descentflow.densities.evidence_steps import EvidenceSteps
+from descentflow.densities.gaussian import GaussianDensity
+from descentflow.densities.importance import estimate, propose
+from descentflow.densities.mixture import GaussianMixtureDensity
+from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.observed import log_observed, posteriors
+from descentflow.representation.evidence import Evidence
+from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
+
+D, K, C = 3, 2, 2
+
+
+def normal(*shape: int, seed: int = 0) -> Tensor:
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+def truth(seed: int = 0, *, context: bool = False) -> Mixture:
+    """Two correlated components, with slopes and gate if asked for."""
+    factor = torch.eye(D, dtype=torch.float64) + 0.3 * normal(K, D, D, seed=seed).tril()
+    line = (normal(K, D, C, seed=seed + 2), normal(K, C, seed=seed + 3)) if context else ()
+    return Mixture(torch.tensor([0.3, 0.7]).double(), 2 * normal(K, D, seed=seed + 1), factor, *line)
+
+
+def gappy(weights: Tensor, seed: int = 0, noise: float = 0.1) -> tuple[Evidence, Tensor, Tensor]:
+    """Weights of which each flight shows some coordinates, with noise: evidence, what was seen, and the mask."""
+    patterns = torch.tensor([[1, 1, 1], [1, 1, 0], [1, 0, 0], [0, 1, 1]], dtype=torch.float64)
+    group = torch.randint(len(patterns), (len(weights),), generator=torch.Generator().manual_seed(seed))
+    mask = patterns[group]
+    seen = mask * (weights + noise * normal(*weights.shape, seed=seed + 50))
+    return Evidence.of_information(torch.diag_embed(patterns / noise**2), seen / noise**2, group), seen, mask.bool()
+
+
+def drawn(mixture: Mixture, n: int, seed: int = 0) -> Tensor:
+    component = torch.multinomial(mixture.probs, n, replacement=True, generator=torch.Generator().manual_seed(seed))
+    white = normal(n, D, seed=seed + 7)
+    return mixture.locs[component] + (mixture.scale_trils[component] @ white[:, :, None])[:, :, 0]
+
+
+def log_marginal(mixture: Mixture, seen: Tensor, mask: Tensor, noise: float = 0.1) -> Tensor:
+    """The density of the coordinates seen, flight by flight: the marginal of each Gaussian, written out."""
+    found = []
+    for row, shown in zip(seen, mask, strict=True):
+        parts = []
+        for prob, loc, factor in zip(mixture.probs, mixture.locs, mixture.scale_trils, strict=True):
+            covariance = factor @ factor.T + noise**2 * torch.eye(D, dtype=torch.float64)
+            normal_of = MultivariateNormal(loc[shown], covariance[shown][:, shown])
+            parts.append(prob.log() + normal_of.log_prob(row[shown]))
+        found.append(torch.stack(parts).logsumexp(0))
+    return torch.stack(found)
+
+
+def test_the_likelihood_is_the_marginal_of_the_coordinates_seen() -> None:
+    """Up to a constant of each flight, which two mixtures share."""
+    evidence, seen, mask = gappy(drawn(truth(), 60))
+    first, second = truth(), truth(5)
+    difference = log_observed(first, evidence) - log_observed(second, evidence)
+    expected = log_marginal(first, seen, mask) - log_marginal(second, seen, mask)
+    torch.testing.assert_close(difference, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_the_posterior_is_the_conditional_of_the_joint_gaussian() -> None:
+    mixture = truth()
+    evidence, seen, mask = gappy(drawn(mixture, 20))
+    found = posteriors(mixture, evidence)
+    for i in range(20):
+        shown = mask[i]
+        for k in range(K):
+            covariance = mixture.scale_trils[k] @ mixture.scale_trils[k].T
+            marginal = covariance[shown][:, shown] + 0.01 * torch.eye(int(shown.sum()), dtype=torch.float64)
+            gain = covariance[:, shown] @ torch.linalg.inv(marginal)
+            expected = mixture.locs[k] + gain @ (seen[i][shown] - mixture.locs[k][shown])
+            torch.testing.assert_close(found.means[i, k], expected, rtol=1e-9, atol=1e-9)
+            torch.testing.assert_close(
+                found.covariances[evidence.group[i], k], covariance - gain @ covariance[shown], rtol=1e-9, atol=1e-9
+            )
+
+
+def test_scores_are_log_densities_where_weights_are_seen_precisely_and_zero_where_nothing_is() -> None:
+    mixture, weights = truth(), drawn(truth(), 30)
+    one = torch.zeros(30, dtype=torch.long)
+    precise = Evidence(weights, one, 1e10 * torch.eye(D, dtype=torch.float64)[None])
+    # A precision of 1e10 blurs by 1e-5 standard deviations.
+    torch.testing.assert_close(
+        log_observed(mixture, precise), log_observed(mixture, Evidence.of_weights(weights)), rtol=0, atol=1e-4
+    )
+    nothing = Evidence(weights, one, torch.zeros(1, D, D, dtype=torch.float64))
+    assert float(log_observed(mixture, nothing).abs().max()) < 1e-12
+
+
+def test_information_and_points_are_the_same_evidence_where_directions_are_not_seen() -> None:
+    """A precision of rank one: the point is the shortest, and precision times point gives the shift back."""
+    direction = normal(D, 1)
+    precision, shift = direction @ direction.T, 2.5 * direction[:, 0]
+    evidence = Evidence.of_information(precision[None], shift[None], torch.zeros(1, dtype=torch.long))
+    torch.testing.assert_close(evidence.shift[0], shift, rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(evidence.points[0], 2.5 * direction[:, 0] / direction.square().sum())
+
+
+@pytest.mark.parametrize("context", [False, True])
+def test_gradients_are_those_of_finite_differences(context: bool) -> None:
+    evidence, _, _ = gappy(drawn(truth(), 6))
+    given = normal(6, C, seed=9) if context else None
+    mixture = truth(3, context=context)
+    lines = [] if mixture.slopes is None else [mixture.slopes, mixture.gate]
+    leaves = [t.clone().requires_grad_() for t in (mixture.probs, mixture.locs, mixture.scale_trils.tril(), *lines)]
+
+    def loss(*parameters: Tensor) -> Tensor:
+        probs, locs, factors, *rest = parameters
+        return log_observed(Mixture(probs, locs, factors.tril(), *rest), evidence, given)
+
+    assert torch.autograd.gradcheck(loss, leaves)
+
+
+def test_the_single_gaussian_is_the_one_that_direct_optimisation_finds() -> None:
+    """L-BFGS on the likelihood written out coordinate by coordinate, from the standard normal."""
+    evidence, seen, mask = gappy(drawn(truth(), 150))
+    one = EvidenceSteps(evidence, jitter=0.0).single
+    loc, factor = torch.zeros(D).double().requires_grad_(), torch.eye(D).double().requires_grad_()
+    optimizer = torch.optim.LBFGS([loc, factor], max_iter=300, line_search_fn="strong_wolfe", tolerance_grad=1e-9)
+
+    def closure() -> Tensor:
+        optimizer.zero_grad()
+        loss = -log_marginal(Mixture(torch.ones(1).double(), loc[None], factor.tril()[None]), seen, mask).mean()
+        loss.backward()
+        return loss
+
+    optimizer.step(closure)
+    # EM ends when a step gains 1e-9 nats; parameters are known to the root of that.
+    torch.testing.assert_close(one.locs[0], loc.detach(), rtol=0, atol=1e-3)
+    covariance = factor.detach().tril() @ factor.detach().tril().T
+    torch.testing.assert_close(one.scale_trils[0] @ one.scale_trils[0].T, covariance, rtol=0, atol=3e-3)
+    ours = float(log_marginal(one, seen, mask).mean())
+    assert ours == pytest.approx(-float(closure().detach()), abs=1e-6)
+
+
+def test_where_nothing_is_missing_the_optimum_is_scikit_learns() -> None:
+    weights = drawn(truth(), 400)
+    precise = Evidence(weights, torch.zeros(400, dtype=torch.long), 1e9 * torch.eye(D, dtype=torch.float64)[None])
+    fitted, likelihood = fit_mixture(precise, K, seed=0, tolerance=1e-9)
+    theirs = SklearnMixture(K, random_state=0, n_init=5, tol=1e-9, max_iter=5000).fit(weights.numpy())
+    # The same maximum: what is left are a blur of 3e-5 standard deviations and both tolerances.
+    assert likelihood == pytest.approx(float(theirs.score(weights.numpy())), abs=1e-4)
+    order = fitted.locs[:, 0].argsort()
+    expected = torch.from_numpy(theirs.means_[theirs.means_[:, 0].argsort()])
+    torch.testing.assert_close(fitted.locs[order], expected, rtol=0, atol=2e-3)
+
+
+@pytest.mark.parametrize("context", [False, True])
+def test_steps_never_lose_likelihood(context: bool) -> None:
+    evidence, _, _ = gappy(drawn(truth(), 300))
+    given = normal(300, C, seed=4) if context else None
+    # Without the ridge and the jitter, which are penalties; the gate is a Newton step that cannot lose either.
+    steps = EvidenceSteps(evidence, given, ridge=0.0, jitter=0.0)
+    mixture, previous = steps.maximise(torch.rand(300, K, generator=torch.Generator().manual_seed(0)).double()), -1e9
+    for _ in range(40):
+        mixture, likelihood = steps.improve(mixture)
+        assert likelihood >= previous - (1e-4 if context else 1e-10)  # the gate keeps its own small ridge
+        previous = likelihood
+
+
+def test_with_a_context_known_weights_and_precise_ones_give_the_same() -> None:
+    context = normal(500, C, seed=4)
+    weights = 0.3 + context @ normal(C, D, seed=5) + 0.5 * normal(500, D)
+    precise = Evidence(weights, torch.zeros(500, dtype=torch.long), 1e9 * torch.eye(D, dtype=torch.float64)[None])
+    ours, theirs = (fit_mixture(x, 1, context=context, seed=0)[0] for x in (precise, weights))
+    for found, expected in zip(
+        (ours.locs, ours.slopes, ours.scale_trils), (theirs.locs, theirs.slopes, theirs.scale_trils), strict=True
+    ):
+        torch.testing.assert_close(found, expected, rtol=0, atol=1e-4)
+
+
+def test_chunks_and_order_of_flights_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    evidence, _, _ = gappy(drawn(truth(), 100))
+    steps, first = steps_of(evidence), truth(5)
+    expected, likelihood = steps.improve(first)
+    monkeypatch.setattr(Evidence.chunks, "__defaults__", (7,))
+    turned = evidence.rows(torch.arange(99, -1, -1))
+    found, again = steps_of(turned).improve(first)
+    assert again == pytest.approx(likelihood, rel=1e-12)
+    torch.testing.assert_close(found.scale_trils, expected.scale_trils, rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(log_observed(first, turned).flip(0), log_observed(first, evidence))
+
+
+def test_spread_that_gaps_hide_is_recovered() -> None:
+    """Half of 4,000 flights lack a coordinate: their expected weights are too narrow there, the fit is not."""
+    mixture = truth()
+    weights = drawn(mixture, 4000)
+    evidence, _, _ = gappy(weights, noise=0.3)
+    fitted, _ = fit_mixture(evidence, K, seed=0)
+    spread = _deviation(fitted)
+    # Deviation of 2,000 normals: 1.6 %; three of that, and as much for two components that share it.
+    assert float((spread / weights.std(0) - 1).abs().max()) < 0.06
+    filled = torch.stack([EvidenceSteps(evidence).points_to_group(0).std(0)])
+    assert float((filled / weights.std(0)).min()) < 0.9
+
+
+def _deviation(mixture: Mixture) -> Tensor:
+    mean = mixture.probs @ mixture.locs
+    second = (mixture.probs[:, None] * ((mixture.scale_trils.square()).sum(2) + mixture.locs.square())).sum(0)
+    return (second - mean.square()).sqrt()
+
+
+class Opaque(Density):
+    """A mixture that does not say so."""
+
+    def __init__(self, hidden: Mixture) -> None:
+        super().__init__(D)
+        self.hidden = GaussianMixtureDensity(D, K)
+        self.hidden.mixture = hidden
+
+    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        return self.hidden.log_prob(weights)
+
+    def draw(self, n: int, context: Tensor | None = None) -> Tensor:
+        return self.hidden.draw(n)
+
+
+def test_importance_sampling_meets_the_closed_form() -> None:
+    evidence, _, _ = gappy(drawn(truth(), 40))
+    opaque = Opaque(truth())
+    with torch.no_grad():
+        found = opaque.estimate_observed(evidence, n_draws=4000)
+    expected = log_observed(truth(), evidence)
+    # The error of each estimate is 1 / sqrt(effective draws); five of them, for 40 flights: once in 40,000.
+    error = 5 * (1 / (found.effective * 4000) - 1 / 4000).clamp(min=0).sqrt() + 1e-9
+    assert bool(((found.log_prob - expected).abs() < error).all())
+    assert float(found.effective.min()) > 0.05
+
+
+def test_the_bound_that_flows_are_trained_by_is_below_the_likelihood_and_rises_with_draws() -> None:
+    evidence, _, _ = gappy(drawn(truth(), 400))
+    opaque, exact = Opaque(truth()), float(log_observed(truth(), evidence).mean())
+    bounds = []
+    for draws in (1, 8, 64):
+        proposals = propose(opaque.wide_gaussian(), evidence, draws, seed=1)
+        with torch.no_grad():
+            bounds.append(float(estimate(lambda w, _: opaque.log_prob(w), proposals).log_prob.mean()))
+    assert bounds[0] < bounds[1] < bounds[2] < exact + 0.02
+
+
+def test_svis_loss_is_the_likelihood_with_the_component_summed_out() -> None:
+    density = GaussianMixtureDensity(D, K)
+    density.mixture = truth()
+    evidence, _, _ = gappy(drawn(truth(), 30))
+    torch.testing.assert_close(density.negative_elbo(evidence), -density.log_observed(evidence).sum())
+
+
+@pytest.mark.parametrize(
+    ("model", "epochs"),
+    [
+        (Gaussian(), 1),
+        (GaussianMixture(2, n_restarts=2), 10),
+        (GaussianMixture(2, n_restarts=2, training="svi"), 20),
+        (MaskedAffineFlow(learning_rate=0.01), 25),
+        (SplineFlow(n_flows=2, hidden=16, learning_rate=0.01), 12),
+    ],
+    ids=["gaussian", "em", "svi", "flow", "spline"],
+)
+def test_every_model_recovers_the_spread_from_gappy_flights(model: LatentModel, epochs: int) -> None:
+    mixture = truth()
+    weights = drawn(mixture, 1500)
+    train, held_out = gappy(weights, noise=0.3)[0], gappy(drawn(mixture, 400, seed=3), seed=3, noise=0.3)[0]
+    torch.manual_seed(0)
+    fitted = toys.fit(model, toys.WeightsModule(train, held_out, batch_size=128), epochs)
+    spread = fitted.sample(20_000, seed=0).std(0)
+    # Deviation of 750 normals is known to 2.6 %; flows add as much. Filled gaps lose more than 10 %.
+    assert float((spread / weights.std(0) - 1).abs().max()) < 0.08
+    with torch.no_grad():
+        score, best = (float(x.mean()) for x in (fitted.log_observed(held_out), log_observed(mixture, held_out)))
+    assert best - 0.25 < score < best + 0.05
+    assert math.isfinite(score)
+
+
+def test_a_gaussian_density_says_its_mixture_and_takes_one() -> None:
+    density = GaussianDensity(D, C)
+    mixture = truth(context=True)
+    one = Mixture(
+        torch.ones(1).double(), mixture.locs[:1], mixture.scale_trils[:1], mixture.slopes[:1], 0 * mixture.gate[:1]
+    )
+    density.mixture = one
+    weights, context = normal(10, D), normal(10, C, seed=1)
+    torch.testing.assert_close(
+        density.log_observed(Evidence.of_weights(weights), context), density.log_prob(weights, context)
+    )

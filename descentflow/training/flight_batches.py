@@ -44,7 +44,7 @@ def flight_batches(
         (20, 10)
     """
     # All is in memory and a batch is one slice: worker processes would only cost.
-    return DataLoader(_Flights(evidence, context), batch_size, shuffle=shuffle, collate_fn=_as_it_is)
+    return DataLoader(_Flights(evidence, context), batch_size=batch_size, shuffle=shuffle, collate_fn=_as_it_is)
 
 
 def _as_it_is(batch: Any) -> Any:

@@ -182,7 +182,7 @@ def components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> li
         parts = next(iter(loaded.values())).representation
         drag, cas = parts.decoder.drag_basis.n_components, parts.decoder.cas_basis.n_components
         train = len(parts.split.train)
-        mixture = len(loaded["gmm"].mixture.probs) if "gmm" in loaded else None  # type: ignore[union-attr, arg-type]
+        mixture = len(loaded["gmm"].mixture.probs) if "gmm" in loaded else None  # type: ignore[union-attr]
         counts = (train, drag, cas, drag + cas, max_components(train, drag + cas), mixture)
         rows.append([typecode, *(number(c) for c in counts), *_paper(theirs, typecode, names)])
     head = ["type", "trained on", "of drag", "of CAS", "together", "mixture: at most", "mixture: by BIC"]

@@ -5,7 +5,7 @@ import sys
 from descentflow.core.files import whole_file
 from descentflow.core.units import KT_MPS
 from descentflow.studies.paper.figures.hidden_errors import gappy_figure
-from descentflow.studies.paper.hidden_levels import hidden_errors
+from descentflow.studies.paper.hidden_levels import PATTERNS, hidden_errors
 from descentflow.training.datamodule import DescentDataModule
 
 
@@ -14,8 +14,9 @@ def main(descents: str, path: str, aircraft: str | None = None) -> None:
     data.setup()
     real = data.profiles("train")
     curves = {"drag": real.drag_n / 1000, "CAS": real.cas_mps / KT_MPS}
+    speed = (real.cas_mps * real.mask).sum(1) / real.mask.sum(1)
     found = {
-        name: [e for pattern in ("top", "random") for e in hidden_errors(values, real.mask, pattern)]
+        name: [e for pattern in PATTERNS for e in hidden_errors(values, real.mask, pattern, speed=speed)]
         for name, values in curves.items()
     }
     for name, errors in found.items():

@@ -201,7 +201,7 @@ class DescentDataModule(LightningDataModule):
 
     def val_dataloader(self) -> DataLoader[Any]:
         """Validation flights; the training flights where none were held out for validation."""
-        return self._loader("validation" if len(self.evidence("validation")) else "train")
+        return self._loader("validation" if len(self.profiles("validation")) else "train")
 
     def test_dataloader(self) -> DataLoader[Any]:
         """Test flights."""

@@ -116,6 +116,25 @@ def test_ppca_fills_hidden_levels_better_than_the_papers_iteration_and_the_mean(
     assert errors["iterative"] < 1.0
 
 
+def test_the_mean_is_that_of_all_flights_where_slow_ones_show_no_top() -> None:
+    """Two levels, the upper seen where the lower is high: one component and noise are a full covariance, whose mean of
+    greatest likelihood is Anderson's (1957), the regression on the lower level taken to all flights."""
+    generator = torch.Generator().manual_seed(0)
+    shared = torch.randn(800, 1, generator=generator, dtype=torch.float64)
+    values = 100 + shared * torch.tensor([3.0, 5.0]) + torch.randn(800, 2, generator=generator, dtype=torch.float64)
+    mask = torch.ones(800, 2, dtype=torch.bool)
+    mask[:, 1] = values[:, 0] > 100
+    lower, upper = values[mask[:, 1]].T
+    slope = ((lower - lower.mean()) * (upper - upper.mean())).sum() / (lower - lower.mean()).square().sum()
+    expected = upper.mean() + slope * (values[:, 0].mean() - lower.mean())
+    observed = ppca.observed_mean(values, mask)
+    centred = torch.where(mask, values - observed, 0.0)
+    fitted = ppca.em(centred, mask, 1, max_iterations=5000, tolerance=1e-13)
+    found = observed + fitted.shift
+    assert float(observed[1]) > 103, "those that show it are fast"
+    torch.testing.assert_close(found, torch.stack([values[:, 0].mean(), expected]), rtol=0, atol=1e-3)
+
+
 def test_mean_divides_by_the_observed_count() -> None:
     values = torch.tensor([[1.0, 5.0], [3.0, 0.0]])
     mask = torch.tensor([[True, True], [True, False]])

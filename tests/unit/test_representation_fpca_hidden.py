@@ -5,7 +5,7 @@ import torch
 import toys
 from torch import Tensor
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import KT_MPS
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.fpca.hidden import MIN_SHARE_SHOWN, hide
@@ -37,6 +37,15 @@ def test_tops_are_hidden_from_the_top() -> None:
     spared = int(hidden.any(0).nonzero().max()) + 1
     falls = hidden[:, :spared].int().diff(dim=1)
     assert bool((falls >= 0).all())
+
+
+def test_slow_hides_tops_of_slow_flights_alone() -> None:
+    mask, speed = torch.ones(300, 100, dtype=torch.bool), torch.arange(300.0)
+    hidden = hide(mask, "slow", 0.3, generator(), speed)
+    assert not bool(hidden[150:].any())
+    assert float(hidden[:149].any(1).double().mean()) > 0.9
+    with pytest.raises(ConfigError, match="without speeds"):
+        hide(mask, "slow", 0.3, generator())
 
 
 def smooth_and_noise(n: int, length: int) -> Tensor:

@@ -112,7 +112,7 @@ class GappyFPCA:
         k = min(k, q)
         self.n_iterations_, self.converged_ = len(fitted.log_likelihood), fitted.converged
         self._keep(
-            mean, eigenvectors[:, :k], share.diff(prepend=share.new_zeros(1))[:k], spacing_m,
+            mean + scale * fitted.shift, eigenvectors[:, :k], share.diff(prepend=share.new_zeros(1))[:k], spacing_m,
             loadings=fitted.loadings * scale, noise=fitted.noise_variance * scale**2,
             noise_length=self._noise_length(centred, mask, q),
         )  # fmt: skip
@@ -127,12 +127,12 @@ class GappyFPCA:
             # Too few flights to hide anything from: one level is one observation, as the model has it.
             return centred.new_ones(())
         fitted = self._model(torch.where(seen, centred, 0.0), seen, min(q, len(centred) - 1))
-        return noise_length(centred, seen, hidden, fitted.loadings, fitted.noise_variance)
+        return noise_length(centred - fitted.shift, seen, hidden, fitted.loadings, fitted.noise_variance)
 
     def _model(self, centred: Tensor, mask: Tensor, q: int) -> ppca.PPCA:
         if bool(mask.all()):
             loadings, noise = ppca.closed_form(ppca.pairwise_covariance(centred, mask), q)
-            return ppca.PPCA(loadings, noise, [], converged=True)
+            return ppca.PPCA(loadings, noise, centred.new_zeros(centred.shape[1]), [], converged=True)
         return ppca.em(centred, mask, q, max_iterations=MAX_ITERATIONS, tolerance=TOLERANCE)
 
     def _fit_iterative(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":

@@ -5,21 +5,37 @@ from typing import Literal
 import torch
 from torch import Tensor
 
+from descentflow.core.errors import ConfigError
 from descentflow.representation.fpca.ppca import group_masks, posterior
 
-Pattern = Literal["top", "random"]
+Pattern = Literal["top", "random", "slow"]
+MOST_HIDDEN = 0.9
+"""Share of its levels that a flight loses at most."""
 MIN_SHARE_SHOWN = 0.1
 """Share of the flights that still show each level: the grid of a type ends where a quarter of them do."""
 LENGTHS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 """Correlation lengths of the noise in levels, among which one is chosen."""
 
 
-def hide(mask: Tensor, pattern: Pattern, share: float, generator: torch.Generator) -> Tensor:
+def hide(
+    mask: Tensor, pattern: Pattern, share: float, generator: torch.Generator, speed: Tensor | None = None
+) -> Tensor:
     """Levels (n, L) to hide of those observed.
 
     ``top`` hides from each flight's highest level down, a share drawn between zero and twice ``share``; ``random``
-    hides single levels with probability ``share``. No flight loses all levels, and levels that less than a tenth of
-    the flights would still show are not hidden from any.
+    hides single levels with probability ``share``; ``slow`` hides tops of the slower half of the flights alone, twice
+    as much of each, as where slow operators cruise low: what is hidden then depends on what is shown. No flight loses
+    all levels, and levels that less than a tenth of the flights would still show are not hidden from any.
+
+    Args:
+        mask: (n, L) observed.
+        pattern: Which levels.
+        share: How many.
+        generator: Of the draws.
+        speed: (n,) by which flights are slow, for ``slow``.
+
+    Raises:
+        ConfigError: If ``slow`` is asked for without speeds.
 
     Example:
         >>> hide(torch.ones(5, 200, dtype=torch.bool), "top", 0.3, torch.Generator().manual_seed(0)).shape
@@ -29,6 +45,10 @@ def hide(mask: Tensor, pattern: Pattern, share: float, generator: torch.Generato
         hidden = mask & (torch.rand(mask.shape, generator=generator) < share)
     else:
         part = 2 * share * torch.rand(len(mask), 1, generator=generator)
+        if pattern == "slow":
+            if speed is None:
+                raise ConfigError("the pattern 'slow' without speeds", expected="a speed a flight", mend="pass speed")
+            part = torch.where((speed < speed.median())[:, None], (2 * part).clamp(max=MOST_HIDDEN), 0.0)
         from_top = mask.flip(1).cumsum(1).flip(1)
         hidden = mask & (from_top <= part * mask.sum(1, keepdim=True))
     hidden = hidden & (mask & ~hidden).any(1, keepdim=True)

@@ -21,10 +21,12 @@ CHUNK = 4096
 class PPCA:
     """A fitted model: loadings (L, q), noise variance (), mean log-likelihood per observed value by iteration (nats).
 
+    ``shift`` (L,) is what the mean of greatest likelihood has beyond the mean that was subtracted before.
+
     :func:`em` returns it.
 
     Example:
-        >>> fitted = PPCA(torch.tensor([[3.0], [4.0]]), torch.tensor(0.5), [-2.0, -1.5], converged=True)
+        >>> fitted = PPCA(torch.tensor([[3.0], [4.0]]), torch.tensor(0.5), torch.zeros(2), [-2.0], converged=True)
         >>> fitted.loadings @ fitted.loadings.T + fitted.noise_variance * torch.eye(2)  # covariance of the profiles
         tensor([[ 9.5000, 12.0000],
                 [12.0000, 16.5000]])
@@ -32,6 +34,7 @@ class PPCA:
 
     loadings: Tensor
     noise_variance: Tensor
+    shift: Tensor
     log_likelihood: list[float]
     converged: bool
 
@@ -153,6 +156,12 @@ def posterior(centred: Tensor, groups: MaskGroups, loadings: Tensor, noise: Tens
 def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance: float) -> PPCA:
     """Fit by EM on the observed values alone.
 
+    The mean is one more parameter: where what is missing depends on what is seen (slow flights that show no top), the
+    mean of the observed values at a level is not that of all flights. Each M step takes the mean of the posteriors of z
+    into it (Liu, Rubin and Wu 1998, doi:10.1093/biomet/85.4.755): the same maximum, in fewer steps. Their covariance is
+    not taken into the loadings: the likelihood trusts each level as one observation, and at its maximum, which that
+    would reach, components that few flights show at the top are several times too large there.
+
     Args:
         centred: (n, L) float64 values minus the observed mean, zero where missing.
         mask: (n, L) observed.
@@ -169,38 +178,40 @@ def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance:
     """
     groups = group_masks(mask)
     loadings, noise = closed_form(pairwise_covariance(centred, mask), q)
-    n_observed = mask.sum()
-    energy = centred.square().sum(1)
+    n_observed, total = mask.sum(), centred.square().sum()
     log_likelihood: list[float] = []
+    shift = centred.new_zeros(centred.shape[1])
     for _ in range(max_iterations):
-        means, covariance, log_det = posterior(centred, groups, loadings, noise)
-        log_likelihood.append(
-            float(_log_likelihood(centred, energy, groups, means, loadings, noise, log_det) / n_observed)
-        )
+        shown = torch.where(mask, centred - shift, 0.0)
+        means, covariance, log_det = posterior(shown, groups, loadings, noise)
+        fit = _log_likelihood(shown, shown.square().sum(1), groups, means, loadings, noise, log_det)
+        log_likelihood.append(float(fit / n_observed))
         if len(log_likelihood) > 1 and log_likelihood[-1] - log_likelihood[-2] < tolerance:
-            return PPCA(loadings, noise, log_likelihood, converged=True)
-        loadings, noise = _maximise(centred, groups, means, covariance, n_observed, energy)
-    return PPCA(loadings, noise, log_likelihood, converged=False)
+            return PPCA(loadings, noise, shift, log_likelihood, converged=True)
+        loadings, noise, shift = _maximise(centred, groups, means, covariance, n_observed, total)
+    return PPCA(loadings, noise, shift, log_likelihood, converged=False)
 
 
 def _maximise(
-    centred: Tensor, groups: MaskGroups, means: Tensor, covariance: Tensor, n_observed: Tensor, energy: Tensor
-) -> tuple[Tensor, Tensor]:
-    """M step: each level regresses on the posterior of the flights that observe it."""
+    centred: Tensor, groups: MaskGroups, means: Tensor, covariance: Tensor, n_observed: Tensor, total: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """M step: each level regresses on (z, 1), z given what was observed of the flights that show it."""
     q = means.shape[1]
     counts = torch.bincount(groups.group, minlength=len(groups.masks)).to(means.dtype)
-    moments = counts[:, None] * covariance.reshape(-1, q * q)
-    for index, part in _chunks(groups.group, means):
-        moments.index_add_(0, index, (part[:, :, None] * part[:, None, :]).reshape(-1, q * q))
-    by_level = (groups.masks.T @ moments).reshape(-1, q, q)
-    cross = centred.T @ means
+    design = torch.cat([means, torch.ones_like(means[:, :1])], 1)
+    spread = torch.nn.functional.pad(covariance, (0, 1, 0, 1)).flatten(1)
+    moments = counts[:, None] * spread
+    for index, part in _chunks(groups.group, design):
+        moments.index_add_(0, index, (part[:, :, None] * part[:, None, :]).flatten(1))
+    by_level = (groups.masks.T @ moments).reshape(-1, q + 1, q + 1)
+    cross = centred.T @ design
     ridge = 1e-10 * by_level.diagonal(dim1=-2, dim2=-1).mean(-1)
-    by_level = by_level + ridge[:, None, None] * torch.eye(q, dtype=means.dtype, device=means.device)
-    loadings = torch.linalg.solve(by_level, cross)
-    explained = (loadings * cross).sum()
+    by_level = by_level + ridge[:, None, None] * torch.eye(q + 1, dtype=means.dtype, device=means.device)
+    lines = torch.linalg.solve(by_level, cross)
     # With the exact solution, the quadratic term equals the cross term once.
-    noise = (energy.sum() - explained) / n_observed
-    return loadings, noise.clamp(min=1e-10 * float(energy.sum() / n_observed))
+    noise = (total - (lines * cross).sum()) / n_observed
+    loadings = lines[:, :q]
+    return loadings, noise.clamp(min=1e-10 * float(total / n_observed)), lines[:, q] + loadings @ means.mean(0)
 
 
 def _log_likelihood(

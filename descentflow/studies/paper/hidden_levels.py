@@ -13,6 +13,8 @@ from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.fpca.hidden import Pattern, hide
 from descentflow.representation.fpca.ppca import observed_mean
 
+PATTERNS: tuple[Pattern, ...] = ("top", "random", "slow")
+"""Gaps that do not depend on the flight, and tops that slow flights alone do not show."""
 METHODS = ("mean fill", "iteration (paper)", "ridge", "probabilistic PCA")
 """In the order of figures."""
 RIDGES = tuple(10.0**power for power in range(-6, 1))
@@ -43,6 +45,7 @@ def hidden_errors(
     share: float = 0.3,
     explained_variance: float = 0.95,
     seed: int = 0,
+    speed: Tensor | None = None,
 ) -> list[HiddenError]:
     """Hide levels, fit every method to what is left of all flights, and compare with what was hidden.
 
@@ -54,6 +57,7 @@ def hidden_errors(
         explained_variance: Of the components that the iteration and ridge use; PPCA completes with its own latent
             dimension.
         seed: Of the hiding.
+        speed: (n,) by which ``slow`` hides; the mean of each flight's values if absent.
 
     Raises:
         DataError: If there are too few flights to hide any level.
@@ -68,7 +72,8 @@ def hidden_errors(
         >>> errors["probabilistic PCA"] < errors["mean fill"]
         True
     """
-    hidden = hide(mask, pattern, share, torch.Generator().manual_seed(seed))
+    own = torch.where(mask, values, 0.0).sum(1) / mask.sum(1)
+    hidden = hide(mask, pattern, share, torch.Generator().manual_seed(seed), own if speed is None else speed)
     if not bool(hidden.any()):
         raise DataError(
             f"{len(values)} flights of which no level can be hidden",

@@ -190,18 +190,19 @@ def _variance(job: _SweepJob, common: _Sweeps) -> None:
 
 def _gappy(job: _SweepJob, common: _Sweeps) -> None:
     from descentflow.core.units import KT_MPS
-    from descentflow.studies.paper.hidden_levels import hidden_errors
+    from descentflow.studies.paper.hidden_levels import PATTERNS, hidden_errors
     from descentflow.training.datamodule import DescentDataModule
 
     data = DescentDataModule(common.own / f"{job.typecode}.parquet", checkpoint=common.checkpoint(job.typecode))
     data.setup()
     real = data.profiles("train")
     curves = {"drag (kN)": real.drag_n / 1000, "CAS (kt)": real.cas_mps / KT_MPS}
+    speed = (real.cas_mps * real.mask).sum(1) / real.mask.sum(1)
     rows = [
         {"quantity": name, **asdict(error)}
         for name, values in curves.items()
-        for pattern in ("top", "random")
-        for error in hidden_errors(values, real.mask, pattern)
+        for pattern in PATTERNS
+        for error in hidden_errors(values, real.mask, pattern, speed=speed)
     ]
     figure = _completed(real, curves)
     with whole_file(job.product(common.own).with_suffix(".png")) as temporary:

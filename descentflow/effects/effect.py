@@ -17,6 +17,8 @@ Heterogeneity = Literal["constant", "gaussian", "window mixture", "measured cova
 """How an effect differs between flights: not at all, by a normal law, in a share of them, or by what they report."""
 STEP = 1e-4
 """Of differences, in sizes of a parameter that matter."""
+AT_BOUND = 1e-6
+"""An estimate that is so near to a bound is at it: it was driven there and stopped."""
 Shift = Mapping[str, Tensor]
 """Quantity -> change (n, K) at every band, or (n,) for quantities of a whole flight."""
 ShownAs = Literal["number", "change", "logarithm", "percent", "flights"]
@@ -251,9 +253,12 @@ class Effect(ABC):
         return {quantity: torch.stack([column[quantity] for column in columns], -1) for quantity in columns[0]}
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
-        """Whether these parameters can be what they say: an estimate driven to a bound other than zero cannot."""
+        """Whether these parameters can be what they say: an estimate driven to a bound other than zero cannot.
+
+        What says how flights differ may be at its upper bound: all flights have the effect.
+        """
         return all(
-            p.from_heterogeneity or value == 0.0 or p.low + 1e-6 < value < p.high - 1e-6
+            value == 0.0 or (value > p.low + AT_BOUND and (p.from_heterogeneity or value < p.high - AT_BOUND))
             for p, value in zip(self.parameters, theta.tolist(), strict=True)
         )
 

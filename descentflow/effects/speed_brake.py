@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M
-from descentflow.effects.effect import STEP, FlightChange, Parameter, Shift
+from descentflow.effects.effect import AT_BOUND, STEP, FlightChange, Parameter, Shift
 from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Ways, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.effects.windowed_effect import WindowedEffect
@@ -102,11 +102,16 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
     heterogeneity = "window mixture"
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
-        """Brakes are felt where they are out; their window has a height, ends below the top and is no whole descent."""
+        """Brakes are felt where they are out; their window has a height, ends below the top and is no whole descent.
+
+        A share of the flights that was driven to its least is of a few odd ones, and of no procedure.
+        """
         _, high = self.range_fl(state)
         height = float(theta[2] - theta[1])
-        felt = float(theta[0] / theta[3]) >= LEAST_DRAG and float(theta[0]) < self.parameters[0].high - 1e-6
-        return felt and NARROWEST_FL <= height <= self.longest_fl(state) and float(theta[2]) < high - FROM_TOP_FL
+        felt = float(theta[0] / theta[3]) >= LEAST_DRAG and float(theta[0]) < self.parameters[0].high - AT_BOUND
+        shared = float(theta[3]) > self.parameters[3].low + AT_BOUND
+        whole = NARROWEST_FL <= height <= self.longest_fl(state) and float(theta[2]) < high - FROM_TOP_FL
+        return felt and shared and whole
 
     def whole_change(self, state: FlightState, size: Tensor) -> Tensor:
         """By the energy equation."""

@@ -9,8 +9,8 @@ from descentflow.core.units import FPM_MPS
 from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState
 
-LEAST_LAG_S = 1.5
-"""Less than the interval between reports is no lag, s."""
+LEAST_LAG_S = 3.0
+"""Transponders smooth the rates that they report over some three seconds anyway: less is no cause, s."""
 
 
 class VerticalRateLag(Effect):
@@ -48,7 +48,7 @@ class VerticalRateLag(Effect):
     sensor = True
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
-        """Less than the interval between reports is none; and what makes a rate late need not damp its noise."""
+        """What every transponder has is none; and what makes a rate late need not damp its noise."""
         return LEAST_LAG_S < float(theta[0]) < self.parameters[0].high
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:

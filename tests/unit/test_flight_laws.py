@@ -1,5 +1,7 @@
 """Effects that flights have each in their own way: closed forms against brute force, and laws that are recovered."""
 
+import dataclasses
+
 import flight_toys
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.selection import discrepancy_gain
 from descentflow.diagnosis.inference.two_sides import Entry
 from descentflow.diagnosis.inference.whitening import Whitening
+from descentflow.effects import EFFECTS
+from descentflow.effects.example_flights import example_flights
 from descentflow.effects.flight_law import Ways
 
 MEAN, SPREAD = 0.4, 0.25
@@ -139,7 +143,7 @@ def test_the_log_score_is_that_of_the_mixture(windows) -> None:
     expected = torch.zeros(len(some), held.y.shape[1]).double()
     precision = held.whitening.rows(flights.at[some])
     rest = held.y[flights.at[some]]
-    found = flights.log_ratio(law, rest, expected, some, precision)
+    found = flights.log_ratio(law, rest, expected, flights.at[some])
     effect, theta = held.catalogue["speed_brake"], law["speed_brake"]
     ways = effect.ways(flights.state.rows(some), theta, expected[:, :11])
     share, mean, spread = effect.size(theta)
@@ -193,3 +197,36 @@ def test_nothing_is_left_beside_own_windows(windows) -> None:
     assert left < 3 * error + 5.0
     alone, _ = discrepancy_gain(held, fit_effects(held, ()), columns)
     assert alone > 100.0
+
+
+def test_a_fit_from_its_own_law_gains_nothing(windows) -> None:
+    """Laws are learnt until they settle: what a second effect gains is not that the first was learnt on."""
+    held, _, _, fit = windows
+    again = fit_effects(held, ["speed_brake"], fit.theta)
+    assert abs(held.gain(again.log_score, fit.log_score)[0]) < 0.5
+
+
+def test_brakes_of_both_sides_are_no_difference() -> None:
+    """The simulator's flights have the same brakes as often: what their law explains of the real ones they show too."""
+    compared, _, _ = flight_toys.with_own_windows(300, share=0.35, size=0.5)
+    simulated = compared.y.clone()
+    simulated[~compared.real] = compared.y[compared.real]
+    alone = flight_toys.likelihood(compared)
+    held = flight_toys.likelihood(dataclasses.replace(compared, y=simulated))
+    one_side, both = (
+        likelihood.gain(fit_effects(likelihood, ["speed_brake"]).log_score, fit_effects(likelihood, ()).log_score)
+        for likelihood in (alone, held)
+    )
+    assert one_side[0] > 10 * one_side[1]
+    assert both[0] < both[1] + 5.0
+
+
+def test_a_share_at_its_bound_is_no_procedure() -> None:
+    state, brakes = example_flights(), EFFECTS["speed_brake"]
+    theta = torch.tensor([0.05, 200.0, 240.0, 0.05, 0.0, 0.0, 0.0, 0.1], dtype=torch.float64)
+    assert not brakes.plausible(state, theta)
+    theta[3] = 0.06
+    assert brakes.plausible(state, theta)
+    # All flights may have them.
+    theta[0], theta[3] = 0.3, 1.0
+    assert brakes.plausible(state, theta)

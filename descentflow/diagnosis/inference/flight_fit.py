@@ -12,6 +12,8 @@ rate. The log score of a held-out flight is that of the mixture,
 under the same precision :math:`Q_i` as that of any other fit, so that fits of all kinds can be set beside each other.
 """
 
+from collections.abc import Mapping
+
 import torch
 from torch import Tensor
 
@@ -24,10 +26,14 @@ from descentflow.effects.flight_state import FlightState
 
 Laws = dict[str, Tensor]
 """Parameters of the effects that differ by flight, by name."""
-SECANTS = 2
-"""Times that ways are worked out anew at what was learnt..."""
-STEPS = 7
-"""...and steps of expectation and maximisation for each of them. Set by hand: shares are settled to a thousandth."""
+MAX_SECANTS = 4
+"""Times at most that ways are worked out anew at what was learnt..."""
+MAX_STEPS = 15
+"""...and steps of expectation and maximisation for each of them, at most."""
+MIN_EM_GAIN = 0.2
+"""Nats by which a step must raise the likelihood for another to follow: far less than decides between two sets."""
+SETTLED = 0.02
+"""Relative change of a size below which ways need not be worked out anew."""
 MIN_TAKEN = 0.5
 """Probability from which a flight is taken to hold a path: then its rate says nothing of thrust and drag."""
 
@@ -66,19 +72,34 @@ class FlightFit:
 
     def learn(self, expected: Tensor) -> None:
         """Learn the laws, given what is expected (m, p) of the real flights without the effects."""
-        c = self.likelihood.compared
-        left = c.y[self.at].nan_to_num(0.0) - expected
-        for _ in range(SECANTS):
-            ways = self.ways(self.laws, expected + self.off, torch.arange(len(self.at)), self.single)
-            for _ in range(STEPS):
-                rest = torch.where(self.seen, left - self.off, 0.0)
-                self.taken = taken({n: w.explained(rest) for n, w in ways.items()}, self._laws(self.laws))
-                self.shifts = {
-                    n: w.expected(self.taken.probability[n], self.taken.likely[n].size) for n, w in ways.items()
-                }
-                self.laws = self.learnt()
-                without = torch.where(self.seen, left - sum(self.shifts.values()), 0.0)
-                self.off = torch.linalg.solve(self.total, self.single.summed(without))
+        left = self.likelihood.compared.y[self.at].nan_to_num(0.0) - expected
+        for _ in range(MAX_SECANTS):
+            before = self.laws
+            ways = self.ways(self.laws, expected + self.off, self.state, self.single)
+            self._settle(ways, left)
+            if all(self._is_settled(name, before[name], theta) for name, theta in self.laws.items()):
+                break
+
+    def _settle(self, ways: Mapping[str, WaysOfFlights], left: Tensor) -> None:
+        """Steps of expectation and maximisation until they gain nothing; ``left`` (m, p) of the flights."""
+        left = torch.where(self.seen, left, 0.0)
+        whole, reached = self.single.summed(left), -torch.inf
+        for _ in range(MAX_STEPS):
+            rest = torch.where(self.seen, left - self.off, 0.0)
+            self.taken = taken({n: w.explained(rest) for n, w in ways.items()}, self._laws(self.laws))
+            # The likelihood of flights and of their own mean together, up to a constant.
+            value = float(self.taken.log_ratio.sum() + self.off @ whole - 0.5 * self.off @ self.total @ self.off)
+            self.shifts = {n: w.expected(self.taken.probability[n], self.taken.likely[n].size) for n, w in ways.items()}
+            self.laws = self.learnt()
+            without = torch.where(self.seen, left - sum(self.shifts.values()), 0.0)
+            self.off = torch.linalg.solve(self.total, self.single.summed(without))
+            if value < reached + MIN_EM_GAIN:
+                break
+            reached = value
+
+    def _is_settled(self, name: str, before: Tensor, now: Tensor) -> bool:
+        size, other = self.effect(name).size(before)[1], self.effect(name).size(now)[1]
+        return abs(other - size) <= SETTLED * abs(size)
 
     def learnt(self, chosen: Tensor | None = None) -> Laws:
         """Laws that the flights (m,) chosen say, by what is expected of each."""
@@ -90,19 +111,26 @@ class FlightFit:
         assert isinstance(found, DiffersByFlight)
         return found
 
-    def ways(self, laws: Laws, expected: Tensor, flights: Tensor, precision: Whitening) -> dict[str, WaysOfFlights]:
-        """Ways of every effect in some of the real flights, of which (k, p) is expected without."""
+    def ways(self, laws: Laws, expected: Tensor, state: FlightState, precision: Whitening) -> dict[str, WaysOfFlights]:
+        """Ways of every effect in some flights, of which (k, p) is expected without."""
         c = self.likelihood.compared
-        beyond = torch.zeros(len(flights), len(c.state.altitude_m), dtype=expected.dtype)
+        beyond = torch.zeros(len(expected), len(c.state.altitude_m), dtype=expected.dtype)
         rates = c.columns("rate")
         beyond[:, [c.entries[i].band for i in rates.tolist()]] = expected[:, rates]
-        state = self.state.rows(flights)
         found = {name: self.effect(name).ways(state, theta, beyond) for name, theta in laws.items()}
         return {name: WaysOfFlights(ways, c.entries, precision) for name, ways in found.items()}
 
-    def log_ratio(self, laws: Laws, rest: Tensor, expected: Tensor, flights: Tensor, precision: Whitening) -> Tensor:
-        """Logarithm (k,) of the mixture's density over that without the effects, of what is left (k, p) of flights."""
-        ways = self.ways(laws, expected, flights, precision)
+    def log_ratio(self, laws: Laws, rest: Tensor, expected: Tensor, at: Tensor) -> Tensor:
+        """Logarithm (k,) of the mixture's density over that without the effects, of what is left (k, p) of flights.
+
+        Args:
+            laws: Of the effects.
+            rest: What is left of the flights without the effects.
+            expected: (k, p) what is expected of them without.
+            at: (k,) which flights of either side these are.
+        """
+        state, precision = self.likelihood.compared.state.rows(at), self.likelihood.whitening.rows(at)
+        ways = self.ways(laws, expected, state, precision)
         return taken({n: w.explained(rest) for n, w in ways.items()}, self._laws(laws)).log_ratio
 
     def holds_rate(self) -> Tensor:

@@ -123,7 +123,7 @@ class WaysOfFlights:
 
     def explained(self, rest: Tensor) -> Explained:
         """What the ways explain of what is left of flights (n, p), zero where nothing was seen."""
-        weighted = torch.einsum("nsp,np->ns", self.rows, rest)
+        weighted = torch.bmm(self.rows, rest[:, :, None])[:, :, 0]
         by_offset = (self.offset * (weighted - 0.5 * self.pushed)).sum(1)
         at_row = (self.shape * (weighted - self.pushed)) @ self.table.T
         return Explained(at_row[:, self.upper] - at_row[:, self.lower], self.curvature, by_offset)

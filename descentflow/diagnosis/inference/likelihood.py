@@ -173,13 +173,14 @@ class EffectsLikelihood(EffectShifts):
     def joined(self, parts: list[Tensor], alike: Tensor, extra: Tensor | None = None, ridge: float = 1.0) -> Design:
         """Columns (r, p, k) of the real flights, those (p, c) alike in all of them, and anything else (n, p, e)."""
         blank = torch.zeros(int(self.real.sum()), self.y.shape[1], 0, dtype=self.y.dtype)
-        own = torch.cat([blank, *parts], 2)
-        prior, k = torch.zeros(own.shape[2], dtype=self.y.dtype), own.shape[2]
+        prior = torch.zeros(sum(part.shape[2] for part in parts), dtype=self.y.dtype)
+        k = len(prior)
         if extra is not None:
-            own = torch.cat([own, extra[self.real]], 2)
+            parts = [*parts, extra[self.real]]
             prior = torch.cat([prior, torch.full((extra.shape[2],), ridge, dtype=self.y.dtype)])
         prior = torch.cat([prior, torch.ones(alike.shape[1], dtype=self.y.dtype)])
-        return Design(self.common, self.real, own, self.sums.of_real.apply(own), alike, prior, k)
+        own, products = torch.cat([blank, *parts], 2), [self.sums.of_real.apply(part) for part in parts]
+        return Design(self.common, self.real, own, torch.cat([blank, *products], 2), alike, prior, k)
 
     def weighted_rest(self, shift: Tensor) -> Tensor:
         """Precision times what a shift leaves of each flight (n, p)."""

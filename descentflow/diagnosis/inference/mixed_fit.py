@@ -1,5 +1,6 @@
 """Fits that mix effects alike in all flights with effects that flights have each in their own way."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import product
 
@@ -14,8 +15,10 @@ from descentflow.diagnosis.inference.linear_algebra import Design
 from descentflow.diagnosis.inference.signature_columns import signature_columns
 from descentflow.effects.flight_law import DiffersByFlight
 
-ROUNDS = 2
-"""Of effects that all flights have alike, and laws beside them: each hardly moves the other."""
+MAX_ROUNDS = 4
+"""Of effects that all flights have alike, and laws beside them, at most..."""
+SETTLED = 0.02
+"""...and the change of a parameter, in sizes that matter, below which no other round follows."""
 
 
 def with_flight_laws(likelihood: EffectsLikelihood, fit: Fit) -> Fit:
@@ -38,24 +41,34 @@ def with_flight_laws(likelihood: EffectsLikelihood, fit: Fit) -> Fit:
         return fit
     state, best = likelihood.compared.state, fit
     for laws in product(*[effect.law_starts(state, fit.theta[name]) for name, effect in able.items()]):
-        tried = _fitted(likelihood, fit, dict(zip(able, laws, strict=True)))
-        if float((tried.log_score - best.log_score).sum()) > 0:
+        for tried in _rounds(likelihood, fit, dict(zip(able, laws, strict=True))):
+            if float((tried.log_score - best.log_score).sum()) <= 0:
+                # Another round would move it by little.
+                break
             best = tried
     return best
 
 
-def _fitted(likelihood: EffectsLikelihood, fit: Fit, laws: Laws) -> Fit:
-    """The fit with laws learnt from their start."""
+def _rounds(likelihood: EffectsLikelihood, fit: Fit, laws: Laws) -> Iterator[Fit]:
+    """Fits with laws learnt from their start, after each round of these and of the effects beside them."""
     flights = FlightFit(likelihood, laws)
     alike = {name: theta for name, theta in fit.theta.items() if name not in laws}
     expected = _expected(likelihood, fit.shift, likelihood.shift(alike))
-    cleaned = likelihood
-    for _ in range(ROUNDS if alike else 1):
+    for _ in range(MAX_ROUNDS):
         flights.learn(expected[likelihood.real])
         cleaned = _cleaned(likelihood, flights)
-        alike = ascend(cleaned, alike)
+        before, alike = alike, ascend(cleaned, alike)
+        yield _mixed(likelihood, cleaned, flights, fit, alike)
+        if all(_is_settled(likelihood, name, before[name], theta) for name, theta in alike.items()):
+            return
         shift = cleaned.shift(alike)
         expected = _expected(cleaned, shift, shift)
+
+
+def _mixed(
+    likelihood: EffectsLikelihood, cleaned: EffectsLikelihood, flights: FlightFit, fit: Fit, alike: Mapping[str, Tensor]
+) -> Fit:
+    """The fit of the laws, and of the effects beside them that all flights have alike."""
     theta = {name: flights.laws[name] if name in flights.laws else alike[name] for name in fit.theta}
     signatures = signature_columns(likelihood, theta)
     held = _held_entries(likelihood, flights)[likelihood.real][:, :, None]
@@ -70,6 +83,11 @@ def _fitted(likelihood: EffectsLikelihood, fit: Fit, laws: Laws) -> Fit:
         _log_score(likelihood, cleaned, flights, likelihood.shift(alike), design),
         flights.shares(),
     )
+
+
+def _is_settled(likelihood: EffectsLikelihood, name: str, before: Tensor, now: Tensor) -> bool:
+    scale = torch.tensor([p.scale for p in likelihood.catalogue[name].parameters], dtype=now.dtype)
+    return bool(((now - before).abs() <= SETTLED * scale).all())
 
 
 def _expected(likelihood: EffectsLikelihood, shift: Tensor, kept: Tensor) -> Tensor:
@@ -103,7 +121,11 @@ def _cleaned(likelihood: EffectsLikelihood, flights: FlightFit) -> EffectsLikeli
 def _log_score(
     likelihood: EffectsLikelihood, cleaned: EffectsLikelihood, flights: FlightFit, shift: Tensor, design: Design
 ) -> Tensor:
-    """Log score (n,) of each flight's mixture under mean, coefficients and laws of the other folds."""
+    """Log score (n,) of each flight's mixture under mean, coefficients and laws of the other folds.
+
+    A law may fit odd flights that the simulator's side has as well: what it would gain there is no difference between
+    the sides, and is taken off (scaled to the number of real flights).
+    """
     expected = cleaned.y - cleaned.held_out_errors(shift, design)
     error = likelihood.y - expected
     score = -0.5 * (error * likelihood.whitening.apply(error)).sum(1)
@@ -111,11 +133,9 @@ def _log_score(
         mine = likelihood.fold[flights.at] == k
         at = flights.at[mine]
         if len(at):
-            score[at] += flights.log_ratio(
-                flights.learnt(~mine),
-                error[at],
-                expected[at],
-                torch.nonzero(mine)[:, 0],
-                likelihood.whitening.rows(at),
-            )
+            score[at] += flights.log_ratio(flights.learnt(~mine), error[at], expected[at], at)
+    others = torch.nonzero(~likelihood.real)[:, 0]
+    of_simulator = flights.log_ratio(flights.laws, error[others], expected[others], others)
+    if float(of_simulator.sum()) > 0:
+        score[others] -= len(flights.at) / len(others) * of_simulator
     return score

@@ -42,8 +42,15 @@ class Whitening:
     def apply(self, values: Tensor) -> Tensor:
         """Precision times values: (n, p) or (n, p, k) of the flights, missing entries anything finite."""
         found = torch.empty_like(values)
+        if values.dim() == 2:
+            for k, at in self.members:
+                found[at] = values[at] @ self.precision[k]
+            return found
+        # Most effects show in a few quantities alone.
+        used = torch.nonzero((values != 0).any(2).any(0))[:, 0]
+        shown = values[:, used]
         for k, at in self.members:
-            found[at] = self.precision[k] @ values[at] if values.dim() == 3 else values[at] @ self.precision[k]
+            found[at] = self.precision[k][:, used] @ shown[at]
         return found
 
     def rows(self, index: Tensor) -> "Whitening":
@@ -65,7 +72,7 @@ class Whitening:
         """Sum (p,) over flights of the precision times values (n, p), which are zero where nothing was seen."""
         by_pattern = torch.zeros(len(self.precision), values.shape[1], dtype=values.dtype)
         by_pattern.index_add_(0, self.pattern, values)
-        return torch.einsum("kij,kj->i", self.precision, by_pattern)
+        return torch.bmm(self.precision, by_pattern[:, :, None]).sum(0)[:, 0]
 
     def total(self, chosen: Tensor) -> Tensor:
         """Sum of the precisions (p, p) of the chosen flights (n,) bool or weights."""

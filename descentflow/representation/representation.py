@@ -50,7 +50,7 @@ class Representation(nn.Module):
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> parts = load_representation("best.ckpt")
         >>> len(parts.split.train), parts.decoder.dimension
-        (86, 5)
+        (86, 4)
     """
 
     def __init__(

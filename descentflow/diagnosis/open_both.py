@@ -21,6 +21,7 @@ from descentflow.diagnosis.simulator_flights import (
 )
 from descentflow.diagnosis.simulator_kind import kind_of, name_of
 from descentflow.representation.comparable_descents import comparable_descents
+from descentflow.representation.correction import Correction
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_descents
 from descentflow.surveillance.open_pair import open_pair
@@ -84,7 +85,7 @@ def open_both(
         DataError: If flights cannot be read, or both sides are of different types.
 
     Warns:
-        DescentflowWarning: If flights of other types are left out.
+        DescentflowWarning: If flights of other types are left out, or a checkpoint is corrected already.
 
     Example:
         >>> opened = open_both("rows.parquet", "descents.parquet", SignatureSource())
@@ -101,6 +102,14 @@ def open_both(
     found = open_simulator(simulator, source.bada_dir)
     say("reading flights")
     parts = found.representation
+    if parts is not None and isinstance(parts.decoder.correction, Correction):
+        warnings.warn(
+            f"{found.name} adds {', '.join(parts.decoder.correction.effects)} to its samples, and the flights that it "
+            "carries are those before: they are compared, so this is the diagnosis of the simulator without the "
+            "effects; add them to the simulator, fly again, and diagnose its flights",
+            DescentflowWarning,
+            stacklevel=3,
+        )
     descents = open_descents(real, progress=say) if parts is None else comparable_descents(real, parts, progress=say)
     own = input_of_flights(name_of(real), descents)
     frame, others = (descents.frame, {}) if any_type else of_its_type(descents.frame, found)

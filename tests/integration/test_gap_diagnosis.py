@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from descentflow.cli.entry import main
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.findings.read_gap import read_gap
@@ -174,7 +174,8 @@ def test_bad_input_gets_a_clear_error(plain: Path, folder: Path, checkpoint: Pat
 
 
 def test_a_corrected_simulator_is_not_corrected_again(warm: tuple[GapReport, Path], folder: Path) -> None:
-    with pytest.raises(ConfigError, match="corrected already"):
+    carries = pytest.warns(DescentflowWarning, match="adds temperature to its samples, and the flights that it carries")
+    with carries, pytest.raises(ConfigError, match="corrected already"):
         diagnose(folder / "descents1.parquet", warm[1] / "corrected.ckpt", out=folder / "again")
 
 

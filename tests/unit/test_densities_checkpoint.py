@@ -10,7 +10,7 @@ import torch
 import toys
 from lightning.pytorch import Trainer
 
-from descentflow.core.errors import CheckpointError, ConfigError
+from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
 from descentflow.densities import (
     Density,
     GaussianDensity,
@@ -153,6 +153,16 @@ def test_a_bad_checkpoint_says_what_is_wrong(kind: str, words: str, tmp_path: Pa
         load_model(broken(kind, tmp_path))
     assert type(caught.value).__module__ == "descentflow.core.errors"
     assert "weights_only" not in str(caught.value), "torch's advice would execute what the file holds"
+
+
+def test_a_checkpoint_fitted_to_filled_gaps_is_read_with_a_warning(tmp_path: Path) -> None:
+    _, path = saved("gaussian", tmp_path)
+    content = torch.load(path, weights_only=True)
+    content["descentflow"]["representation"].pop("gaps")
+    torch.save(content, tmp_path / "old.ckpt")
+    with pytest.warns(DescentflowWarning, match=r"gaps were filled by expectation.*fit again"):
+        old = load_model(tmp_path / "old.ckpt")
+    assert torch.equal(old.sample(20, seed=0), load_model(path).sample(20, seed=0)), "it is read as it was"
 
 
 def test_no_file(tmp_path: Path) -> None:

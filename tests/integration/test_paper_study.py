@@ -10,6 +10,7 @@ import torch
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.workers import DaskEngine, ProcessEngine
 from descentflow.densities.checkpoint import load_model
+from descentflow.studies.paper.fidelity_tables import summary, whole_descents
 from descentflow.studies.paper.study_plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
 from descentflow.studies.paper.study_report import read_published, write_report
 from descentflow.studies.paper.study_run import costs, run_study
@@ -41,10 +42,32 @@ def test_every_type_and_model_has_its_fifteen_scores(study: Path) -> None:
 
 def test_the_page_holds_the_tables_and_figures(study: Path) -> None:
     page = (study / "report.html").read_text()
-    assert page.count("<table>") == 1 + 1 + 1 + 5 + 1  # flights, means, likelihoods, the paper's five, components
+    # Flights, means, over floor, whole descents, likelihoods, the paper's five, components.
+    assert page.count("<table>") == 1 + 1 + 1 + 1 + 1 + 5 + 1
     assert page.count("data:image/png") == 1 + 1 + 1 + 3 * 3  # mass, boxes, rejections; three a type
     assert 'src="http' not in page
-    assert page.count("</h2>") == page.count('<a href="#') == 11 + 3
+    assert page.count("</h2>") == page.count('<a href="#') == 13 + 3
+
+
+def test_ratios_of_the_page_are_those_of_the_scores_and_the_worst_type_is_a_large_one(study: Path) -> None:
+    found = pl.read_csv(study / "over_floor.csv", infer_schema_length=None)
+    scores = pl.read_csv(study / "DH8D" / "gmm" / "scores.csv", infer_schema_length=None)
+    one = scores.filter(quantity="cas_below_transition", statistic="ks")
+    row = found.filter(typecode="DH8D", model="gmm")
+    assert (
+        row["cas_below_transition/ks"].item()
+        == one["over_floor"].item()
+        == one["equal_size"].item() / one["floor"].item()
+    )
+    assert row["n_each"].item() == one["n_each"].item()
+    told = summary(found, {"A320": 2_000, "DH8D": 5_000, "BE20": 200})
+    worst = told.filter(model="gmm", of="worst of 2 large")["rocd_below_transition/ks"].item()
+    large = found.filter(pl.col("typecode") != "BE20", pl.col("model") == "gmm")
+    assert worst == large["rocd_below_transition/ks"].max()
+    joint = (
+        whole_descents(PLAN, study).filter(typecode="A320", model="gmm", statistic="joint_energy").row(0, named=True)
+    )
+    assert joint["low"] < joint["score"] < joint["high"]
 
 
 def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) -> None:

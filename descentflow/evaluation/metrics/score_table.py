@@ -181,7 +181,7 @@ class ScoreTable:
 
 
 def _line(cells: tuple[str, ...]) -> str:
-    return f"{cells[0]:<26}{cells[1]:<12}{cells[2]:<7}" + "".join(f"{cell:>10}" for cell in cells[3:])
+    return f"{cells[0]:<26}{cells[1]:<13}{cells[2]:<7}" + "".join(f"{cell:>10}" for cell in cells[3:])
 
 
 def _number(value: float) -> str:

@@ -3,7 +3,8 @@
 Reading order: :mod:`~descentflow.studies.paper.study_plan` (what is studied),
 :mod:`~descentflow.studies.paper.steps` (the work of one type), :mod:`~descentflow.studies.paper.study_run` (all types,
 resumed and spread over workers), :mod:`~descentflow.studies.paper.study_tables`,
-:mod:`~descentflow.studies.paper.study_report` (the page, of :mod:`~descentflow.studies.paper.study_sections`), and
+:mod:`~descentflow.studies.paper.fidelity_tables`, :mod:`~descentflow.studies.paper.study_report` (the page, of
+:mod:`~descentflow.studies.paper.study_sections` and :mod:`~descentflow.studies.paper.fidelity_sections`), and
 :mod:`~descentflow.studies.paper.sweeps` for the appendices.
 
 A study's folder holds ``plan.json``, and for each type ``descents.parquet``, a folder per model (``model.ckpt``,

@@ -9,7 +9,9 @@ from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
 from descentflow.reporting.html_elements import Html, paragraph
 from descentflow.reporting.html_page import HtmlPage
+from descentflow.studies.paper import fidelity_sections as fidelity
 from descentflow.studies.paper import study_sections as sections
+from descentflow.studies.paper.fidelity_tables import ratios
 from descentflow.studies.paper.study_plan import MODELS, StudyPlan
 from descentflow.studies.paper.study_tables import QUANTITIES, all_scores, means, table
 from descentflow.studies.paper.sweep_report import sweep_sections
@@ -88,7 +90,8 @@ def write_report(plan: StudyPlan, folder: Path, published: Path | None = None) -
         >>> folder = Path("study_reported")
         >>> (folder / "A320" / "gmm").mkdir(parents=True)
         >>> one = {"quantity": "time_to_bottom_of_descent", "statistic": "ks"}
-        >>> rest = dict.fromkeys(("score", "equal_size", "floor", "floor_high", "nominal", "worst_fl"))
+        >>> names = "score equal_size floor floor_high over_floor excess nominal worst_fl"
+        >>> rest = dict.fromkeys(names.split())
         >>> pl.DataFrame([one | rest]).write_csv(folder / "A320" / "gmm" / "scores.csv")
         >>> pl.DataFrame([one | {"low": 0.1, "high": 0.2}]).write_csv(folder / "A320" / "gmm" / "intervals.csv")
         >>> write_report(StudyPlan({"A320": 120}, models=("gmm",)), folder, published=Path("nowhere"))
@@ -106,6 +109,11 @@ def write_report(plan: StudyPlan, folder: Path, published: Path | None = None) -
     )
     page.section("Flights, and what BADA's mass explains of them", *sections.flights(plan, folder, theirs.types))
     page.section("Means over types", *sections.means_over_types(means(scores), plan.models))
+    at_one_size = ratios(scores)
+    with whole_file(folder / "over_floor.csv") as temporary:
+        at_one_size.write_csv(temporary)
+    page.section("Distances over their noise floor", *fidelity.over_floor(at_one_size, plan))
+    page.section("Whole descents", *fidelity.descents(plan, folder))
     page.section("Scores over types", sections.boxes(scores, plan))
     page.section("Likelihood of held-out flights", *sections.likelihoods(plan, folder))
     for quantity, heading in QUANTITIES.items():

@@ -30,7 +30,7 @@ def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
         >>> plan, folder = StudyPlan({"A320": 120}, models=("gmm",)), Path("study_scores")
         >>> (folder / "A320" / "gmm").mkdir(parents=True)
         >>> one = {"quantity": "time_to_bottom_of_descent", "statistic": "ks"}
-        >>> rest = dict.fromkeys(("equal_size", "floor", "floor_high", "nominal", "worst_fl"))
+        >>> rest = dict.fromkeys(("equal_size", "floor", "floor_high", "over_floor", "excess", "nominal", "worst_fl"))
         >>> pl.DataFrame([one | rest | {"score": 0.12}]).write_csv(folder / "A320" / "gmm" / "scores.csv")
         >>> pl.DataFrame([one | {"low": 0.1, "high": 0.2}]).write_csv(folder / "A320" / "gmm" / "intervals.csv")
         >>> all_scores(plan, folder).select("model", "score", "low", "high").row(0)
@@ -40,7 +40,7 @@ def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
     for typecode in plan.flights:
         for name in plan.models:
             frame = pl.read_csv(folder / typecode / name / "scores.csv", infer_schema_length=None)
-            numbers = ("score", "equal_size", "floor", "floor_high", "nominal", "worst_fl")
+            numbers = ("score", "equal_size", "floor", "floor_high", "over_floor", "excess", "nominal", "worst_fl")
             frame = frame.with_columns(pl.col(c).cast(pl.Float64) for c in numbers)
             intervals = pl.read_csv(folder / typecode / name / "intervals.csv", infer_schema_length=None)
             ends = intervals.with_columns(pl.col("low", "high").cast(pl.Float64))

@@ -74,6 +74,19 @@ def test_gaps_and_entries_do_not_give_flights_away() -> None:
     assert found.auc == pytest.approx(0.5, abs=0.13)
 
 
+def test_levels_that_hardly_a_pair_shows_do_no_harm() -> None:
+    samples, real = descents(60, 1), descents(60, 2)
+    mask = real.mask.clone()
+    mask[:, -1] = False
+    mask[1:, -2] = False
+    constant = samples.cas_mps.clone()
+    constant[:, 0] = 120.0
+    both = replace(samples, cas_mps=constant), replace(real, mask=mask, cas_mps=constant)
+    assert 0 < detect(*both).auc < 1
+    flat = replace(real, cas_mps=constant[:1].expand(60, -1) * 0, rate_mps=constant * 0)
+    assert detect(flat, flat).auc == 0.5
+
+
 def test_it_looks_where_the_samples_are_wrong() -> None:
     samples, real = descents(400, 1), descents(300, 2)
     wrong = samples.rate_mps.clone()

@@ -193,15 +193,29 @@ def _columns(levels_fl: Array) -> list[_Columns]:
     return whole + bands
 
 
-def _trained(flights: Array, samples: Array, seed: int) -> Any:
+def _trained(flights: Array, samples: Array, seed: int) -> "_Trained":
     # Imported here: it takes longer than most of what is scored.
     from sklearn.ensemble import HistGradientBoostingClassifier
     from threadpoolctl import threadpool_limits
 
     labels = np.repeat([1, 0], [len(flights), len(samples)])
+    values = np.vstack([flights, samples])
+    # scikit-learn fails on a level that these folds do not show, or that has one value alone: it teaches nothing.
+    columns = np.flatnonzero([len(np.unique(one[~np.isnan(one)])) > 1 for one in values.T])
+    if len(columns) == 0:
+        return _Trained(None, columns)
     with threadpool_limits(1):
         # On a few hundred rows a second thread costs more than it saves.
-        return HistGradientBoostingClassifier(random_state=seed, **SETTINGS).fit(np.vstack([flights, samples]), labels)
+        model = HistGradientBoostingClassifier(random_state=seed, **SETTINGS).fit(values[:, columns], labels)
+    return _Trained(model, columns)
+
+
+@dataclass(frozen=True, eq=False)
+class _Trained:
+    """A classifier, and the columns that it was trained on; none where there was nothing to tell."""
+
+    model: Any
+    columns: NDArray[np.intp]
 
 
 def contributions(real: Array, fake: Array) -> tuple[Array, float]:
@@ -235,8 +249,10 @@ def _exchanged(model: Any, flights: Array, samples: Array, parts: list[NDArray[n
         yield float(np.mean(aucs))
 
 
-def _likeness(model: Any, values: Array) -> Array:
+def _likeness(trained: _Trained, values: Array) -> Array:
     from threadpoolctl import threadpool_limits
 
+    if trained.model is None:
+        return np.zeros(len(values))
     with threadpool_limits(1):
-        return np.asarray(model.decision_function(values))
+        return np.asarray(trained.model.decision_function(values[:, trained.columns]))

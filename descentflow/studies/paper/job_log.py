@@ -43,4 +43,5 @@ def logged_to(log: Path) -> Iterator[None]:
 
 def _handlers() -> list[logging.StreamHandler[TextIO]]:
     loggers = [logging.getLogger(name) for name in ("lightning", "lightning.pytorch", "lightning.fabric")]
-    return [h for logger in loggers for h in logger.handlers if isinstance(h, logging.StreamHandler)]
+    # Not its subclasses: these write to files, or keep what is logged for a test, and have streams of their own.
+    return [h for logger in loggers for h in logger.handlers if type(h) is logging.StreamHandler]

@@ -118,6 +118,11 @@ def test_modules_import_each_other_in_one_direction() -> None:
     assert cycle({**modules()}) == []
 
 
+def test_a_file_name_stands_for_one_file() -> None:
+    names = [path.name for path in PACKAGE.rglob("*.py") if path.name not in ("__init__.py", "__main__.py")]
+    assert sorted({name for name in names if names.count(name) > 1}) == []
+
+
 @pytest.mark.parametrize("library", ONLY_IN)
 def test_libraries_stay_in_their_places(library: str) -> None:
     strays = [

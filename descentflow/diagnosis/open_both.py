@@ -10,7 +10,7 @@ import polars as pl
 from descentflow.core.errors import DescentflowWarning
 from descentflow.core.version import __version__
 from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
-from descentflow.diagnosis.inputs import input_of_flights, input_of_simulator
+from descentflow.diagnosis.input_descriptions import input_of_flights, input_of_simulator
 from descentflow.diagnosis.open_simulator import open_simulator
 from descentflow.diagnosis.simulator import Simulator, of_its_type
 from descentflow.diagnosis.simulator_flights import (

@@ -10,7 +10,7 @@ from torch import Tensor
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.cause import Fleet
-from descentflow.simulation.causes.registry import CAUSES
+from descentflow.simulation.causes.cause_registry import CAUSES
 from descentflow.simulation.parameters import FlightParameters
 from descentflow.simulation.plantable import complete
 
@@ -24,7 +24,8 @@ class Injection:
     """Injects causes in the flights of a world: the ``inject`` of :func:`descentflow.simulation.world.simulate`.
 
     What a flight gets depends on the seed, its own number, its day, its airframe and the cause alone. Causes act in
-    the order of :data:`~descentflow.simulation.causes.registry.CAUSES`. Values that are left out take their defaults.
+    the order of :data:`~descentflow.simulation.causes.cause_registry.CAUSES`. Values that are left out take their
+    defaults.
 
     Example:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft

@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -24,6 +25,16 @@ def test_import_loads_nothing_heavy() -> None:
 def test_a_name_loads_only_what_it_needs() -> None:
     assert heavy_modules("import descentflow; descentflow.prepare") == {"polars"}
     assert "lightning" not in heavy_modules("import descentflow; descentflow.load")
+
+
+@pytest.mark.parametrize(("told", "wait"), [(None, "PASSIVE"), ("ACTIVE", "ACTIVE")])
+def test_waiting_threads_leave_the_processor_to_others_unless_told(told: str | None, wait: str) -> None:
+    """It is read when torch is loaded, and what the user set stays."""
+    environment = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
+    told_so = {} if told is None else {"OMP_WAIT_POLICY": told}
+    asked = "import descentflow, os, sys; print('torch' in sys.modules, os.environ['OMP_WAIT_POLICY'])"
+    done = subprocess.run([sys.executable, "-c", asked], env=environment | told_so, capture_output=True, text=True)
+    assert done.stdout.split() == ["False", wait]
 
 
 @pytest.mark.parametrize("name", [name for name in descentflow.__all__ if not name.startswith("__")])

@@ -3,13 +3,16 @@
 import argparse
 from pathlib import Path
 
+from descentflow.cli import position_arguments
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.description = (
-        "Predict descents from the part at and above a flight level: intervals of the time to each level below, and on "
-        "request the probability of being at each level over time. Where the descents go on below that level, the "
-        "share of flights inside their intervals is printed too."
+        "Predict descents from the part at and above a flight level: intervals of the time and the distance to each "
+        "level below, and on request every continuation, in the columns of `descentflow sample`, and the probability "
+        "of being at each level over time. Where the descents go on below that level, the share of flights inside "
+        "their intervals is printed too."
     )
     parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
     parser.add_argument("descents", type=Path, help="prepared descents (descentflow prepare), or rows")
@@ -22,9 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--context-table", type=Path, help="CSV or Parquet with flight_id and the context, for a conditional model"
     )
-    parser.add_argument("--out", type=Path, required=True, help="table of time intervals (.parquet)")
-    parser.add_argument("--occupancy", type=Path, help="also write the occupancy of levels (.parquet)")
+    parser.add_argument("--out", type=Path, required=True, help="table of the intervals (.parquet, .csv)")
+    parser.add_argument("--continuations", type=Path, help="also write every continuation (.parquet, .csv)")
+    parser.add_argument("--occupancy", type=Path, help="also write the occupancy of levels (.parquet, .csv)")
     parser.add_argument("--step-s", type=_positive, default=10.0, help="step of the occupancy's time (default: 10)")
+    position_arguments.add_arguments(parser)
 
 
 def _positive(text: str) -> float:
@@ -35,14 +40,18 @@ def _positive(text: str) -> float:
 
 def run(args: argparse.Namespace) -> None:
     """Predict, write, and compare with what was observed."""
+    from dataclasses import replace
+
     from tqdm import tqdm
 
-    from descentflow.core.files import check_output, whole_file
+    from descentflow.core.files import check_output
+    from descentflow.core.tabular import write_table
     from descentflow.core.threads import one_thread_unless_told
     from descentflow.generation.prediction.predict import predict
 
     one_thread_unless_told()
-    for output in (args.out, args.occupancy):
+    plan = position_arguments.plan_of(args)
+    for output in (args.out, args.occupancy, args.continuations):
         if output is not None:
             check_output(output)
     with tqdm(desc="flights", delay=2) as bar:
@@ -57,9 +66,11 @@ def run(args: argparse.Namespace) -> None:
             progress=lambda n: bar.update(n) and None,
             total=lambda n: setattr(bar, "total", n),
         )
+    ahead = replace(ahead, plan=plan)
     ahead.write(args.out)
+    if args.continuations is not None:
+        write_table(ahead.continuations(), args.continuations)
     if args.occupancy is not None:
-        with whole_file(args.occupancy) as temporary:
-            ahead.occupancy(args.step_s).write_parquet(temporary)
+        write_table(ahead.occupancy(args.step_s), args.occupancy)
     print(ahead)
     print(f"wrote {args.out}")

@@ -3,21 +3,23 @@
 import argparse
 from pathlib import Path
 
-from descentflow.cli import context_arguments
+from descentflow.cli import context_arguments, position_arguments
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.description = (
         "Draw plausible descents from a fitted model and write them as one long table: a row per sample and flight "
-        "level, with time since entry, altitude, CAS, Mach, TAS, vertical rate and drag. A model that was fitted with "
-        "data.context needs a context, by --given or --given-table; the table then holds it too."
+        "level, with time since entry, altitude, CAS, Mach, TAS, vertical rate, drag, distances and groundspeed. A "
+        "model that was fitted with data.context needs a context, by --given or --given-table; the table then "
+        "holds it too."
     )
     parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
     parser.add_argument("-n", "--number", type=int, default=10_000, help="descents wanted (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same descents (default: 0)")
     parser.add_argument("--out", type=Path, required=True, help="output: .parquet, .csv or .nc (NetCDF)")
     context_arguments.add_arguments(parser)
+    position_arguments.add_arguments(parser)
     parser.add_argument(
         "--draw-budget", type=int, help="most draws before giving up (default: 100 for each descent wanted)"
     )
@@ -31,12 +33,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Sample, write, and say what was rejected."""
+    from dataclasses import replace
+
     from tqdm import tqdm
 
     from descentflow.core.files import check_output
     from descentflow.generation.sample import sample
 
     check_output(args.out)
+    plan = position_arguments.plan_of(args)
     with tqdm(total=args.number, desc="descents", delay=2) as bar:
         samples = sample(
             args.checkpoint,
@@ -47,6 +52,6 @@ def run(args: argparse.Namespace) -> None:
             compiled=args.compile,
             progress=lambda n: bar.update(n) and None,
         )
-    samples.write(args.out)
+    replace(samples, plan=plan).write(args.out)
     print(samples.report)
     print(f"wrote {args.out}")

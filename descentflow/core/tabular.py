@@ -2,16 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import polars as pl
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.files import whole_file
 
 
-def optional_library(name: str) -> ModuleType:
-    """Import a library that descentflow does not depend on; the extra that installs it has the same name.
+def optional_library(name: str, extra: str | None = None) -> ModuleType:
+    """Import a library that descentflow does not depend on.
+
+    Args:
+        name: The library.
+        extra: The extra that installs it; of the same name if absent.
 
     Raises:
         ConfigError: If it is not installed.
@@ -28,7 +34,7 @@ def optional_library(name: str) -> ModuleType:
         raise ConfigError(
             f"the library {name} is not installed",
             expected="it for this conversion",
-            mend=f"install it with: pip install 'descentflow[{name}]'",
+            mend=f"install it with: pip install 'descentflow[{extra or name}]'",
         ) from error
 
 
@@ -116,3 +122,24 @@ def to_dataset(
         grid[places] = table[name].cast(pl.Float64).to_numpy()
         found[name] = (dims, grid, {"units": units[name]} if units and name in units else {})
     return xarray.Dataset(found, coords={name: each.to_numpy() for name, each in zip(dims, values, strict=True)})
+
+
+def write_table(table: pl.DataFrame, path: str | Path) -> None:
+    """Write a table as Parquet or CSV, by the file's extension, whole or not at all.
+
+    Raises:
+        ConfigError: If the extension is neither ``.parquet`` nor ``.csv``.
+        DataError: If the folder does not exist.
+
+    Example:
+        >>> write_table(pl.DataFrame({"level_fl": [150]}), "levels.csv")
+        >>> Path("levels.csv").read_text().split()
+        ['level_fl', '150']
+    """
+    suffix = Path(path).suffix
+    if suffix not in (".parquet", ".csv"):
+        raise ConfigError(
+            f"output {Path(path).name}", expected="an extension among .parquet, .csv", mend="rename the output"
+        )
+    with whole_file(path) as temporary:
+        table.write_parquet(temporary) if suffix == ".parquet" else table.write_csv(temporary)

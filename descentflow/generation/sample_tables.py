@@ -9,9 +9,11 @@ import polars as pl
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library
-from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
+from descentflow.positions.placing import Positions, place
 from descentflow.representation.decoder.trajectories import Trajectories
 
+TIMESTAMP = pl.Datetime("us", "UTC")
 UNITS = {
     "time_s": "s",
     "altitude_ft": "ft",
@@ -20,11 +22,20 @@ UNITS = {
     "TAS": "kt",
     "vertical_rate": "ft/min",
     "drag_n": "N",
+    "distance_nm": "NM",
+    "distance_to_go_nm": "NM",
+    "top_of_descent_nm": "NM",
+    "groundspeed": "kt",
+    "latitude": "degrees_north",
+    "longitude": "degrees_east",
+    "track": "degrees",
+    "unix_s": "s",
 }
-"""Column of a sample -> unit."""
+"""Column of a sample -> unit. The last four are there if a path or a time was given; a table has the time as
+``timestamp`` in place of ``unix_s``, seconds since 1970."""
 
 
-def _quantities(flown: Trajectories) -> dict[str, np.ndarray]:
+def _quantities(flown: Trajectories, positions: Positions | None) -> dict[str, np.ndarray]:
     """Each quantity of :data:`UNITS` as (n, L) float64, on ascending levels."""
     altitude_ft = (flown.levels_fl * 100).expand(flown.time_s.shape)
     tensors = {
@@ -36,15 +47,31 @@ def _quantities(flown: Trajectories) -> dict[str, np.ndarray]:
         "vertical_rate": flown.rate_mps / FPM_MPS,
         "drag_n": flown.drag_n,
     }
-    return {name: tensor.detach().cpu().double().numpy() for name, tensor in tensors.items()}
+    found = {name: tensor.detach().cpu().double().numpy() for name, tensor in tensors.items()}
+    return found | _over_ground(place(flown) if positions is None else positions)
 
 
-def to_frame(flown: Trajectories, context: pl.DataFrame | None = None) -> pl.DataFrame:
+def _over_ground(positions: Positions) -> dict[str, np.ndarray]:
+    """Distances, groundspeed, and the place and time where they are known."""
+    found = {
+        "distance_nm": positions.distance_m / NM_M,
+        "distance_to_go_nm": positions.to_go_m / NM_M,
+        "top_of_descent_nm": np.broadcast_to(positions.top_of_descent_m[:, None] / NM_M, positions.to_go_m.shape),
+        "groundspeed": positions.groundspeed_mps / KT_MPS,
+    }
+    places = {name: getattr(positions, name) for name in ("latitude", "longitude", "track", "unix_s")}
+    return found | {name: values for name, values in places.items() if values is not None}
+
+
+def to_frame(
+    flown: Trajectories, context: pl.DataFrame | None = None, positions: Positions | None = None
+) -> pl.DataFrame:
     """Long table: one row for each sample and level, from the entry level downwards.
 
     Args:
         flown: n descents.
         context: Contexts in the order of the samples: sample i has row i, beginning again after the last.
+        positions: Where they are flown; distances in still air, and no places, if absent.
 
     Returns:
         Columns ``sample_id level_fl`` and those of :data:`UNITS`; then the sample's context, its columns called
@@ -63,20 +90,24 @@ def to_frame(flown: Trajectories, context: pl.DataFrame | None = None) -> pl.Dat
     sample_id = np.broadcast_to(np.arange(n, dtype=np.int32)[:, None], (n, n_levels))[keep]
     levels = flown.levels_fl.cpu().numpy().astype(np.int32)[::-1]
     level_fl = np.broadcast_to(levels, (n, n_levels))[keep]
-    columns = {name: values[:, ::-1][keep] for name, values in _quantities(flown).items()}
+    columns = {name: values[:, ::-1][keep] for name, values in _quantities(flown, positions).items()}
     table = pl.DataFrame({"sample_id": sample_id, "level_fl": level_fl, **columns})
+    if "unix_s" in columns:
+        stamps = (1e6 * pl.col("unix_s")).round().cast(pl.Int64).cast(TIMESTAMP)
+        table = table.with_columns(timestamp=stamps).drop("unix_s")
     if context is None:
         return table
     rows = context[sample_id % len(context)]
     return table.with_columns([rows[name].alias(f"given_{name}") for name in context.columns])
 
 
-def to_dataset(flown: Trajectories, context: pl.DataFrame | None = None) -> Any:
+def to_dataset(flown: Trajectories, context: pl.DataFrame | None = None, positions: Positions | None = None) -> Any:
     """The descents as an `xarray.Dataset`: dimensions sample and level, NaN above a sample's entry level.
 
     Args:
         flown: n descents.
         context: Contexts of the samples as in :func:`to_frame`: coordinates ``given_...`` of each sample.
+        positions: As in :func:`to_frame`.
 
     Raises:
         ConfigError: If xarray is not installed.
@@ -91,7 +122,7 @@ def to_dataset(flown: Trajectories, context: pl.DataFrame | None = None) -> Any:
     mask = flown.mask.cpu().numpy()
     variables = {
         name: (("sample", "level"), np.where(mask, values, np.nan), {"units": UNITS[name]})
-        for name, values in _quantities(flown).items()
+        for name, values in _quantities(flown, positions).items()
     }
     coordinates: dict[str, Any] = {"level_fl": ("level", flown.levels_fl.cpu().numpy().astype(np.int32))}
     if context is not None:
@@ -100,13 +131,16 @@ def to_dataset(flown: Trajectories, context: pl.DataFrame | None = None) -> Any:
     return optional_library("xarray").Dataset(variables, coords=coordinates)
 
 
-def write_samples(flown: Trajectories, path: Path, context: pl.DataFrame | None = None) -> None:
+def write_samples(
+    flown: Trajectories, path: Path, context: pl.DataFrame | None = None, positions: Positions | None = None
+) -> None:
     """Write a table (``.parquet``, ``.csv``) or a NetCDF-3 file (``.nc``), whole or not at all.
 
     Args:
         flown: n descents.
         path: The file.
         context: Contexts of the samples: a table holds them as :func:`to_frame` does, a NetCDF file holds their row.
+        positions: As in :func:`to_frame`.
 
     Raises:
         ConfigError: If the extension is none of these.
@@ -125,18 +159,18 @@ def write_samples(flown: Trajectories, path: Path, context: pl.DataFrame | None 
             f"output {path.name}", expected=f"an extension among {', '.join(writers)}", mend="rename the output"
         )
     with whole_file(path) as temporary:
-        writers[path.suffix](flown, temporary, context)
+        writers[path.suffix](flown, temporary, context, positions)
 
 
-def _write_parquet(flown: Trajectories, path: Path, context: pl.DataFrame | None) -> None:
-    to_frame(flown, context).write_parquet(path)
+def _write_parquet(flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None) -> None:
+    to_frame(flown, context, positions).write_parquet(path)
 
 
-def _write_csv(flown: Trajectories, path: Path, context: pl.DataFrame | None) -> None:
-    to_frame(flown, context).write_csv(path)
+def _write_csv(flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None) -> None:
+    to_frame(flown, context, positions).write_csv(path)
 
 
-def _write_netcdf(flown: Trajectories, path: Path, context: pl.DataFrame | None) -> None:
+def _write_netcdf(flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None) -> None:
     """Dimensions sample and level (ascending); NaN above a sample's entry level."""
     from scipy.io import netcdf_file  # here: whatever draws samples would pay for it otherwise
 
@@ -151,7 +185,7 @@ def _write_netcdf(flown: Trajectories, path: Path, context: pl.DataFrame | None)
             row = file.createVariable("given_row", "i4", ("sample",))
             row[:] = np.arange(n, dtype=np.int32) % len(context)
         mask = flown.mask.cpu().numpy()
-        for name, values in _quantities(flown).items():
+        for name, values in _quantities(flown, positions).items():
             variable = file.createVariable(name, "f8", ("sample", "level"))
             variable.units = UNITS[name]
             variable[:] = np.where(mask, values, np.nan)

@@ -1,6 +1,9 @@
 """What sampling returns: plausible descents and the account of every draw behind them."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +13,10 @@ from torch import Tensor
 
 from descentflow.core.tabular import to_pandas
 from descentflow.generation.sample_tables import to_dataset, to_frame, write_samples
+from descentflow.positions.ground_path import Point
+from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
+from descentflow.positions.placing import Positions
+from descentflow.positions.wind_by_level import Wind
 from descentflow.representation.decoder.trajectories import Trajectories
 
 
@@ -57,12 +64,14 @@ class Samples:
         report: What became of every draw.
         context: The contexts that they were drawn for, a row for each: sample i has row i, beginning again after the
             last. None for a model without context.
+        plan: Where they are flown; in still air and at no place unless :meth:`placed`.
 
     Example:
         >>> from descentflow.generation.sample import sample
         >>> samples = sample("best.ckpt", 100, seed=0)
         >>> samples.to_polars().columns
-        ['sample_id', 'level_fl', 'time_s', 'altitude_ft', 'CAS', 'Mach', 'TAS', 'vertical_rate', 'drag_n']
+        ['sample_id', 'level_fl', 'time_s', 'altitude_ft', 'CAS', 'Mach', 'TAS', 'vertical_rate', 'drag_n', \
+'distance_nm', 'distance_to_go_nm', 'top_of_descent_nm', 'groundspeed']
         >>> samples.to_xarray()["CAS"].dims
         ('sample', 'level')
         >>> samples.write("samples.nc")
@@ -72,14 +81,50 @@ class Samples:
     trajectories: Trajectories
     report: RejectionReport
     context: pl.DataFrame | None = None
+    plan: GroundPlan = NOWHERE
 
     def __len__(self) -> int:
         """Number of descents."""
         return len(self.trajectories)
 
+    def placed(
+        self,
+        *,
+        end: Point | None = None,
+        track: float | None = None,
+        route: Sequence[Point] | None = None,
+        wind: str | Path | Wind | None = None,
+        to_go_nm: float = 0.0,
+        end_time: datetime | str | None = None,
+    ) -> "Samples":
+        """The same descents laid over the ground, see :func:`descentflow.positions.ground_plan.ground_plan`.
+
+        Raises:
+            ConfigError: If the arguments contradict each other, or one of them cannot be.
+            DataError: If a file of winds cannot be read.
+
+        Example:
+            >>> from descentflow.generation.sample import sample
+            >>> placed = sample("best.ckpt", 3, entry_fl=330).placed(end=(51.47, -0.45), track=270.0, wind="290/40")
+            >>> placed.to_polars().columns[-3:]
+            ['latitude', 'longitude', 'track']
+        """
+        plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
+        return replace(self, plan=plan)
+
+    @cached_property
+    def positions(self) -> Positions:
+        """Distances, groundspeeds, and places where a path is known.
+
+        Raises:
+            ConfigError: If the wind is stronger than the airspeed.
+            DataError: If a field of wind does not hold a place or a time.
+        """
+        return self.plan.place(self.trajectories)
+
     def to_polars(self) -> pl.DataFrame:
         """The long table: one row for each sample and level, see :func:`~.sample_tables.to_frame`."""
-        return to_frame(self.trajectories, self.context)
+        return to_frame(self.trajectories, self.context, self.positions)
 
     def to_pandas(self) -> Any:
         """The long table as a `pandas.DataFrame`.
@@ -95,7 +140,7 @@ class Samples:
         Raises:
             ConfigError: If xarray is not installed.
         """
-        return to_dataset(self.trajectories, self.context)
+        return to_dataset(self.trajectories, self.context, self.positions)
 
     def write(self, path: str | Path) -> None:
         """Write a table (``.parquet``, ``.csv``) or a NetCDF file (``.nc``), whole or not at all.
@@ -104,7 +149,7 @@ class Samples:
             ConfigError: If the extension is none of these.
             DataError: If the folder does not exist.
         """
-        write_samples(self.trajectories, Path(path), self.context)
+        write_samples(self.trajectories, Path(path), self.context, self.positions)
 
     def __str__(self) -> str:
         """The account of the draws, the grid, and how long the descents take."""

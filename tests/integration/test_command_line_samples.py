@@ -1,6 +1,7 @@
 """Sampling, scores and predictions of a fit, run as a user runs them."""
 
 import importlib.util
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import polars as pl
 import pytest
 import toys
 from command_line_toys import QUICK, fit
+from pyproj import Geod
 from scipy.io import netcdf_file
 
 from descentflow.aircraft_types.registry import aircraft
@@ -24,6 +26,7 @@ def test_sample_table(run: Path, tmp_path: Path) -> None:
     assert first.equals(second), "the same seed gives the same samples, bit for bit"
     assert first.columns == [
         "sample_id", "level_fl", "time_s", "altitude_ft", "CAS", "Mach", "TAS", "vertical_rate", "drag_n",
+        "distance_nm", "distance_to_go_nm", "top_of_descent_nm", "groundspeed",
     ]  # fmt: skip
     assert first["sample_id"].n_unique() == 50
     assert (first["vertical_rate"] < 0).all()
@@ -35,6 +38,32 @@ def test_sample_table(run: Path, tmp_path: Path) -> None:
     height = -np.diff(one["altitude_ft"].to_numpy())
     mean_slowness = -(0.5 / one["vertical_rate"].to_numpy()[1:] + 0.5 / one["vertical_rate"].to_numpy()[:-1])
     np.testing.assert_allclose(np.diff(one["time_s"].to_numpy()), 60 * height * mean_slowness, rtol=0.02)
+
+
+def test_samples_are_laid_over_the_ground(run: Path, tmp_path: Path, capsys) -> None:
+    words = ["sample", str(run / "checkpoints" / "best.ckpt"), "-n", "20"]
+    where = ["--end", "33.95S,151.18E", "--track", "155", "--to-go", "40", "--wind", "150:300/20,350:280/70"]
+    when = ["--time", "2026-11-22T10:00:00"]
+    assert main([*words, *where, *when, "--out", str(tmp_path / "placed.parquet")]) == 0
+    assert main([*words, "--out", str(tmp_path / "still.parquet")]) == 0
+    placed, still = pl.read_parquet(tmp_path / "placed.parquet"), pl.read_parquet(tmp_path / "still.parquet")
+    assert placed.columns == [*still.columns, "latitude", "longitude", "track", "timestamp"]
+    lowest = placed.filter(level_fl=150)
+    assert lowest["distance_to_go_nm"].to_numpy() == pytest.approx(40.0)
+    assert lowest["timestamp"].unique().to_list() == [datetime(2026, 11, 22, 10, tzinfo=UTC)]
+    _, _, metres = Geod(ellps="WGS84").inv(
+        placed["longitude"], placed["latitude"], [151.18] * len(placed), [-33.95] * len(placed)
+    )
+    np.testing.assert_allclose(np.array(metres) / 1852, placed["distance_to_go_nm"], atol=1e-6)
+    # 280 and 300 degrees are behind a flight on track 155 by 55 and 35 degrees: a tailwind, more of it higher up.
+    gained = (placed["groundspeed"] - still["groundspeed"]).to_numpy()
+    assert gained.min() > 10
+    assert gained.max() < 70
+    assert main([*words, "--end", "51,4", "--out", str(tmp_path / "s.csv")]) == 2
+    assert "an end point without a track" in capsys.readouterr().err
+    route = ["--route", "52.5,3.0", "52.2,4.0", "52.3,4.76"]
+    assert main([*words, *route, "--out", str(tmp_path / "route.csv")]) == 0
+    assert pl.read_csv(tmp_path / "route.csv")["track"].n_unique() > 2
 
 
 def test_netcdf_and_csv_hold_the_same_samples(run: Path, tmp_path: Path) -> None:
@@ -92,6 +121,16 @@ def test_predict_descent_writes_intervals_and_occupancy(run: Path, descents: Pat
     table = pl.read_parquet(tmp_path / "p.parquet")
     assert (table["q05_s"] <= table["q95_s"]).all()
     assert set(pl.read_parquet(tmp_path / "o.parquet")["flight_id"]) == set(table["flight_id"])
+    placed = ["--end", "52.3,4.76", "--track", "180", "--continuations", str(tmp_path / "all.csv")]
+    assert main([*words, *placed, "--out", str(tmp_path / "p.csv")]) == 0
+    intervals, every = pl.read_csv(tmp_path / "p.csv"), pl.read_csv(tmp_path / "all.csv")
+    assert intervals.columns[-6:] == [
+        "distance_to_go_nm", "top_of_descent_nm", "groundspeed", "latitude", "longitude", "track",
+    ]  # fmt: skip
+    assert every.columns[:3] == ["flight_id", "sample_id", "level_fl"]
+    medians = every.group_by("flight_id", "level_fl").agg(pl.col("distance_nm").median())
+    both = intervals.join(medians, on=["flight_id", "level_fl"])
+    np.testing.assert_allclose(both["q50_nm"], both["distance_nm"], atol=1e-9)
     assert main([*words, "--flight", "nobody", "--out", str(tmp_path / "p.parquet")]) == 2
     assert "was not trained or validated on" in capsys.readouterr().err
 

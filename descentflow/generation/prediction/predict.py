@@ -1,7 +1,8 @@
 """Predict the rest of observed descents: what `descentflow predict-descent` calls."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,20 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError, SamplingError
-from descentflow.core.files import whole_file
-from descentflow.core.tabular import to_dataset, to_pandas
+from descentflow.core.tabular import to_dataset, to_pandas, write_table
 from descentflow.densities.checkpoint import as_density
 from descentflow.generation.prediction.predictor import Continuations, DescentPredictor
-from descentflow.generation.prediction.summary import actual_times, coverage, occupancy_table, time_intervals
+from descentflow.generation.prediction.summary import (
+    actual_times,
+    continuations_table,
+    coverage,
+    occupancy_table,
+    time_intervals,
+)
+from descentflow.generation.sample_tables import UNITS
+from descentflow.positions.ground_path import Point
+from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
+from descentflow.positions.wind_by_level import Wind
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.encode_flights import EncodedFlights, encode_flights
 from descentflow.representation.profiles import Profiles
@@ -29,10 +39,11 @@ class Prediction:
         from_fl: Last flight level that counted as observed.
         calibration: What the intervals were calibrated on, or why they were not.
         reasons: Why each of the other flights could not be predicted.
+        plan: Where they are flown; in still air and at no place unless :meth:`placed`.
 
     Example:
         >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=100)
-        >>> ahead.to_polars().columns
+        >>> ahead.to_polars().columns[:8]
         ['flight_id', 'level_fl', 'mean_s', 'q05_s', 'q25_s', 'q50_s', 'q75_s', 'q95_s']
         >>> ahead.coverage().columns
         ['level_fl', 'flights', 'covered']
@@ -43,17 +54,42 @@ class Prediction:
     from_fl: float
     calibration: str
     reasons: tuple[str, ...]
+    plan: GroundPlan = NOWHERE
 
     def __len__(self) -> int:
         """Number of flights predicted."""
         return len(self.flights)
 
+    def placed(
+        self,
+        *,
+        end: Point | None = None,
+        track: float | None = None,
+        route: Sequence[Point] | None = None,
+        wind: str | Path | Wind | None = None,
+        to_go_nm: float = 0.0,
+        end_time: datetime | str | None = None,
+    ) -> "Prediction":
+        """The same predictions laid over the ground, see :func:`descentflow.positions.ground_plan.ground_plan`.
+
+        Raises:
+            ConfigError: If the arguments contradict each other, or one of them cannot be.
+            DataError: If a file of winds cannot be read.
+
+        Example:
+            >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=50)
+            >>> ahead.placed(end=(51.47, -0.45), track=270.0, wind="290/40").to_polars().columns[-3:]
+            ['latitude', 'longitude', 'track']
+        """
+        plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
+        return replace(self, plan=plan)
+
     @cached_property
     def _intervals(self) -> pl.DataFrame:
-        return time_intervals(self.flights)
+        return time_intervals(self.flights, self.plan)
 
     def to_polars(self) -> pl.DataFrame:
-        """Time intervals: a row for each flight and level, see :func:`~.summary.time_intervals`."""
+        """Intervals of time and distance: a row for each flight and level, see :func:`~.summary.time_intervals`."""
         return self._intervals
 
     def to_pandas(self) -> Any:
@@ -70,8 +106,13 @@ class Prediction:
         Raises:
             ConfigError: If xarray is not installed.
         """
-        names = [name for name in self._intervals.columns if name.endswith("_s")]
-        return to_dataset(self._intervals, ("flight_id", "level_fl"), names, dict.fromkeys(names, "s"))
+        names = self._intervals.columns[2:]
+        units = {name: UNITS.get(name) or {"s": "s", "nm": "NM"}[name.rpartition("_")[2]] for name in names}
+        return to_dataset(self._intervals, ("flight_id", "level_fl"), names, units)
+
+    def continuations(self) -> pl.DataFrame:
+        """Every continuation in the columns of samples, see :func:`~.summary.continuations_table`."""
+        return continuations_table(self.flights, self.plan)
 
     def occupancy(self, step_s: float = 10.0) -> pl.DataFrame:
         """Probability of being at each level over time, see :func:`~.summary.occupancy_table`.
@@ -94,13 +135,13 @@ class Prediction:
         return coverage(self._intervals, actual_times(self.flights, self.observed))
 
     def write(self, path: str | Path) -> None:
-        """Write the time intervals as Parquet, whole or not at all.
+        """Write the intervals as Parquet or CSV, whole or not at all.
 
         Raises:
+            ConfigError: If the extension is neither ``.parquet`` nor ``.csv``.
             DataError: If the folder does not exist.
         """
-        with whole_file(path) as temporary:
-            self._intervals.write_parquet(temporary)
+        write_table(self._intervals, path)
 
     def __str__(self) -> str:
         """Calibration, counts, the first reasons, and how often the intervals held the time observed."""

@@ -2,22 +2,37 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 import polars as pl
 import torch
 from torch import Tensor
 
+from descentflow.core.units import KT_MPS, NM_M
 from descentflow.generation.prediction.predictor import Continuations
+from descentflow.generation.sample_tables import to_frame
+from descentflow.positions.ground_plan import NOWHERE, GroundPlan
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.profiles import Profiles
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
-def time_intervals(predictions: Sequence[Continuations]) -> pl.DataFrame:
-    """Quantiles of the seconds from the last observed level to each level below.
+def time_intervals(predictions: Sequence[Continuations], plan: GroundPlan = NOWHERE) -> pl.DataFrame:
+    """Quantiles of the seconds, and of the nautical miles, from the last observed level to each level below.
+
+    Args:
+        predictions: Continuations of each flight.
+        plan: Where they are flown.
 
     Returns:
-        Columns ``flight_id level_fl mean_s q05_s q25_s q50_s q75_s q95_s``, a row a flight and level, downwards.
+        Columns ``flight_id level_fl mean_s q05_s q25_s q50_s q75_s q95_s``, the same in ``..._nm`` for the distance
+        flown, medians ``distance_to_go_nm`` and ``top_of_descent_nm`` (from the last observed level to the end point),
+        mean ``groundspeed`` (kt), and with a path ``latitude longitude track`` at the median distance to go. A row a
+        flight and level, downwards.
+
+    Raises:
+        ConfigError: If the wind is stronger than the airspeed.
+        DataError: If a field of wind does not hold a place or a time.
 
     Example:
         >>> from descentflow.generation.prediction.predict import predict
@@ -25,19 +40,65 @@ def time_intervals(predictions: Sequence[Continuations]) -> pl.DataFrame:
         >>> table = time_intervals(ahead.flights)
         >>> table["level_fl"].max(), bool((table["q05_s"] <= table["q95_s"]).all())
         (289, True)
+        >>> bool((table["q50_nm"] > 0).all())
+        True
     """
-    parts = []
-    for one in predictions:
-        flown = one.trajectories
-        below = torch.arange(int(flown.entry[0]) - 1, -1, -1)
-        time_s = flown.time_s[:, below]
-        quantiles = time_s.quantile(torch.tensor(QUANTILES, dtype=time_s.dtype), dim=0)
-        columns = {f"q{round(100 * q):02d}_s": row.numpy() for q, row in zip(QUANTILES, quantiles, strict=True)}
-        levels = flown.levels_fl[below].to(torch.int32).numpy()
-        parts.append(
-            pl.DataFrame({"flight_id": one.flight_id, "level_fl": levels, "mean_s": time_s.mean(0).numpy(), **columns})
-        )
-    return pl.concat(parts)
+    return pl.concat([_intervals(one, plan) for one in predictions])
+
+
+def _intervals(one: Continuations, plan: GroundPlan) -> pl.DataFrame:
+    flown, positions = one.trajectories, plan.place(one.trajectories)
+    below = torch.arange(int(flown.entry[0]) - 1, -1, -1)
+    times = _quantiles(flown.time_s[:, below], "s")
+    distances = _quantiles(torch.from_numpy(positions.distance_m / NM_M)[:, below], "nm")
+    to_go_m = np.median(positions.to_go_m, 0)[below]
+    ground = {
+        "distance_to_go_nm": to_go_m / NM_M,
+        "top_of_descent_nm": np.full(len(below), np.median(positions.top_of_descent_m) / NM_M),
+        "groundspeed": positions.groundspeed_mps.mean(0)[below] / KT_MPS,
+    }
+    if plan.path is not None:
+        ground |= dict(zip(("latitude", "longitude", "track"), plan.path.at(to_go_m), strict=True))
+    levels = flown.levels_fl[below].to(torch.int32).numpy()
+    return pl.DataFrame({"flight_id": one.flight_id, "level_fl": levels, **times, **distances, **ground})
+
+
+def _quantiles(values: Tensor, unit: str) -> dict[str, np.ndarray]:
+    """Mean and quantiles over the first dimension by the name of their column."""
+    quantiles = values.quantile(torch.tensor(QUANTILES, dtype=values.dtype), dim=0)
+    named = {f"q{round(100 * q):02d}_{unit}": row.numpy() for q, row in zip(QUANTILES, quantiles, strict=True)}
+    return {f"mean_{unit}": values.mean(0).numpy(), **named}
+
+
+def continuations_table(predictions: Sequence[Continuations], plan: GroundPlan = NOWHERE) -> pl.DataFrame:
+    """Every continuation of every flight, in the columns of samples.
+
+    Args:
+        predictions: Continuations of each flight.
+        plan: Where they are flown.
+
+    Returns:
+        A row for each flight, continuation and level from the last observed one downwards: ``flight_id``, then the
+        columns of :func:`~descentflow.generation.sample_tables.to_frame`.
+
+    Raises:
+        ConfigError: If the wind is stronger than the airspeed.
+        DataError: If a field of wind does not hold a place or a time.
+
+    Example:
+        >>> from descentflow.generation.prediction.predict import predict
+        >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=50)
+        >>> continuations_table(ahead.flights[:1])["time_s"].min()
+        0.0
+    """
+    return pl.concat(
+        [
+            to_frame(one.trajectories, positions=plan.place(one.trajectories)).select(
+                pl.lit(one.flight_id).alias("flight_id"), pl.all()
+            )
+            for one in predictions
+        ]
+    )
 
 
 def level_occupancy(flown: Trajectories, times_s: Tensor) -> Tensor:

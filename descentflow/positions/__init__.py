@@ -1,0 +1,6 @@
+"""Where a descent is flown: distance over the ground, and the place, from true airspeed and wind.
+
+Reading order: :mod:`~descentflow.positions.ground_plan` (what a user says: an end point or a route, a wind, a time),
+:mod:`~descentflow.positions.ground_path` (the line over the ground), :mod:`~descentflow.positions.wind_by_level` and
+:mod:`~descentflow.positions.wind_field` (the wind), :mod:`~descentflow.positions.placing` (the integration).
+"""

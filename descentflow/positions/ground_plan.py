@@ -1,0 +1,115 @@
+"""What a user says of the ground under descents: where they end, which way they come, and the wind."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from descentflow.core.errors import ConfigError
+from descentflow.core.units import NM_M
+from descentflow.positions.ground_path import GroundPath, Point, path_along, path_to
+from descentflow.positions.placing import Positions, place
+from descentflow.positions.wind_by_level import Wind, wind_of_text
+from descentflow.positions.wind_field import SUFFIXES, read_wind_field
+from descentflow.representation.decoder.trajectories import Trajectories
+
+
+@dataclass(frozen=True)
+class GroundPlan:
+    """Where descents are flown; without anything said, distances alone are known, in still air.
+
+    Attributes:
+        path: The line over the ground.
+        wind: The wind; still air if None.
+        to_go_nm: Distance left to the end point where the lowest level is passed.
+        end_time: When the lowest level is passed.
+
+    Example:
+        >>> from descentflow.generation.sample import sample
+        >>> plan = ground_plan(end=(51.47, -0.45), track=270.0, wind="290/40", to_go_nm=45.0)
+        >>> placed = plan.place(sample("best.ckpt", 5).trajectories)
+        >>> (placed.to_go_m[:, 0] / 1852).round(6)
+        array([45., 45., 45., 45., 45.])
+    """
+
+    path: GroundPath | None = None
+    wind: Wind | None = None
+    to_go_nm: float = 0.0
+    end_time: datetime | None = None
+
+    def place(self, flown: Trajectories) -> Positions:
+        """Distances, groundspeeds and, with a path, places of descents, see :func:`~.placing.place`."""
+        return place(flown, self.path, self.wind, to_go_m=self.to_go_nm * NM_M, end_time=self.end_time)
+
+
+NOWHERE = GroundPlan()
+"""Still air, and no place."""
+
+
+def ground_plan(
+    *,
+    end: Point | None = None,
+    track: float | None = None,
+    route: Sequence[Point] | None = None,
+    wind: str | Path | Wind | None = None,
+    to_go_nm: float = 0.0,
+    end_time: datetime | str | None = None,
+) -> GroundPlan:
+    """Put together where descents are flown.
+
+    Args:
+        end: Latitude and longitude (degrees) of the point where they end.
+        track: True track (degrees) on which they arrive there; needs ``end``.
+        route: In place of both, two or more fixes in the order in which they are flown.
+        wind: ``"270/35"`` (from 270 degrees true, 35 kt), ``"100:250/20,300:270/60"`` by flight level, the path of a
+            NetCDF or GRIB file, or a :class:`~descentflow.positions.wind_by_level.Wind`.
+        to_go_nm: Distance (NM) left to the end point where the lowest level of the model is passed.
+        end_time: When the lowest level is passed, UTC where it has no time zone.
+
+    Raises:
+        ConfigError: If these contradict each other, or one of them cannot be.
+        DataError: If a file of winds cannot be read.
+
+    Example:
+        >>> ground_plan(route=[(52.0, 4.0), (52.0, 5.0), (51.5, 5.0)], wind="270/35").path is None
+        False
+        >>> ground_plan(end=(52.0, 4.0))
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: an end point without a track; expected both, or a route; ...
+    """
+    if (end is None) != (track is None):
+        only, other = ("an end point", "a track") if track is None else ("a track", "an end point")
+        raise ConfigError(f"{only} without {other}", expected="both, or a route", mend=f"give {other} too")
+    if end is not None and route is not None:
+        raise ConfigError("an end point and a route", expected="one of them", mend="leave one of them out")
+    if to_go_nm < 0:
+        raise ConfigError(f"{to_go_nm:g} NM left to the end point", expected="0 or more", mend="pass for instance 45")
+    path = None
+    if route is not None:
+        path = path_along(route)
+    elif end is not None and track is not None:
+        path = path_to(end, track)
+    if wind is not None and path is None:
+        raise ConfigError(
+            "a wind without a direction of flight",
+            expected="an end point with a track, or a route",
+            mend="give --end and --track, or --route",
+        )
+    return GroundPlan(path, _wind(wind), to_go_nm, _time(end_time))
+
+
+def _wind(wind: str | Path | Wind | None) -> Wind | None:
+    if isinstance(wind, Path) or (isinstance(wind, str) and wind.endswith(SUFFIXES)):
+        return read_wind_field(wind)
+    return wind_of_text(wind) if isinstance(wind, str) else wind
+
+
+def _time(time: datetime | str | None) -> datetime | None:
+    if not isinstance(time, str):
+        return time
+    try:
+        return datetime.fromisoformat(time)
+    except ValueError as error:
+        raise ConfigError(
+            f"the time {time!r}", expected="a time as in ISO 8601", mend="write for instance 2026-11-22T10:00:00Z"
+        ) from error

@@ -1,0 +1,136 @@
+"""Winds of a weather model, from NetCDF and GRIB, beside what was written into them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from position_toys import steady_descents
+
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.positions.ground_plan import ground_plan
+from descentflow.positions.wind_field import read_wind_field
+
+xarray = pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
+
+TIMES = np.array(["2026-11-22T00", "2026-11-22T06", "2026-11-22T12"], dtype="datetime64[ns]")
+PRESSURE = np.array([600.0, 500.0, 400.0, 300.0, 200.0])
+LATITUDE, LONGITUDE = np.arange(56.0, 44.0, -0.5), np.arange(-6.0, 12.1, 0.5)
+
+
+def linear(hours: object, latitude: object, longitude: object) -> tuple[object, object]:
+    """A wind that is linear in time and place, so that interpolation must give it back exactly."""
+    east = 20 + 0.5 * hours + 0.7 * (latitude - 50) - 0.3 * longitude
+    return east, 5 - 0.2 * hours + 0.1 * (latitude - 50) + 0.4 * longitude
+
+
+def dataset(**changes: object) -> object:
+    hours = ((TIMES - TIMES[0]) / np.timedelta64(1, "h"))[:, None, None, None]
+    east, north = linear(hours, LATITUDE[None, None, :, None], LONGITUDE[None, None, None, :])
+    shape = (len(TIMES), len(PRESSURE), len(LATITUDE), len(LONGITUDE))
+    dims = ("valid_time", "pressure_level", "latitude", "longitude")
+    attributes = {"units": "m s**-1"} | changes
+    winds = {
+        name: (dims, np.broadcast_to(value, shape).copy(), attributes) for name, value in (("u", east), ("v", north))
+    }
+    axes = dict(zip(dims, (TIMES, PRESSURE, LATITUDE, LONGITUDE), strict=True))
+    return xarray.Dataset(winds, axes)
+
+
+@pytest.fixture
+def netcdf(tmp_path: Path) -> Path:
+    dataset().to_netcdf(tmp_path / "era5.nc")
+    return tmp_path / "era5.nc"
+
+
+def test_a_linear_field_is_given_back(netcdf: Path) -> None:
+    field = read_wind_field(netcdf)
+    rng = np.random.default_rng(0)
+    latitude, longitude = rng.uniform(45, 55, 50), rng.uniform(-5, 11, 50)
+    hours = rng.uniform(0, 12, 50)
+    start = TIMES[0].astype("datetime64[s]").astype(float)
+    found = field.at(300.0, latitude, longitude, start + 3600 * hours)
+    np.testing.assert_allclose(found, linear(hours, latitude, longitude), atol=1e-9)
+    # 300 hPa is FL301 of the standard atmosphere, 500 hPa FL183.
+    assert field.levels_fl[[1, 3]].round().tolist() == [183, 301]
+
+
+def test_longitudes_that_begin_at_zero_and_go_around(tmp_path: Path) -> None:
+    longitude = np.arange(0.0, 360.0, 1.0)
+    east = np.broadcast_to(np.cos(np.radians(longitude)), (1, 3, 360)).copy()
+    axes = {"level": [300.0], "latitude": [40.0, 50.0, 60.0], "longitude": longitude}
+    winds = {name: (tuple(axes), east, {"units": "m/s"}) for name in ("u", "v")}
+    xarray.Dataset(winds, axes).to_netcdf(tmp_path / "globe.nc")
+    field = read_wind_field(tmp_path / "globe.nc")
+    place = np.array([-10.0, -0.5, 0.0, 179.5])
+    found, _ = field.at(320.0, np.full(4, 51.0), place, None)
+    expected = (np.cos(np.radians(np.floor(place))) + np.cos(np.radians(np.ceil(place)))) / 2
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_flights_in_a_field_of_constant_wind_fly_as_in_that_wind(tmp_path: Path) -> None:
+    field = dataset()
+    field["u"][:], field["v"][:] = 30.0, 0.0
+    field.isel(valid_time=[0]).to_netcdf(tmp_path / "one_time.nc")
+    where = {"end": (51.0, 4.0), "track": 200.0}
+    flown = steady_descents([200.0, 220.0])
+    by_field = ground_plan(**where, wind=tmp_path / "one_time.nc").place(flown)
+    by_text = ground_plan(**where, wind=f"270/{30 / 0.514444}").place(flown)
+    np.testing.assert_allclose(by_field.to_go_m, by_text.to_go_m, rtol=1e-9)
+    np.testing.assert_allclose(by_field.latitude, by_text.latitude, rtol=1e-9)
+
+
+def test_a_time_is_needed_and_must_be_in_the_field(netcdf: Path) -> None:
+    flown, where = steady_descents([200.0]), {"end": (51.0, 4.0), "track": 200.0, "wind": netcdf}
+    with pytest.raises(ConfigError, match="3 times, and no time of the flights"):
+        ground_plan(**where).place(flown)
+    assert np.isfinite(ground_plan(**where, end_time="2026-11-22T05:00").place(flown).to_go_m).all()
+    with pytest.raises(DataError, match=r"time 2026-11-25T05.*outside of the wind"):
+        ground_plan(**where, end_time="2026-11-25T05:00").place(flown)
+    with pytest.raises(DataError, match="latitude"):
+        ground_plan(end=(30.0, 4.0), track=200.0, wind=netcdf, end_time="2026-11-22T05:00").place(flown)
+
+
+def test_files_that_are_no_winds_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "text.nc").write_text("nothing")
+    with pytest.raises(DataError, match=r"text\.nc"):
+        read_wind_field(tmp_path / "text.nc")
+    with pytest.raises(DataError, match=r"absent\.nc"):
+        read_wind_field(tmp_path / "absent.nc")
+    dataset(units="knots").to_netcdf(tmp_path / "knots.nc")
+    with pytest.raises(DataError, match="u in knots"):
+        read_wind_field(tmp_path / "knots.nc")
+    dataset().drop_vars("v").to_netcdf(tmp_path / "half.nc")
+    with pytest.raises(DataError, match="without northward_wind among u"):
+        read_wind_field(tmp_path / "half.nc")
+
+
+def test_grib_is_read_as_netcdf_is(tmp_path: Path, netcdf: Path) -> None:
+    """Written by ecCodes itself with 24 bits a value: 45 m/s of range to 3e-6 m/s."""
+    eccodes = pytest.importorskip("eccodes", reason="cfgrib is an extra of descentflow (wind)")
+    data = dataset()
+    with (tmp_path / "era5.grib").open("wb") as file:
+        for name in ("u", "v"):
+            for t, time in enumerate(TIMES):
+                for k, pressure in enumerate(PRESSURE):
+                    handle = eccodes.codes_grib_new_from_samples("regular_ll_pl_grib2")
+                    hour = int((time - TIMES[0]) / np.timedelta64(1, "h"))
+                    settings = {
+                        "shortName": name, "level": int(pressure), "dataDate": 20261122, "dataTime": 100 * hour,
+                        "Ni": len(LONGITUDE), "Nj": len(LATITUDE), "bitsPerValue": 24,
+                        "latitudeOfFirstGridPointInDegrees": LATITUDE[0],
+                        "latitudeOfLastGridPointInDegrees": LATITUDE[-1],
+                        "longitudeOfFirstGridPointInDegrees": LONGITUDE[0] % 360,
+                        "longitudeOfLastGridPointInDegrees": LONGITUDE[-1] % 360,
+                        "iDirectionIncrementInDegrees": 0.5, "jDirectionIncrementInDegrees": 0.5,
+                    }  # fmt: skip
+                    for key, value in settings.items():
+                        eccodes.codes_set(handle, key, value)
+                    eccodes.codes_set_values(handle, data[name].to_numpy()[t, k].ravel())
+                    eccodes.codes_write(handle, file)
+                    eccodes.codes_release(handle)
+    from_grib, from_netcdf = read_wind_field(tmp_path / "era5.grib"), read_wind_field(netcdf)
+    np.testing.assert_allclose(from_grib.levels_fl, from_netcdf.levels_fl)
+    start = TIMES[0].astype("datetime64[s]").astype(float)
+    place = np.array([50.3, 47.1]), np.array([-3.2, 8.9]), start + np.array([3600.0, 30000.0])
+    np.testing.assert_allclose(from_grib.at(250.0, *place), from_netcdf.at(250.0, *place), atol=1e-5)
+    assert [path.name for path in tmp_path.iterdir() if "grib" in path.name] == ["era5.grib"], "no index is left"

@@ -7,7 +7,8 @@ path of a file that holds it, and nothing heavy is imported before it is used:
 - :func:`prepare` cleans surveillance rows to descents on flight levels, and :func:`read_descents` reads them again;
 - :func:`fit` trains a model (:class:`Gaussian`, :class:`GaussianMixture`, :class:`MaskedAffineFlow` or
   :class:`SplineFlow`) on descents or on a :class:`DescentDataModule`, and :func:`load` reads a checkpoint again;
-- :func:`sample` draws descents, :func:`predict` continues observed ones, :func:`evaluate` scores a model;
+- :func:`sample` draws descents, :func:`predict` continues observed ones, :func:`evaluate` scores a model,
+  :func:`export` writes for other programs;
 - :func:`diagnose` says where a simulator and real flights disagree, and why.
 
 Every error that is raised on purpose is a :class:`DescentflowError`.
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from descentflow.densities.checkpoint import load_model as load
     from descentflow.diagnosis.diagnose import diagnose
     from descentflow.evaluation.evaluate import evaluate
+    from descentflow.exports.export import export
     from descentflow.generation.prediction.predict import predict
     from descentflow.generation.sample import sample
     from descentflow.simulation.world import simulate
@@ -57,6 +59,7 @@ __all__ = [
     "aircraft",
     "diagnose",
     "evaluate",
+    "export",
     "fit",
     "load",
     "predict",
@@ -75,6 +78,7 @@ _PLACES = {
     "aircraft": ("aircraft_types.registry", "aircraft"),
     "diagnose": ("diagnosis.diagnose", "diagnose"),
     "evaluate": ("evaluation.evaluate", "evaluate"),
+    "export": ("exports.export", "export"),
     "fit": ("training.fit", "fit"),
     "load": ("densities.checkpoint", "load_model"),
     "predict": ("generation.prediction.predict", "predict"),

@@ -21,6 +21,7 @@ COMMANDS = {
     "info": "what a checkpoint holds: aircraft, levels, flights, context, score",
     "sample": "draw plausible descents from a checkpoint",
     "predict-descent": "the rest of a descent from its first part: time to each level, occupancy of levels",
+    "export": "samples, or the model, in the format of another program",
     "evaluate": "scores of a checkpoint against the descents of any prepared file",
     "diagnose": "where a simulator and real descents differ, and which unmodelled effect causes it",
 }

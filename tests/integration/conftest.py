@@ -6,6 +6,8 @@ import pytest
 import toys
 from command_line_toys import fit
 
+import descentflow as df
+
 
 @pytest.fixture(scope="module")
 def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -15,3 +17,12 @@ def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory, descents: Path) -> Path:
     return fit(tmp_path_factory.mktemp("gaussian"), descents, "gaussian")
+
+
+@pytest.fixture(scope="session")
+def a320(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A checkpoint of 250 A320 of the simulated world, for what other programs make of its samples."""
+    folder = tmp_path_factory.mktemp("a320")
+    descents = df.prepare(df.simulate("A320", 250, seed=11).rows, typecode="A320")
+    df.fit(descents, model="gaussian", out=folder / "a320.ckpt")
+    return folder / "a320.ckpt"

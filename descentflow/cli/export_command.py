@@ -1,0 +1,60 @@
+"""`descentflow export`: samples, or the model itself, in the format of another program."""
+
+import argparse
+from pathlib import Path
+
+from descentflow.cli import context_arguments, position_arguments
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    from descentflow.exports.targets import TARGETS
+
+    listed = "\n".join(f"  {name:<13}{target.purpose}" for name, target in TARGETS.items())
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.description = (
+        f"Write samples of a checkpoint, or the model itself, for another program.\n\ntargets:\n{listed}"
+    )
+    parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
+    parser.add_argument("--to", required=True, choices=TARGETS, metavar="TARGET", help="one of the targets above")
+    parser.add_argument("--out", type=Path, required=True, help="output; some targets write further files beside it")
+    parser.add_argument("-n", "--number", type=int, default=1000, help="samples (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same files (default: 0)")
+    parser.add_argument(
+        "--every",
+        type=float,
+        default=120.0,
+        metavar="S",
+        help="seconds from one flight's arrival to the next one's (default: 120)",
+    )
+    parser.add_argument("--draw-budget", type=int, help="most draws before giving up (default: 100 for each sample)")
+    context_arguments.add_arguments(parser)
+    position_arguments.add_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Draw, write, and say what was written."""
+    from tqdm import tqdm
+
+    from descentflow.exports.export import export
+
+    with tqdm(total=args.number, desc="descents", delay=2) as bar:
+        written = export(
+            args.checkpoint,
+            args.to,
+            args.out,
+            n=args.number,
+            seed=args.seed,
+            context=context_arguments.context_of(args),
+            end=args.end,
+            track=args.track,
+            route=args.route,
+            wind=args.wind,
+            to_go_nm=args.to_go,
+            end_time=args.time,
+            every_s=args.every,
+            draw_budget=args.draw_budget,
+            progress=lambda n: bar.update(n) and None,
+        )
+    for path in written:
+        print(f"wrote {path}")

@@ -1,0 +1,43 @@
+"""What the columns of samples mean: their units as other formats write them, and their names in the CF conventions."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: unit (in the writing of UDUNITS), meaning, and standard name of the CF conventions if there is one.
+
+    Example:
+        >>> COLUMNS["CAS"].unit, COLUMNS["TAS"].standard_name
+        ('knot', 'platform_speed_wrt_air')
+    """
+
+    unit: str
+    meaning: str
+    standard_name: str | None = None
+
+
+COLUMNS = {
+    "sample_id": Column("1", "number of the sample"),
+    "flight_id": Column("1", "identifier of the sample"),
+    "callsign": Column("1", "invented callsign"),
+    "icao24": Column("1", "invented ICAO address"),
+    "typecode": Column("1", "ICAO type designator"),
+    "level_fl": Column("100 ft", "flight level"),
+    "time_s": Column("s", "time since the entry level"),
+    "altitude_ft": Column("ft", "pressure altitude", "barometric_altitude"),
+    "CAS": Column("knot", "calibrated airspeed"),
+    "Mach": Column("1", "Mach number"),
+    "TAS": Column("knot", "true airspeed", "platform_speed_wrt_air"),
+    "vertical_rate": Column("ft/min", "rate of change of pressure altitude, negative downwards"),
+    "drag_n": Column("N", "drag that flies the descent"),
+    "distance_nm": Column("nautical_mile", "distance over the ground since the entry level"),
+    "distance_to_go_nm": Column("nautical_mile", "distance over the ground to the end point"),
+    "top_of_descent_nm": Column("nautical_mile", "distance over the ground from the entry level to the end point"),
+    "groundspeed": Column("knot", "speed over the ground", "platform_speed_wrt_ground"),
+    "latitude": Column("degrees_north", "latitude, WGS84", "latitude"),
+    "longitude": Column("degrees_east", "longitude, WGS84", "longitude"),
+    "track": Column("degree", "direction of flight over the ground, from true north", "platform_course"),
+    "timestamp": Column("UTC", "time", "time"),
+}
+"""Every column of samples and of flights."""

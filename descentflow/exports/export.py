@@ -1,0 +1,77 @@
+"""Write samples or a model for another program: what `descentflow export` calls."""
+
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from pathlib import Path
+
+from descentflow.core.errors import ConfigError
+from descentflow.core.files import check_output
+from descentflow.densities.checkpoint import as_density
+from descentflow.exports.export_request import ExportRequest
+from descentflow.exports.targets import target_of
+from descentflow.generation.sample_contexts import Contexts
+from descentflow.positions.ground_path import Point
+from descentflow.positions.ground_plan import ground_plan
+from descentflow.positions.wind_by_level import Wind
+
+
+def export(
+    model: object,
+    to: str,
+    path: str | Path,
+    *,
+    n: int = 1000,
+    seed: int = 0,
+    context: Contexts | None = None,
+    end: Point | None = None,
+    track: float | None = None,
+    route: Sequence[Point] | None = None,
+    wind: str | Path | Wind | None = None,
+    to_go_nm: float = 0.0,
+    end_time: datetime | str | None = None,
+    every_s: float = 120.0,
+    draw_budget: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> list[Path]:
+    """Write a model's samples, or the model, in the format of another program.
+
+    Args:
+        model: A checkpoint's path, a density, or a fitted model.
+        to: A target of :data:`descentflow.exports.targets.TARGETS`.
+        path: The output; some targets write further files beside it.
+        n: Number of samples.
+        seed: The same seed gives the same files.
+        context: For a conditional model, as in :func:`descentflow.generation.sample.sample`.
+        end: See :func:`descentflow.positions.ground_plan.ground_plan`, as the next five.
+        track: True track at the end point.
+        route: Fixes, in place of both.
+        wind: Still air if absent.
+        to_go_nm: Distance left to the end point at the lowest level.
+        end_time: When the first flight passes the lowest level.
+        every_s: Seconds from one flight's arrival to the next one's.
+        draw_budget: Most draws.
+        progress: Progress callback: called with the number of descents newly accepted.
+
+    Returns:
+        The files that were written.
+
+    Raises:
+        CheckpointError: If the checkpoint cannot be used.
+        ConfigError: If there is no such target, it needs what was not said, or a library is missing.
+        DataError: If the output's folder does not exist.
+        SamplingError: If too few draws are plausible.
+
+    Example:
+        >>> [path.name for path in export("best.ckpt", "json", "samples.json", n=5)]
+        ['samples.json', 'samples.schema.json']
+    """
+    target = target_of(to)
+    plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
+    if every_s < 0 or n < 1:
+        raise ConfigError(
+            f"{n} samples, {every_s:g} s apart", expected="at least one, 0 s or more", mend="pass for instance 120 s"
+        )
+    density = as_density(model)
+    request = ExportRequest(density, check_output(path), n, seed, context, plan, every_s, draw_budget, progress)
+    target.check(to, request)
+    return target.writer(to)(request)

@@ -1,0 +1,93 @@
+"""What a target is given: a model, how many samples of it, and where they are flown."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import polars as pl
+
+from descentflow.densities.density import Density
+from descentflow.generation.sample import sample
+from descentflow.generation.sample_contexts import Contexts
+from descentflow.generation.samples import Samples
+from descentflow.positions.ground_plan import NOWHERE, GroundPlan
+
+FIRST_ADDRESS = 0xF00000
+"""ICAO addresses of samples begin here: a block that no state has."""
+
+
+@dataclass(frozen=True)
+class ExportRequest:
+    """A model, and what is to be made of it.
+
+    Attributes:
+        density: The model.
+        path: The output.
+        n: Number of samples.
+        seed: Of the samples.
+        context: For a conditional model, as in :func:`descentflow.generation.sample.sample`.
+        plan: Where they are flown.
+        every_s: Seconds from one flight's arrival to the next one's.
+        draw_budget: Most draws.
+        progress: Called with the number of descents newly accepted.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> request = ExportRequest(load_model("best.ckpt"), Path("samples.json"), n=3)
+        >>> len(request.samples), request.typecode
+        (3, 'A320')
+    """
+
+    density: Density
+    path: Path
+    n: int = 1000
+    seed: int = 0
+    context: Contexts | None = None
+    plan: GroundPlan = NOWHERE
+    every_s: float = 120.0
+    draw_budget: int | None = None
+    progress: Callable[[int], None] | None = None
+
+    @cached_property
+    def samples(self) -> Samples:
+        """The samples, laid over the ground; drawn when a target first asks for them."""
+        drawn = sample(
+            self.density,
+            self.n,
+            seed=self.seed,
+            context=self.context,
+            draw_budget=self.draw_budget,
+            progress=self.progress,
+        )
+        return replace(drawn, plan=self.plan)
+
+    @property
+    def typecode(self) -> str:
+        """Type designator of the aircraft."""
+        return self.density.representation.decoder.aircraft.typecode
+
+    def flights(self) -> pl.DataFrame:
+        """The table of samples as flights of their own: ``flight_id``, ``callsign``, ``icao24`` and ``typecode`` first.
+
+        With a time, the first flight passes the lowest level then, and each of the others ``every_s`` later.
+
+        Example:
+            >>> from descentflow.densities.checkpoint import load_model
+            >>> flights = ExportRequest(load_model("best.ckpt"), Path("s.json"), n=2).flights()
+            >>> flights["callsign"][-1]
+            'DF00001'
+        """
+        table = self.samples.to_polars()
+        number = pl.col("sample_id").cast(pl.Int64)
+        names = pl.DataFrame({"sample_id": pl.Series(range(self.n), dtype=pl.Int32)}).with_columns(
+            flight_id=pl.format("{}-{}-{}", pl.lit(self.typecode), self.seed, number.cast(pl.String).str.zfill(5)),
+            callsign=pl.format("DF{}", number.cast(pl.String).str.zfill(5)),
+            icao24=pl.Series([f"{FIRST_ADDRESS + i:06x}" for i in range(self.n)]),
+            typecode=pl.lit(self.typecode),
+        )
+        found = table.join(names, on="sample_id", how="left", maintain_order="left")
+        if "timestamp" in found.columns:
+            later = pl.duration(microseconds=(1e6 * self.every_s * number).cast(pl.Int64))
+            found = found.with_columns(pl.col("timestamp") + later)
+        return found.select("sample_id", *names.columns[1:], pl.exclude("sample_id", *names.columns[1:]))

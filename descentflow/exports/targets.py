@@ -1,0 +1,95 @@
+"""The targets of `descentflow export`; each is a module of its own, imported when it is used."""
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from descentflow.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from descentflow.exports.export_request import ExportRequest
+
+
+class Writer(Protocol):
+    """What every module of a target has as ``write``.
+
+    Example:
+        >>> from descentflow.exports.json_export import write
+        >>> writer: Writer = write
+    """
+
+    def __call__(self, request: "ExportRequest") -> list[Path]:
+        """Write the files of a target and return their paths."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """One target: what it is for, the extensions that its output may have, and what must be known of the ground.
+
+    Example:
+        >>> TARGETS["traffic"].suffixes, TARGETS["traffic"].places
+        (('.parquet',), True)
+    """
+
+    purpose: str
+    suffixes: tuple[str, ...]
+    places: bool = False
+    """Whether it needs an end point and a track, or a route."""
+    times: bool = False
+    """Whether it needs the time of arrival."""
+
+    def check(self, name: str, request: "ExportRequest") -> None:
+        """Refuse a request that the target cannot serve.
+
+        Raises:
+            ConfigError: If the extension is another, or the place or the time is missing.
+        """
+        if request.path.suffix not in self.suffixes:
+            raise ConfigError(
+                f"output {request.path.name} for {name}",
+                expected=f"an extension among {', '.join(self.suffixes)}",
+                mend="rename the output",
+            )
+        if self.places and request.plan.path is None:
+            raise ConfigError(
+                f"{name} without places",
+                expected="an end point and a track, or a route",
+                mend="give --end and --track, or --route",
+            )
+        if self.times and request.plan.end_time is None:
+            raise ConfigError(
+                f"{name} without a time",
+                expected="when the first flight passes the lowest level",
+                mend="give --time, for instance 2026-11-22T10:00:00",
+            )
+
+    def writer(self, name: str) -> Writer:
+        """The function that writes."""
+        found: Writer = import_module(f"descentflow.exports.{name}_export").write
+        return found
+
+
+TARGETS = {
+    "json": Target("samples for programs in other languages, with a JSON schema beside them", (".json",)),
+    "parquet": Target("the table of samples with unit and meaning in each field's metadata", (".parquet",)),
+    "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), places=True, times=True),
+    "traffic": Target("flights for the library traffic (Traffic.from_file)", (".parquet",), places=True, times=True),
+}
+"""Every target by its name."""
+
+
+def target_of(name: str) -> Target:
+    """The target of a name.
+
+    Raises:
+        ConfigError: If there is none.
+
+    Example:
+        >>> target_of("yaml")
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: target 'yaml'; expected one of json, ...; to mend it, ...
+    """
+    if name not in TARGETS:
+        raise ConfigError(f"target {name!r}", expected=f"one of {', '.join(TARGETS)}", mend="correct --to")
+    return TARGETS[name]

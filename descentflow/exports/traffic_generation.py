@@ -1,0 +1,116 @@
+"""A fitted model as a generation of the library traffic (its ``GenerationProtocol``), without importing traffic."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from descentflow.core.errors import ConfigError
+from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.densities.checkpoint import as_density
+from descentflow.generation.sample import sample
+from descentflow.positions.ground_plan import GroundPlan
+
+Array = NDArray[np.float64]
+FEATURES = ("track", "groundspeed", "altitude", "timedelta")
+"""What traffic needs to lay flights over the ground: degrees, kt, ft, s."""
+KNOWN = (*FEATURES, "latitude", "longitude", "vertical_rate", "IAS", "Mach", "TAS")
+
+
+class TrafficGeneration:
+    """Draws descents as ``traffic.algorithms.generation.Generation`` expects them of a model.
+
+    Its ``Generation(TrafficGeneration(...), features).sample(n)`` makes a ``Traffic``. A row of the matrix is a flight:
+    ``n_obs`` times equally far apart from its entry level to the lowest, the features of each.
+
+    Example:
+        >>> from descentflow.positions.ground_plan import ground_plan
+        >>> plan = ground_plan(end=(51.47, -0.45), track=270.0)
+        >>> rows, labels = TrafficGeneration("best.ckpt", plan, n_obs=50).sample(10)
+        >>> rows.shape, labels.shape
+        ((10, 200), (10,))
+    """
+
+    def __init__(
+        self, model: object, plan: GroundPlan, features: Sequence[str] = FEATURES, n_obs: int = 100, seed: int = 0
+    ) -> None:
+        """Take a fitted model.
+
+        Args:
+            model: A checkpoint's path, a density, or a fitted model.
+            plan: Where the descents are flown; it must have a path.
+            features: Some of :data:`KNOWN`, in the order that traffic is told too.
+            n_obs: Times of each flight.
+            seed: Of the first call of :meth:`sample`; every further call draws other flights.
+
+        Raises:
+            ConfigError: If a feature is not known, or the plan has no path.
+        """
+        odd = [name for name in features if name not in KNOWN]
+        if odd or n_obs < 2:
+            raise ConfigError(
+                f"features {', '.join(odd) or 'at one time'}",
+                expected=f"some of {', '.join(KNOWN)} at two times or more",
+                mend="leave the others out",
+            )
+        if plan.path is None:
+            raise ConfigError("a plan without a path", expected="an end point and a track, or a route", mend="give it")
+        self.density, self.plan, self.features = as_density(model), plan, tuple(features)
+        self.n_obs, self.seed = n_obs, seed
+
+    def fit(self, X: Array, **settings: Any) -> "TrafficGeneration":
+        """Take the number of times from traffic's matrix; the model has been fitted by descentflow.
+
+        It cannot learn from these features: drag is inferred from airspeeds, which they do not have.
+
+        Raises:
+            ConfigError: If the matrix has another number of features.
+        """
+        times, rest = divmod(np.asarray(X).shape[1], len(self.features))
+        if rest or times < 2:
+            raise ConfigError(
+                f"{np.asarray(X).shape[1]} columns of {len(self.features)} features",
+                expected="a multiple of the number of features",
+                mend=f"prepare traffic with features={list(self.features)}",
+            )
+        self.n_obs = times
+        return self
+
+    def sample(self, n_samples: int) -> tuple[Array, Array]:
+        """Draw flights.
+
+        Returns:
+            (n_samples, n_obs * features), the features of the first time first; and a label for each, which is 0.
+        """
+        drawn = sample(self.density, n_samples, seed=self.seed)
+        self.seed += 1
+        flown, placed = drawn.trajectories, self.plan.place(drawn.trajectories)
+        columns: dict[str, Any] = {
+            "altitude": (flown.levels_fl * 100).expand(flown.time_s.shape).numpy(),
+            "vertical_rate": flown.rate_mps.numpy() / FPM_MPS,
+            "IAS": flown.cas_mps.numpy() / KT_MPS,
+            "Mach": flown.mach.numpy(),
+            "TAS": flown.tas_mps.numpy() / KT_MPS,
+            "groundspeed": placed.groundspeed_mps / KT_MPS,
+            "track": placed.track,
+            "latitude": placed.latitude,
+            "longitude": placed.longitude,
+        }
+        found = np.empty((n_samples, self.n_obs, len(self.features)))
+        entries = flown.entry.tolist()
+        for i, (time_s, entry) in enumerate(zip(flown.time_s.numpy(), entries, strict=True)):
+            down = slice(entry, None, -1)
+            times = np.linspace(0.0, time_s[0], self.n_obs)
+            for k, name in enumerate(self.features):
+                found[i, :, k] = (
+                    times if name == "timedelta" else _at(times, time_s[down], columns[name][i][down], name)
+                )
+        return found.reshape(n_samples, -1), np.zeros(n_samples)
+
+
+def _at(times: Array, known: Array, values: Array, name: str) -> Array:
+    """Values between levels; a track goes the shorter way round."""
+    if name == "track":
+        return np.interp(times, known, np.unwrap(values, period=360)) % 360
+    return np.interp(times, known, values)

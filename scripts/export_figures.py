@@ -1,0 +1,70 @@
+"""Draw what other programs make of exported samples: python scripts/export_figures.py NAME best.ckpt FIGURE.png."""
+
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from descentflow.core.files import whole_file
+from descentflow.exports.export import export
+from descentflow.reporting.figure_style import MODELS, tidy
+
+WHERE = {
+    "route": [(53.6, 2.6), (53.0, 3.6), (52.62, 4.75), (52.3, 4.76)],
+    "to_go_nm": 30.0,
+    "wind": "150:270/20,350:280/60",
+    "end_time": "2026-11-22T10:00:00Z",
+}
+
+
+def cf(checkpoint: str, folder: Path) -> Figure:
+    """The CF file as xarray reads it."""
+    import xarray
+
+    export(checkpoint, "cf", folder / "s.nc", n=12, **WHERE)
+    data = xarray.open_dataset(folder / "s.nc")
+    figure = Figure(figsize=(8.5, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for k in range(data.sizes["trajectory"]):
+        one = data.isel(trajectory=k)
+        dots = axes.scatter(one.time, one.altitude, c=one.TAS, s=4, vmin=330, vmax=470, cmap="cividis")
+    figure.colorbar(dots, ax=axes, label="true airspeed, kt")
+    axes.set(xlabel="time, UTC", ylabel="pressure altitude, ft", title="12 trajectories of a CF file, read by xarray")
+    tidy([axes])
+    return figure
+
+
+def traffic(checkpoint: str, folder: Path) -> Figure:
+    """Flights in traffic, resampled and with its phases."""
+    from traffic.core import Traffic
+
+    export(checkpoint, "traffic", folder / "t.parquet", n=12, **WHERE)
+    flights = Traffic.from_file(folder / "t.parquet").resample("5s").phases().eval(max_workers=1)
+    figure = Figure(figsize=(10, 3.8), layout="constrained")
+    ground, vertical = figure.subplots(1, 2, width_ratios=[1, 1.6])
+    colours = {"DESCENT": MODELS[0][0], "NA": "#8c8c8c", "CRUISE": MODELS[1][0], "LEVEL": MODELS[2][0]}
+    for flight in flights:
+        ground.plot(flight.data.longitude, flight.data.latitude, color=MODELS[1][0], linewidth=0.8)
+        for name, part in flight.data.groupby("phase"):
+            vertical.scatter(part.timestamp, part.altitude, s=3, color=colours.get(name, "black"), label=name)
+    ground.plot(4.76, 52.3, "k^")
+    ground.set_aspect(1 / np.cos(np.radians(53)))
+    ground.set(xlabel="longitude, degrees", ylabel="latitude, degrees", title="12 flights in traffic")
+    vertical.set(xlabel="time, UTC", ylabel="altitude, ft", title="resampled at 5 s, phases by traffic")
+    named = dict(zip(*vertical.get_legend_handles_labels()[::-1], strict=True))
+    vertical.legend(named.values(), named.keys(), frameon=False, markerscale=4)
+    tidy([ground, vertical])
+    return figure
+
+
+FIGURES: dict[str, Callable[[str, Path], Figure]] = {"cf": cf, "traffic": traffic}
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    with TemporaryDirectory() as scratch, whole_file(sys.argv[3]) as temporary:
+        FIGURES[sys.argv[1]](sys.argv[2], Path(scratch)).savefig(temporary, format="png", dpi=90)

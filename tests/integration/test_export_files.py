@@ -1,0 +1,131 @@
+"""Samples in JSON, Parquet with units and CF, read by the programs that check such files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from export_toys import WHERE
+
+import descentflow as df
+from descentflow.cli.entry import main
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.exports.columns import COLUMNS
+from descentflow.exports.export import export
+from descentflow.exports.json_export import schema
+from descentflow.exports.targets import TARGETS
+
+
+@pytest.fixture(scope="module")
+def table(a320: Path) -> pl.DataFrame:
+    return df.sample(a320, 12, seed=4).placed(**WHERE).to_polars()
+
+
+@pytest.mark.parametrize("where", [{}, WHERE])
+def test_json_keeps_its_schema_and_the_samples(a320: Path, table: pl.DataFrame, tmp_path: Path, where: dict) -> None:
+    jsonschema = pytest.importorskip("jsonschema", reason="jsonschema checks the schema; part of the test extra")
+    written = export(a320, "json", tmp_path / "s.json", n=12, seed=4, **where)
+    found, beside = (json.loads(path.read_text()) for path in written)
+    assert beside == schema()
+    jsonschema.Draft202012Validator.check_schema(beside)
+    jsonschema.Draft202012Validator(beside).validate(found)
+    for one in found["samples"]:
+        expected = table.filter(sample_id=one["sample_id"])
+        for name in ("level_fl", "time_s", "CAS", "vertical_rate", *(("latitude",) if where else ())):
+            np.testing.assert_allclose(one[name], expected[name], atol=6e-5)
+    assert len({len(found["samples"][0][name]) for name in found["units"] if name != "top_of_descent_nm"}) == 1
+    broken = {**found, "samples": [{**found["samples"][0], "latitude": [95.0]}]}
+    assert not jsonschema.Draft202012Validator(beside).is_valid(broken)
+
+
+def test_json_of_a_conditional_model_has_what_was_given(tmp_path: Path) -> None:
+    import toys
+
+    descents = toys.write_descents_file(tmp_path / "d.parquet", 150)
+    model = df.fit(descents, model="gaussian", context=["entry_fl"])
+    export(model, "json", tmp_path / "s.json", n=3, context={"entry_fl": 300})
+    found = json.loads((tmp_path / "s.json").read_text())
+    assert [one["given"] for one in found["samples"]] == [{"entry_fl": 300.0}] * 3
+
+
+def test_every_field_of_the_parquet_says_its_unit(a320: Path, table: pl.DataFrame, tmp_path: Path) -> None:
+    io = pytest.importorskip("arro3.io", reason="arro3 is an extra of descentflow (parquet-units)")
+    (path,) = export(a320, "parquet", tmp_path / "s.parquet", n=12, seed=4, **WHERE)
+    fields = io.read_parquet(path).schema
+    found = {name: fields.field(name).metadata_str for name in fields.names}
+    assert found["vertical_rate"]["units"] == "ft/min"
+    assert {name: about["units"] for name, about in found.items()} == {name: COLUMNS[name].unit for name in found}
+    again = pl.read_parquet(path)
+    assert again.select(table.columns).drop("timestamp").equals(table.drop("timestamp"))
+    apart = again.filter(level_fl=150)["timestamp"].diff().drop_nulls().dt.total_seconds()
+    assert apart.to_list() == [120] * 11, "one flight after the other"
+
+
+def test_the_cf_file_passes_the_compliance_checker(a320: Path, table: pl.DataFrame, tmp_path: Path) -> None:
+    runner = pytest.importorskip(
+        "compliance_checker.runner", reason="compliance-checker checks the file; part of the test extra"
+    )
+    netcdf = pytest.importorskip("netCDF4", reason="netCDF4 is an extra of descentflow (wind)")
+    (path,) = export(a320, "cf", tmp_path / "s.nc", n=12, seed=4, **WHERE)
+    suite = runner.CheckSuite()
+    suite.load_all_available_checkers()
+    passed, errors = runner.ComplianceChecker.run_checker(
+        str(path), ["cf:1.11"], 0, "strict", output_filename=str(tmp_path / "report.json"), output_format="json"
+    )
+    report = json.loads((tmp_path / "report.json").read_text())["cf:1.11"]
+    messages = [one["msgs"] for level in ("high", "medium", "low") for one in report[f"{level}_priorities"]]
+    assert [found for found in messages if found] == []
+    assert passed
+    assert not errors
+    with netcdf.Dataset(path) as file:
+        one = table.filter(sample_id=7)
+        np.testing.assert_array_equal(file["TAS"][7].compressed(), one["TAS"])
+        np.testing.assert_array_equal(file["lat"][7].compressed(), one["latitude"])
+        assert file["TAS"].standard_name == "platform_speed_wrt_air"
+        assert file["time"][7].compressed()[-1] - file["time"][6].compressed()[-1] == 120
+
+
+def test_a_cf_file_that_lacks_something_fails_the_checker(a320: Path, tmp_path: Path) -> None:
+    """The check above can fail."""
+    runner = pytest.importorskip("compliance_checker.runner", reason="compliance-checker is part of the test extra")
+    netcdf = pytest.importorskip("netCDF4", reason="netCDF4 is an extra of descentflow (wind)")
+    (path,) = export(a320, "cf", tmp_path / "s.nc", n=3, **WHERE)
+    with netcdf.Dataset(path, "a") as file:
+        file["TAS"].units = "metre"
+    runner.CheckSuite().load_all_available_checkers()
+    passed, _ = runner.ComplianceChecker.run_checker(
+        str(path), ["cf:1.11"], 0, "strict", output_filename=str(tmp_path / "report.json"), output_format="json"
+    )
+    assert not passed
+
+
+@pytest.mark.parametrize(
+    ("to", "name", "said", "message"),
+    [
+        ("yaml", "s.yaml", {}, "target 'yaml'"),
+        ("json", "s.txt", {}, r"output s\.txt for json"),
+        ("cf", "s.nc", {}, "cf without places"),
+        ("cf", "s.nc", {"end": (52.0, 4.0), "track": 90.0}, "cf without a time"),
+        ("json", "s.json", {"n": 0}, "0 samples"),
+    ],
+)
+def test_what_a_target_cannot_serve_is_refused(
+    a320: Path, tmp_path: Path, to: str, name: str, said: dict, message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        export(a320, to, tmp_path / name, **said)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_lists_the_targets_and_writes(a320: Path, tmp_path: Path, capsys) -> None:
+    with pytest.raises(SystemExit):
+        main(["export", "--help"])
+    said = capsys.readouterr().out
+    assert all(f"  {name} " in said and target.purpose in said for name, target in TARGETS.items())
+    assert main(["export", str(a320), "--to", "json", "--out", str(tmp_path / "s.json"), "-n", "3"]) == 0
+    assert f"wrote {tmp_path / 's.schema.json'}" in capsys.readouterr().out
+    assert main(["export", str(a320), "--to", "cf", "--out", str(tmp_path / "s.nc"), "-n", "3"]) == 2
+    assert "cf without places" in capsys.readouterr().err
+    with pytest.raises(DataError, match="does not exist"):
+        export(a320, "json", tmp_path / "nowhere" / "s.json")

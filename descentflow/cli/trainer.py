@@ -2,27 +2,35 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from jsonargparse import ArgumentError
+from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch.callbacks import ModelCheckpoint
-from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
+from lightning.pytorch.cli import LightningArgumentParser, LightningCLI, SaveConfigCallback
 
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
+from descentflow.training.callbacks.failed_run import RemoveFailedRun
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 from descentflow.training.quiet import quiet
+from descentflow.training.run_folders import (
+    UNNAMED,
+    USUAL_FOLDER,
+    log_settings,
+    name_run,
+    run_folder,
+    write_into_run,
+)
 from descentflow.training.training_settings import CHECKPOINT_DEFAULTS, TRAINER_DEFAULTS, accelerator
 
 MODELS = (Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow)
 """Imported so that `--model NAME` finds them by their short names."""
-
-UNNAMED = "default"
-"""Stands for the model's name in the folder of a run."""
 
 
 class DescentCLI(LightningCLI):
@@ -38,23 +46,38 @@ class DescentCLI(LightningCLI):
                 **{f"trainer.{name}": value for name, value in TRAINER_DEFAULTS.items()},
                 "trainer.logger": {
                     "class_path": "lightning.pytorch.loggers.TensorBoardLogger",
-                    "init_args": {"save_dir": "runs", "name": UNNAMED},
+                    "init_args": {"save_dir": USUAL_FOLDER, "name": UNNAMED},
                 },
             }
         )
 
+    def parse_arguments(self, parser: LightningArgumentParser, args: Any) -> None:
+        """Remember which options were given: what is chosen by default steps back behind them."""
+        self.words = list(args)
+        super().parse_arguments(parser, args)
+
     def before_instantiate_classes(self) -> None:
-        """Name the run's folder after its model unless a config names it."""
+        """Choose the folder that is written to, unless an option of the logger does."""
         config = self.config[self.subcommand]
-        logger = config.trainer.logger
-        if getattr(logger, "init_args", None) is not None and logger.init_args.get("name") == UNNAMED:
-            logger.init_args.name = config.model.class_path.rsplit(".", 1)[-1]
+        if self.subcommand == "fit":
+            name_run(config)
+        elif not any(word.startswith("--trainer.logger") for word in self.words):
+            write_into_run(config, str(self.subcommand), _run_of(Path(config.ckpt_path)))
 
     def after_fit(self) -> None:
         """Say where the best epoch was written, how good it was, and what to do with it."""
         for kept in self.trainer.checkpoint_callbacks:
             if self.trainer.is_global_zero and isinstance(kept, ModelCheckpoint) and kept.monitor:
+                log_settings(self.trainer, self.config["fit"], float(kept.best_model_score or "nan"), kept.monitor)
                 print(_next_steps(kept))
+
+
+def _run_of(checkpoint: Path) -> Path:
+    """The run's folder; the checkpoint's own where that was taken out of its run."""
+    try:
+        return run_folder(checkpoint)
+    except ConfigError:
+        return checkpoint.parent
 
 
 def _next_steps(best: ModelCheckpoint) -> str:
@@ -98,7 +121,8 @@ def run(command: str, rest: Sequence[str]) -> None:
             DescentDataModule,
             subclass_mode_model=True,
             seed_everything_default=0,
-            trainer_defaults={"callbacks": [WriteLogProb(), every_epoch]},
+            trainer_defaults={"callbacks": [WriteLogProb(), every_epoch, RemoveFailedRun()]},
+            save_config_callback=SaveConfigCallback if command == "fit" else None,
             save_config_kwargs={"overwrite": False},
             parser_kwargs={
                 "prog": "descentflow",
@@ -113,6 +137,12 @@ def run(command: str, rest: Sequence[str]) -> None:
             "; ".join(part.strip(" -:") for part in str(error).splitlines() if part.strip()),
             expected="options, files and values as `descentflow fit --help_all` lists them",
             mend="correct the value that is named first",
+        ) from None
+    except MisconfigurationException as error:
+        raise ConfigError(
+            str(error).splitlines()[0],
+            expected="options of the trainer that go together",
+            mend="change or leave out one",
         ) from None
 
 
@@ -160,21 +190,10 @@ def _with_run_settings(command: str, words: list[str]) -> list[str]:
         )
     content = read_checkpoint(checkpoint)
     if _option(words, "--config") is None:
-        words = ["--config", str(_run_config(Path(checkpoint))), *words]
+        words = ["--config", str(run_folder(Path(checkpoint)) / "config.yaml"), *words]
     if "model" not in content[SECTION]:
         raise CheckpointError(f"{checkpoint}: no model named", expected="a whole checkpoint", mend="fit again")
     return [*words, "--data.checkpoint", checkpoint]
-
-
-def _run_config(checkpoint: Path) -> Path:
-    for folder in (checkpoint.parent, checkpoint.parent.parent):
-        if (folder / "config.yaml").is_file():
-            return folder / "config.yaml"
-    raise ConfigError(
-        f"no config.yaml beside {checkpoint} or one folder up",
-        expected="the settings of the run that wrote it",
-        mend="pass them with --config FILE",
-    )
 
 
 def _option(words: Sequence[str], name: str) -> str | None:

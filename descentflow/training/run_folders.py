@@ -1,0 +1,132 @@
+"""Where the trainer's commands write: `fit` into a folder of its own, the others into that of the run they score."""
+
+from pathlib import Path
+from typing import Any
+
+from lightning.pytorch import Trainer
+from lightning.pytorch.loggers import TensorBoardLogger
+
+from descentflow.core.errors import ConfigError
+
+UNNAMED = "default"
+"""Stands for the model's name in the folder of a run."""
+USUAL_FOLDER = "runs"
+"""Where runs go unless a config or an option says otherwise."""
+
+
+def name_run(config: Any) -> None:
+    """Put a fit's folder where ``--trainer.default_root_dir`` says, and name it after the model unless it has a name.
+
+    Args:
+        config: Settings of the command, changed in place.
+
+    Example:
+        >>> from types import SimpleNamespace as Settings
+        >>> logger = Settings(class_path="TensorBoardLogger", init_args={"save_dir": "runs", "name": UNNAMED})
+        >>> model = Settings(class_path="descentflow.training.models.Gaussian")
+        >>> name_run(Settings(model=model, trainer=Settings(logger=logger, default_root_dir="here")))
+        >>> logger.init_args["save_dir"], logger.init_args["name"]
+        ('here', 'Gaussian')
+    """
+    options = _logger_options(config)
+    if options is None:
+        return
+    if options.get("name") == UNNAMED:
+        options["name"] = config.model.class_path.rsplit(".", 1)[-1]
+    if options.get("save_dir") == USUAL_FOLDER and config.trainer.default_root_dir is not None:
+        options["save_dir"] = str(config.trainer.default_root_dir)
+    _without_false_score(config)
+
+
+def write_into_run(config: Any, command: str, run: Path) -> None:
+    """Let `test` and `predict` write into the folder of that name in the run that they score; `validate` only prints.
+
+    Args:
+        config: Settings of the command, changed in place.
+        command: Which.
+        run: Folder of the run.
+
+    Example:
+        >>> from types import SimpleNamespace as Settings
+        >>> logger = Settings(class_path="TensorBoardLogger", init_args={"save_dir": "runs", "name": "gaussian"})
+        >>> write_into_run(Settings(trainer=Settings(logger=logger)), "test", Path("runs/gaussian/version_0"))
+        >>> logger.init_args["save_dir"], logger.init_args["version"]
+        ('runs/gaussian/version_0', 'test')
+    """
+    if command == "validate":
+        config.trainer.logger = False
+        return
+    options = _logger_options(config)
+    if options is None:
+        config.trainer.default_root_dir = str(run / command)
+        return
+    for name, value in {"save_dir": str(run), "name": "", "version": command}.items():
+        options[name] = value
+    _without_false_score(config)
+
+
+def run_folder(checkpoint: Path) -> Path:
+    """The folder of a run, known by its settings: that of its checkpoint, or the one above.
+
+    Raises:
+        ConfigError: If neither has settings.
+
+    Example:
+        >>> run_folder(Path("else/where/best.ckpt"))
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.ConfigError: no config.yaml beside else/where/best.ckpt or one folder up; ...
+    """
+    for folder in (checkpoint.parent, checkpoint.parent.parent):
+        if (folder / "config.yaml").is_file():
+            return folder
+    raise ConfigError(
+        f"no config.yaml beside {checkpoint} or one folder up",
+        expected="the settings of the run that wrote it",
+        mend="pass them with --config FILE",
+    )
+
+
+def log_settings(trainer: Trainer, config: Any, score: float, monitor: str) -> None:
+    """Show TensorBoard the settings of a finished fit beside its best score.
+
+    Args:
+        trainer: That has fitted.
+        config: Settings of the command.
+        score: Of the best epoch.
+        monitor: Name of the score.
+
+    Example:
+        >>> from types import SimpleNamespace as Settings
+        >>> trainer = Trainer(logger=TensorBoardLogger("logged", default_hp_metric=False), accelerator="cpu")
+        >>> log_settings(trainer, Settings(model={"init_args": {"ridge": 1.0}}, data={"seed": 0}), 4.3, "val/nll")
+        >>> [path.name[:6] for path in Path("logged/lightning_logs/version_0").glob("events*")]
+        ['events']
+    """
+    settings = {**_flat("model", config.model.get("init_args") or {}), **_flat("data", config.data)}
+    for logger in trainer.loggers:
+        if isinstance(logger, TensorBoardLogger):
+            logger.log_hyperparams(settings, {f"best/{monitor}": score})
+            logger.finalize("success")
+
+
+def _flat(section: str, options: Any) -> dict[str, Any]:
+    """Options by name; lists and paths as text, for TensorBoard shows numbers, flags and texts."""
+    plain = int | float | str | bool
+    return {
+        f"{section}/{name}": value if isinstance(value, plain) else str(value)
+        for name, value in dict(options).items()
+        if value is not None
+    }
+
+
+def _logger_options(config: Any) -> Any:
+    """Options of the one logger with a folder, or None."""
+    options = getattr(config.trainer.logger, "init_args", None)
+    return None if options is None or "save_dir" not in options else options
+
+
+def _without_false_score(config: Any) -> None:
+    """Keep TensorBoard from opening on a score of -1 that nobody measured."""
+    if config.trainer.logger.class_path.endswith("TensorBoardLogger"):
+        config.trainer.logger.init_args["default_hp_metric"] = False

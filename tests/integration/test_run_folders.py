@@ -1,0 +1,68 @@
+"""Where the trainer's commands write: no empty runs, results beside the checkpoint that they are of."""
+
+from pathlib import Path
+
+import pytest
+from command_line_toys import QUICK
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from descentflow.cli.entry import main
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def files(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith("events.")}
+
+
+def test_a_run_goes_where_it_is_told_and_what_scores_it_goes_into_it(here: Path, descents: Path) -> None:
+    words = ["--model", "Gaussian", "--data.descents", str(descents), *QUICK, "--trainer.default_root_dir", "mine"]
+    assert main(["fit", *words]) == 0
+    run = here / "mine" / "Gaussian" / "version_0"
+    checkpoint = ["--ckpt_path", str(run / "checkpoints" / "best.ckpt")]
+    before = files(run)
+    assert main(["validate", *checkpoint]) == 0
+    assert main(["predict", *checkpoint]) == 0
+    for _ in range(2):  # once more, over what is there
+        assert main(["test", *checkpoint, "--scores.n_test_samples=200"]) == 0
+    assert {path.name for path in here.iterdir()} == {"mine"}
+    assert {path.name for path in run.parent.iterdir()} == {"version_0"}
+    assert {path.name for path in run.iterdir() if path.is_dir()} == {"checkpoints", "predict", "test"}
+    assert files(run) == before
+    assert {"scores.csv", "profiles.png"} <= files(run / "test")
+    assert "log_prob.csv" in files(run / "predict")
+
+
+def test_tensorboard_shows_settings_beside_the_best_score_and_no_score_that_nobody_measured(
+    here: Path, descents: Path
+) -> None:
+    assert main(["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK]) == 0
+    events = EventAccumulator(str(here / "runs" / "Gaussian" / "version_0"))
+    events.Reload()
+    assert "hp_metric" not in events.Tags()["scalars"]
+    (best,) = events.Scalars("best/val/nll")
+    assert best.value == min(event.value for event in events.Scalars("val/nll"))
+    (settings,) = [name for name in events.summary_metadata if name.endswith("session_start_info")]
+    assert b"data/descents" in events.summary_metadata[settings].plugin_data.content
+
+
+@pytest.mark.parametrize("logger", [[], ["--trainer.logger=CSVLogger", "--trainer.logger.save_dir=runs"]])
+def test_a_fit_that_fails_leaves_nothing(here: Path, logger: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fit", "--model", "Gaussian", "--data.descents", "absent.parquet", *logger]) == 2
+    assert "no file absent.parquet" in capsys.readouterr().err
+    assert not list(here.iterdir())
+
+
+def test_trainer_options_that_contradict_each_other_are_told_in_a_line(
+    here: Path, descents: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--model", "Gaussian", "--data.descents", str(descents), "--trainer.max_epochs=-2"]
+    assert main(["fit", *words]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
+    assert line.startswith("descentflow fit: ")
+    assert "max_epochs" in line
+    assert not list(here.iterdir())

@@ -1,5 +1,7 @@
 """Draw what other programs make of exported samples: python scripts/export_figures.py NAME best.ckpt FIGURE.png."""
 
+import json
+import subprocess
 import sys
 import warnings
 from collections.abc import Callable
@@ -9,6 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from matplotlib.figure import Figure
 
+import descentflow as df
 from descentflow.core.files import whole_file
 from descentflow.exports.export import export
 from descentflow.reporting.figure_style import MODELS, tidy
@@ -61,7 +64,37 @@ def traffic(checkpoint: str, folder: Path) -> Figure:
     return figure
 
 
-FIGURES: dict[str, Callable[[str, Path], Figure]] = {"cf": cf, "traffic": traffic}
+def bluesky(checkpoint: str, folder: Path) -> Figure:
+    """A scenario and the plugin as BlueSky flies them, beside the samples."""
+    flyer = Path(__file__).resolve().parents[1] / "tests" / "fly_in_bluesky.py"
+    own = df.sample(checkpoint, 40, seed=0).to_polars()
+    figure = Figure(figsize=(10, 3.8), layout="constrained")
+    vertical, errors = figure.subplots(1, 2, width_ratios=[1.6, 1])
+    for k, name in enumerate(("flights.scn", "flights.py")):
+        export(checkpoint, "bluesky", folder / name, n=40, every_s=0.0, **{**WHERE, "end_time": None})
+        subprocess.run([sys.executable, "-W", "ignore", flyer, folder / name, folder / "flown.json"], check=True)
+        states = {one: np.array(rows) for one, rows in json.loads((folder / "flown.json").read_text()).items()}
+        off = []
+        for number in range(40):
+            state, sampled = states[f"DF{number:05d}"], own.filter(sample_id=number)
+            grid = np.arange(15_500.0, sampled["altitude_ft"][0] - 500, 500.0)
+            flown_s = np.interp(-grid, -state[:, 1], state[:, 0])
+            time_s = np.interp(-grid, -sampled["altitude_ft"].to_numpy(), sampled["time_s"].to_numpy())
+            flown_s -= flown_s[-1] - time_s[-1]
+            off.append((flown_s - time_s)[0])
+            if k == 0 and number < 8:
+                vertical.plot(sampled["time_s"] / 60, sampled["altitude_ft"], color="black", linewidth=0.8)
+                vertical.plot(flown_s / 60, grid, "o", color=MODELS[0][0], markersize=2)
+        label = f"{'scenario' if k == 0 else 'plugin'}: {np.mean(off):+.2f} s, spread {np.std(off):.2f} s"
+        errors.plot(sorted(off), (np.arange(40) + 0.5) / 40, MODELS[k][1], color=MODELS[k][0], label=label)
+    vertical.set(xlabel="minutes since the entry level", ylabel="altitude, ft", title="8 samples, as BlueSky flew them")
+    errors.set(xlabel="time flown minus sampled, s", ylabel="share of 40 flights", title="top of descent to FL155")
+    errors.legend(frameon=False, fontsize=8, loc="upper left")
+    tidy([vertical, errors])
+    return figure
+
+
+FIGURES: dict[str, Callable[[str, Path], Figure]] = {"cf": cf, "traffic": traffic, "bluesky": bluesky}
 
 
 if __name__ == "__main__":

@@ -75,6 +75,7 @@ TARGETS = {
     "parquet": Target("the table of samples with unit and meaning in each field's metadata", (".parquet",)),
     "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), places=True, times=True),
     "traffic": Target("flights for the library traffic (Traffic.from_file)", (".parquet",), places=True, times=True),
+    "bluesky": Target("a scenario for BlueSky (.scn), or a plugin that flies samples (.py)", (".scn", ".py")),
 }
 """Every target by its name."""
 

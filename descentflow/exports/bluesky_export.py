@@ -1,0 +1,127 @@
+"""Samples in BlueSky 1.1: a scenario (``.scn``), or a plugin that flies samples at every step (``.py``)."""
+
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import orjson
+import polars as pl
+
+from descentflow.core.errors import ConfigError
+from descentflow.core.files import whole_file
+from descentflow.core.units import KT_MPS, NM_M
+from descentflow.exports.bluesky_rates import STEP_S, commanded_rates, first_rate, run_up
+from descentflow.exports.export_request import ExportRequest
+from descentflow.exports.json_export import document
+from descentflow.positions.wind_by_level import WindByLevel
+
+AHEAD_FT = 1000.0
+"""Altitudes are selected so far below the flight and no further: BlueSky 1.1.1 limits the speed as if it was there."""
+LONGEST_RUN_UP_S = 15.0
+"""Before the first sample begins: 300 ft/min a second make 3,100 ft/min in less."""
+
+
+def write(request: ExportRequest) -> list[Path]:
+    """Write ``NAME.scn``, or the plugin ``NAME.py`` with its samples, ``NAME.json``.
+
+    Raises:
+        ConfigError: If a scenario has no path, or a wind that is neither constant nor by level.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> [path.name for path in write(ExportRequest(load_model("best.ckpt"), Path("descents.py"), n=5))]
+        ['descents.py', 'descents.json']
+    """
+    if request.path.suffix == ".scn":
+        text = "\n".join(scenario(request)) + "\n"
+        with whole_file(request.path) as temporary:
+            temporary.write_text(text, encoding="ascii")
+        return [request.path]
+    beside = request.path.with_suffix(".json")
+    plugin = resources.files("descentflow.exports").joinpath("templates/bluesky_plugin.py").read_text(encoding="utf-8")
+    content = orjson.dumps(document(request), option=orjson.OPT_SERIALIZE_NUMPY)
+    with whole_file(beside) as temporary:
+        temporary.write_bytes(content)
+    with whole_file(request.path) as temporary:
+        temporary.write_text(plugin, encoding="utf-8")
+    return [request.path, beside]
+
+
+def scenario(request: ExportRequest) -> list[str]:
+    """The lines of a scenario, in the order of time.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.positions.ground_plan import ground_plan
+        >>> plan = ground_plan(end=(51.47, -0.45), track=270.0)
+        >>> lines = scenario(ExportRequest(load_model("best.ckpt"), Path("d.scn"), n=2, plan=plan))
+        >>> lines[2].split(" ")[0][-4:], lines[-1].split(" ")[0][-3:]
+        ('>CRE', 'SPD')
+    """
+    if request.plan.path is None:
+        raise ConfigError(
+            "a scenario without places",
+            expected="an end point and a track, or a route",
+            mend="give --end and --track, or --route; or write the plugin, --out NAME.py",
+        )
+    samples = request.samples
+    lasts = samples.trajectories.time_s[:, 0].numpy()
+    starts = request.every_s * np.arange(len(samples)) - lasts
+    starts += LONGEST_RUN_UP_S - starts.min()
+    timed = [(0.0, line) for line in _wind(request)]
+    table = samples.to_polars().partition_by("sample_id", maintain_order=True)
+    for i, (one, start) in enumerate(zip(table, starts, strict=True)):
+        timed += [(start + after, line) for after, line in _flight(f"DF{i:05d}", request, one)]
+    timed.sort(key=lambda line: line[0])
+    return [f"# {len(samples)} sampled descents of {request.typecode}, seed {request.seed}", *map(_line, timed)]
+
+
+def _flight(name: str, request: ExportRequest, one: pl.DataFrame) -> list[tuple[float, str]]:
+    """Commands of one flight, each with its seconds after the sample's beginning."""
+    time_s, altitude_ft, cas_kt = (one[column].to_numpy() for column in ("time_s", "altitude_ft", "CAS"))
+    rate = first_rate(time_s, altitude_ft)
+    before_s, above_ft = run_up(rate)
+    path = request.plan.path
+    assert path is not None, "checked by the caller"
+    first = one.row(0, named=True)
+    to_go_m = first["distance_to_go_nm"] * NM_M + first["groundspeed"] * KT_MPS * before_s
+    latitude, longitude, track = (float(value[0]) for value in path.at(np.array([to_go_m])))
+    place = f"{latitude:.6f} {longitude:.6f} {track:.2f}"
+    lines = [f"CRE {name} {request.typecode} {place} {altitude_ft[0] + above_ft:.1f} {cas_kt[0]:.2f}"]
+    for leg in np.flatnonzero(path.start_m < to_go_m)[::-1]:
+        lines.append(f"ADDWPT {name} {path.end_latitude[leg]:.6f} {path.end_longitude[leg]:.6f}")
+    lines += [f"LNAV {name} ON", f"VNAV {name} OFF", f"ALT {name} {altitude_ft[0] - AHEAD_FT:.0f} {rate:.1f}"]
+    timed = [(-before_s, line) for line in lines]
+    rates, altitudes = commanded_rates(time_s, altitude_ft)
+    speeds = np.interp(STEP_S * (np.arange(len(rates)) + 0.5), time_s, cas_kt)
+    for k, (rate, altitude, speed) in enumerate(zip(rates, altitudes, speeds, strict=True)):
+        timed.append((STEP_S * k, f"ALT {name} {max(altitude - AHEAD_FT, altitude_ft[-1]):.0f} {rate:.1f}"))
+        timed.append((STEP_S * k, f"SPD {name} {speed:.2f}"))
+    return timed
+
+
+def _line(timed: tuple[float, str]) -> str:
+    hundredths = round(100 * timed[0])
+    minutes, rest = divmod(hundredths, 6000)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours:02d}:{minutes:02d}:{rest / 100:05.2f}>{timed[1]}"
+
+
+def _wind(request: ExportRequest) -> list[str]:
+    """BlueSky's command for the wind, if there is one; without conflict detection, which the descents do not need."""
+    wind, path = request.plan.wind, request.plan.path
+    if wind is None or path is None:
+        return ["ASAS OFF"]
+    if not isinstance(wind, WindByLevel):
+        raise ConfigError(
+            "a field of wind in a scenario of BlueSky",
+            expected="a wind that is constant or by level",
+            mend="give --wind for instance as 150:270/20,350:270/60",
+        )
+    levels = wind.levels_fl if len(wind.levels_fl) > 1 else np.array([0.0, 450.0])
+    words = []
+    for level in levels:
+        east, north = wind.at(float(level), np.zeros(1), np.zeros(1), None)
+        blows_from = np.degrees(np.arctan2(-east[0], -north[0])) % 360
+        words.append(f"{level * 100:.0f} {blows_from:.1f} {np.hypot(east[0], north[0]) / KT_MPS:.3f}")
+    return ["ASAS OFF", f"WIND {path.end_latitude[0]:.4f} {path.end_longitude[0]:.4f} {' '.join(words)}"]

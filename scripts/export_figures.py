@@ -94,7 +94,38 @@ def bluesky(checkpoint: str, folder: Path) -> Figure:
     return figure
 
 
-FIGURES: dict[str, Callable[[str, Path], Figure]] = {"cf": cf, "traffic": traffic, "bluesky": bluesky}
+def wrap(checkpoint: str, folder: Path) -> Figure:
+    """OpenAP's own descents beside the samples' in OpenAP's file."""
+    import openap
+    from scipy import stats
+
+    shown = {
+        "descent_const_mach": "constant Mach",
+        "descent_const_vcas": "constant CAS, m/s",
+        "descent_vs_conmach": "rate at constant Mach, m/s",
+        "descent_vs_concas": "rate at constant CAS, m/s",
+    }
+    own = openap.WRAP(ac="A320")
+    export(checkpoint, "wrap", folder / "a320.txt", n=2000)
+    openap.kinematic.dir_wrap = f"{folder}/"
+    ours = openap.WRAP(ac="A320")
+    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
+    panels = figure.subplots(1, 4)
+    for axes, (name, label) in zip(panels, shown.items(), strict=True):
+        for k, (known, source) in enumerate(((own, "OpenAP's own"), (ours, "of the samples"))):
+            row = getattr(known, name)()
+            family = getattr(stats, row["statmodel"])
+            spread = family.ppf([0.001, 0.999], *row["statmodel_params"])
+            grid = np.linspace(*spread, 300)
+            density = family.pdf(grid, *row["statmodel_params"])
+            axes.plot(grid, density, MODELS[k][1], color=MODELS[k][0], label=source)
+        axes.set(xlabel=label, yticks=[])
+    tidy(panels)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
+FIGURES: dict[str, Callable[[str, Path], Figure]] = {"cf": cf, "traffic": traffic, "bluesky": bluesky, "wrap": wrap}
 
 
 if __name__ == "__main__":

@@ -125,7 +125,37 @@ def wrap(checkpoint: str, folder: Path) -> Figure:
     return figure
 
 
-FIGURES: dict[str, Callable[[str, Path], Figure]] = {"cf": cf, "traffic": traffic, "bluesky": bluesky, "wrap": wrap}
+def card(checkpoint: str, folder: Path) -> Figure:
+    """What evaluate fills into a model's card, as bars."""
+    world = df.simulate("A320", 300, seed=77)
+    found = df.evaluate(checkpoint, df.prepare(world.rows, typecode="A320"), n=5000)
+    rows = [row for row in found.scores if row.statistic == "wasserstein" and np.isfinite(row.equal_size)]
+    figure = Figure(figsize=(8.5, 3.0), layout="constrained")
+    axes = figure.subplots()
+    places = np.arange(len(rows))
+    for k, (values, label) in enumerate(
+        (
+            ([row.equal_size / row.floor for row in rows], "samples against flights"),
+            ([row.floor_high / row.floor for row in rows], "flights against flights, 95th percentile"),
+        )
+    ):
+        axes.barh(places + 0.2 * (1 - 2 * k), values, 0.38, color=MODELS[k][0], label=label)
+    axes.axvline(1, color="black", linewidth=0.8)
+    names = [f"{row.quantity.replace('_', ' ')} ({row.equal_size:.3g} {row.unit})" for row in rows]
+    axes.set(yticks=places, yticklabels=names, xlabel="Wasserstein distance, times the noise floor")
+    axes.invert_yaxis()
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    tidy([axes])
+    return figure
+
+
+FIGURES: dict[str, Callable[[str, Path], Figure]] = {
+    "bluesky": bluesky,
+    "card": card,
+    "cf": cf,
+    "traffic": traffic,
+    "wrap": wrap,
+}
 
 
 if __name__ == "__main__":

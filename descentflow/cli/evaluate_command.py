@@ -24,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resamples", type=int, help="also write intervals.csv: 90 %% bootstrap intervals of the scores over flights"
     )
+    parser.add_argument("--card", type=Path, help="also fill the scores into a model card (export --to safetensors)")
     parser.add_argument("--no-figures", dest="figures", action="store_false", help="draw no figures")
 
 
@@ -34,6 +35,7 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.core.files import whole_file
     from descentflow.evaluation.evaluate import N_SPLITS, evaluate
     from descentflow.evaluation.metrics.scores import n_comparisons
+    from descentflow.exports.model_card import fill_in_scores
 
     with (
         tqdm(total=args.number, desc="descents", delay=2) as bar,
@@ -53,5 +55,7 @@ def run(args: argparse.Namespace) -> None:
     if args.resamples is not None:
         with whole_file(args.out / "intervals.csv") as temporary:
             found.intervals(args.resamples, args.seed).write_csv(temporary)
+    if args.card is not None:
+        fill_in_scores(args.card, found.scores, len(found.real), args.real.name)
     print(found)
     print(f"wrote {args.out / 'scores.csv'}{' and figures' if args.figures else ''}")

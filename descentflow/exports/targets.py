@@ -77,6 +77,7 @@ TARGETS = {
     "traffic": Target("flights for the library traffic (Traffic.from_file)", (".parquet",), places=True, times=True),
     "bluesky": Target("a scenario for BlueSky (.scn), or a plugin that flies samples (.py)", (".scn", ".py")),
     "wrap": Target("OpenAP's WRAP file of the type, its descents those of the samples", (".txt",)),
+    "safetensors": Target("the model itself, as weights and a JSON header, with a model card", (".safetensors",)),
 }
 """Every target by its name."""
 

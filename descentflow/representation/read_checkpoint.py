@@ -10,6 +10,7 @@ import torch
 
 from descentflow.core.errors import CheckpointError
 from descentflow.representation.representation import Representation
+from descentflow.representation.safetensors_file import SUFFIX, read_safetensors
 
 SECTION = "descentflow"
 """Key of a checkpoint under which everything is kept that Lightning does not save itself."""
@@ -29,6 +30,8 @@ MEND = "pass a .ckpt file that `descentflow fit` wrote, for instance runs/.../ch
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
     """Read a checkpoint's content with ``weights_only=True``, which unpickles nothing but tensors and primitives.
 
+    A ``.safetensors`` file, which ``descentflow export`` writes, is read as well.
+
     Raises:
         CheckpointError: If the file is missing, truncated, not a checkpoint, not ours, of another format, or
             holds objects that would have to execute code.
@@ -39,6 +42,20 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     """
     if not Path(path).is_file():
         raise CheckpointError(f"no file {path}", expected="a checkpoint", mend=MEND)
+    content = read_safetensors(path) if Path(path).suffix == SUFFIX else _unpickled(path)
+    if not isinstance(content, dict) or SECTION not in content:
+        raise CheckpointError(f"{path}: not a checkpoint of descentflow", expected=f"a {SECTION!r} section", mend=MEND)
+    if content[SECTION].get("format") != FORMAT:
+        raise CheckpointError(
+            f"{path}: checkpoint format {content[SECTION].get('format')!r}",
+            expected=f"format {FORMAT}",
+            mend=f"fit again, or use the descentflow version that wrote it ({content[SECTION].get('version')})",
+        )
+    return content
+
+
+def _unpickled(path: str | Path) -> Any:
+    """What torch's safe loader makes of a .ckpt file."""
     with open(path, "rb") as file:
         begins = file.read(len(ZIP))
     if begins != ZIP:
@@ -51,7 +68,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         with warnings.catch_warnings():
             # torch wonders aloud about pickle protocols that it then refuses.
             warnings.simplefilter("ignore", UserWarning)
-            content = torch.load(path, map_location="cpu", weights_only=True)
+            return torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         # Not torch's own text: it advises to switch the safe loader off.
         named = UNSAFE.search(str(error))
@@ -67,15 +84,6 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
             expected="a whole checkpoint file (this one is truncated or changed)",
             mend=MEND,
         ) from error
-    if not isinstance(content, dict) or SECTION not in content:
-        raise CheckpointError(f"{path}: not a checkpoint of descentflow", expected=f"a {SECTION!r} section", mend=MEND)
-    if content[SECTION].get("format") != FORMAT:
-        raise CheckpointError(
-            f"{path}: checkpoint format {content[SECTION].get('format')!r}",
-            expected=f"format {FORMAT}",
-            mend=f"fit again, or use the descentflow version that wrote it ({content[SECTION].get('version')})",
-        )
-    return content
 
 
 def load_representation(path: str | Path) -> Representation:

@@ -277,7 +277,11 @@ class DescentDataModule(LightningDataModule):
             method=self.fpca,
             margin=self.margin,
             mass_kg=self.mass_kg,
-            provenance={"descents": self._name(), "typecodes": sorted(source.frame["typecode"].unique())},
+            provenance={
+                "descents": self._name(),
+                "typecodes": sorted(source.frame["typecode"].unique()),
+                "period": source.period,
+            },
         )
 
     @staticmethod

@@ -70,6 +70,12 @@ class Descents:
         return self._frame
 
     @property
+    def period(self) -> list[str]:
+        """First and last day (UTC) of the flights, as in ISO 8601."""
+        days = self.frame.select(first=pl.col("timestamp").min(), last=pl.col("timestamp").max()).row(0)
+        return [day.date().isoformat() for day in days]
+
+    @property
     def bottom_fl(self) -> int:
         """Lowest flight level of the grid."""
         return int(self.metadata["bottom_fl"])

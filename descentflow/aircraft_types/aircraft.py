@@ -1,6 +1,7 @@
 """The coefficients of one aircraft type in BADA 3 form."""
 
 from dataclasses import dataclass, fields, replace
+from math import isfinite
 from typing import Any, Literal, get_args
 
 from torch import Tensor
@@ -152,7 +153,7 @@ class Aircraft:
         """Rebuild from :meth:`to_state`.
 
         Raises:
-            AircraftError: If a coefficient is missing or one is not known.
+            AircraftError: If a coefficient is missing, one is not known, or one is no finite number.
         """
         names = {f.name for f in fields(cls)}
         if set(state) != names:
@@ -161,4 +162,13 @@ class Aircraft:
                 expected="exactly the fields of Aircraft",
                 mend="write the checkpoint again with this version of descentflow",
             )
+        for name, value in state.items():
+            is_text = name in ("typecode", "engine", "wake_category", "source")
+            is_number = isinstance(value, int | float) and isfinite(value)
+            if not (isinstance(value, str) if is_text else is_number):
+                raise AircraftError(
+                    f"coefficient {name} = {str(value)[:60]!r}",
+                    expected="text" if is_text else "a finite number",
+                    mend="take the file as it was written",
+                )
         return cls(**state)

@@ -110,7 +110,7 @@ def _check_name(name: str, model: str | None) -> None:
 
 def _check_model(value: str) -> None:
     """A short name, the path of a class of the user's own, or a YAML file of its settings."""
-    if "." not in value and "/" not in value and not Path(value).is_file() and not value.startswith("{"):
+    if "." not in value and "/" not in value and not _is_file(value) and not value.startswith("{"):
         _known(f"no model {value}", value, MODELS, "")
 
 
@@ -137,3 +137,10 @@ def _arguments(module: str, name: str) -> tuple[str, ...]:
     found = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name)
     start = next(node for node in found.body if isinstance(node, ast.FunctionDef) and node.name == "__init__")
     return tuple(argument.arg for argument in [*start.args.args[1:], *start.args.kwonlyargs])
+
+
+def _is_file(name: str) -> bool:
+    try:
+        return Path(name).is_file()
+    except (OSError, ValueError):  # too long for a file's name, or with a zero byte in it
+        return False

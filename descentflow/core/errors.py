@@ -1,5 +1,21 @@
 """Typed errors: each message says what was got, what was expected and how to mend it."""
 
+LONGEST_PART = 4000
+"""Characters of a part of a message: values of a damaged file can be a million long."""
+
+
+def shortened(text: str) -> str:
+    """A text without its middle where it is too long to be read.
+
+    Example:
+        >>> len(shortened("x" * 10**6)) < 5000, shortened("as it is")
+        (True, 'as it is')
+    """
+    if len(text) <= LONGEST_PART:
+        return text
+    half = LONGEST_PART // 2
+    return f"{text[:half]} ... ({len(text) - 2 * half:,} characters left out) ... {text[-half:]}"
+
 
 class DescentflowError(Exception):
     """Base of every error that descentflow raises on purpose; the command line prints it without a trace."""
@@ -20,8 +36,8 @@ class DescentflowError(Exception):
             descentflow.core.errors.DataError: rows.csv has no column 'IAS'; expected columns timestamp, ...; \
 to mend it, rename the airspeed column to IAS (knots)
         """
-        self.got, self.expected, self.mend = got, expected, mend
-        super().__init__(f"{got}; expected {expected}; to mend it, {mend}")
+        self.got, self.expected, self.mend = shortened(got), shortened(expected), shortened(mend)
+        super().__init__(f"{self.got}; expected {self.expected}; to mend it, {self.mend}")
 
 
 class DescentflowWarning(UserWarning):

@@ -9,7 +9,8 @@ from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWar
 from descentflow.core.version import __version__
 from descentflow.densities import MODULES
 from descentflow.densities.density import Density
-from descentflow.representation.read_checkpoint import FORMAT, SECTION, incomplete, read_checkpoint
+from descentflow.representation.check_checkpoint import check_flies
+from descentflow.representation.read_checkpoint import FORMAT, SECTION, read_checkpoint, usable
 from descentflow.representation.representation import Representation
 
 PREFIX = "_density."
@@ -37,14 +38,11 @@ def load_model(path: str | Path) -> Density:
         10
     """
     content = read_checkpoint(path)
-    try:
+    with usable(path):
         density = density_of(content[SECTION])
         saved = {k.removeprefix(PREFIX): v for k, v in content["state_dict"].items() if k.startswith(PREFIX)}
         density.load_state_dict(saved)
-    except CheckpointError as error:
-        raise CheckpointError(f"{path}: {error.got}", expected=error.expected, mend=error.mend) from error
-    except (KeyError, TypeError, RuntimeError) as error:
-        raise incomplete(path, error) from error
+        check_flies(density.representation.decoder, density.representation.plausibility)
     if density.representation.gaps is None:
         warnings.warn(
             f"{path} was fitted before densities knew what was not seen: gaps were filled by expectation, so that its "

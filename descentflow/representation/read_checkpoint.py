@@ -3,12 +3,15 @@
 import pickle
 import re
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from descentflow.core.errors import CheckpointError
+from descentflow.core.errors import CheckpointError, DescentflowError
+from descentflow.representation.check_checkpoint import check_flies, check_section
 from descentflow.representation.representation import Representation
 from descentflow.representation.safetensors_file import SUFFIX, read_safetensors
 
@@ -45,12 +48,16 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     content = read_safetensors(path) if Path(path).suffix == SUFFIX else _unpickled(path)
     if not isinstance(content, dict) or SECTION not in content:
         raise CheckpointError(f"{path}: not a checkpoint of descentflow", expected=f"a {SECTION!r} section", mend=MEND)
-    if content[SECTION].get("format") != FORMAT:
+    section = content[SECTION]
+    if not isinstance(section, dict) or section.get("format") != FORMAT:
+        found = section if isinstance(section, dict) else {}
         raise CheckpointError(
-            f"{path}: checkpoint format {content[SECTION].get('format')!r}",
+            f"{path}: checkpoint format {found.get('format')!r}",
             expected=f"format {FORMAT}",
-            mend=f"fit again, or use the descentflow version that wrote it ({content[SECTION].get('version')})",
+            mend=f"fit again, or use the descentflow version that wrote it ({found.get('version')})",
         )
+    with usable(path):
+        check_section(section, content.get("state_dict"))
     return content
 
 
@@ -97,19 +104,34 @@ def load_representation(path: str | Path) -> Representation:
         'A320'
     """
     content = read_checkpoint(path)
-    try:
-        return Representation.from_state(content[SECTION]["representation"])
-    except (KeyError, TypeError) as error:
-        raise incomplete(path, error) from error
+    with usable(path):
+        found = Representation.from_state(content[SECTION]["representation"])
+        check_flies(found.decoder, found.plausibility)
+    return found
 
 
-def incomplete(path: str | Path, error: Exception) -> CheckpointError:
-    """The error for a checkpoint that lacks something, or holds an impossible value.
+@contextmanager
+def usable(path: str | Path) -> Iterator[None]:
+    """Turn whatever building from a checkpoint's content ends in into an error that names the file.
+
+    Args:
+        path: Of the checkpoint.
 
     Example:
-        >>> print(incomplete("best.ckpt", KeyError("decoder")).got)
-        best.ckpt: 'decoder'
+        >>> with usable("best.ckpt"):
+        ...     raise KeyError("decoder")
+        Traceback (most recent call last):
+        descentflow.core.errors.CheckpointError: best.ckpt: KeyError: 'decoder'; expected ...
     """
-    return CheckpointError(
-        f"{path}: {str(error).splitlines()[0]}", expected="all that a descentflow checkpoint holds", mend=MEND
-    )
+    try:
+        yield
+    except CheckpointError as error:
+        raise CheckpointError(f"{path}: {error.got}", expected=error.expected, mend=error.mend) from error
+    except DescentflowError as error:
+        raise CheckpointError(f"{path}: {error.got}", expected=error.expected, mend=MEND) from error
+    except Exception as error:
+        # Constructors that are given what they were never meant for fail in many ways; the file is what is wrong.
+        reason = str(error).splitlines()[0] if str(error) else ""
+        raise CheckpointError(
+            f"{path}: {type(error).__name__}: {reason}", expected="all that a descentflow checkpoint holds", mend=MEND
+        ) from error

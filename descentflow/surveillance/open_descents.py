@@ -15,6 +15,7 @@ from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.core.tabular import from_pandas, is_pandas
 from descentflow.surveillance.cleaning.kept_settings import differences_in_words, different_settings
 from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.check_descents import checked_descents
 from descentflow.surveillance.descents.description import KEY, SCHEMA_VERSION
 from descentflow.surveillance.descents.join_descents import join_descents
 from descentflow.surveillance.descents.prepared_descents import REQUIRED, Descents, read_descents, top_levels
@@ -188,6 +189,7 @@ def _in_memory(source: Any) -> Descents | None:
             expected="prepared descents (columns " + ", ".join(REQUIRED) + ")",
             mend="pass what descentflow.prepare returned, or the rows themselves",
         )
+    table = checked_descents(table, "a table of descents")
     bottom = int(table["level_fl"].min())  # type: ignore[arg-type]
     known = {"schema_version": SCHEMA_VERSION, "bottom_fl": bottom, "top_fl": top_levels(table), "inputs": []}
     return Descents(table, known)

@@ -112,6 +112,8 @@ class DescentDataModule(LightningDataModule):
                 observed, as in the paper. The components of ``iterative`` have no likelihood, so that theirs are known.
         """
         super().__init__()
+        if seed < 0:
+            raise ConfigError(f"a seed of {seed}", expected="0 or more", mend="pass another number")
         self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
         self.bottom_fl, self.mass_kg = bottom_fl, mass_kg
         self.test_fraction, self.validation_fraction = test_fraction, validation_fraction

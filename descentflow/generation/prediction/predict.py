@@ -206,6 +206,13 @@ def predict(
         raise ConfigError(f"{n} continuations", expected="two or more", mend="pass for instance 500")
     density = as_density(model)
     representation = density.representation
+    bottom, top = (float(representation.decoder.levels_fl[place]) for place in (0, -1))
+    if not bottom < from_fl <= top:
+        raise ConfigError(
+            f"FL{from_fl:g} as the last observed level",
+            expected=f"a level above FL{bottom:.0f} and up to FL{top:.0f}, the model's grid",
+            mend="pass one of these",
+        )
     parts = encode_flights(comparable_descents(descents, representation).frame, representation, context_table)
     predictor, calibration = _calibrated(DescentPredictor(density, seed), parts["validation"], seed)
     chosen = _chosen(parts["test"], flights)

@@ -12,10 +12,12 @@ from descentflow.core.files import whole_file
 from descentflow.core.tabular import to_dataset, to_pandas
 from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
 from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.check_descents import checked_descents
 from descentflow.surveillance.descents.description import KEY, MEND, SCHEMA_VERSION, described
 from descentflow.surveillance.descents.store import read_store
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import CHANNELS
+from descentflow.surveillance.unpacking.unreadable import whole_input
 
 __all__ = ["REQUIRED", "SCHEMA_VERSION", "Descents", "read_descents", "top_levels", "write_descents"]
 
@@ -207,7 +209,7 @@ def read_descents(path: str | Path) -> Descents:
 
     Raises:
         DataError: If the file is missing, damaged, not written by `descentflow prepare`, of another schema version,
-            or without a descent.
+            without a descent, or with values that no descent has (:func:`checked_descents`).
 
     Example:
         >>> read_descents("descents.parquet").frame.select("flight_id", "level_fl", "IAS").shape
@@ -225,17 +227,15 @@ def read_descents(path: str | Path) -> Descents:
         raise DataError(f"{path}: no column {', '.join(absent)}", expected=f"{', '.join(REQUIRED)}", mend=MEND)
     if frame.is_empty():
         raise DataError(f"{path}: no descent in it", expected="at least one", mend="prepare other rows")
-    return Descents(frame, metadata)
+    return Descents(checked_descents(frame, path), metadata)
 
 
 def _read_file(path: str | Path) -> tuple[pl.DataFrame, dict[str, Any]]:
     if not Path(path).is_file():
         raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
-    try:
+    with whole_input(path):
         description = pl.read_parquet_metadata(path).get(KEY)
         frame = pl.read_parquet(path)
-    except (pl.exceptions.PolarsError, OSError) as error:
-        raise DataError(f"{path}: {str(error).splitlines()[0]}", expected="a whole Parquet file", mend=MEND) from error
     if description is None:
         raise DataError(f"{path}: Parquet, but not prepared descents", expected="a prepared table", mend=MEND)
     return frame, described(description, path)

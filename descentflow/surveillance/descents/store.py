@@ -19,6 +19,7 @@ from polars.io.plugins import register_io_source
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
 from descentflow.surveillance.descents.description import KEY, MEND, described
+from descentflow.surveillance.unpacking.unreadable import whole_input
 
 MANIFEST = "_descentflow.json"
 """Hive and Spark ignore names that begin with an underscore."""
@@ -160,7 +161,8 @@ def read_store(folder: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
     try:
         for file in metadata["files"]:
             path = folder / file["path"]
-            frame = pl.read_parquet(path, hive_partitioning=False)
+            with whole_input(path):
+                frame = pl.read_parquet(path, hive_partitioning=False)
             if len(frame) != file["rows"]:
                 raise DataError(f"{path}: {len(frame)} rows", expected=f"{file['rows']} rows", mend=MEND)
             frames.append(frame.with_columns(pl.lit(file["typecode"]).alias("typecode")).select(metadata["columns"]))

@@ -126,6 +126,12 @@ SI = {
 """Row column -> column of a state vector, and the row's unit in the unit of that column."""
 
 
+LAST_S = 10_000_000_000
+"""Seconds since 1970 up to which a number is a time, November 2286."""
+PER_SECOND = {"ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
+"""Unit of a datetime -> how many are a second."""
+
+
 def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
     check_types({column.name: column.dtype}, path, "numbers" if kind == pl.Float64 else "dates with time, or text")
     if column.dtype in (pl.Categorical, pl.Enum):
@@ -174,7 +180,9 @@ def timestamps(column: pl.Series) -> pl.Series:
         [12]
     """
     if isinstance(column.dtype, pl.Datetime):
-        zoned = column if column.dtype.time_zone else column.dt.replace_time_zone("UTC")
+        is_zoned = column.dtype.time_zone is not None
+        column = _in_time(column)
+        zoned = column if is_zoned else column.dt.replace_time_zone("UTC")
         return zoned.dt.convert_time_zone("UTC").cast(TIMESTAMP)
     if column.dtype != pl.String:
         return _from_epoch(column.cast(pl.Float64, strict=False))
@@ -192,9 +200,15 @@ def timestamps(column: pl.Series) -> pl.Series:
     return found
 
 
+def _in_time(column: pl.Series) -> pl.Series:
+    """Datetimes of 1970 and up to 2286, as for numbers; what is outside is missing: libraries give up on year 10000."""
+    per_second = PER_SECOND[column.dtype.time_unit]  # type: ignore[attr-defined]
+    return _where(column, column.to_physical().is_between(0, min(LAST_S * per_second, 2**63 - 1)).fill_null(True))
+
+
 def _parsed(column: pl.Series, form: str) -> pl.Series:
     zoned = "z" in form or form == "%+"
-    parsed = column.str.to_datetime(form, time_unit="us", strict=False)
+    parsed = _in_time(column.str.to_datetime(form, time_unit="us", strict=False))
     return (parsed.dt.convert_time_zone("UTC") if zoned else parsed.dt.replace_time_zone("UTC")).cast(TIMESTAMP)
 
 
@@ -224,7 +238,7 @@ def in_seconds(s: pl.Expr) -> pl.Expr:
 
 def _from_epoch(seconds: pl.Series) -> pl.Series:
     read = in_seconds(pl.col("s"))
-    valid = pl.when(read.is_finite() & read.is_between(0, 1e10)).then(read)
+    valid = pl.when(read.is_finite() & read.is_between(0, LAST_S)).then(read)
     micro = (valid * 1e6).round().cast(pl.Int64)
     return (
         seconds.alias("s")

@@ -46,19 +46,39 @@ class Unreadable:
             DataError: If the file cannot be read and is not one of many.
         """
         try:
-            try:
+            with whole_input(source.label):
                 yield
-            except (pl.exceptions.PolarsError, OSError, TarError) as error:
-                raise _damaged(source.label, error) from error
-            except BaseException as error:
-                # Polars and the decoder of Mode S panic on some damage; this is no Exception.
-                if type(error).__name__ != "PanicException":
-                    raise
-                raise _damaged(source.label, error) from error
         except DataError as error:
             self.count(error, source)
 
 
-def _damaged(label: str, error: BaseException) -> DataError:
+@contextmanager
+def whole_input(label: object) -> Iterator[None]:
+    """Read a file inside of this: what a library does not foresee becomes a DataError that names the file.
+
+    Args:
+        label: What the file is called in the message.
+
+    Raises:
+        DataError: If the file cannot be read.
+
+    Example:
+        >>> with whole_input("cut.parquet"):
+        ...     raise OSError("ends in the middle")
+        Traceback (most recent call last):
+        descentflow.core.errors.DataError: cut.parquet: ends in the middle; expected a whole, readable file; ...
+    """
+    try:
+        yield
+    except (pl.exceptions.PolarsError, OSError, TarError) as error:
+        raise _damaged(label, error) from error
+    except BaseException as error:
+        # Polars and the decoder of Mode S panic on some damage; this is no Exception.
+        if type(error).__name__ != "PanicException":
+            raise
+        raise _damaged(label, error) from error
+
+
+def _damaged(label: object, error: BaseException) -> DataError:
     reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
     return DataError(f"{label}: {reason}", expected="a whole, readable file", mend="copy it again")

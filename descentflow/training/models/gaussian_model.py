@@ -1,7 +1,7 @@
 """One Gaussian over the weights (paper, section 2.3 and appendix C), its mean regressed on a context if any."""
 
 import torch
-from jsonargparse.typing import NonNegativeFloat
+from jsonargparse.typing import ClosedUnitInterval, NonNegativeFloat
 
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
@@ -26,7 +26,7 @@ class Gaussian(LatentModel[GaussianDensity]):
         True
     """
 
-    def __init__(self, jitter: float = 1e-6, ridge: NonNegativeFloat = RIDGE) -> None:
+    def __init__(self, jitter: ClosedUnitInterval = 1e-6, ridge: NonNegativeFloat = RIDGE) -> None:
         """Set the options.
 
         Args:
@@ -36,7 +36,7 @@ class Gaussian(LatentModel[GaussianDensity]):
         super().__init__()
         self.save_hyperparameters()
         self.automatic_optimization = False
-        self.jitter, self.ridge = jitter, float(ridge)
+        self.jitter, self.ridge = float(jitter), float(ridge)
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianDensity:
         """A standard normal of the dimension."""

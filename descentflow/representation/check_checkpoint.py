@@ -1,0 +1,143 @@
+"""Whether what a checkpoint holds can be used: each part of its type, numbers finite, and the decoder flies."""
+
+from collections.abc import Iterator
+from math import isfinite
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import CheckpointError
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.plausibility import Plausibility
+
+PARTS: dict[str, tuple[type, ...]] = {
+    "model": (str,),
+    "settings": (dict,),
+    "representation": (dict,),
+    "version": (str,),
+}
+"""What the section of a checkpoint has, and of which type."""
+OF_REPRESENTATION: dict[str, tuple[type, ...]] = {
+    "decoder": (dict,),
+    "plausibility": (dict,),
+    "split": (dict,),
+    "provenance": (dict,),
+    "reference": (dict, type(None)),
+    "context": (list,),
+    "cleaning": (dict, type(None)),
+    "gaps": (str, type(None)),
+}
+"""The same of its representation; the last four may be absent."""
+DICTIONARIES = ("decoder.aircraft", "decoder.drag_basis", "decoder.cas_basis")
+TENSORS = (
+    "decoder.levels_fl",
+    "decoder.weight_mean",
+    "decoder.weight_scale",
+    *(f"{basis}.{name}" for basis in DICTIONARIES[1:] for name in ("mean", "components")),
+)
+"""Places of the representation that are dictionaries, and tensors."""
+MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps")
+MAY_HAVE_GAPS = "reference"
+"""What flights measured: not a number where they showed no level."""
+MEND = "take the file as `descentflow fit` wrote it, or fit again"
+HIGHEST_FL = 700
+
+
+def check_section(section: dict[str, Any], state_dict: Any) -> None:
+    """Refuse a checkpoint whose parts are of other types than they should be, or hold numbers that are not finite.
+
+    Args:
+        section: What descentflow keeps in a checkpoint.
+        state_dict: Tensors of the trained module.
+
+    Raises:
+        CheckpointError: With the part that is wrong.
+
+    Example:
+        >>> content = torch.load("best.ckpt", weights_only=True)
+        >>> check_section(content["descentflow"], content["state_dict"])
+        >>> content["descentflow"]["representation"]["decoder"]["levels_fl"][3] = torch.nan
+        >>> check_section(content["descentflow"], content["state_dict"])
+        Traceback (most recent call last):
+        descentflow.core.errors.CheckpointError: decoder.levels_fl holds 1 that is no finite number; ...
+    """
+    _check_types(section, PARTS, "section")
+    representation = section["representation"]
+    _check_types(representation, OF_REPRESENTATION, "representation")
+    bounds = tuple(f"plausibility.{name}" for name in representation["plausibility"])
+    for places, kind, name in ((DICTIONARIES, dict, "dictionary"), ((*TENSORS, *bounds), Tensor, "tensor")):
+        for place in places:
+            found = _at(representation, place)
+            if not isinstance(found, kind):
+                raise _wrong(f"{place} is of type {type(found).__name__}", f"a {name}")
+    if not isinstance(state_dict, dict) or not all(isinstance(value, Tensor) for value in state_dict.values()):
+        raise _wrong("state_dict is no dictionary of tensors", "the parameters of the model")
+    kept = {name: value for name, value in representation.items() if name != MAY_HAVE_GAPS}
+    for place, value in (*_leaves(kept), *_leaves(state_dict, "state_dict.")):
+        wrong = _not_finite(value)
+        if wrong:
+            raise _wrong(f"{place} holds {wrong} that is no finite number", "finite numbers")
+
+
+def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
+    """Refuse a decoder that does not fly the mean of the training flights, or bounds of another grid.
+
+    Raises:
+        CheckpointError: If it does not.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> parts = load_representation("best.ckpt")
+        >>> check_flies(parts.decoder, parts.plausibility)
+    """
+    levels = decoder.levels_fl
+    rise = levels.dim() == 1 and len(levels) > 1 and bool((levels[1:] > levels[:-1]).all())
+    if not rise or levels[0] < 0 or levels[-1] > HIGHEST_FL:
+        raise _wrong("decoder.levels_fl does not rise", f"flight levels from 0 to {HIGHEST_FL}, each above the last")
+    if not bool((decoder.weight_scale > 0).all()):
+        raise _wrong("decoder.weight_scale is not positive", "standard deviations of the training flights' weights")
+    mean = torch.zeros(1, decoder.dimension, dtype=torch.float64)
+    with torch.no_grad():
+        flown = decoder(mean)
+        broken = plausibility.broken_rules(flown)
+        plausibility.draw_entry(1, torch.Generator().manual_seed(0))
+    curves = flown.drag_n, flown.cas_mps
+    if flown.time_s.shape != (1, len(levels)) or len(broken) != 1 or not all(bool(c.isfinite().all()) for c in curves):
+        raise _wrong("the decoder does not fly the mean weights", "bases on one grid of levels")
+
+
+def _check_types(section: Any, kinds: dict[str, tuple[type, ...]], name: str) -> None:
+    for part, kind in kinds.items():
+        if part not in section:
+            if part not in MAY_BE_ABSENT:
+                raise _wrong(f"no {part} in the {name}", "all that a checkpoint of descentflow holds")
+        elif not isinstance(section[part], kind):
+            expected = " or ".join(one.__name__ for one in kind)
+            raise _wrong(f"{part} of the {name} is of type {type(section[part]).__name__}", expected)
+
+
+def _at(tree: dict[str, Any], place: str) -> Any:
+    for name in place.split("."):
+        tree = tree.get(name) if isinstance(tree, dict) else None  # type: ignore[assignment]
+    return tree
+
+
+def _leaves(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    entries = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list | tuple) else None
+    if entries is None:
+        yield place.rstrip("."), tree
+        return
+    for key, value in entries:
+        yield from _leaves(value, f"{place}{key}.")
+
+
+def _not_finite(value: Any) -> int:
+    if isinstance(value, float):
+        return int(not isfinite(value))
+    is_real = isinstance(value, Tensor) and value.is_floating_point()
+    return int((~value.isfinite()).sum()) if is_real else 0
+
+
+def _wrong(got: str, expected: str) -> CheckpointError:
+    return CheckpointError(got, expected=expected, mend=MEND)

@@ -1,0 +1,88 @@
+"""Whether a table can be prepared descents: types of columns, values that flight has, one row per flight and level."""
+
+import polars as pl
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.descents.description import MEND
+from descentflow.surveillance.rows.schema import CHANNELS, POSSIBLE, TIMESTAMP
+
+LEVELS_FL = (0, 600)
+TEXTS = ("flight_id", "icao24", "typecode", "callsign")
+NEVER_MISSING = ("flight_id", "level_fl", "time_s")
+
+
+def checked_descents(frame: pl.DataFrame, source: object) -> pl.DataFrame:
+    """The table with the types that prepared descents have.
+
+    Args:
+        frame: It has the columns that are required.
+        source: Where it comes from, for the message.
+
+    Raises:
+        DataError: If a column is of a type that cannot hold what it should, a value is missing that never is, a value
+            is not finite or no flight has it (:data:`~descentflow.surveillance.rows.schema.POSSIBLE`), or a flight has
+            a level twice.
+
+    Example:
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> checked_descents(frame, "descents.parquet").equals(frame)
+        True
+        >>> checked_descents(frame.with_columns(IAS=pl.lit(1e30)), "descents.parquet")
+        Traceback (most recent call last):
+        descentflow.core.errors.DataError: descents.parquet: column IAS holds 20,163 values outside 40 to 500, ...
+    """
+    frame = _typed(frame, source)
+    for name in NEVER_MISSING:
+        if missing := frame[name].null_count():
+            raise _refused(source, name, f"lacks {missing:,} values", "one in every row")
+    for name in (*CHANNELS, "time_s"):
+        if name in frame.columns:
+            _check_values(frame[name], source, *POSSIBLE.get(name, (None, None)))
+    _check_values(frame["level_fl"], source, *LEVELS_FL)
+    double = frame.height - frame.select("flight_id", "level_fl").n_unique()
+    if double:
+        raise _refused(source, "level_fl", f"has {double:,} levels twice in one flight", "each level of a flight once")
+    return frame
+
+
+def _typed(frame: pl.DataFrame, source: object) -> pl.DataFrame:
+    """Columns cast to their types where nothing is lost by it."""
+    wanted: pl.DataType
+    for name, kind in frame.schema.items():
+        if name in TEXTS:
+            good, wanted = kind in (pl.String, pl.Categorical, pl.Enum), pl.String()
+        elif name in (*CHANNELS, "time_s"):
+            good, wanted = kind.is_numeric() or kind == pl.Null, pl.Float64()
+        elif name == "level_fl":
+            good, wanted = kind.is_integer(), pl.Int32()
+        elif name == "timestamp":
+            good, wanted = isinstance(kind, pl.Datetime) and kind.time_zone is not None, TIMESTAMP
+        else:
+            continue
+        if not good:
+            raise _refused(source, name, f"is of type {kind}", f"{wanted}")
+        if kind != wanted:
+            try:
+                frame = frame.with_columns(pl.col(name).cast(wanted))
+            except pl.exceptions.PolarsError:
+                raise _refused(source, name, f"of type {kind} does not fit {wanted}", f"{wanted}") from None
+    return frame
+
+
+def _check_values(column: pl.Series, source: object, low: float | None, high: float | None) -> None:
+    given = column.drop_nulls()
+    finite = given.is_finite() if given.dtype.is_float() else given.is_not_null()
+    if wrong := (~finite).sum():
+        raise _refused(source, column.name, f"holds {wrong:,} values that are not finite", "finite values")
+    if low is None or high is None:
+        return
+    outside = given.filter(~given.is_between(low, high))
+    if len(outside):
+        what = f"holds {len(outside):,} values outside {low:g} to {high:g}, the first of them {outside[0]:g}"
+        raise _refused(source, column.name, what, "what an aircraft can do")
+
+
+def _refused(source: object, column: str, what: str, expected: str) -> DataError:
+    return DataError(
+        f"{source}: column {column} {what}", expected=f"{expected}, as `descentflow prepare` writes", mend=MEND
+    )

@@ -1,0 +1,99 @@
+"""Give every command damaged inputs, and count what it makes of them.
+
+python scripts/fuzz.py FOLDER --cases 100000             # resumable: what is in FOLDER/outcomes.jsonl is not run again
+python scripts/fuzz.py FOLDER --cases 100000 --minutes 60
+python scripts/fuzz.py FOLDER --show 4711                # write case 4711 into FOLDER/case-4711 and run it
+
+Each case is known by its number and the seed. It ends as accepted (every row kept or counted), refused (one message:
+what was got, what was expected, how to mend it; no file left), or it is a defect: a traceback, a signal, over 30 s,
+over 4 GB, rows lost in silence, a wrong file left. Exit status 1 if there is a defect.
+"""
+
+import argparse
+import collections
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+FINE = ("accepted", "refused")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--cases", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--minutes", type=float, help="begin no case after this time")
+    parser.add_argument("--show", type=int, metavar="CASE", help="write and run one case")
+    args = parser.parse_args()
+    # Workers are many: one thread each. Read when torch is loaded.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    from fuzzing.good_files import make
+
+    args.folder = args.folder.resolve()
+    good = args.folder / "good"
+    make(good)
+    if args.show is not None:
+        return show(args.folder, good, args.seed, args.show)
+    outcomes = run(args.folder, good, args)
+    return report(outcomes)
+
+
+def run(folder: Path, good: Path, args: argparse.Namespace) -> list[dict]:
+    """Outcomes of all cases, those of earlier calls with the same seed among them."""
+    from fuzzing import workers
+
+    path = folder / f"outcomes-{args.seed}.jsonl"
+    known = [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
+    done = {one["case"] for one in known}
+    left = [number for number in range(args.cases) if number not in done]
+    until = None if args.minutes is None else time.time() + 60 * args.minutes
+    with path.open("a") as file:
+        for found in workers.run(left, args.seed, good, args.processes, until):
+            file.write(json.dumps(found) + "\n")
+            file.flush()
+            known.append(found)
+            if found["verdict"] not in FINE:
+                print(
+                    f"case {found['case']}: {found['kind']}: {found['verdict']}: {last_line(found['words'])}",
+                    flush=True,
+                )
+    return known
+
+
+def report(outcomes: list[dict]) -> int:
+    """Print how many cases of each kind ended how."""
+    counts = collections.Counter((one["kind"].split()[0], one["verdict"]) for one in outcomes)
+    verdicts = sorted({verdict for _, verdict in counts}, key=lambda name: (name not in FINE, name))
+    print("".join(f"{name:>24}" for name in ("", *verdicts)))
+    for kind in sorted({kind for kind, _ in counts}):
+        print(f"{kind:>24}" + "".join(f"{counts[kind, verdict]:>24,}" for verdict in verdicts))
+    defects = sum(number for (_, verdict), number in counts.items() if verdict not in FINE)
+    print(f"{len(outcomes):,} cases, {defects:,} defects")
+    return 1 if defects else 0
+
+
+def show(folder: Path, good: Path, seed: int, number: int) -> int:
+    """Write one case's files where they can be looked at, and run it."""
+    from fuzzing.cases import build
+    from fuzzing.judge import judged
+
+    place = folder / f"case-{number}"
+    place.mkdir(exist_ok=True)
+    case = build(number, seed, good, place)
+    print(f"{case.kind}: descentflow {' '.join(word[:200] for word in case.words)}")
+    found = judged(case, place)
+    print(f"{found.verdict}\n{found.words}")
+    return 0 if found.verdict in FINE else 1
+
+
+def last_line(words: str) -> str:
+    lines = words.strip().splitlines()
+    return lines[-1][:200] if lines else ""
+
+
+if __name__ == "__main__":
+    sys.exit(main())

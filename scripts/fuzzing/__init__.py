@@ -1,0 +1,1 @@
+"""Damaged inputs of every kind, and what each command makes of them: ``scripts/fuzz.py``."""

@@ -1,0 +1,146 @@
+"""Damage to bytes: what a bad disk, a broken connection or an editor does, and archives that were made to harm."""
+
+import gzip
+import io
+import random
+import re
+import tarfile
+import zipfile
+from collections.abc import Callable
+
+from fuzzing.values import NUMBERS, TEXTS, TIMES
+
+NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+BOMB_MEMBERS = 300
+"""Members of gzip, each a megabyte of line ends: 300 MB that a few hundred kilobytes unpack to."""
+
+
+def damaged(content: bytes, rng: random.Random) -> bytes:
+    """One to four changes of bytes, one after the other."""
+    for _ in range(rng.choice((1, 1, 1, 2, 4))):
+        content = rng.choice(CHANGES)(content, rng)
+    return content
+
+
+def wrapped(content: bytes, name: str, rng: random.Random) -> tuple[bytes, str]:
+    """The content in an archive that is right, cut short, nested, a bomb, or leads out of its folder."""
+    return rng.choice(ARCHIVES)(content, name, rng)
+
+
+def _place(content: bytes, rng: random.Random) -> tuple[int, int]:
+    """Where a slice of up to a tenth of the content begins and ends."""
+    start = rng.randrange(len(content) + 1)
+    return start, min(len(content), start + rng.randrange(1, max(len(content) // 10, 2)))
+
+
+def _flipped(content: bytes, rng: random.Random) -> bytes:
+    if not content:
+        return content
+    changed = bytearray(content)
+    for _ in range(rng.choice((1, 1, 8, 64))):
+        changed[rng.randrange(len(changed))] ^= 1 << rng.randrange(8)
+    return bytes(changed)
+
+
+def _cut_short(content: bytes, rng: random.Random) -> bytes:
+    return content[: rng.randrange(len(content) + 1)]
+
+
+def _cut_out(content: bytes, rng: random.Random) -> bytes:
+    start, end = _place(content, rng)
+    return content[:start] + content[end:]
+
+
+def _repeated(content: bytes, rng: random.Random) -> bytes:
+    start, end = _place(content, rng)
+    return content[:end] + content[start:end] * rng.choice((1, 2, 50)) + content[end:]
+
+
+def _overwritten(content: bytes, rng: random.Random) -> bytes:
+    start, end = _place(content, rng)
+    size = end - start
+    filling = rng.choice((b"\0" * size, b"\xff" * size, b"\n" * size, rng.randbytes(size)))
+    return content[:start] + filling + content[end:]
+
+
+def _inserted(content: bytes, rng: random.Random) -> bytes:
+    start, _ = _place(content, rng)
+    what = rng.choice((b"\0", b"\n", b"\r\n", b'"', b",", b"[", b"{", b"\xef\xbb\xbf", b"\xff\xfe", rng.randbytes(40)))
+    return content[:start] + what * rng.choice((1, 1, 100)) + content[start:]
+
+
+def _another_number(content: bytes, rng: random.Random) -> bytes:
+    """One number of a text, or each alike, is another."""
+    found = list(NUMBER.finditer(content))
+    if not found:
+        return _flipped(content, rng)
+    new = str(rng.choice((*NUMBERS, *TEXTS, *(f'"{time}"' for time in TIMES), "[]", "{}", "9" * 5000))).encode()
+    if rng.random() < 0.2:
+        old = rng.choice(found).group()
+        return content.replace(old, new)
+    one = rng.choice(found)
+    return content[: one.start()] + new + content[one.end() :]
+
+
+def _swapped(content: bytes, rng: random.Random) -> bytes:
+    start, end = _place(content, rng)
+    return content[end:] + content[start:end] + content[:start]
+
+
+CHANGES: tuple[Callable[[bytes, random.Random], bytes], ...] = (
+    _flipped,
+    _flipped,
+    _cut_short,
+    _cut_out,
+    _repeated,
+    _overwritten,
+    _inserted,
+    _another_number,
+    _another_number,
+    _swapped,
+    lambda content, rng: b"",
+    lambda content, rng: content * 2,
+)
+
+
+def _gz(content: bytes, name: str, rng: random.Random) -> tuple[bytes, str]:
+    packed = gzip.compress(content)
+    return (packed if rng.random() < 0.3 else damaged(packed, rng)), f"{name}.gz"
+
+
+def _zip(content: bytes, name: str, rng: random.Random) -> tuple[bytes, str]:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for number in range(rng.choice((1, 3))):
+            archive.writestr(
+                rng.choice((f"{number}-{name}", f"../{name}", f"/{name}", "x", "a/" * 200 + name)), content
+            )
+    return (out.getvalue() if rng.random() < 0.5 else damaged(out.getvalue(), rng)), "rows.zip"
+
+
+def _tar(content: bytes, name: str, rng: random.Random) -> tuple[bytes, str]:
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w") as archive:
+        for kind in rng.choices(
+            (tarfile.REGTYPE, tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.FIFOTYPE), (6, 1, 1, 1), k=3
+        ):
+            member = tarfile.TarInfo(rng.choice((name, f"../{name}", f"/{name}", "x" * 300)))
+            member.type, member.linkname = kind, "/etc/passwd"
+            member.size = len(content) if kind == tarfile.REGTYPE else 0
+            archive.addfile(member, io.BytesIO(content) if member.size else None)
+    return (out.getvalue() if rng.random() < 0.5 else damaged(out.getvalue(), rng)), "rows.tar"
+
+
+def _nested(content: bytes, name: str, rng: random.Random) -> tuple[bytes, str]:
+    for _ in range(rng.choice((2, 5, 20))):
+        content, name = rng.choice((_gz, _zip, _tar))(content, name[-60:], rng)
+    return content, name
+
+
+def _bomb(content: bytes, name: str, rng: random.Random) -> tuple[bytes, str]:
+    filling = rng.choice((b"\n", b" ", b"\0", b"[", b"1,"))
+    member = gzip.compress(filling * (1 << 20), 9)
+    return gzip.compress(content) + member * rng.choice((3, BOMB_MEMBERS)), f"{name}.gz"
+
+
+ARCHIVES = (_gz, _gz, _zip, _zip, _tar, _tar, _nested, _bomb)

@@ -1,0 +1,146 @@
+"""What a case ended in: accepted with every row accounted for, refused in a sentence, or a defect."""
+
+import contextlib
+import io
+import itertools
+import json
+import os
+import signal
+import traceback
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.cli.entry import main
+from descentflow.core.errors import DescentflowError
+from descentflow.diagnosis.findings.read_gap import read_gap
+from fuzzing.cases import Case
+
+SECONDS = 30
+PARTS = ("; expected ", "; to mend it, ")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a case ended.
+
+    Attributes:
+        verdict: ``accepted``, ``refused``, or what kind of defect it is.
+        words: The message, or what is wrong.
+    """
+
+    verdict: str
+    words: str = ""
+
+
+class TooLong(BaseException):
+    """Raised when a case has had its seconds; no `except Exception` catches it."""
+
+
+def judged(case: Case, folder: Path) -> Outcome:
+    """Run a case and say how it ended.
+
+    Args:
+        case: What to run.
+        folder: Its own, in which it may write.
+    """
+    before = {path.name for path in folder.iterdir()}
+    out, err = io.StringIO(), io.StringIO()
+    try:
+        with _in(folder), _seconds(SECONDS), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            warnings.simplefilter("ignore")
+            status = _run(case.words, err)
+    except TooLong:
+        return Outcome("over the time", f"{SECONDS} s")
+    except MemoryError:
+        return Outcome("memory", traceback.format_exc()[-2000:])
+    except BaseException:  # a command never ends in one: this is what is looked for
+        return Outcome("traceback", traceback.format_exc()[-3000:])
+    left = {path.name for path in folder.iterdir()} - before
+    if status == 0:
+        return _accepted(case, folder, left)
+    return _refused(case, err.getvalue(), left)
+
+
+def _run(words: list[str], err: io.StringIO) -> int:
+    """Exit status of a command, or of a function that a command calls after minutes of other work."""
+    if words[0] != "call":
+        try:
+            return main(words)
+        except SystemExit as end:  # argparse's own way
+            return int(end.code or 0)
+    try:
+        if words[1] == "aircraft":
+            aircraft(words[2], Path(words[3]))
+        else:
+            read_gap(words[2])
+    except DescentflowError as error:
+        print(f"descentflow {words[1]}: {error}", file=err)
+        return 2
+    return 0
+
+
+def _accepted(case: Case, folder: Path, left: set[str]) -> Outcome:
+    if stray := _temporary(left):
+        return Outcome("temporary file left", ", ".join(stray))
+    if case.out is not None and not case.out.exists():
+        return Outcome("no output", " ".join(case.words))
+    report = folder / "report.json"
+    return _kept_or_counted(report, case.rows) if report.is_file() else Outcome("accepted")
+
+
+def _kept_or_counted(report: Path, rows: int | None) -> Outcome:
+    """Whether each step's rows are those of the step before less what it dropped, beginning with all."""
+    steps = json.loads(report.read_text())["report"]["steps"]
+    read = steps[0]["rows_left"] + steps[0]["rows_dropped"]
+    if rows is not None and read != rows:
+        return Outcome("rows lost in silence", f"{rows} rows given, {read} told")
+    for before, after in itertools.pairwise(steps):
+        if before["rows_left"] - after["rows_dropped"] != after["rows_left"]:
+            return Outcome("rows lost in silence", f"{before} then {after}")
+    return Outcome("accepted")
+
+
+def _refused(case: Case, said: str, left: set[str]) -> Outcome:
+    if left:
+        return Outcome("file left by a refusal", ", ".join(sorted(left)))
+    own = [line for line in said.splitlines() if line.startswith("descentflow ") and ": warning: " not in line]
+    if not own:
+        return Outcome("no message", said[-500:])
+    is_of_argparse = ": error: " in own[-1]
+    if not is_of_argparse and not all(part in said for part in PARTS):
+        return Outcome("message without got, expected and mend", said[-500:])
+    if len(said) > 20_000:
+        return Outcome("message of pages", f"{len(said)} characters")
+    return Outcome("refused", own[-1][:300])
+
+
+def _temporary(names: set[str]) -> list[str]:
+    return sorted(name for name in names if name.startswith("."))
+
+
+@contextlib.contextmanager
+def _in(folder: Path) -> Iterator[None]:
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+@contextlib.contextmanager
+def _seconds(limit: int) -> Iterator[None]:
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise TooLong
+
+    previous = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(limit)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, previous)

@@ -1,0 +1,123 @@
+"""Damaged inputs by a fixed seed, and the smallest forms of what the harness found."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+import torch
+
+from descentflow.core.errors import CheckpointError, DataError, DescentflowError
+from descentflow.densities.checkpoint import load_model
+from descentflow.surveillance.descents.description import KEY
+from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.surveillance.rows.normalise import timestamps
+
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "fuzz.py"
+CASES = 200
+
+
+def test_no_command_breaks_on_damaged_inputs(tmp_path: Path) -> None:
+    """Every case is accepted with its rows accounted for, or refused in a message; a new folder makes its own files."""
+    words = [sys.executable, str(SCRIPT), str(tmp_path), "--cases", str(CASES), "--seed", "0", "--processes", "1"]
+    quiet = {name: value for name, value in os.environ.items() if name != "PYTHONWARNINGS"}
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=quiet)
+    assert done.returncode == 0, done.stdout + done.stderr[-3000:]
+    assert done.stdout.splitlines()[-1] == f"{CASES} cases, 0 defects"
+    told = [json.loads(line) for line in (tmp_path / "outcomes-0.jsonl").read_text().splitlines()]
+    assert {one["case"] for one in told} == set(range(CASES))
+    assert len({one["kind"] for one in told}) > 10, "hardly a kind of input was tried"
+    assert {one["verdict"] for one in told} == {"accepted", "refused"}
+
+
+def written(frame: pl.DataFrame, metadata: dict, path: Path) -> Path:
+    frame.write_parquet(path, metadata={KEY: json.dumps(metadata)})
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "saying"),
+    [
+        (pl.col("IAS") * float("nan"), "column IAS holds .* not finite"),
+        (pl.col("Mach") * 1e30, "column Mach holds .* outside 0.05 to 1"),
+        ((-pl.col("IAS")).alias("TAS"), "column TAS holds .* outside 40 to 700"),
+        (pl.col("level_fl").cast(pl.Float64), "column level_fl is of type Float64"),
+        (pl.lit(200).cast(pl.Int32).alias("level_fl"), "column level_fl has .* levels twice"),
+        (pl.struct("typecode").alias("typecode"), "column typecode is of type Struct"),
+        (pl.col("flight_id").cast(pl.Binary), "column flight_id is of type Binary"),
+        (pl.lit("high").alias("geoaltitude"), "column geoaltitude is of type String"),
+        (pl.lit(None, pl.Float64).alias("time_s"), "column time_s lacks"),
+        (pl.col("timestamp").dt.replace_time_zone(None), "column timestamp is of type"),
+    ],
+)
+def test_prepared_descents_that_no_aircraft_flies(change: pl.Expr, saying: str, descents: Path, tmp_path: Path) -> None:
+    whole = read_descents(descents)
+    path = written(whole.frame.with_columns(change), whole.metadata, tmp_path / "changed.parquet")
+    with pytest.raises(DataError, match=saying):
+        read_descents(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("bottom_fl", float("inf")), ("top_fl", {"A320": None}), ("report", {"steps": [{"step": 3}]}), ("inputs", "all")],
+)
+def test_descriptions_that_nobody_wrote(name: str, value: object, descents: Path, tmp_path: Path) -> None:
+    whole = read_descents(descents)
+    path = written(whole.frame, whole.metadata | {name: value}, tmp_path / "changed.parquet")
+    with pytest.raises(DataError, match="a damaged description"):
+        read_descents(path)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "saying"),
+    [
+        ("decoder.aircraft.cd2_ld", "=1+1", "coefficient cd2_ld"),
+        ("decoder.aircraft.vmo_kt", float("nan"), "vmo_kt holds 1 that is no finite number"),
+        ("decoder.levels_fl", 3, "decoder.levels_fl is of type int; expected a tensor"),
+        ("decoder.weight_scale", torch.zeros(2), "checkpoint|shape|weight_scale|size"),
+        ("decoder.drag_basis.mean", torch.tensor([torch.nan]), "drag_basis.mean holds 1"),
+        ("decoder.cas_basis.components", torch.ones(1, 3), "size|shape|grid"),
+        ("plausibility.entry_counts", torch.zeros(4), "size|shape|multinomial|sum"),
+        ("decoder.drag_basis", None, "decoder.drag_basis is of type NoneType; expected a dictionary"),
+        ("plausibility.cas_low", "low", "plausibility.cas_low is of type str; expected a tensor"),
+        ("split", [], "split of the representation is of type list"),
+        ("cleaning", "as usual", "cleaning of the representation is of type str"),
+    ],
+)
+def test_checkpoints_with_another_value(place: str, value: object, saying: str, run: Path, tmp_path: Path) -> None:
+    content = torch.load(run / "checkpoints" / "best.ckpt", weights_only=True)
+    *parts, last = place.split(".")
+    inside = content["descentflow"]["representation"]
+    for part in parts:
+        inside = inside[part]
+    inside[last] = value
+    torch.save(content, tmp_path / "changed.ckpt")
+    with pytest.raises(CheckpointError, match=saying) as caught:
+        load_model(tmp_path / "changed.ckpt")
+    assert "changed.ckpt" in caught.value.got
+
+
+@pytest.mark.parametrize("section", [3, None, {}, {"format": 2}])
+def test_checkpoints_of_another_section(section: object, run: Path, tmp_path: Path) -> None:
+    content = torch.load(run / "checkpoints" / "best.ckpt", weights_only=True)
+    torch.save(content | {"descentflow": section}, tmp_path / "changed.ckpt")
+    with pytest.raises(CheckpointError, match=r"changed\.ckpt"):
+        load_model(tmp_path / "changed.ckpt")
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_times_that_calendars_give_up_on_are_missing(unit: str) -> None:
+    edges = pl.Series([0, -1, 2**63 - 1, -(2**63) + 1, None]).cast(pl.Datetime(unit, "UTC"))
+    found = timestamps(edges)
+    within = 10**10 * {"ms": 10**3, "us": 10**6, "ns": 10**9}[unit] >= 2**63 - 1
+    assert found.is_null().to_list() == [False, True, not within, True, True]
+    assert found.dt.year()[0] == 1970
+
+
+def test_messages_are_no_longer_than_people_read() -> None:
+    error = DescentflowError("x" * 10**6, expected="a name", mend="shorten it")
+    assert len(str(error)) < 5000
+    assert "characters left out" in str(error)

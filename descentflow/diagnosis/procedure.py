@@ -17,13 +17,15 @@ from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
+from descentflow.diagnosis.findings.selection_found import DetectionLimit
 from descentflow.diagnosis.inference.blind_whitening import blind_whitening
 from descentflow.diagnosis.inference.detection_limit import detection_limits
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.held_out import held_out_shifts
 from descentflow.diagnosis.inference.heterogeneity import together
+from descentflow.diagnosis.inference.left_over import LeftOver, least_left
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
-from descentflow.diagnosis.inference.naming_rule import named_alone
+from descentflow.diagnosis.inference.naming_rule import least_shifts, named_alone
 from descentflow.diagnosis.inference.normal_flights import is_narrow, normal_flights
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
@@ -32,10 +34,10 @@ from descentflow.diagnosis.inference.where import where
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.diagnosis.left_out_channels import left_out_channels
 from descentflow.diagnosis.not_identifiable import not_identifiable
-from descentflow.diagnosis.practical_size import below_rounding
+from descentflow.diagnosis.practical_size import below_rounding, rounding_of
 from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.report.causes import causes_of, would_split
-from descentflow.diagnosis.report.details import curves, discrepancy_of, remaining_of, singles_of
+from descentflow.diagnosis.report.details import curves, discrepancy_of, remaining_of, singles_of, subsets_of
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.odd_flights import flights_worth_a_look
 from descentflow.diagnosis.stages import stages_of
@@ -136,11 +138,15 @@ class Diagnosis:
         progress("asking where it lies")
         cells, affected = where(likelihood, settings.transition_fl, settings.seed)
         chosen = select(likelihood, self.discrepancy, progress)
-        verdict = self._verdict(test.p_value, chosen)
+        verdict = self.verdict(test.p_value, chosen)
         small = [] if verdict == "none" else self._below_rounding(cells)
         if small:
             verdict = "none"
-        fit = chosen.fit if verdict == "effect" else chosen.null
+        if verdict == "partial" and chosen.beside is not None:
+            # What is left must not pull what is known.
+            chosen = replace(chosen, fit=chosen.beside)
+        is_named = verdict in ("effect", "partial")
+        fit = chosen.fit if is_named else chosen.null
         if verdict == "none" or not bool(affected.any()):
             # Entries that stand out by chance would make a gap of it.
             affected = torch.ones_like(affected)
@@ -150,7 +156,7 @@ class Diagnosis:
         shifts, spreads = held_out_shifts(likelihood, fit)
         shift = together(shifts, likelihood)
         gap = measure.gap(shift)
-        causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if verdict == "effect" else []
+        causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if is_named else []
         progress("asking at which stage the simulator loses most")
         stages = stages_of(settings.simulator, frame, settings.seed)
         hidden = not_identifiable(settings, self.source)
@@ -195,8 +201,10 @@ class Diagnosis:
         """The simulator with the causes in it, and its scores."""
         self.settings.progress("putting the causes into the simulator's flights")
         asked = self.settings
+        # Effects are put in where they were found: at the coefficients that the simulator's own flights show.
+        simulator = replace(asked.simulator, aircraft=self.compared.state.aircraft)
         return correction_made(
-            asked.simulator, frame, self.likelihood, fit, asked.catalogue, asked.transition_fl, asked.seed, spreads
+            simulator, frame, self.likelihood, fit, asked.catalogue, asked.transition_fl, asked.seed, spreads
         )
 
     def _null_test(self) -> NullTest:
@@ -216,13 +224,38 @@ class Diagnosis:
         is_matter = any(self.settings.catalogue[name].is_noise for name in effects)
         return affected if is_matter or not bool((affected & ~noise).any()) else affected & ~noise
 
-    def _verdict(self, p_value: float, chosen: Chosen) -> Verdict:
-        """Whether there is a gap, and a named cause."""
+    def verdict(self, p_value: float, chosen: Chosen) -> Verdict:
+        """Whether there is a gap, and whether the named causes are all, a part, or none of it.
+
+        Args:
+            p_value: Of the null test.
+            chosen: Outcome of the selection.
+        """
         # Samples always differ from flights a little, however many permutations say so: it must matter too.
         idle = self.source == "samples" and not chosen.fit.effects and not chosen.outside.named
         if p_value > SIGNIFICANT or idle:
             return "none"
-        return "unknown" if chosen.outside.named or not chosen.fit.effects else "effect"
+        if not chosen.fit.effects:
+            return "unknown"
+        if not (chosen.outside.named and self._left(chosen.fit, *chosen.alike).is_gap):
+            return "effect"
+        is_part = not chosen.outside.is_larger and self._left(chosen.beside or chosen.fit).confirmed
+        return "partial" if is_part else "unknown"
+
+    def _detection_limits(self, fit: Fit) -> list[DetectionLimit]:
+        """The smallest sizes that would be named: beyond the rounding of one report, as a gap must be."""
+        unit = least_shifts(self.compared.negligible(), self._rounding())
+        return list(detection_limits(self.likelihood, named_alone, fit, least=unit).values())
+
+    def _rounding(self) -> Tensor:
+        """What the rounding of one flight's reports leaves open of each entry; unknown, and zero, without a rate."""
+        profile = profile_of(self.compared)
+        none = torch.zeros(len(self.compared.entries), dtype=torch.float64)
+        return rounding_of(self.compared, profile) if profile else none
+
+    def _left(self, *fits: Fit) -> LeftOver:
+        """What the named causes, or those that stand in their place, leave in physical units."""
+        return least_left(self.likelihood, fits, self._rounding(), SIGNIFICANT)
 
     def _details(self, chosen: Chosen, test: NullTest, shift: Tensor, counts: Mapping[str, int]) -> Details:
         settings = self.settings
@@ -242,6 +275,7 @@ class Diagnosis:
             flights=dict(counts),
             labels={name: effect.text for name, effect in settings.catalogue.items()},
             narrow_simulator=is_narrow(self.compared),
+            subsets=subsets_of(chosen),
             profile=profile_of(self.compared),
-            detection_limits=list(detection_limits(self.likelihood, named_alone, chosen.fit).values()),
+            detection_limits=self._detection_limits(chosen.fit),
         )

@@ -184,10 +184,10 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
             return [theta]
         size, share, middle, height, spread = FIRST_LAW
         size = max(float(theta[0] / theta[3]), size) if float(theta[3]) < 1.0 else size
-        noise = float(theta[4] / theta[3])
         low, high = theta[1:3].tolist()
-        alike = [size * share, low, high, share, noise * share, 0.0, 0.0, spread * size]
-        own = [size * share, low, high, share, noise * share, middle, height, spread * size]
+        # Noise that the mean fit gives to brakes may be of anything: flights would get brakes where they are not seen.
+        alike = [size * share, low, high, share, 0.0, 0.0, 0.0, spread * size]
+        own = [size * share, low, high, share, 0.0, middle, height, spread * size]
         return [torch.tensor(law, dtype=torch.float64) for law in (alike, own)]
 
     def ways(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Ways:

@@ -13,7 +13,8 @@ from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.flight_fit import FlightFit
 from descentflow.diagnosis.inference.flight_laws import Explained, Law, WaysOfFlights, taken
 from descentflow.diagnosis.inference.search import fit_effects
-from descentflow.diagnosis.inference.selection import discrepancy_gain
+from descentflow.diagnosis.inference.selection import select
+from descentflow.diagnosis.inference.set_search import SetSearch
 from descentflow.diagnosis.inference.two_sides import Entry
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects import EFFECTS
@@ -179,6 +180,17 @@ def test_an_effect_beside_a_path_is_not_biased_by_it(drag: float) -> None:
     assert float(fit.theta["drag_polar"][0]) == pytest.approx(drag, abs=error)
 
 
+@pytest.mark.parametrize(("drag", "second"), [(0.0, False), (0.1, True)])
+def test_what_acts_beside_a_path_is_named_and_nothing_else(drag: float, second: bool) -> None:
+    """Sets with a path are screened on the flights without it: a mean shift leaves too much of it for others."""
+    compared, _ = flight_toys.on_own_paths(300, share=0.6, drag=drag)
+    chosen = select(flight_toys.likelihood(compared), discrepancy_columns(compared)[0], lambda _: None)
+    found = {frozenset({name, *chosen.groups[name]}) for name in chosen.fit.effects}
+    assert sum("geometric_path" in group for group in found) == 1
+    assert any("drag_polar" in group for group in found) == second
+    assert len(found) == 1 + second
+
+
 def test_no_law_where_all_flights_are_alike() -> None:
     held = flight_toys.likelihood(flight_toys.steady_sides(200))
     null = fit_effects(held, ())
@@ -192,10 +204,12 @@ def test_no_law_where_all_flights_are_alike() -> None:
 def test_nothing_is_left_beside_own_windows(windows) -> None:
     held, _, _, fit = windows
     columns, _ = discrepancy_columns(held.compared)
-    left, error = discrepancy_gain(held, fit, columns)
+    null = fit_effects(held, ())
+    search = SetSearch(held, columns, null, {}, lambda _: None)
+    left, error = held.gain(search.discrepancy.beside(fit).log_score, fit.log_score)
     # What a shift of no cause would add is what its free coefficients gain by chance, not the flights' own windows.
     assert left < 3 * error + 5.0
-    alone, _ = discrepancy_gain(held, fit_effects(held, ()), columns)
+    alone, _ = held.gain(search.discrepancy.beside(null).log_score, null.log_score)
     assert alone > 100.0
 
 

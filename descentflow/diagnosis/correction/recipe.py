@@ -29,7 +29,7 @@ def recipe_of(
         >>> from descentflow.effects import EFFECTS
         >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
         >>> print(recipe_of(report.causes, EFFECTS, (150, 350))[0].text)
-        mass x 0.9... (0.9... to ...), FL150 to FL350
+        mass x 0.9... (0.8... to 0.9...), FL150 to FL350
     """
     return [_step(cause, catalogue[cause.effect], levels_fl) for cause in causes]
 

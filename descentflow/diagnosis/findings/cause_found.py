@@ -151,8 +151,7 @@ class Cause:
     Attributes:
         effect: Its name in the catalogue.
         group: Effects that these data cannot tell from it.
-        probability: Share of fleets of these aircraft, drawn with replacement, in which it explains held-out flights
-            best of all effects that could be named in its place.
+        probability: Probability that it itself is among the causes.
         parameters: Estimates by name.
         score_gain: What its presence gains on flights that it was not fitted to.
         heterogeneity: How it differs between flights.
@@ -161,7 +160,7 @@ class Cause:
         inherited: Whether the simulator's own flights have it as well.
         label: Its name for readers.
         text: What it is in words, with the direction that was found.
-        inclusion: Probability that the effect is among the causes; None where not computed.
+        inclusion: Probability that it, or an effect that stands in its place, is among them; None where not computed.
         share_of_flights: Share of the flights that have it; None where all have.
         own_closure: How much of the gap it closes alone, without the other causes.
         sizes: What ``parameters`` are in units of the trade, of the flights that have the effect.
@@ -171,7 +170,7 @@ class Cause:
         >>> from descentflow.effects import EFFECTS
         >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
         >>> print(report.causes[0])
-        mass: relative change of the mass -0.0... (-0.0... to -0.0...)
+        mass: relative change of the mass -0.0... (-0.1... to -0.0...)
         >>> print("closed:", report.causes[0].closure.marginal)
         closed: ... % (... % to ... %)
     """

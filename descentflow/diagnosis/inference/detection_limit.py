@@ -45,8 +45,8 @@ entries in negligible shifts."""
 class LocalPower:
     """What decides how often an effect is named: information (k, k) and variance of the score (k, k).
 
-    Beside them the largest mean shift of an entry, in negligible shifts, for one unit of the first parameter, and the
-    ``least`` size that the effect can have.
+    Beside them the largest mean shift of an entry, in negligible shifts or what else is the unit, for one unit of the
+    first parameter, and the ``least`` size that the effect can have.
 
     Example:
         >>> strong = LocalPower(torch.tensor([[100.0]]).double(), torch.tensor([[100.0]]).double(), shift=10.0)
@@ -82,7 +82,11 @@ class LocalPower:
 
 
 def detection_limits(
-    likelihood: EffectsLikelihood, rule: Rule, fit: Fit | None = None, seed: int = 0
+    likelihood: EffectsLikelihood,
+    rule: Rule,
+    fit: Fit | None = None,
+    seed: int = 0,
+    least: Tensor | None = None,
 ) -> dict[str, DetectionLimit]:
     """Every effect's smallest size that would be named in :data:`NAMED_IN` of the cases.
 
@@ -93,6 +97,7 @@ def detection_limits(
         rule: By which an effect alone is named.
         fit: What is taken off the flights first, for their scatter alone is wanted; nothing if absent.
         seed: Of the draws.
+        least: (p,) unit of the mean shifts that the rule is given; negligible shifts if absent.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
@@ -103,17 +108,18 @@ def detection_limits(
         (1, 'K', None)
     """
     left = _scatter(likelihood, fit)
-    return {name: _limit(likelihood, name, rule, fit, left, seed) for name in likelihood.catalogue}
+    unit = likelihood.compared.negligible() if least is None else least
+    return {name: _limit(likelihood, name, rule, fit, left, unit, seed) for name in likelihood.catalogue}
 
 
 def _limit(
-    likelihood: EffectsLikelihood, name: str, rule: Rule, fit: Fit | None, left: Tensor, seed: int
+    likelihood: EffectsLikelihood, name: str, rule: Rule, fit: Fit | None, left: Tensor, unit: Tensor, seed: int
 ) -> DetectionLimit:
     share = _share_of(likelihood, name, fit)
     start = _without_effect(likelihood, name, share)
     at = _size_of(likelihood, name, start)
     parameter = likelihood.catalogue[name].parameters[at]
-    power = local_power(likelihood, name, start, at, left)
+    power = local_power(likelihood, name, start, at, left, unit)
     size = None if power is None or parameter.high <= 0.0 else _smallest(power, rule, parameter.high, seed)
     told = size if size is None or share is None else size / share
     return DetectionLimit(
@@ -127,7 +133,9 @@ def _limit(
     )
 
 
-def local_power(likelihood: EffectsLikelihood, name: str, start: Tensor, at: int, left: Tensor) -> LocalPower | None:
+def local_power(
+    likelihood: EffectsLikelihood, name: str, start: Tensor, at: int, left: Tensor, unit: Tensor
+) -> LocalPower | None:
     """Information and variance of an effect about no effect; None where it shows nowhere.
 
     Args:
@@ -136,11 +144,13 @@ def local_power(likelihood: EffectsLikelihood, name: str, start: Tensor, at: int
         start: Parameters (k,) without the effect.
         at: Which of them is its size.
         left: (n, p) scatter of the flights, without a mean.
+        unit: (p,) of mean shifts.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> likelihood = example_likelihood()
-        >>> power = local_power(likelihood, "temperature", torch.zeros(1).double(), 0, likelihood.y)
+        >>> unit = likelihood.compared.negligible()
+        >>> power = local_power(likelihood, "temperature", torch.zeros(1).double(), 0, likelihood.y, unit)
         >>> 5 < float(power.information) < 500  # of one kelvin
         True
     """
@@ -162,7 +172,7 @@ def local_power(likelihood: EffectsLikelihood, name: str, start: Tensor, at: int
     score = torch.einsum("npk,np->nk", columns, weighted) - gradient @ held
     by_one = by_aircraft(score, likelihood.compared.airframe)
     count = likelihood.compared.y[likelihood.real].isfinite().sum(0).clamp(min=1)
-    means = columns[:, :, 0].sum(0).abs() / count / likelihood.compared.negligible()
+    means = columns[:, :, 0].sum(0).abs() / count / unit
     kept = information[known][:, known]
     kept = kept + torch.diag(1e-9 * kept.diagonal())
     variance = (by_one.T @ by_one)[known][:, known]

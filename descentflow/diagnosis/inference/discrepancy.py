@@ -15,6 +15,10 @@ OTHER_KNOTS = 3
 """...and of the others. Set by hand."""
 SPREAD = 10.0
 """Prior spread of a bump, in negligible shifts of its quantity."""
+SPREADS = (0.03, 0.1, 0.3, 1.0, 3.0)
+"""Prior spreads of which the most probable is taken, in :data:`SPREAD`: from nothing to 6 % of the rate at a knot."""
+SWEEPS = 2
+"""Over the quantities: how wide one is hardly moves what another is."""
 TOP_M = 1200.0
 """Depth below the top over which an aircraft settles into its descent."""
 
@@ -81,3 +85,59 @@ def _covariates(compared: Compared) -> dict[str, Tensor]:
         "high Mach": ((mach - 0.76) / 0.02).clamp(0.0, 2.0),
         "depth below the top": torch.exp(-state.depth_m / TOP_M),
     }
+
+
+def learnt_precision(information: Tensor, gradient: Tensor, of: Tensor) -> tuple[Tensor, float]:
+    r"""Prior precision (e,) of coefficients under which the flights are most probable, one for each quantity.
+
+    Beside it, what the freedom costs (nats): the second term below, by which a shape that could have been any is less
+    probable than one that an effect foretells.
+
+    With information A and gradient g of the coefficients, all else profiled out, and a normal prior of precision
+    diagonal R, :math:`\ln p(y) = \tfrac12 g^\top (A + R)^{-1} g - \tfrac12 \ln \det (I + R^{-1} A)` up to a constant.
+    A quantity that shows nothing gets a prior that leaves it alone.
+
+    Args:
+        information: (e, e).
+        gradient: (e,).
+        of: (e,) number of the quantity that each column shifts.
+
+    Example:
+        >>> information = 100.0 * torch.eye(4).double()
+        >>> gradient, of = torch.tensor([90.0, -80.0, 5.0, 9.0]).double(), torch.tensor([0, 0, 1, 1])
+        >>> precision, cost = learnt_precision(information, gradient, of)
+        >>> precision.round().tolist(), round(cost, 1)  # ln(101) of the first two, ln(1.09) of the others, halved
+        ([1.0, 1.0, 1111.0, 1111.0], 4.7)
+    """
+    spread = torch.full((len(gradient),), SPREADS[0], dtype=gradient.dtype)
+    for _ in range(SWEEPS):
+        for quantity in torch.unique(of).tolist():
+            tried = [torch.where(of == quantity, value, spread) for value in SPREADS]
+            spread = max(tried, key=lambda s: _evidence(information, gradient, s))
+    return spread**-2, _volume(information, spread)
+
+
+def _volume(information: Tensor, spread: Tensor) -> float:
+    scaled = spread[:, None] * information * spread + torch.eye(len(spread), dtype=spread.dtype)
+    return float(torch.linalg.cholesky(scaled).diagonal().log().sum())
+
+
+def _evidence(information: Tensor, gradient: Tensor, spread: Tensor) -> float:
+    scaled = spread[:, None] * information * spread + torch.eye(len(spread), dtype=spread.dtype)
+    lower, vector = torch.linalg.cholesky(scaled), spread * gradient
+    half = torch.linalg.solve_triangular(lower, vector[:, None], upper=False)
+    return float(0.5 * half.square().sum() - lower.diagonal().log().sum())
+
+
+def quantity_of(columns: Tensor, compared: Compared) -> Tensor:
+    """Number (e,) of the quantity that each column (n, p, e) shifts.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> sides = example_sides()
+        >>> quantity_of(discrepancy_columns(sides)[0], sides).tolist()  # rate, cas, tas
+        [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2]
+    """
+    names = compared.quantities()
+    number = torch.tensor([names.index(entry.quantity) for entry in compared.entries])
+    return number[columns.abs().amax(0).argmax(0)]

@@ -167,11 +167,11 @@ class EffectsLikelihood(EffectShifts):
 
     def with_common(self, own: Tensor, prior: Tensor | None = None) -> Design:
         """Columns (n, p, k) of the real flights beside those of all flights, with their prior precision (k,) if any."""
-        found = self.joined([own[self.real]], torch.zeros(own.shape[1], 0, dtype=own.dtype), None, 0.0)
+        found = self.joined([own[self.real]], torch.zeros(own.shape[1], 0, dtype=own.dtype))
         return found if prior is None else replace(found, own_ridge=prior)
 
     def joined(self, parts: list[Tensor], alike: Tensor, extra: Tensor | None = None, ridge: float = 1.0) -> Design:
-        """Columns (r, p, k) of the real flights, those (p, c) alike in all of them, and anything else (n, p, e)."""
+        """Columns (r, p, k) of the real flights, (p, c) alike in all of them, and (n, p, e) with a prior precision."""
         blank = torch.zeros(int(self.real.sum()), self.y.shape[1], 0, dtype=self.y.dtype)
         prior = torch.zeros(sum(part.shape[2] for part in parts), dtype=self.y.dtype)
         k = len(prior)
@@ -247,6 +247,12 @@ class EffectsLikelihood(EffectShifts):
         products = part.sums.of_real.apply(own)
         design = replace(whole, shared=part.common, own=own, own_products=products, alike=whole.alike[at])
         return part.log_score(self.shift(theta)[:, at], design)
+
+    def improbability(self, shift: Tensor, design: Design) -> float:
+        """Nats by which all that has a prior is less probable, as fitted to all flights, than if it were zero."""
+        sums = self.sums
+        profiled = sums.profiled(sums.rest(shift, design, sums.of_columns(design)), everyone=True)
+        return 0.5 * float((design.own_ridge * solved(profiled, design.own_ridge)[0] ** 2).sum())
 
     def gain(self, first: Tensor, second: Tensor) -> tuple[float, float]:
         """Sum of paired differences of log scores (n,) and its standard error, whole aircraft counted as one."""

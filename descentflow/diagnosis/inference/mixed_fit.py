@@ -9,7 +9,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS
 from descentflow.diagnosis.inference.ascent import ascend
-from descentflow.diagnosis.inference.flight_fit import FlightFit, Laws
+from descentflow.diagnosis.inference.flight_fit import MIN_TAKEN, FlightFit, Laws
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.linear_algebra import Design
 from descentflow.diagnosis.inference.signature_columns import signature_columns
@@ -106,10 +106,38 @@ def _held_entries(likelihood: EffectsLikelihood, flights: FlightFit) -> Tensor:
     return held[:, None] & likelihood.compared.of("rate")
 
 
+def without_laws(likelihood: EffectsLikelihood, fit: Fit) -> EffectsLikelihood:
+    """The likelihood of the flights without what a fit expects of laws, and without rates that are held by them.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.diagnosis.inference.likelihood import FlightShares
+        >>> from descentflow.diagnosis.inference.search import fit_effects
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["speed_brake"], [0.4, 200, 240, 1, 0, 0, 0, 0])
+        >>> own = FlightShares(torch.ones(160), {}, torch.full_like(likelihood.y, 0.1))
+        >>> fit = replace(fit_effects(likelihood, ["speed_brake"]), per_flight={"speed_brake": own})
+        >>> round(float((likelihood.compared.y - without_laws(likelihood, fit).compared.y).nanmean()), 3)
+        0.1
+    """
+    shift = torch.zeros_like(likelihood.y)
+    held = torch.zeros_like(likelihood.y, dtype=torch.bool)
+    for name, own in fit.per_flight.items():
+        shift = shift + own.shift
+        effect = likelihood.catalogue[name]
+        if isinstance(effect, DiffersByFlight) and effect.holds_rate:
+            held |= (own.share > MIN_TAKEN)[:, None] & likelihood.compared.of("rate")
+    return _without(likelihood, shift, held)
+
+
 def _cleaned(likelihood: EffectsLikelihood, flights: FlightFit) -> EffectsLikelihood:
-    """The likelihood of the flights without what is expected of the laws, and without rates that are held."""
-    held, whitening = _held_entries(likelihood, flights), likelihood.whitening
-    y = torch.where(held, torch.nan, likelihood.compared.y - flights.shift())
+    """The same while laws are learnt."""
+    return _without(likelihood, flights.shift(), _held_entries(likelihood, flights))
+
+
+def _without(likelihood: EffectsLikelihood, shift: Tensor, held: Tensor) -> EffectsLikelihood:
+    """The likelihood of the flights without a shift (n, p) and without some entries (n, p)."""
+    whitening, y = likelihood.whitening, torch.where(held, torch.nan, likelihood.compared.y - shift)
     if bool(held.any()):
         whitening = whitening.only(torch.arange(y.shape[1]), y.isfinite())
     compared = replace(likelihood.compared, y=y)

@@ -19,7 +19,7 @@ from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.selection import Chosen, Outside
-from descentflow.diagnosis.inference.selection_rules import Candidate
+from descentflow.diagnosis.inference.single_effects import Candidate
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.effects import Effect

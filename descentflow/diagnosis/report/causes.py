@@ -72,6 +72,7 @@ def causes_of(
             effect=name,
             group=list(chosen.groups[name]),
             probability=chosen.probability[name],
+            inclusion=None if chosen.inclusion is None else chosen.inclusion.of_group[name],
             parameters=sizes,
             score_gain=ScoreGain(gain, gain - NINETY * error, gain + NINETY * error),
             heterogeneity=Heterogeneity(effect.heterogeneity, spreads[name]),

@@ -6,13 +6,17 @@ from torch import Tensor
 from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import Curve, Discrepancy, SingleEffect
 from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining
+from descentflow.diagnosis.findings.selection_found import Subset
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.selection import Chosen, Outside
 from descentflow.diagnosis.inference.where import strongest_block
 from descentflow.diagnosis.report.sizes import told_text
+from descentflow.effects import UNKNOWN
 
 BOUND = 1e-6
 """How near an estimate is to a bound that it was driven to."""
+SHOWN = 10
+"""Sets of effects that are written down."""
 
 
 def discrepancy_of(outside: Outside) -> Discrepancy:
@@ -56,6 +60,22 @@ def _refused(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> str:
         if at_bound and not p.from_heterogeneity and not p.by_product:
             return f"{told_text(p, Measured(p.told(value)))} is the limit of what is possible"
     return "with such parameters it is not what it says"
+
+
+def subsets_of(chosen: Chosen) -> list[Subset]:
+    """The heaviest sets of effects with their weights, ``unknown`` where a shift without a cause is beside them.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> from descentflow.diagnosis.inference.selection import select
+        >>> subsets_of(select(likelihood, columns, lambda stage: None))[0].effects
+        ['temperature']
+    """
+    return [Subset([*one.effects, *([UNKNOWN] if one.discrepancy else [])], one.weight) for one in chosen.sets[:SHOWN]]
 
 
 def remaining_of(likelihood: EffectsLikelihood, shift: Tensor, gap: float, outside: Outside) -> Remaining:

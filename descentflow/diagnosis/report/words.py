@@ -149,12 +149,14 @@ def how_sure(cause: Cause) -> str:
         >>> from descentflow.diagnosis.diagnose import diagnose
         >>> from descentflow.effects import EFFECTS
         >>> how_sure(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}).causes[0])
-        'explains best in 100 of 100 fleets drawn from these aircraft'
+        'is a cause with a probability of 100 %'
     """
-    best = f"explains best in {100 * cause.probability:.0f} of 100 fleets drawn from these aircraft"
     if cause.inclusion is None:
-        return best
-    return f"is a cause with a probability of {percent(cause.inclusion)}; {best}"
+        return f"explains best in {100 * cause.probability:.0f} of 100 fleets drawn from these aircraft"
+    either = f"is a cause with a probability of {percent(cause.inclusion)}"
+    if percent(cause.inclusion) == percent(cause.probability):
+        return either
+    return f"or one that looks like it {either}; it itself with {percent(cause.probability)}"
 
 
 def became(cost: Cost) -> str:

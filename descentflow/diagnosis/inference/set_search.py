@@ -1,0 +1,263 @@
+"""The search among sets of effects: all of up to four are screened, the best refitted, those that were weighted."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.inference.aircraft_groups import by_aircraft
+from descentflow.diagnosis.inference.credible import is_credible
+from descentflow.diagnosis.inference.free_discrepancy import FreeDiscrepancy
+from descentflow.diagnosis.inference.inclusion import Names, WeightedSet, inclusion
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
+from descentflow.diagnosis.inference.mixed_fit import without_laws
+from descentflow.diagnosis.inference.model_weights import weights_of
+from descentflow.diagnosis.inference.search import first_guess, fit_effects
+from descentflow.diagnosis.inference.single_effects import Candidate
+from descentflow.diagnosis.inference.subset_screening import MAX_EFFECTS, Member, Screening, member_of, sets_of
+from descentflow.effects.flight_law import DiffersByFlight
+
+LOG_PRIOR_ODDS = -2.5
+"""Of each effect, and of a shift that none of them makes: one of the thirteen is expected where there is a gap."""
+FIRST = 4
+"""Sets that are fitted at most for the one about which others are screened..."""
+REFITTED = 8
+"""...and then, those that promise most first."""
+WITH_DISCREPANCY = 6
+"""Sets that are tried with a discrepancy beside them at most."""
+SCREENED_GAP = 8.0
+"""Nats by which a set's linear gain may fall short of the best for it to be refitted: its weight would be e^-8."""
+
+
+class SetSearch:
+    """Sets of effects: screened, refitted, weighted.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> from descentflow.diagnosis.inference.single_effects import every_single
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> null = fit_effects(likelihood, ())
+        >>> singles = every_single(likelihood, null, lambda stage: None)
+        >>> sets, _ = SetSearch(likelihood, columns, null, singles, lambda stage: None).weighted()
+        >>> max(sets, key=lambda one: one.weight).effects
+        ('temperature',)
+    """
+
+    def __init__(
+        self,
+        likelihood: EffectsLikelihood,
+        discrepancy: Tensor,
+        null: Fit,
+        singles: Mapping[str, Candidate],
+        progress: Callable[[str], None],
+    ) -> None:
+        """Begin with the effects alone."""
+        self.likelihood, self.progress = likelihood, progress
+        self.discrepancy = FreeDiscrepancy(likelihood, discrepancy)
+        self.fits: dict[frozenset[str], Fit] = {frozenset(): null}
+        fitted = {name: single.fit for name, single in singles.items() if single.fit.design is not null.design}
+        for name, fit in fitted.items():
+            self.fits[frozenset([name])] = fit
+        self.start = {name: single.fit.theta[name] for name, single in singles.items()}
+        self.credible: dict[tuple[Names, str], bool] = {}
+        self.scores: dict[tuple[tuple[Member, ...], Names, bool], dict[Names, float]] = {}
+
+    def weighted(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
+        """Sets that were refitted, with weights: with and without a discrepancy beside each, and without one alone."""
+        self.progress("screening sets of effects")
+        members = [member_of(self.likelihood, name, theta) for name, theta in self.start.items()]
+        beside = self._first_law() or self._explored(members, self.fit(()), at_most=FIRST)
+        members += self._beside(beside)
+        self._explored(members, self._explored(members, beside, at_most=FIRST), at_most=REFITTED)
+        while True:
+            sets, alone = self._weighed()
+            near = self._near(inclusion(sets, alone).best)
+            untried = [names for names in near if frozenset(names) not in self.fits]
+            if not untried:
+                return sets, alone
+            for names in untried:
+                self._credible_part(self.fit(names))
+
+    def _near(self, heaviest: Names) -> list[Names]:
+        """The best set without each of its effects, and with another that scales the same equation in its place.
+
+        What an effect adds, and what it cannot be told from, is asked of fits and not of the screening.
+        """
+        found = [tuple(other for other in heaviest if other != name) for name in heaviest]
+        for name in heaviest:
+            group = self.likelihood.catalogue[name].scale_group
+            for other in () if group is None else group.members:
+                if other in self.likelihood.catalogue and other not in heaviest:
+                    found.append(tuple(other if one == name else one for one in heaviest))
+        return found
+
+    def _weighed(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
+        """All that were fitted and are credible, with their weights."""
+        usable = [fit for fit in self.fits.values() if self._credible_part(fit) is fit]
+        usable.sort(key=lambda f: -float(f.log_score.sum()) - LOG_PRIOR_ODDS * len(f.effects))
+        alone = [(f, False) for f in usable]
+        beside = [(f, True) for at, f in enumerate(usable) if at < WITH_DISCREPANCY or not f.effects]
+        scores, prior = [], []
+        for f, free in (*alone, *beside):
+            score = self.discrepancy.beside(f).log_score if free else f.log_score
+            scores.append(by_aircraft(score, self.likelihood.compared.airframe))
+            prior.append(LOG_PRIOR_ODDS * (len(f.effects) + free) - self._cost(f, free))
+        every, log_prior = torch.stack(scores), torch.tensor(prior, dtype=torch.float64)
+        first = len(alone)
+        return (
+            _weighted((*alone, *beside), weights_of(every, log_prior)),
+            _weighted(alone, weights_of(every[:first], log_prior[:first])),
+        )
+
+    def _explored(self, members: Sequence[Member], beside: Fit, at_most: int) -> Fit:
+        """The best credible fit, after so many sets at most were fitted, those that promise most first."""
+        for _ in range(at_most):
+            names = next((n for n in self._screened(members, beside) if frozenset(n) not in self.fits), None)
+            if names is None:
+                break
+            self._credible_part(self.fit(self._first_part(names, set(beside.per_flight))))
+        credible = [fit for fit in self.fits.values() if self._credible_part(fit) is fit]
+        return max(credible, key=self._score)
+
+    def _first_part(self, names: Names, laws: set[str]) -> Names:
+        """A set, or the part of it that is to be fitted first: a core, and the core with one effect more.
+
+        The core are laws that are known, or else the effects that all flights have alike. What a mean shift gains
+        beside them may be theirs, or nothing, once each flight is asked.
+        """
+        catalogue = self.likelihood.catalogue
+        alike = {name for name in names if not isinstance(catalogue[name], DiffersByFlight)}
+        core = laws if laws and laws < set(names) else alike
+        parts = [tuple(n for n in names if n in core)]
+        parts += [tuple(n for n in names if n in core or n == other) for other in names if other not in core]
+        return next((part for part in parts if part and frozenset(part) not in self.fits), names)
+
+    def _score(self, fit: Fit) -> float:
+        """What the search holds against each other: held-out log score with priors, the better of with and without."""
+        prior = LOG_PRIOR_ODDS * len(fit.effects)
+        beside = self.discrepancy.beside(fit)
+        plain = float(fit.log_score.sum()) - self.likelihood.improbability(fit.shift, fit.design)
+        return prior + max(plain, float(beside.log_score.sum()) - beside.cost + LOG_PRIOR_ODDS)
+
+    def _credible_part(self, fit: Fit) -> Fit:
+        """The fit without effects that cannot be what they say, fitted again until all can."""
+        while True:
+            kept = tuple(name for name in fit.effects if self._is_credible(fit, name))
+            if kept == fit.effects:
+                return fit
+            fit = self.fit(kept)
+
+    def _is_credible(self, fit: Fit, name: str) -> bool:
+        key = (fit.effects, name)
+        if key not in self.credible:
+            self.credible[key] = is_credible(self.likelihood, fit, name)
+        return self.credible[key]
+
+    def fit(self, names: Sequence[str]) -> Fit:
+        """The fit of a set, made once."""
+        key = frozenset(names)
+        if key not in self.fits:
+            self.progress(f"fitting {', '.join(names)}")
+            self.fits[key] = fit_effects(self.likelihood, tuple(names), {n: self.start[n] for n in names})
+        found = self.fits[key]
+        return found if found.effects == tuple(names) else _reordered(self.likelihood, found, tuple(names))
+
+    def _cost(self, fit: Fit, free: bool) -> float:
+        """Nats by which what a set says of its signatures, and of a discrepancy, is improbable."""
+        return self.discrepancy.beside(fit).cost if free else self.likelihood.improbability(fit.shift, fit.design)
+
+    def _screened(self, members: Sequence[Member], beside: Fit) -> list[Names]:
+        """Sets that none of their effects could be taken out of without loss, best first.
+
+        Without a discrepancy, and with one that is as wide as it is beside some fit. A set promises no more than its
+        parts have kept of what they promised, and nothing where one of them was not credible.
+        """
+        found = self._with_prior(self._scores(members, beside, free=False), 0.0)
+        of_one = LOG_PRIOR_ODDS - self.discrepancy.beside(beside).cost
+        part = self._with_prior(self._scores(members, beside, free=True), of_one)
+        found = {names: max(found[names], part[names]) for names in found}
+        short: dict[frozenset[str], float] = {}
+        for fitted, fit in self.fits.items():
+            promised = found.get(tuple(sorted(fitted)))
+            if promised is not None and len(fitted) > 1:
+                credible = self._credible_part(fit) is fit
+                short[fitted] = self._score(fit) - promised if credible else -torch.inf
+        kept: dict[Names, float] = {}
+        for names, score in found.items():
+            kept[names] = score + min((lack for fitted, lack in short.items() if fitted <= set(names)), default=0.0)
+        most = max(kept.values())
+        near = [names for names, score in kept.items() if score > most - SCREENED_GAP and _is_whole(names, found)]
+        return sorted(near, key=lambda names: -kept[names])
+
+    def _first_law(self) -> Fit | None:
+        """The effect that explains most by itself, if flights have it each in their own way: others show beside it."""
+        alone = [fit for fit in self.fits.values() if len(fit.effects) == 1 and self._credible_part(fit) is fit]
+        best = max(alone, key=lambda fit: float(fit.log_score.sum()), default=None)
+        return best if best is not None and best.per_flight else None
+
+    def _scores(self, members: Sequence[Member], beside: Fit, *, free: bool) -> dict[Names, float]:
+        """Screened scores of all sets, without a discrepancy or with one as wide as beside a fit, worked out once.
+
+        Where the fit has effects that flights have each in their own way, sets with these are screened on the flights
+        without them: a mean shift would leave too much of them for others to explain.
+        """
+        key = tuple(members), beside.effects, free
+        if key not in self.scores:
+            extra = (self.discrepancy.columns, self.discrepancy.beside(beside).precision) if free else (None, None)
+            laws = set(beside.per_flight)
+            found = Screening(self.likelihood, members, *extra).scores(sets_of(members))
+            if laws:
+                others = [member for member in members if member.name not in laws]
+                flights = without_laws(self.likelihood, beside)
+                more = Screening(flights, others, *extra).scores(sets_of(others, MAX_EFFECTS - len(laws)))
+                known = self.discrepancy.beside(beside).log_score if free else beside.log_score
+                cost = self.likelihood.improbability(beside.shift, beside.design)
+                offset = float(known.sum()) - cost - more[tuple(sorted(set(beside.effects) - laws))]
+                found = {names: score for names, score in found.items() if not laws <= set(names)}
+                found |= {tuple(sorted({*names, *laws})): score + offset for names, score in more.items()}
+            self.scores[key] = found
+        return self.scores[key]
+
+    def _with_prior(self, scores: Mapping[Names, float], more: float) -> dict[Names, float]:
+        return {names: score + LOG_PRIOR_ODDS * len(names) + more for names, score in scores.items()}
+
+    def _beside(self, fit: Fit) -> list[Member]:
+        """Effects of a set about their parameters in it, and windowed ones about the best window beside it."""
+        found = [member_of(self.likelihood, name, theta) for name, theta in fit.theta.items()]
+        self.start |= fit.theta
+        if len(fit.effects) == 0:
+            return found
+        for name in self.likelihood.catalogue:
+            if name in fit.effects or self.likelihood.windowed(name) is None:
+                continue
+            if fit.per_flight:
+                alike = {other: theta for other, theta in fit.theta.items() if other not in fit.per_flight}
+                guess = first_guess(without_laws(self.likelihood, fit), name, alike)
+                found.append(member_of(self.likelihood, name, guess))
+            else:
+                self.progress(f"fitting {name} beside {', '.join(fit.effects)}")
+                other = fit_effects(self.likelihood, (*fit.effects, name), fit.theta)
+                self.fits[frozenset(other.effects)] = other
+                self.start[name] = other.theta[name]
+                found.append(member_of(self.likelihood, name, other.theta[name]))
+        return found
+
+
+def _weighted(fits: Sequence[tuple[Fit, bool]], weights: Tensor) -> list[WeightedSet]:
+    return [WeightedSet(fit.effects, free, w) for (fit, free), w in zip(fits, weights.tolist(), strict=True)]
+
+
+def _is_whole(names: Names, scores: Mapping[Names, float]) -> bool:
+    """Whether every effect of a set gains more than it costs."""
+    smaller = [tuple(other for other in names if other != name) for name in names]
+    return all(scores[fewer] < scores[names] for fewer in smaller)
+
+
+def _reordered(likelihood: EffectsLikelihood, fit: Fit, names: Names) -> Fit:
+    """The same fit with its effects in another order."""
+    theta = {name: fit.theta[name] for name in names}
+    return replace(fit, effects=names, theta=theta, design=likelihood.design(theta))

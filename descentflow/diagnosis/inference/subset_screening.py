@@ -1,0 +1,202 @@
+r"""All sets of up to four effects at once, by what each would gain on held-out flights were shifts linear.
+
+About its own fit an effect shifts :math:`d(\theta) \approx d(\hat\theta) + J (\theta - \hat\theta)`. So all that a set
+gains is in one table of products between sensitivities, offsets :math:`d(\hat\theta) - J \hat\theta`, columns by which
+signatures may be off, and what was measured, summed by fold: a thousand sets cost as many small solves and no flight.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.inference.aircraft_groups import FOLDS
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
+from descentflow.diagnosis.inference.linear_algebra import RIDGE
+from descentflow.diagnosis.inference.signature_columns import signature_columns
+
+MAX_EFFECTS = 4
+"""Effects in a set at most: some thousand sets of 13 effects. More causes at once have not been met."""
+UNKNOWN_TO_DATA = 1e9
+"""Prior precision, in units of the information, of a column that the data say nothing about."""
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """An effect about some parameters: sensitivities (r, p, k) and offset (r, p) of real flights, and columns (p, c).
+
+    Example:
+        >>> Member("mass", torch.zeros(5, 3, 1), torch.zeros(5, 3), torch.zeros(3, 2)).name
+        'mass'
+    """
+
+    name: str
+    sensitivity: Tensor
+    offset: Tensor
+    alike: Tensor
+    scale: str = ""
+    """Of effects that scale one equation together, the first; empty for others."""
+
+
+def member_of(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> Member:
+    """An effect about parameters (k,).
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> warm = member_of(likelihood, "temperature", torch.tensor([10.0]).double())
+        >>> tas = likelihood.compared.of("tas")
+        >>> shift = 10.0 * warm.sensitivity[:, tas, 0] + warm.offset[:, tas]
+        >>> round(float(shift.mean()), 3), float(warm.offset[:, tas].abs().max()) < 0.001  # nearly linear
+        (0.021, True)
+    """
+    jacobian = likelihood.jacobian(name, theta)[likelihood.real]
+    shift = likelihood.all_shift(name, theta)[likelihood.real]
+    group = likelihood.catalogue[name].scale_group
+    scale = "" if group is None else group.members[0]
+    return Member(name, jacobian, shift - jacobian @ theta, signature_columns(likelihood, {name: theta}), scale)
+
+
+class Screening:
+    """The table of products, and what every set gains by it.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> members = [member_of(likelihood, n, torch.zeros(1).double()) for n in ("temperature", "mass", "drag_polar")]
+        >>> scores = Screening(likelihood, members).scores(sets_of(members))
+        >>> best = max(scores, key=scores.get)
+        >>> "temperature" in best, len(scores)
+        (True, 6)
+    """
+
+    def __init__(
+        self,
+        likelihood: EffectsLikelihood,
+        members: Sequence[Member],
+        discrepancy: Tensor | None = None,
+        precision: Tensor | None = None,
+    ) -> None:
+        """Sum the products.
+
+        Args:
+            likelihood: Of the flights.
+            members: Effects, each once or about several parameters.
+            discrepancy: (n, p, e) columns of a shift without a cause, which every set then has beside it.
+            precision: (e,) prior precision of their coefficients.
+        """
+        self.members = list(members)
+        parts = [m.sensitivity for m in members]
+        parts.append(torch.stack([m.offset for m in members], 2))
+        alike = torch.cat([m.alike for m in members], 1)
+        design = likelihood.joined(parts, alike)
+        if discrepancy is not None:
+            design = likelihood.joined([*parts, discrepancy[likelihood.real]], alike)
+        sums = likelihood.sums.rest(torch.zeros_like(likelihood.y), design, likelihood.sums.of_columns(design))
+        profiled = likelihood.sums.profiled(sums)
+        tables = profiled.inner, likelihood.sums.held_out(sums, profiled)
+        if discrepancy is not None and precision is not None:
+            own, e = design.own.shape[2], discrepancy.shape[2]
+            tables = _profiled_out(*tables, torch.arange(own - e, own), precision)
+        self.inner, self.held_out = tables
+        self.last = self.inner.shape[1] - 1
+        self._place()
+
+    def _place(self) -> None:
+        """Which columns belong to which member."""
+        sizes = [m.sensitivity.shape[2] for m in self.members]
+        widths = [m.alike.shape[1] for m in self.members]
+        own = torch.split(torch.arange(sum(sizes)), sizes)
+        self.offset = torch.arange(sum(sizes), sum(sizes) + len(sizes)).tolist()
+        first = sum(sizes) + len(sizes)
+        alike = torch.split(torch.arange(first, first + sum(widths)), widths)
+        self.at = [torch.cat(pair) for pair in zip(own, alike, strict=True)]
+        self.ridge = torch.zeros(self.last + 1, dtype=torch.float64)
+        self.ridge[first : self.last] = 1.0
+
+    def scores(self, sets: Sequence[tuple[int, ...]]) -> dict[tuple[str, ...], float]:
+        """Held-out log score of every set, by the sorted names of its effects, the best of several; with its prior."""
+        found: dict[tuple[str, ...], float] = {}
+        by_size: dict[int, list[tuple[int, ...]]] = {}
+        for members in sets:
+            by_size.setdefault(len(members), []).append(members)
+        for group in by_size.values():
+            for members, score in zip(group, self._of_size(group).tolist(), strict=True):
+                names = tuple(sorted(self.members[i].name for i in members))
+                found[names] = max(score, found.get(names, -torch.inf))
+        return found
+
+    def _of_size(self, group: list[tuple[int, ...]]) -> Tensor:
+        """Scores of sets that have as many members each."""
+        columns = [torch.cat([self.at[i] for i in members]) if members else torch.zeros(0).long() for members in group]
+        width = max(len(c) for c in columns)
+        # Sets with fewer columns are filled up with one that is zero.
+        blank = self.last + 1
+        index = torch.full((len(group), width), blank)
+        for row, of_set in enumerate(columns):
+            index[row, : len(of_set)] = of_set
+        fixed = torch.tensor([[self.offset[i] for i in members] for members in group], dtype=torch.long)
+        fixed = fixed.reshape(len(group), -1)
+        ridge = torch.cat([self.ridge, torch.ones(1, dtype=torch.float64)])[index]
+        total = torch.zeros(len(group), dtype=torch.float64)
+        place = torch.cat([index, fixed, torch.full((len(group), 1), self.last)], 1)
+        known = torch.cat([-torch.ones_like(fixed), torch.ones(len(group), 1)], 1).double()
+        for fold in range(FOLDS + 1):
+            inner = torch.nn.functional.pad(self.inner[fold], (0, 1, 0, 1))
+            matrix = inner[index[:, :, None], index[:, None, :]]
+            target = inner[index, self.last] - inner[index[:, :, None], fixed[:, None, :]].sum(2)
+            step = _solved(matrix, target, ridge)
+            if fold == FOLDS:
+                # Of all flights: what is off in them is as improbable as its prior says.
+                total -= 0.5 * (ridge * step**2).sum(1)
+                break
+            held = torch.nn.functional.pad(self.held_out[fold], (0, 1, 0, 1))
+            v = torch.cat([-step, known], 1)
+            part = held[place[:, :, None], place[:, None, :]]
+            total += -0.5 * (v[:, None] @ part @ v[:, :, None])[:, 0, 0]
+        return total
+
+
+def _profiled_out(inner: Tensor, held_out: Tensor, gone: Tensor, ridge: Tensor) -> tuple[Tensor, Tensor]:
+    """Both tables without some penalised columns, which explain what they can of all others."""
+    kept = torch.ones(inner.shape[1], dtype=torch.bool)
+    kept[gone] = False
+    kept_at = torch.nonzero(kept)[:, 0]
+    penalty = torch.diag(ridge)
+    cross = inner[:, gone[:, None], kept_at]
+    share = torch.linalg.solve(inner[:, gone[:, None], gone] + penalty, cross)
+    left = inner[:, kept_at[:, None], kept_at] - cross.transpose(1, 2) @ share
+    share = share[:FOLDS]
+    between = held_out[:, kept_at[:, None], gone] @ share
+    own = share.transpose(1, 2) @ held_out[:, gone[:, None], gone] @ share
+    return left, held_out[:, kept_at[:, None], kept_at] - between - between.transpose(1, 2) + own
+
+
+def _solved(matrix: Tensor, target: Tensor, ridge: Tensor) -> Tensor:
+    """Coefficients (s, k) of many small penalised problems, leaving alone what the data say nothing about."""
+    raw = matrix.diagonal(dim1=1, dim2=2)
+    known = raw + ridge > 1e-9
+    size = torch.where(known, raw + ridge, 1.0).sqrt()
+    scaled = (matrix + torch.diag_embed(ridge)) / (size[:, :, None] * size[:, None])
+    scaled = scaled + torch.diag_embed(torch.where(known, RIDGE, UNKNOWN_TO_DATA))
+    found: Tensor = torch.linalg.solve(scaled, (target / size)[..., None])[..., 0] / size
+    return found
+
+
+def sets_of(members: Sequence[Member], most: int = MAX_EFFECTS) -> list[tuple[int, ...]]:
+    """Places of the members of every set of at most so many different effects, none included.
+
+    Of effects that scale one equation together only ratios can be observed: two of them are one of another size.
+
+    Example:
+        >>> blank = torch.zeros(0)
+        >>> sets_of([Member(n, blank, blank, blank) for n in ("mass", "lag", "lag")], most=2)
+        [(), (0,), (1,), (2,), (0, 1), (0, 2)]
+    """
+    found = [chosen for size in range(most + 1) for chosen in combinations(range(len(members)), size)]
+    scale = [members[i].scale or members[i].name for i in range(len(members))]
+    return [chosen for chosen in found if len({scale[i] for i in chosen}) == len(chosen)]

@@ -1,5 +1,6 @@
 """Draw what other programs make of exported samples: python scripts/export_figures.py NAME best.ckpt FIGURE.png."""
 
+import importlib
 import json
 import subprocess
 import sys
@@ -149,7 +150,52 @@ def card(checkpoint: str, folder: Path) -> Figure:
     return figure
 
 
+def bluebird(checkpoint: str, folder: Path) -> Figure:
+    """Times of 600 flights of bluebird-dt by the exported predictor, the exported tables, and its own class."""
+    from bluebird_dt.core import Aircraft
+    from bluebird_dt.predictor.linear_predictor import LinearPredictor
+
+    export(checkpoint, "bluebird", folder / "sampled_a320.py", n=2000)
+    tables = export(checkpoint, "bluebird", folder / "a320.json", n=2000)
+    by_kind = {path.stem.removeprefix("a320_"): str(path) for path in tables}
+    paths = {
+        "aircraft_mapping_path": by_kind["mapping"],
+        "performance_profile_data_path": by_kind["profile"],
+        "performance_uncertainty_data_path": by_kind["uncertainty"],
+    }
+    sys.path.insert(0, str(folder))
+    sampled = importlib.import_module("sampled_a320").SampledDescents
+
+    def seconds(predictor: object, seed: int) -> float:
+        flight = Aircraft(
+            lat=51.0, lon=0.0, fl=340.0, heading=90.0, flight_plan=None, callsign=f"A{seed}", selected_fl=140,
+            aircraft_type="A320", random_seed=seed,
+        )  # fmt: skip
+        flight.on_route, flight.selected_instructions.heading = False, 90.0
+        points, _ = predictor._predict(flight, 1500.0)
+        return float(np.interp(-150.0, [-point.fl for point in points], [point.time for point in points]))
+
+    flown = df.sample(checkpoint, 2000).trajectories
+    top, low = (flown.levels_fl.tolist().index(level) for level in (340.0, 150.0))
+    own = (flown.time_s[:, low] - flown.time_s[:, top])[flown.entry >= top].numpy()
+    found = {"the samples": own}
+    made = ("predictor", sampled(3.0, 1.0, None, **paths)), ("tables", LinearPredictor(3.0, 1.0, None, **paths))
+    for name, predictor in (*made, ("bluebird's class MEDIUM", LinearPredictor(3.0, 1.0, None))):
+        found[name] = np.array([seconds(predictor, seed) for seed in range(600)])
+    figure = Figure(figsize=(8.0, 3.8), layout="constrained")
+    axes = figure.subplots()
+    for (name, values), style in zip(found.items(), [("black", "-"), *MODELS[:3]], strict=True):
+        label = f"{name}: {values.mean():.0f} s, spread {values.std():.0f} s"
+        shares = (np.arange(len(values)) + 0.5) / len(values)
+        axes.plot(np.sort(values), shares, color=style[0], linestyle=style[1], label=label)
+    axes.set(xlabel="seconds from FL340 to FL150", ylabel="share of flights", title="600 A320 in bluebird-dt 0.4")
+    axes.legend(frameon=False, fontsize=8)
+    tidy([axes])
+    return figure
+
+
 FIGURES: dict[str, Callable[[str, Path], Figure]] = {
+    "bluebird": bluebird,
     "bluesky": bluesky,
     "card": card,
     "cf": cf,

@@ -76,6 +76,7 @@ TARGETS = {
     "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), places=True, times=True),
     "traffic": Target("flights for the library traffic (Traffic.from_file)", (".parquet",), places=True, times=True),
     "bluesky": Target("a scenario for BlueSky (.scn), or a plugin that flies samples (.py)", (".scn", ".py")),
+    "bluebird": Target("tables for bluebird-dt (.json), or a predictor that flies samples (.py)", (".json", ".py")),
     "wrap": Target("OpenAP's WRAP file of the type, its descents those of the samples", (".txt",)),
     "safetensors": Target("the model itself, as weights and a JSON header, with a model card", (".safetensors",)),
 }

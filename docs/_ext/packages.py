@@ -10,7 +10,7 @@ LAYERS = {
     "Ground": ("core", "configs", "reporting"),
     "Aircraft and physics": ("aircraft_types", "physics"),
     "Data": ("surveillance", "measurements"),
-    "Model": ("representation", "densities", "training", "generation", "evaluation"),
+    "Model": ("representation", "densities", "training", "positions", "generation", "evaluation", "exports"),
     "Diagnosis": ("effects", "diagnosis"),
     "Worlds and studies": ("simulation", "studies"),
     "Command line": ("cli",),

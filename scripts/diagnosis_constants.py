@@ -20,7 +20,7 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import DescentflowWarning
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.inference.selection import Chosen, select
-from descentflow.diagnosis.inference.two_sides import NEGLIGIBLE, compare
+from descentflow.diagnosis.inference.two_sides import compare
 from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.procedure import Diagnosis
 from descentflow.diagnosis.reference_flights import both_sides
@@ -70,10 +70,6 @@ class Constant:
         return importlib.import_module(f"descentflow.diagnosis.{self.module}")
 
 
-def _scaled(by: float) -> dict[str, float]:
-    return {quantity: by * size for quantity, size in NEGLIGIBLE.items()}
-
-
 def constants() -> list[Constant]:
     """Those that decide what is named; of a probability the odds against it are halved and doubled."""
     return [
@@ -93,7 +89,6 @@ def constants() -> list[Constant]:
         Constant("inference.credible", "MIN_MEAN_SHIFT", 0.75, 3.0),
         Constant("inference.heterogeneity", "MIN_VARIANCE_SHARE", 0.125, 0.5),
         Constant("inference.left_over", "THIRDS", 2, 6),
-        Constant("inference.two_sides", "NEGLIGIBLE", _scaled(0.5), _scaled(2.0)),
     ]
 
 

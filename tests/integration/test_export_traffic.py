@@ -96,3 +96,16 @@ def test_rows_of_the_matrix_are_flights_on_equal_times(a320: Path) -> None:
 def test_what_it_cannot_serve_is_refused(a320: Path, make, message: str) -> None:
     with pytest.raises(ConfigError, match=re.escape(message)):
         make(a320)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_what_traffic_writes_is_read_by_prepare(a320: Path, tmp_path: Path) -> None:
+    traffic = core()
+    export(a320, "traffic", tmp_path / "t.parquet", n=20, **WHERE)
+    flights = traffic.Traffic.from_file(tmp_path / "t.parquet").resample("4s").eval(max_workers=1)
+    flights.to_parquet(tmp_path / "r.parquet")
+    again = df.prepare(tmp_path / "r.parquet", typecode="A320").frame
+    assert again["flight_id"].n_unique() == 20
+    own = df.sample(a320, 20).to_polars().filter(sample_id=4, level_fl=200)
+    found = again.filter(flight_id="A320-0-00004", level_fl=200)
+    assert found["IAS"].item() == pytest.approx(own["CAS"].item(), abs=0.5)

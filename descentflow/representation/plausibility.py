@@ -1,16 +1,23 @@
 """Plausibility bounds on sampled profiles (paper, section 2.4) and the levels where descents start."""
 
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.units import FL_M
+from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.few_flights import moved_outward, outward
 from descentflow.representation.profiles import Profiles
 
+Bounds = Literal["expected", "paper"]
 MARGIN = 0.05
 """The paper's bounds: 95 % of the minimum and 105 % of the maximum observed in training at each level."""
+
+CHANGE_QUANTILE, CHANGE_MARGIN = 0.999, 0.4
+"""Of the changes between neighbouring levels that training flights show, and how far beyond it a sample may go."""
 
 RULES = (
     "not_finite",
@@ -19,24 +26,27 @@ RULES = (
     "cas_below_bound",
     "cas_above_bound",
     "descends_too_slowly",
+    "speed_changes_too_fast",
+    "drag_changes_too_fast",
 )
 """Reasons to reject a draw, in the order in which reports list them."""
 
 
 class Plausibility(nn.Module):
-    """Plausible range of the training flights: bounds per level, the slowest descent, and entry levels.
+    """Plausible range of the training flights: bounds per level, the slowest descent, changes, and entry levels.
 
     To change the bounds, fit with another ``data.margin``.
 
-    Shapes: bounds (L,), ``slowest_rate_mps`` () negative, ``entry_counts`` (L,) number of training flights
-    whose highest level it is.
+    Shapes: bounds (L,), ``slowest_rate_mps`` () negative, ``fastest_change_mps2`` () and ``largest_step_n`` () greatest
+    magnitude of the acceleration along the path, and of the step of drag, between neighbouring levels (infinite in
+    checkpoints of before these rules), ``entry_counts`` (L,) number of training flights whose highest level it is.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> model = load_model("best.ckpt")
         >>> bounds, flown = model.representation.plausibility, model.representation.decoder(model.sample(50, seed=0))
         >>> bounds.broken_rules(flown).shape  # (draws, rules)
-        torch.Size([50, 6])
+        torch.Size([50, 8])
     """
 
     drag_low: Tensor
@@ -44,6 +54,8 @@ class Plausibility(nn.Module):
     cas_low: Tensor
     cas_high: Tensor
     slowest_rate_mps: Tensor
+    fastest_change_mps2: Tensor
+    largest_step_n: Tensor
     entry_counts: Tensor
 
     def __init__(self, **buffers: Tensor) -> None:
@@ -54,23 +66,33 @@ class Plausibility(nn.Module):
             self.register_buffer(name, value, persistent=False)
 
     @classmethod
-    def from_profiles(cls, profiles: Profiles, margin: float = MARGIN) -> "Plausibility":
+    def from_profiles(cls, profiles: Profiles, margin: float = MARGIN, bounds: Bounds = "expected") -> "Plausibility":
         """Bounds of training flights.
 
         Args:
             profiles: Training flights; every level must be observed by at least one.
             margin: Share of each extreme by which its bound lies outside it, above zero; 0.05 in the paper.
+            bounds: ``expected`` moves extremes of fewer than 300 flights to where those of 300 are expected
+                (:mod:`~descentflow.representation.few_flights`) and bounds changes between neighbouring levels by the
+                99.9 % quantile of the flights' and 40 %; ``paper`` takes extremes as they are, and no changes.
 
         Raises:
-            ConfigError: If the margin is not positive.
+            ConfigError: If the margin is not positive, or there are no such bounds.
         """
+        if bounds not in ("expected", "paper"):
+            raise ConfigError(f"bounds {bounds!r}", expected="'expected' or 'paper'", mend="choose one of them")
         if not margin > 0:
             raise ConfigError(
                 f"a margin of {margin:g} about the training flights", expected="a share above 0", mend="try 0.05"
             )
-        drag_low, drag_high = level_bounds(profiles.drag_n, profiles.mask, margin)
-        cas_low, cas_high = level_bounds(profiles.cas_mps, profiles.mask, margin)
+        between = level_bounds if bounds == "paper" else expected_bounds
+        drag_low, drag_high = between(profiles.drag_n, profiles.mask, margin)
+        cas_low, cas_high = between(profiles.cas_mps, profiles.mask, margin)
         slowest = profiles.rate_mps[profiles.mask].max() * (1 - margin)
+        if bounds == "paper":
+            changes = (slowest.new_tensor(torch.inf),) * 2
+        else:
+            slowest, changes = slowest / outward(torch.tensor(len(profiles))), _largest_changes(profiles)
         return cls(
             drag_low=drag_low,
             drag_high=drag_high,
@@ -78,12 +100,16 @@ class Plausibility(nn.Module):
             cas_high=cas_high,
             # Cleaning keeps descending rows only; should one slip through, a sample must still descend.
             slowest_rate_mps=slowest.clamp(max=-1e-3),
+            fastest_change_mps2=changes[0],
+            largest_step_n=changes[1],
             entry_counts=torch.bincount(profiles.entry_level, minlength=len(profiles.levels_fl)),
         )
 
     def broken_rules(self, flown: Trajectories) -> Tensor:
         """Which rules each descent breaks at or below its entry level: (n, len(RULES)) bool."""
         mask = flown.mask
+        both = mask[:, 1:]  # the level below an observed one is observed
+        change = acceleration_mps2(flown.tas_mps, flown.rate_mps, flown.levels_fl * FL_M)
         rows = (
             ~(flown.drag_n.isfinite() & flown.cas_mps.isfinite() & flown.rate_mps.isfinite()),
             flown.drag_n < self.drag_low,
@@ -92,7 +118,12 @@ class Plausibility(nn.Module):
             flown.cas_mps > self.cas_high,
             ~(flown.rate_mps <= self.slowest_rate_mps),
         )
-        return torch.stack([(row & mask).any(1) for row in rows], 1)
+        steps = (
+            change.abs() > self.fastest_change_mps2,
+            flown.drag_n.diff(dim=1).abs() > self.largest_step_n,
+        )
+        found = [(row & mask).any(1) for row in rows] + [(step & both).any(1) for step in steps]
+        return torch.stack(found, 1)
 
     def draw_entry(self, n: int, generator: torch.Generator) -> Tensor:
         """Indices (n,) of entry levels, drawn as the training flights entered."""
@@ -104,8 +135,41 @@ class Plausibility(nn.Module):
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Plausibility":
-        """Rebuild from :meth:`to_state`."""
-        return cls(**state)
+        """Rebuild from :meth:`to_state`, also of a checkpoint of before changes were bounded."""
+        unbounded = torch.tensor(torch.inf, dtype=torch.float64)
+        return cls(**{"fastest_change_mps2": unbounded, "largest_step_n": unbounded, **state})
+
+
+def acceleration_mps2(tas_mps: Tensor, rate_mps: Tensor, altitude_m: Tensor) -> Tensor:
+    """Change of true airspeed between neighbouring levels (n, L - 1) by the time between them, positive where it grows.
+
+    Args:
+        tas_mps: (n, L).
+        rate_mps: (n, L) of pressure altitude, negative in descent.
+        altitude_m: (L,) ascending.
+
+    Example:
+        >>> tas, rate = torch.tensor([[200.0, 206.0]]), torch.tensor([[-10.0, -10.0]])
+        >>> acceleration_mps2(tas, rate, torch.tensor([6000.0, 6030.0]))  # 6 m/s lost in 3 s
+        tensor([[-2.]])
+    """
+    seconds = altitude_m.diff() * 0.5 * (-1 / rate_mps[:, 1:] - 1 / rate_mps[:, :-1])
+    return -tas_mps.diff(dim=1) / seconds
+
+
+def expected_bounds(values: Tensor, mask: Tensor, margin: float = MARGIN) -> tuple[Tensor, Tensor]:
+    """:func:`level_bounds`, from extremes that are moved outward where few flights show a level.
+
+    Example:
+        >>> values = 140 + 10 * torch.randn(20, 1)
+        >>> low, high = expected_bounds(values, torch.ones(20, 1, dtype=torch.bool), margin=0.0)
+        >>> bool(low < values.min()), bool(high > values.max())
+        (True, True)
+    """
+    count = mask.sum(0)
+    mean = torch.where(mask, values, 0.0).sum(0) / count
+    low, high = (moved_outward(one, mean, count) for one in level_bounds(values, mask, margin=0.0))
+    return low - margin * low.abs(), high + margin * high.abs()
 
 
 def level_bounds(values: Tensor, mask: Tensor, margin: float = MARGIN) -> tuple[Tensor, Tensor]:
@@ -125,3 +189,18 @@ def level_bounds(values: Tensor, mask: Tensor, margin: float = MARGIN) -> tuple[
     low = torch.where(mask, values, torch.inf).amin(0)
     high = torch.where(mask, values, -torch.inf).amax(0)
     return low - margin * low.abs(), high + margin * high.abs()
+
+
+def _largest_changes(profiles: Profiles) -> tuple[Tensor, Tensor]:
+    """Bounds () of acceleration and of the step of drag; infinite where no flight shows two neighbouring levels."""
+    both = profiles.mask[:, 1:] & profiles.mask[:, :-1]
+    if not bool(both.any()):
+        infinite = profiles.drag_n.new_tensor(torch.inf)
+        return infinite, infinite
+    rank = min(int(CHANGE_QUANTILE * int(both.sum())) + 1, int(both.sum()))
+    tas_mps = cas_to_tas_mps(profiles.cas_mps, profiles.altitude_m)
+    change = acceleration_mps2(tas_mps, profiles.rate_mps, profiles.altitude_m)
+    first, second = (
+        (1 + CHANGE_MARGIN) * one[both].abs().kthvalue(rank).values for one in (change, profiles.drag_n.diff(dim=1))
+    )
+    return first, second

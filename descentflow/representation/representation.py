@@ -14,7 +14,7 @@ from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
 from descentflow.representation.linear_curves import Gaps
-from descentflow.representation.plausibility import MARGIN, Plausibility
+from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -134,6 +134,7 @@ def fit_representation(
     explained_variance: float = 0.8,
     method: Method = "ppca",
     margin: float = MARGIN,
+    bounds: Bounds = "expected",
     mass_kg: float | None = None,
     provenance: dict[str, Any] | None = None,
 ) -> Representation:
@@ -146,6 +147,7 @@ def fit_representation(
         explained_variance: Share of variance that the components of drag, and of CAS, explain.
         method: Gappy fPCA algorithm.
         margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
+        bounds: Which extremes, see :meth:`~descentflow.representation.plausibility.Plausibility.from_profiles`.
         mass_kg: Mass that inferred the drag, if not the reference mass.
         provenance: Recorded in the checkpoint.
 
@@ -172,4 +174,4 @@ def fit_representation(
             mend="prepare more descents, or lower data.explained_variance",
         )
     decoder = DescentDecoder(aircraft, train.levels_fl, drag, cas, raw.mean(0), scale, mass_kg)
-    return Representation(decoder, Plausibility.from_profiles(train, margin), split, provenance or {})
+    return Representation(decoder, Plausibility.from_profiles(train, margin, bounds), split, provenance or {})

@@ -30,7 +30,7 @@ from descentflow.representation.flight_contexts import without_missing
 from descentflow.representation.flight_parts import Part, parts_of, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
-from descentflow.representation.plausibility import MARGIN
+from descentflow.representation.plausibility import MARGIN, Bounds
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation, Split, fit_representation
@@ -79,6 +79,7 @@ class DescentDataModule(LightningDataModule):
         fewest_batches: PositiveInt = 1,
         margin: PositiveFloat = MARGIN,
         gaps: Gaps = "marginal",
+        bounds: Bounds = "expected",
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -110,6 +111,8 @@ class DescentDataModule(LightningDataModule):
             gaps: What densities are fitted to and scored by: ``marginal``, the likelihood of the levels that a flight
                 shows; or ``filled``, weights that count as known after expectations were put where nothing was
                 observed, as in the paper. The components of ``iterative`` have no likelihood, so that theirs are known.
+            bounds: What samples are held to: ``expected``, extremes that 300 training flights would be expected to have
+                where fewer show a level, and changes from level to level; or ``paper``, the extremes alone.
         """
         super().__init__()
         if seed < 0:
@@ -121,7 +124,7 @@ class DescentDataModule(LightningDataModule):
         self.explained_variance, self.fpca, self.margin = explained_variance, fpca, margin
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
-        self.gaps = gaps
+        self.gaps, self.bounds = gaps, bounds
         self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
         self._parts: dict[Part, EncodedFlights] = {}
@@ -278,6 +281,7 @@ class DescentDataModule(LightningDataModule):
             explained_variance=self.explained_variance,
             method=self.fpca,
             margin=self.margin,
+            bounds=self.bounds,
             mass_kg=self.mass_kg,
             provenance={
                 "descents": self._name(),

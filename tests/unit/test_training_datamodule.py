@@ -144,7 +144,7 @@ def test_before_setup() -> None:
 
 @pytest.mark.parametrize("margin", [0.05, 0.2])
 def test_the_margin_about_the_training_flights_is_an_option(descents: Path, margin: float) -> None:
-    data = module(descents, **({} if margin == 0.05 else {"margin": margin}))
+    data = module(descents, bounds="paper", **({} if margin == 0.05 else {"margin": margin}))
     train, bounds = data.profiles("train"), data.representation.plausibility
     assert torch.equal(torch.stack([bounds.cas_low, bounds.cas_high]), torch.stack(level_bounds(
         train.cas_mps, train.mask, margin)))  # fmt: skip

@@ -85,4 +85,7 @@ def _widened(bounds: Plausibility, levels_fl: Tensor, correction: Correction, ai
         state["cas_high"], (edges[1] + speed.clamp(min=0.0).amax(0)).to(state["cas_high"])
     )
     state["slowest_rate_mps"] = state["slowest_rate_mps"] * min(float(rate.amin()), 1.0)
+    # Effects begin and end at a level, brakes for instance: what changes there is no fault of the sample.
+    for name in ("fastest_change_mps2", "largest_step_n"):
+        state[name] = torch.full_like(state[name], torch.inf)
     return state

@@ -9,17 +9,16 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.fpca.hidden import hide, noise_length
 from descentflow.representation.fpca.iterative import MAX_GROWTH, iterate
+from descentflow.representation.fpca.judged_by_others import roughness_and_length
 from descentflow.representation.fpca.number_of_components import explained_share, number_of_components
+from descentflow.representation.fpca.roughness import smoothed
 
 Method = Literal["ppca", "iterative"]
 MAX_ITERATIONS = 100
 """Bound on the iterations of EM, which ends before it."""
 TOLERANCE = 1e-5
 """EM stops when the mean log-likelihood per observed value gains less (nats)."""
-TUNING_FLIGHTS = 1000
-"""Flights on which the length of the noise is chosen: more would take time and change little."""
 
 
 class GappyFPCA:
@@ -109,25 +108,20 @@ class GappyFPCA:
                 break
             # All q latent directions would be kept: give the model room to see how the spectrum goes on.
             q = min(2 * q, largest)
-        k = min(k, q)
+        weight, length = roughness_and_length(
+            centred, mask, mean / scale, lambda values, seen: self._model(values, seen, min(q, len(values) - 1))
+        )
+        fitted = smoothed(fitted, weight, centred, mask, mean / scale)
+        eigenvalues, eigenvectors = _spectrum(fitted)
+        share = explained_share(eigenvalues)
+        k = min(number_of_components(share, self.explained_variance), q)
         self.n_iterations_, self.converged_ = len(fitted.log_likelihood), fitted.converged
         self._keep(
             mean + scale * fitted.shift, eigenvectors[:, :k], share.diff(prepend=share.new_zeros(1))[:k], spacing_m,
             loadings=fitted.loadings * scale, noise=fitted.noise_variance * scale**2,
-            noise_length=self._noise_length(centred, mask, q),
+            noise_length=mean.new_tensor(length),
         )  # fmt: skip
         return self
-
-    def _noise_length(self, centred: Tensor, mask: Tensor, q: int) -> Tensor:
-        """Chosen on the tops of some flights, hidden from a fit of its own."""
-        centred, mask = centred[:TUNING_FLIGHTS], mask[:TUNING_FLIGHTS]
-        hidden = hide(mask, "top", 0.3, torch.Generator().manual_seed(0))
-        seen = mask & ~hidden
-        if not bool(hidden.any()) or not bool((seen.sum(0) >= 2).all()):
-            # Too few flights to hide anything from: one level is one observation, as the model has it.
-            return centred.new_ones(())
-        fitted = self._model(torch.where(seen, centred, 0.0), seen, min(q, len(centred) - 1))
-        return noise_length(centred - fitted.shift, seen, hidden, fitted.loadings, fitted.noise_variance)
 
     def _model(self, centred: Tensor, mask: Tensor, q: int) -> ppca.PPCA:
         if bool(mask.all()):

@@ -1,4 +1,4 @@
-"""Hide observed levels, and choose by them how precisely the remaining levels determine the weights."""
+"""Hide observed levels, and how far what is expected there misses them."""
 
 from typing import Literal
 
@@ -55,33 +55,26 @@ def hide(
     return hidden & ((mask & ~hidden).sum(0) >= MIN_SHARE_SHOWN * len(mask))
 
 
-def noise_length(centred: Tensor, mask: Tensor, hidden: Tensor, loadings: Tensor, noise: Tensor) -> Tensor:
-    """Correlation length (levels) of the noise of a probabilistic PCA: the choice that predicts hidden levels best.
+def missed(centred: Tensor, seen: Tensor, hidden: Tensor, loadings: Tensor, noise: Tensor) -> float:
+    """Sum of the squared errors on hidden levels, of what is expected there given the others.
 
-    The model takes the residual of its components for white noise, independent from level to level. It is smooth:
-    neighbouring levels carry the same information, and a flight's weights, trusted to a precision that they do not
-    have, diverge above its highest level. So that many levels count as one: the noise variance is multiplied by their
-    number.
+    A probabilistic PCA takes the residual of its components for white noise, independent from level to level. It is
+    smooth: neighbouring levels carry the same information, and a flight's weights, trusted to a precision that they do
+    not have, diverge above its highest level. So several levels count as one: the noise variance is multiplied by their
+    number, the one of :data:`LENGTHS` that misses least.
 
     Args:
         centred: (n, L) values minus the mean.
-        mask: (n, L) levels that the model was fitted to.
-        hidden: (n, L) levels that it was not fitted to.
+        seen: (n, L) levels that are told.
+        hidden: (n, L) levels that are asked for.
         loadings: (L, q).
         noise: Noise variance.
 
     Example:
-        >>> shape = torch.ones(20, 1).double()
-        >>> centred = torch.randn(50, 1).double() @ shape.T + 0.1 * torch.randn(50, 20).double()
-        >>> seen = torch.arange(20).expand(50, 20) < 15
-        >>> float(noise_length(centred, seen, ~seen, shape, torch.tensor(0.01).double())) in LENGTHS
-        True
+        >>> centred = torch.tensor([[2.0, 2.0]]).double()
+        >>> told = torch.tensor([[True, False]])
+        >>> missed(centred, told, ~told, torch.ones(2, 1).double(), torch.tensor(1.0).double())  # 2 - 2 / (1 + 1)
+        1.0
     """
-    groups = group_masks(mask)
-    seen = torch.where(mask, centred, 0.0)
-
-    def loss(length: float) -> float:
-        latent, _, _ = posterior(seen, groups, loadings, noise * length)
-        return float(torch.where(hidden, latent @ loadings.T - centred, 0.0).square().sum())
-
-    return centred.new_tensor(min(LENGTHS, key=loss))
+    latent, _, _ = posterior(torch.where(seen, centred, 0.0), group_masks(seen), loadings, noise)
+    return float(torch.where(hidden, latent @ loadings.T - centred, 0.0).square().sum())

@@ -15,6 +15,8 @@ from torch import Tensor
 
 CHUNK = 4096
 """Flights whose q x q posterior is held at once."""
+NOISE_STEPS = 10
+"""EM steps for the noise alone, which converges fast: it has one number for all values."""
 
 
 @dataclass(frozen=True)
@@ -190,6 +192,52 @@ def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance:
             return PPCA(loadings, noise, shift, log_likelihood, converged=True)
         loadings, noise, shift = _maximise(centred, groups, means, covariance, n_observed, total)
     return PPCA(loadings, noise, shift, log_likelihood, converged=False)
+
+
+def log_likelihood(centred: Tensor, mask: Tensor, loadings: Tensor, noise: Tensor) -> Tensor:
+    """Log-likelihood () of flights under a model, in nats, with the mean taken off.
+
+    Args:
+        centred: (n, L) values minus the model's mean, zero where missing.
+        mask: (n, L) observed.
+        loadings: (L, q).
+        noise: Noise variance.
+
+    Example:
+        >>> one = torch.ones(1, 1, dtype=torch.float64)
+        >>> float(log_likelihood(0 * one, one > 0, one, torch.tensor(1.0).double()).exp()) * (2 * pi * 2) ** 0.5
+        1.0
+    """
+    groups = group_masks(mask)
+    means, _, log_det = posterior(centred, groups, loadings, noise)
+    return _log_likelihood(centred, centred.square().sum(1), groups, means, loadings, noise, log_det)
+
+
+def noise_given_loadings(centred: Tensor, mask: Tensor, loadings: Tensor, noise: Tensor) -> Tensor:
+    """Noise variance () of greatest likelihood for given loadings, by a few EM steps from ``noise``.
+
+    Args:
+        centred: (n, L) values minus the model's mean, zero where missing.
+        mask: (n, L) observed.
+        loadings: (L, q).
+        noise: Where to begin.
+
+    Example:
+        >>> curves = torch.randn(400, 1).double() + 0.5 * torch.randn(400, 20).double()
+        >>> seen = torch.ones(400, 20, dtype=torch.bool)
+        >>> found = noise_given_loadings(curves, seen, torch.ones(20, 1).double(), torch.tensor(1.0).double())
+        >>> round(float(found.sqrt()), 1)
+        0.5
+    """
+    groups, q = group_masks(mask), loadings.shape[1]
+    counts = torch.bincount(groups.group, minlength=len(groups.masks)).to(centred.dtype)
+    by_level = counts @ groups.masks
+    for _ in range(NOISE_STEPS):
+        means, covariance, _ = posterior(centred, groups, loadings, noise)
+        missing = torch.where(mask, means @ loadings.T - centred, 0.0).square().sum()
+        spread = ((groups.masks.T * counts) @ covariance.flatten(1)).reshape(-1, q, q)
+        noise = (missing + torch.einsum("lq,lqr,lr->", loadings, spread, loadings)) / by_level.sum()
+    return noise
 
 
 def _maximise(

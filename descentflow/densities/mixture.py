@@ -12,6 +12,7 @@ from torch import Tensor
 from torch.distributions import constraints
 
 from descentflow.densities.density import Density
+from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.observed import log_proportions, posteriors
 from descentflow.representation.evidence import Evidence
@@ -97,21 +98,26 @@ class GaussianMixtureDensity(Density):
         -2.9365
     """
 
-    def __init__(self, dimension: int, n_clusters: int = 1, n_context: int = 0) -> None:
+    def __init__(
+        self, dimension: int, n_clusters: int = 1, n_context: int = 0, entry_gate: dict[str, Any] | None = None
+    ) -> None:
         """Equal components at the origin.
 
         Args:
             dimension: Number of weights d.
             n_clusters: Number of mixture components, under the name that checkpoints and configs have for it.
             n_context: Numbers of context c.
+            entry_gate: State of an :class:`~descentflow.densities.entry_gate.EntryGate`; none if absent.
         """
         super().__init__(dimension, n_context)
+        self.entry_gate = None if entry_gate is None else EntryGate.from_state(entry_gate)
         self.program = MixtureProgram(n_clusters, dimension, n_context)
 
     def settings(self) -> dict[str, Any]:
-        """Number of mixture components, and numbers of context if there are any."""
+        """Number of mixture components, numbers of context if there are any, and the gate if there is one."""
         context = {"n_context": self.n_context} if self.n_context else {}
-        return {"n_clusters": len(self.program.probs), **context}
+        gate = {} if self.entry_gate is None else {"entry_gate": self.entry_gate.to_state()}
+        return {"n_clusters": len(self.program.probs), **context, **gate}
 
     @property
     def mixture(self) -> Mixture:
@@ -122,6 +128,7 @@ class GaussianMixtureDensity(Density):
     @mixture.setter
     @torch.no_grad()
     def mixture(self, mixture: Mixture) -> None:
+        self.entry_gate = None  # of other components
         # In the parameters that an optimizer holds, where shapes allow.
         if len(self.program.probs) != mixture.n_components:
             self.program = MixtureProgram(mixture.n_components, self.dimension, self.n_context).to(self.device)
@@ -146,6 +153,23 @@ class GaussianMixtureDensity(Density):
         """Draw (n, d)."""
         drawn: Tensor = self.program(n, None, _double(context))
         return drawn
+
+    @torch.no_grad()
+    def sample_of(self, components: Tensor, seed: int) -> Tensor:
+        """Draw weights (n, d), each from the mixture component (n,) named, of a mixture without context.
+
+        Example:
+            >>> density = GaussianMixtureDensity(2, n_clusters=2)
+            >>> far = torch.tensor([[0.0, 0.0], [90.0, 90.0]])
+            >>> density.mixture = Mixture(torch.tensor([0.5, 0.5]), far, torch.eye(2).expand(2, 2, 2))
+            >>> density.sample_of(torch.tensor([1, 0, 1]), seed=0).mean(1) > 45
+            tensor([ True, False,  True])
+        """
+        mixture = self.mixture
+        generator = torch.Generator().manual_seed(seed)
+        white = torch.randn(len(components), self.dimension, 1, generator=generator, dtype=torch.float64)
+        chosen = components.to(mixture.locs.device)
+        return mixture.locs[chosen] + (mixture.scale_trils[chosen] @ white.to(mixture.locs))[..., 0]
 
     def negative_elbo(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
         """Loss of stochastic variational inference for some flights, the component summed out: their NLL."""

@@ -6,13 +6,14 @@ The bounds themselves are in :mod:`descentflow.representation.plausibility`.
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor
 
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import SamplingError
+from descentflow.densities.entry_gate import EntryGate
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
@@ -20,6 +21,9 @@ from descentflow.representation.plausibility import RULES, Plausibility
 
 BATCH = 10_000
 """Draws decoded at once: 10,000 descents on 228 levels are 18 MB a quantity."""
+
+MAX_TRIES = 20
+"""Draws after which a sample is drawn of another component: one that is hardly plausible would take the budget."""
 
 
 class Sampler(Protocol):
@@ -53,6 +57,22 @@ class ConditionalSampler(Protocol):
         """Draw (n, d) weights, row i for row i of context (n, c)."""
 
 
+@runtime_checkable
+class GatedSampler(Protocol):
+    """Whatever draws of mixture components, which it knows by the level of entry where ``entry_gate`` is not None.
+
+    Example:
+        >>> from descentflow.densities.mixture import GaussianMixtureDensity
+        >>> isinstance(GaussianMixtureDensity(dimension=2), GatedSampler)
+        True
+    """
+
+    entry_gate: EntryGate | None
+
+    def sample_of(self, components: Tensor, seed: int) -> Tensor:
+        """Draw (n, d) weights of the components (n,)."""
+
+
 @torch.no_grad()
 def sample_descents(
     model: Sampler | ConditionalSampler,
@@ -69,8 +89,10 @@ def sample_descents(
 ) -> Samples:
     """Draw, decode and keep plausible descents until there are ``n`` (paper, section 2.4).
 
-    With m contexts, sample i has context i modulo m: a rejected draw is drawn again with the same context, so that
-    contexts whose draws are rejected more often are as frequent among the samples as the others.
+    A mixture draws each sample's component by its level of entry, and a rejected draw is drawn again of the same
+    component from the same level: proportions are shares of flights, all of which are plausible, and rejection would
+    change them. With m contexts, sample i has context i modulo m, and a rejected draw is drawn again with the same
+    context, so that contexts whose draws are rejected more often are as frequent among the samples as the others.
 
     Args:
         model: Density of the standardised weights.
@@ -100,7 +122,13 @@ def sample_descents(
     """
     budget = max(100 * n, 10_000) if draw_budget is None else draw_budget
     generator = torch.Generator().manual_seed(seed)
-    draws = _Interchangeable(entry) if context is None else _OfContexts(context, entry)
+    draws: _Interchangeable | _OfContexts | _OfEntries
+    if context is not None:
+        draws = _OfContexts(context, entry)
+    elif isinstance(model, GatedSampler) and model.entry_gate is not None:
+        draws = _OfEntries(model.entry_gate, _Interchangeable(entry).entries(plausibility, torch.arange(n), generator))
+    else:
+        draws = _Interchangeable(entry)
     pending, drawn, plausible = torch.arange(n), 0, 0
     broken = torch.zeros(len(RULES), dtype=torch.long)
     weights, kept, owners = [], [], []
@@ -112,7 +140,9 @@ def sample_descents(
         entries = draws.entries(plausibility, wanted, generator).to(tries.device)
         # What was kept of the last batch was copied, so a batch of the same size may take its arrays.
         reused = flown if flown is not None and len(flown) == size else None
-        flown = decoder(tries, entries, out=reused, compiled=compiled, draws=DrawNumbers(seed, drawn))
+        white = torch.randn(size, len(decoder.residual), generator=generator, dtype=torch.float64).to(tries)
+        numbers = DrawNumbers(seed, drawn)
+        flown = decoder(tries, entries, out=reused, compiled=compiled, draws=numbers, white=white)
         rules = plausibility.broken_rules(flown)
         good = torch.nonzero(~rules.any(1).cpu())[:, 0]
         drawn, plausible, broken = drawn + size, plausible + len(good), broken + rules.sum(0).cpu()
@@ -192,3 +222,35 @@ class _OfContexts:
         new[1:] = samples[order][1:] != samples[order][:-1]
         kept = good[order[new]]
         return kept, wanted[kept]
+
+
+class _OfEntries:
+    """With a gate a draw is for one sample, which keeps entry level and component until it is plausible."""
+
+    mend = _Interchangeable.mend
+
+    def __init__(self, gate: EntryGate, entry: Tensor) -> None:
+        """Take the samples' levels of entry (n,), indices of the grid; components are drawn when they are wanted."""
+        self.gate, self.entry = gate, entry
+        self.component, self.tries = torch.zeros_like(entry), torch.full_like(entry, MAX_TRIES)
+
+    def wanted(self, pending: Tensor, drawn: int, plausible: int) -> Tensor:
+        """Which sample each draw of the next batch is for: every pending one."""
+        return pending[:BATCH]
+
+    def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
+        """The weights of a batch, each of its sample's component: another one after so many tries in vain."""
+        tired = wanted[self.tries[wanted] >= MAX_TRIES]
+        self.component[tired] = self.gate.draw(self.entry[tired], torch.Generator().manual_seed(seed))
+        self.tries[tired] = 0
+        self.tries[wanted] += 1
+        assert isinstance(model, GatedSampler)
+        return model.sample_of(self.component[wanted], seed)
+
+    def entries(self, plausibility: Plausibility, wanted: Tensor, generator: torch.Generator) -> Tensor:
+        """Indices of the levels where the descents of a batch start."""
+        return self.entry[wanted]
+
+    def match(self, good: Tensor, wanted: Tensor, pending: Tensor) -> tuple[Tensor, Tensor]:
+        """Positions of the plausible draws, and the samples that they become."""
+        return good, wanted[good]

@@ -153,7 +153,7 @@ def linear_curves(decoder: DescentDecoder) -> LinearCurves:
     kept = [k * decoder.weight_scale[part] for k, part in zip(kept, parts, strict=True)]
     # Levels whose noise is alike tell together as much as one: the same as each with so many times the variance.
     noise = [(basis.noise_variance * basis.noise_length).expand(len(basis.mean)) for basis in bases]
-    rest = [_residual(basis) for basis in bases]
+    rest = [residual_loadings(basis) for basis in bases]
     loadings = torch.cat([_two_blocks(*kept), _two_blocks(*rest)], 1)
     return LinearCurves(torch.cat(offsets), loadings, torch.cat(noise), decoder.dimension)
 
@@ -197,14 +197,21 @@ def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "margin
     return Evidence.of_information(*found.marginal(curves.n_weights), found.group)
 
 
+def residual_loadings(basis: FunctionalBasis) -> Tensor:
+    """Loadings (L, q - k) of the directions of a probabilistic PCA beyond the kept components.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> basis = load_representation("best.ckpt").decoder.drag_basis
+        >>> bool((basis.components @ residual_loadings(basis)).abs().max() < 1e-6 * basis.loadings.norm())
+        True
+    """
+    left, singular, _ = torch.linalg.svd(basis.loadings, full_matrices=False)
+    rest: Tensor = left[:, basis.n_components :] * singular[basis.n_components :]
+    return rest
+
+
 def _two_blocks(upper: Tensor, lower: Tensor) -> Tensor:
     """Block-diagonal matrix of two."""
     blocks: Tensor = torch.block_diag(upper, lower)  # type: ignore[no-untyped-call]
     return blocks
-
-
-def _residual(basis: FunctionalBasis) -> Tensor:
-    """Loadings (L, q - k) of the directions beyond the kept components."""
-    left, singular, _ = torch.linalg.svd(basis.loadings, full_matrices=False)
-    rest: Tensor = left[:, basis.n_components :] * singular[basis.n_components :]
-    return rest

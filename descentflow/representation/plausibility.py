@@ -72,7 +72,7 @@ class Plausibility(nn.Module):
         Args:
             profiles: Training flights; every level must be observed by at least one.
             margin: Share of each extreme by which its bound lies outside it, above zero; 0.05 in the paper.
-            bounds: ``expected`` moves extremes of fewer than 300 flights to where those of 300 are expected
+            bounds: ``expected`` moves extremes of fewer than 3,000 flights to where those of 3,000 are expected
                 (:mod:`~descentflow.representation.few_flights`) and bounds changes between neighbouring levels by the
                 99.9 % quantile of the flights' and 40 %; ``paper`` takes extremes as they are, and no changes.
 

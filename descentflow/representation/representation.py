@@ -16,6 +16,7 @@ from descentflow.representation.fpca.gappy import GappyFPCA, Method
 from descentflow.representation.linear_curves import Gaps
 from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
 from descentflow.representation.profiles import Profiles
+from descentflow.representation.residual import residual_drag
 from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -135,6 +136,7 @@ def fit_representation(
     method: Method = "ppca",
     margin: float = MARGIN,
     bounds: Bounds = "expected",
+    residual: bool = True,
     mass_kg: float | None = None,
     provenance: dict[str, Any] | None = None,
 ) -> Representation:
@@ -147,6 +149,8 @@ def fit_representation(
         explained_variance: Share of variance that the components of drag, and of CAS, explain.
         method: Gappy fPCA algorithm.
         margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
+        residual: Whether samples have the drag that the components leave out, with its own variance; never with
+            ``iterative``, which does not know it.
         bounds: Which extremes, see :meth:`~descentflow.representation.plausibility.Plausibility.from_profiles`.
         mass_kg: Mass that inferred the drag, if not the reference mass.
         provenance: Recorded in the checkpoint.
@@ -174,4 +178,6 @@ def fit_representation(
             mend="prepare more descents, or lower data.explained_variance",
         )
     decoder = DescentDecoder(aircraft, train.levels_fl, drag, cas, raw.mean(0), scale, mass_kg)
+    if residual and method == "ppca":
+        decoder.keep_residual(residual_drag(decoder, train))
     return Representation(decoder, Plausibility.from_profiles(train, margin, bounds), split, provenance or {})

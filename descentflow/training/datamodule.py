@@ -80,6 +80,7 @@ class DescentDataModule(LightningDataModule):
         margin: PositiveFloat = MARGIN,
         gaps: Gaps = "marginal",
         bounds: Bounds = "expected",
+        residual: bool = True,
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -111,8 +112,9 @@ class DescentDataModule(LightningDataModule):
             gaps: What densities are fitted to and scored by: ``marginal``, the likelihood of the levels that a flight
                 shows; or ``filled``, weights that count as known after expectations were put where nothing was
                 observed, as in the paper. The components of ``iterative`` have no likelihood, so that theirs are known.
-            bounds: What samples are held to: ``expected``, extremes that 300 training flights would be expected to have
-                where fewer show a level, and changes from level to level; or ``paper``, the extremes alone.
+            bounds: What samples are held to: ``expected``, extremes as of 3,000 training flights or more, and changes
+                from level to level; or ``paper``, extremes as observed.
+            residual: Whether samples have the drag beyond the components, as independent normals.
         """
         super().__init__()
         if seed < 0:
@@ -124,7 +126,7 @@ class DescentDataModule(LightningDataModule):
         self.explained_variance, self.fpca, self.margin = explained_variance, fpca, margin
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
-        self.gaps, self.bounds = gaps, bounds
+        self.gaps, self.bounds, self.residual = gaps, bounds, residual
         self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
         self._parts: dict[Part, EncodedFlights] = {}
@@ -199,6 +201,10 @@ class DescentDataModule(LightningDataModule):
     def contexts(self, part: Part) -> Tensor | None:
         """Encoded context (n, c) of a part, float64; None where the density is not conditioned on any."""
         return self.flights(part).context
+
+    def entries(self, part: Part) -> Tensor:
+        """Entry levels (n,) of a part, as indices of the grid."""
+        return self.profiles(part).entry_level
 
     def train_dataloader(self) -> DataLoader[Any]:
         """Training flights, shuffled by Lightning's seed."""
@@ -282,6 +288,7 @@ class DescentDataModule(LightningDataModule):
             method=self.fpca,
             margin=self.margin,
             bounds=self.bounds,
+            residual=self.residual,
             mass_kg=self.mass_kg,
             provenance={
                 "descents": self._name(),

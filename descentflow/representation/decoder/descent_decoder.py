@@ -65,6 +65,7 @@ class DescentDecoder(nn.Module):
     weight_scale: Tensor
     drag_basis: FunctionalBasis
     cas_basis: FunctionalBasis
+    residual: Tensor
 
     def __init__(
         self,
@@ -76,6 +77,7 @@ class DescentDecoder(nn.Module):
         weight_scale: Tensor,
         mass_kg: float | None = None,
         correction: FlownCorrection | None = None,
+        residual: Tensor | None = None,
     ) -> None:
         """Build from fitted parts.
 
@@ -88,12 +90,15 @@ class DescentDecoder(nn.Module):
             weight_scale: (d,) their standard deviation.
             mass_kg: Mass that inferred the drag and flies it; the reference mass if absent.
             correction: Applied to the flown descents, for instance effects that a diagnosis found.
+            residual: (r, L) drag that samples have beyond the components, each row times a standard normal of its own
+                (:func:`descentflow.representation.residual.residual_drag`); none if absent.
         """
         super().__init__()
         self.correction = correction
         self.aircraft = aircraft if mass_kg is None else replace(aircraft, mass_reference_kg=mass_kg)
         self.drag_basis, self.cas_basis = drag_basis, cas_basis
         self.register_buffer("levels_fl", levels_fl.to(torch.float64), persistent=False)
+        self.keep_residual(levels_fl.new_zeros(0, len(levels_fl)) if residual is None else residual)
         self.register_buffer("weight_mean", weight_mean.to(torch.float64), persistent=False)
         self.register_buffer("weight_scale", weight_scale.to(torch.float64), persistent=False)
 
@@ -106,6 +111,10 @@ class DescentDecoder(nn.Module):
     def transition_fl(self) -> float:
         """Flight level where nominal BADA hands over from Mach to CAS; infinite where the type has no Mach leg."""
         return float(transition_altitude_m(self.aircraft)) / FL_M
+
+    def keep_residual(self, residual: Tensor) -> None:
+        """Fly samples with drag (r, L) beyond the components, as the constructor has it."""
+        self.register_buffer("residual", residual.to(torch.float64), persistent=False)
 
     def encode(self, profiles: Profiles) -> Tensor:
         """Standardised weights (n, d) of observed profiles on this decoder's grid, gaps allowed."""
@@ -133,6 +142,7 @@ class DescentDecoder(nn.Module):
         out: Trajectories | None = None,
         compiled: bool = False,
         draws: DrawNumbers = FIRST_DRAWS,
+        white: Tensor | None = None,
     ) -> Trajectories:
         """Fly weights (n, d) from their entry levels, in the weights' precision.
 
@@ -148,8 +158,11 @@ class DescentDecoder(nn.Module):
             out: Descents of the same shape whose arrays may take the result.
             compiled: Fuse the arithmetic by ``torch.compile``: pays from millions of descents on.
             draws: Seed and numbers of these draws, which determine the flights that a partial effect changes.
+            white: (n, r) standard normals for the drag beyond the components; without them the components fly alone.
         """
         drag_n, cas_mps = self.curves(weights)
+        if white is not None:
+            drag_n = drag_n + white.to(weights) @ self.residual.to(weights)
         if entry is None:
             entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
         altitude_m = (self.levels_fl * FL_M).to(weights)
@@ -180,6 +193,8 @@ class DescentDecoder(nn.Module):
             "weight_mean": self.weight_mean.cpu(),
             "weight_scale": self.weight_scale.cpu(),
         }
+        if len(self.residual):
+            state["residual"] = self.residual.cpu()
         return state if self.correction is None else {**state, "correction": self.correction.to_state()}
 
     @classmethod
@@ -207,4 +222,5 @@ class DescentDecoder(nn.Module):
             state["weight_mean"],
             state["weight_scale"],
             correction=correction,
+            residual=state.get("residual"),
         )

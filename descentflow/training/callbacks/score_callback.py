@@ -87,7 +87,15 @@ class ScoreCallback(Callback):
         context = trainer.datamodule.contexts(part)  # type: ignore[attr-defined]
         name, parts = type(module).__name__, module.representation
         return evaluate_profiles(
-            module, parts, real, context=context, n=n, seed=self.seed, name=name, n_splits=n_splits, costly=costly
+            module.density,
+            parts,
+            real,
+            context=context,
+            n=n,
+            seed=self.seed,
+            name=name,
+            n_splits=n_splits,
+            costly=costly,
         )
 
     def _log(self, trainer: Trainer, found: Evaluation, stage: str) -> None:

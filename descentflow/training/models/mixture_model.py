@@ -14,6 +14,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, MIN_FLIGHTS_PER_PARAMETER, select_mixture
 from descentflow.densities.em import best_start, fit_mixture, steps_of
 from descentflow.densities.em_steps import Steps
+from descentflow.densities.entry_gate import learn_gate
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm, adam_with_cosine
@@ -129,8 +130,24 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             self.trainer.should_stop = True
 
     def on_train_end(self) -> None:
-        """Let the training flights go."""
+        """Learn which components descend from which levels, and let the training flights go."""
+        self._learn_gate()
         self._steps = None
+
+    @torch.no_grad()
+    def _learn_gate(self) -> None:
+        """Gate the components by the level of entry, where no context tells where flights enter."""
+        entry = self.trainer.datamodule.entries("train")  # type: ignore[attr-defined]
+        if entry is None or self.density.n_context or self.density.entry_gate is not None:
+            return
+        mixture = self.density.mixture
+        told = steps_of(*training_flights(self)).log_joint(mixture) - mixture.probs.log()
+        self.density.entry_gate = learn_gate(entry, told, mixture.probs)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """As every model, with the gate of the components that are saved."""
+        self._learn_gate()
+        super().on_save_checkpoint(checkpoint)
 
     def configure_optimizers(self) -> torch.optim.Optimizer | OptimizerLRSchedulerConfig:
         """Adam for SVI; for EM an optimizer whose step is the M step.

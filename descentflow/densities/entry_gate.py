@@ -1,0 +1,78 @@
+"""Which mixture components descend from which levels: proportions of a mixture given the level of entry.
+
+A density of weights knows nothing of where a flight enters, but flights do: the slow first stretch of a descent lies
+below its own entry, and components of flights that enter low say nothing of the levels above. The gate is a mixture's
+proportions by bins of the entry level, learnt with its components held.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+BINS = 4
+"""Bins of the entry level, of equally many flights where levels allow: an audit's choice, of its few runs the best."""
+PRIOR_FLIGHTS = 5.0
+"""Flights of the mixture's own proportions that each bin begins with."""
+STEPS = 20
+"""EM steps, of proportions alone."""
+
+
+@dataclass(frozen=True)
+class EntryGate:
+    """Proportions of k mixture components by bins of the entry level.
+
+    Attributes:
+        edges: (b - 1,) highest entry, as an index of the grid, of each bin but the last.
+        shares: (b, k).
+
+    Example:
+        >>> gate = EntryGate(torch.tensor([100]), torch.tensor([[1.0, 0.0], [0.0, 1.0]]))
+        >>> gate.draw(torch.tensor([100, 101]), torch.Generator().manual_seed(0))
+        tensor([0, 1])
+    """
+
+    edges: Tensor
+    shares: Tensor
+
+    def draw(self, entry: Tensor, generator: torch.Generator) -> Tensor:
+        """Components (n,) of flights that enter at these levels (n,)."""
+        bins = torch.bucketize(entry, self.edges)
+        return torch.multinomial(self.shares[bins], 1, replacement=True, generator=generator)[:, 0]
+
+    def to_state(self) -> dict[str, Any]:
+        """Primitives from which :meth:`from_state` rebuilds it."""
+        return {"edges": self.edges.tolist(), "shares": self.shares.tolist()}
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> "EntryGate":
+        """Rebuild from :meth:`to_state`."""
+        return cls(torch.tensor(state["edges"], dtype=torch.long), torch.tensor(state["shares"], dtype=torch.float64))
+
+
+def learn_gate(entry: Tensor, log_likelihood: Tensor, probs: Tensor) -> EntryGate:
+    """The proportions by bin under which training flights are most probable.
+
+    Args:
+        entry: (n,) entry levels, as indices of the grid.
+        log_likelihood: (n, k) of what each flight shows under each component, without proportions.
+        probs: (k,) the mixture's proportions, which begin.
+
+    Example:
+        >>> entry = torch.arange(200)
+        >>> told = torch.where((entry < 100)[:, None], torch.tensor([0.0, -9.0]), torch.tensor([-9.0, 0.0])).double()
+        >>> learn_gate(entry, told, torch.tensor([0.5, 0.5]).double()).shares[[0, 3], [0, 1]] > 0.9
+        tensor([True, True])
+    """
+    quantiles = torch.quantile(entry.double(), torch.arange(1, BINS).double() / BINS, interpolation="lower").long()
+    edges = quantiles.unique()  # type: ignore[no-untyped-call]
+    edges = edges[edges < entry.max()].cpu()
+    bins = torch.bucketize(entry.cpu(), edges).to(probs.device)
+    of_bin = torch.nn.functional.one_hot(bins, len(edges) + 1).to(probs)
+    shares = probs.expand(len(edges) + 1, -1)
+    for _ in range(STEPS):
+        responsibilities = (log_likelihood + shares[bins].log()).softmax(1)
+        counts = of_bin.T @ responsibilities + PRIOR_FLIGHTS * probs
+        shares = counts / counts.sum(1, keepdim=True)
+    return EntryGate(edges, shares.cpu())

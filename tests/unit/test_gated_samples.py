@@ -1,0 +1,147 @@
+"""Samples whose component depends on where they enter, and that have the drag which components leave out."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+import toys
+from scipy.stats import binomtest, chisquare
+
+from descentflow.densities.entry_gate import EntryGate, learn_gate
+from descentflow.densities.mixture import GaussianMixtureDensity
+from descentflow.densities.mixture_parameters import Mixture
+from descentflow.generation.rejection import MAX_TRIES, sample_descents
+from descentflow.representation.representation import Representation, Split, fit_representation
+from descentflow.representation.residual import residual_drag
+
+PARTS = toys.representation(400)
+D = PARTS.decoder.dimension
+GATE = EntryGate(torch.tensor([150]), torch.tensor([[0.8, 0.2], [0.3, 0.7]]).double())
+
+
+def mixture(far: float, scale: float = 0.1) -> GaussianMixtureDensity:
+    """Two components on both sides of the mean flight, ``far`` from it in the first weight."""
+    density = GaussianMixtureDensity(D, 2)
+    locs = torch.zeros(2, D, dtype=torch.float64)
+    locs[:, 0] = torch.tensor([-1.0, far])
+    trils = scale * torch.eye(D, dtype=torch.float64).expand(2, D, D)
+    density.mixture = Mixture(torch.tensor([0.5, 0.5]).double(), locs, trils)
+    density.entry_gate = GATE
+    return density
+
+
+def share_of_second(weights: torch.Tensor) -> tuple[int, int]:
+    return int((weights[:, 0] > 0).sum()), len(weights)
+
+
+@pytest.mark.parametrize(("entry", "share"), [(140, 0.2), (180, 0.7)])
+@pytest.mark.parametrize("far", [1.0, 4.0])
+def test_components_are_as_frequent_as_the_gate_says_also_where_most_are_rejected(
+    entry: int, share: float, far: float
+) -> None:
+    """Exact binomial test; p < 1e-4 fails one right sampler in 10,000."""
+    density = mixture(far, scale=1.0 if far > 1 else 0.1)
+    parts = PARTS.plausibility
+    n = 2000
+    samples = sample_descents(density, PARTS.decoder, parts, n, 0, entry=torch.tensor([entry]))
+    # With scale 1 the components overlap: the first is below the middle between both, nearly always.
+    second = int((samples.weights[:, 0] > (far - 1) / 2).sum())
+    if far > 1:
+        assert samples.report.acceptance < 0.95
+        # Truncation moves some of each beyond the middle.
+        assert abs(second / n - share) < 0.1
+    else:
+        assert binomtest(second, n, share).pvalue > 1e-4
+
+
+def test_entry_levels_are_as_frequent_as_among_the_flights_whatever_is_rejected() -> None:
+    """Chi-square over four bins; p < 1e-4 fails one right sampler in 10,000."""
+    samples = sample_descents(mixture(4.0, 1.0), PARTS.decoder, PARTS.plausibility, 4000, 0)
+    counts = PARTS.plausibility.entry_counts.double()
+    edges = torch.tensor([130, 160, 200])
+    bins = torch.bucketize(torch.arange(len(counts)), edges)
+    expected = torch.zeros(4, dtype=torch.float64).index_add(0, bins, counts) / counts.sum() * 4000
+    drawn = torch.bincount(torch.bucketize(samples.trajectories.entry, edges), minlength=4).double()
+    seen = expected > 0
+    assert chisquare(drawn[seen].numpy(), expected[seen].numpy()).pvalue > 1e-4
+
+
+def test_a_component_that_cannot_fly_gives_way() -> None:
+    density = mixture(100.0)
+    samples = sample_descents(density, PARTS.decoder, PARTS.plausibility, 200, 0)
+    assert bool((samples.weights[:, 0] < 50).all())
+    assert samples.report.drawn > 200 + 20 * MAX_TRIES
+
+
+def test_the_gate_travels_with_the_density_and_not_with_other_components() -> None:
+    density = mixture(1.0)
+    again = GaussianMixtureDensity(D, **density.settings())
+    assert again.entry_gate is not None
+    torch.testing.assert_close(again.entry_gate.shares, GATE.shares)
+    assert GaussianMixtureDensity(D, 2).settings() == {"n_clusters": 2}  # as in checkpoints of before
+    density.mixture = density.mixture
+    assert density.entry_gate is None
+
+
+def test_a_gate_is_learnt_from_what_flights_show() -> None:
+    """Flights below the middle are of the first component with 0.8: four standard errors of 500 flights are 0.07."""
+    generator = torch.Generator().manual_seed(0)
+    entry = torch.arange(1000)
+    first = torch.rand(1000, generator=generator) < torch.where(entry < 500, 0.8, 0.3)
+    told = torch.stack([torch.where(first, 0.0, -3.0), torch.where(first, -3.0, 0.0)], 1).double()
+    found = learn_gate(entry, told, torch.tensor([0.5, 0.5]).double())
+    share = torch.stack([found.shares[:2, 0].mean(), found.shares[2:, 0].mean()])
+    # What a likelihood ratio of e^3 leaves open: shares of the components behind the flights, not of those shown.
+    assert float((share - torch.tensor([0.8, 0.3])).abs().max()) < 0.07
+
+
+def with_residual() -> tuple[Representation, torch.Tensor]:
+    """A representation of flights with drag beyond the kept components, and the flights' own spread of drag."""
+    flights = toys.flights(600, gappy=False)
+    generator = torch.Generator().manual_seed(0)
+    x = torch.linspace(0, 1, len(flights.levels_fl), dtype=torch.float64)
+    extra = 600 * torch.randn(600, 1, generator=generator).double() * torch.sin(40 * x)
+    flights = replace(flights, drag_n=flights.drag_n + extra)
+    parts = fit_representation(flights, toys.AIRCRAFT, Split(flights.flight_ids, (), ()), explained_variance=0.8)
+    return parts, flights.drag_n.std(0)
+
+
+def test_samples_have_the_spread_of_drag_that_components_leave_out() -> None:
+    """Standard deviations of 600 flights are known to 3 %."""
+    parts, spread = with_residual()
+    decoder = parts.decoder
+    assert len(decoder.residual) >= 1
+    kept = decoder.drag_basis.components.T @ torch.diag(decoder.weight_scale[: decoder.drag_basis.n_components])
+    total = (kept.square().sum(1) + decoder.residual.square().sum(0)).sqrt()
+    assert float((total / spread - 1).abs().mean()) < 0.03
+    assert float((kept.square().sum(1).sqrt() / spread).mean()) < 0.95
+    white = torch.randn(4000, len(decoder.residual), generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    flown = decoder(torch.zeros(4000, decoder.dimension, dtype=torch.float64), white=white)
+    torch.testing.assert_close(flown.drag_n.std(0), decoder.residual.square().sum(0).sqrt(), rtol=0.06, atol=1.0)
+
+
+def test_the_residual_travels_with_the_decoder_and_old_checkpoints_have_none() -> None:
+    parts, _ = with_residual()
+    state = parts.to_state()
+    again = Representation.from_state(state)
+    assert torch.equal(again.decoder.residual, parts.decoder.residual)
+    older = {**state, "decoder": {k: v for k, v in state["decoder"].items() if k != "residual"}}
+    assert len(Representation.from_state(older).decoder.residual) == 0
+
+
+def test_the_residual_is_an_option() -> None:
+    flights = toys.flights(200)
+    split = Split(flights.flight_ids, (), ())
+    bare = fit_representation(flights, toys.AIRCRAFT, split, residual=False).decoder
+    assert len(bare.residual) == 0
+    assert torch.equal(residual_drag(bare, flights), fit_representation(flights, toys.AIRCRAFT, split).decoder.residual)
+
+
+def test_the_residual_is_no_wider_than_what_flights_show() -> None:
+    """A model that says ten times the spread, as it may where few flights show a level."""
+    parts, _ = with_residual()
+    flights = toys.flights(600, gappy=False)
+    before = residual_drag(parts.decoder, flights).square().sum(0).sqrt()
+    parts.decoder.drag_basis.loadings.mul_(10)
+    after = residual_drag(parts.decoder, flights).square().sum(0).sqrt()
+    assert float((after / before.clamp(min=1.0)).max()) < 2

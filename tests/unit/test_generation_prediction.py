@@ -1,5 +1,7 @@
 """The rest of a descent from its first part: posteriors against closed forms, occupancy, and coverage."""
 
+from dataclasses import replace
+
 import polars as pl
 import pytest
 import torch
@@ -186,6 +188,23 @@ def test_predictions_repeat_and_refuse_what_they_cannot_use() -> None:
         predictor.predict(real, 300)
     with pytest.raises(DataError, match="at least ten"):
         predictor.calibrated(real)
+
+
+def test_few_continuations_are_counted_and_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    predictor, real = DescentPredictor(trained()), toys.flights(1, seed=1, gappy=False)
+    fly = predictor._fly
+
+    def only_twenty_descend(drawn: Tensor, entry: int) -> Trajectories:
+        flown = fly(drawn, entry)
+        rate = flown.rate_mps.clone()
+        rate[20:, 0] = 1.0
+        return replace(flown, rate_mps=rate)
+
+    monkeypatch.setattr(predictor, "_fly", only_twenty_descend)
+    with pytest.raises(SamplingError, match=r"20 of 500 continuations.*50 at least"):
+        predictor.predict(real, 300, 500)
+    # Of thirty that were asked for, half will do.
+    assert time_intervals([predictor.predict(real, 300, 30)])["continuations"].unique().to_list() == [20]
 
 
 def hand_made() -> Trajectories:

@@ -107,7 +107,8 @@ class Prediction:
             ConfigError: If xarray is not installed.
         """
         names = self._intervals.columns[2:]
-        units = {name: UNITS.get(name) or {"s": "s", "nm": "NM"}[name.rpartition("_")[2]] for name in names}
+        known = {**UNITS, "continuations": "1"}
+        units = {name: known.get(name) or {"s": "s", "nm": "NM"}[name.rpartition("_")[2]] for name in names}
         return to_dataset(self._intervals, ("flight_id", "level_fl"), names, units)
 
     def continuations(self) -> pl.DataFrame:
@@ -147,6 +148,8 @@ class Prediction:
         """Calibration, counts, the first reasons, and how often the intervals held the time observed."""
         lines = [self.calibration]
         lines += [f"{len(self)} flights predicted from FL{self.from_fl:.0f}, {len(self.reasons)} not"]
+        fewest = min(len(one.trajectories) for one in self.flights)
+        lines += [f"intervals rest on {fewest} continuations or more"]
         lines += [f"  {reason}" for reason in sorted(set(self.reasons))[:3]]
         compared = self.coverage()
         if not compared.is_empty():
@@ -200,6 +203,7 @@ def predict(
         >>> print(ahead)
         not calibrated, ...
         20 flights predicted from FL290, 4 not
+        intervals rest on ... continuations or more
         ...
     """
     if n < 2:

@@ -20,6 +20,8 @@ MIN_LOG_PROB = -20.0
 """Least log density of one flight in the calibration: a later level-off must not decide for all."""
 MIN_LEVELS = 5
 """Observed levels below which a prediction would be the prior."""
+MIN_CONTINUATIONS = 50
+"""Continuations that must descend all the way: a 90 % interval of fewer has its ends between the last few."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,7 @@ class DescentPredictor:
 
         Raises:
             DataError: If the flight is not one, is on another grid, or has too few levels at and above ``from_fl``.
-            SamplingError: If no continuation descends.
+            SamplingError: If fewer than 50 continuations descend, or than half of those asked for if that is less.
         """
         mask = self._observed(flight, from_fl)
         seen = self.curves.information(flight.drag_n, flight.cas_mps, mask[None])
@@ -156,10 +158,12 @@ class DescentPredictor:
         flown = self._fly(drawn, int(mask.nonzero()[0]))
         # Not the sampler's bounds: an observed flight may lie outside what training flights did, and still goes on.
         good = ((flown.rate_mps < 0) | ~flown.mask).all(1)
-        if not bool(good.any()):
+        kept, fewest = int(good.sum()), min(MIN_CONTINUATIONS, -(-n // 2))
+        if kept < fewest:
             raise SamplingError(
-                f"none of {n} continuations of {flight.flight_ids[0]} from FL{from_fl:.0f} descends all the way",
-                expected="a flight not unlike those trained on",
+                f"{kept or 'none'} of {n} continuations of {flight.flight_ids[0]} from FL{from_fl:.0f} "
+                "descends all the way",
+                expected=f"{fewest} at least, of a flight not unlike those trained on",
                 mend="check the flight's rows, or train on flights like it",
             )
         return Continuations(flight.flight_ids[0], flown.subset(good), effective, int((~good).sum()))

@@ -25,10 +25,10 @@ def time_intervals(predictions: Sequence[Continuations], plan: GroundPlan = NOWH
         plan: Where they are flown.
 
     Returns:
-        Columns ``flight_id level_fl mean_s q05_s q25_s q50_s q75_s q95_s``, the same in ``..._nm`` for the distance
-        flown, medians ``distance_to_go_nm`` and ``top_of_descent_nm`` (from the last observed level to the end point),
-        mean ``groundspeed`` (kt), and with a path ``latitude longitude track`` at the median distance to go. A row a
-        flight and level, downwards.
+        Columns ``flight_id level_fl mean_s q05_s q25_s q50_s q75_s q95_s``, how many ``continuations`` these rest on,
+        mean and quantiles in ``..._nm`` of the distance flown, medians ``distance_to_go_nm`` and ``top_of_descent_nm``
+        (from the last observed level to the end point), mean ``groundspeed`` (kt), and with a path ``latitude longitude
+        track`` at the median distance to go. A row a flight and level, downwards.
 
     Raises:
         ConfigError: If the wind is stronger than the airspeed.
@@ -60,7 +60,8 @@ def _intervals(one: Continuations, plan: GroundPlan) -> pl.DataFrame:
     if plan.path is not None:
         ground |= dict(zip(("latitude", "longitude", "track"), plan.path.at(to_go_m), strict=True))
     levels = flown.levels_fl[below].to(torch.int32).numpy()
-    return pl.DataFrame({"flight_id": one.flight_id, "level_fl": levels, **times, **distances, **ground})
+    known = {"flight_id": one.flight_id, "level_fl": levels, **times, "continuations": len(flown)}
+    return pl.DataFrame({**known, **distances, **ground})
 
 
 def _quantiles(values: Tensor, unit: str) -> dict[str, np.ndarray]:

@@ -11,10 +11,6 @@ import torch
 import descentflow
 from descentflow.cli import main
 
-NOT_YET = set(Path(__file__).with_name("examples_not_yet.txt").read_text().split())
-"""Modules whose examples do not run yet; what stands here is to be mended, nothing is to be added."""
-
-
 NEEDS = {
     f"descentflow.simulation.jsbsim_world.{name}": "jsbsim"
     for name in ("fly_models", "model_aircraft", "model_files", "model_flight")
@@ -44,7 +40,7 @@ def example_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("name", [name for name in module_names() if name not in NOT_YET])
+@pytest.mark.parametrize("name", module_names())
 def test_examples_give_what_they_say(name: str, example_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if name in NEEDS:
         pytest.importorskip(NEEDS[name], reason=f"{NEEDS[name]} (an extra of descentflow) is not installed")

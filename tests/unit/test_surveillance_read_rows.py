@@ -195,3 +195,9 @@ def test_tables_that_are_no_rows_are_refused() -> None:
         prepare(fleet(3).with_columns(pl.col("IAS") * 0.514444))
     with pytest.raises(DataError, match="no row in a table in memory"):
         prepare(fleet(1).clear())
+
+
+def test_samples_are_told_what_takes_flights() -> None:
+    table = pl.DataFrame({"sample_id": [0], "level_fl": [330], "CAS": [270.0], "Mach": [0.7]})
+    with pytest.raises(DataError, match=r"pass the checkpoint itself.*descentflow export --to traffic"):
+        normalise(table, "samples.parquet", DropReport())

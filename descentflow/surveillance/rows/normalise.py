@@ -60,7 +60,7 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
         raise DataError(
             f"{path} has no column {', '.join(missing)} (it has {', '.join(table.columns[:12])})",
             expected=f"columns {', '.join(REQUIRED)}, named as the traffic library names them",
-            mend="rename columns; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B alone",
+            mend=SAMPLES_MEND if set(table.columns) >= OF_SAMPLES else COLUMNS_MEND,
         )
     columns = []
     for name, kind in COLUMNS.items():
@@ -126,6 +126,12 @@ SI = {
 """Row column -> column of a state vector, and the row's unit in the unit of that column."""
 
 
+COLUMNS_MEND = "rename columns; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B alone"
+SAMPLES_MEND = (
+    "pass the checkpoint itself in place of its samples, or export them as flights (descentflow export --to traffic)"
+)
+OF_SAMPLES = {"sample_id", "level_fl"}
+"""Columns by which a table of `descentflow sample` is known: it has levels and no reports."""
 LAST_S = 10_000_000_000
 """Seconds since 1970 up to which a number is a time, November 2286."""
 PER_SECOND = {"ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}

@@ -75,7 +75,7 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
         raise _wrong("state_dict is no dictionary of tensors", "the parameters of the model")
     kept = {name: value for name, value in representation.items() if name != MAY_HAVE_GAPS}
     for place, value in (*_leaves(kept), *_leaves(state_dict, "state_dict.")):
-        wrong = _not_finite(value)
+        wrong = _not_finite(value, or_unbounded=place.startswith("plausibility."))
         if wrong:
             raise _wrong(f"{place} holds {wrong} that is no finite number", "finite numbers")
 
@@ -132,11 +132,13 @@ def _leaves(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
         yield from _leaves(value, f"{place}{key}.")
 
 
-def _not_finite(value: Any) -> int:
+def _not_finite(value: Any, *, or_unbounded: bool) -> int:
+    """How many numbers are not finite; infinite bounds are none, so that only those that are no number count there."""
     if isinstance(value, float):
         return int(not isfinite(value))
-    is_real = isinstance(value, Tensor) and value.is_floating_point()
-    return int((~value.isfinite()).sum()) if is_real else 0
+    if not isinstance(value, Tensor) or not value.is_floating_point():
+        return 0
+    return int((value.isnan() if or_unbounded else ~value.isfinite()).sum())
 
 
 def _wrong(got: str, expected: str) -> CheckpointError:

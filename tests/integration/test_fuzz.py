@@ -83,6 +83,7 @@ def test_descriptions_that_nobody_wrote(name: str, value: object, descents: Path
         ("plausibility.entry_counts", torch.zeros(4), "size|shape|multinomial|sum"),
         ("decoder.drag_basis", None, "decoder.drag_basis is of type NoneType; expected a dictionary"),
         ("plausibility.cas_low", "low", "plausibility.cas_low is of type str; expected a tensor"),
+        ("plausibility.cas_high", torch.tensor([torch.nan]), "cas_high holds 1 that is no finite number"),
         ("split", [], "split of the representation is of type list"),
         ("cleaning", "as usual", "cleaning of the representation is of type str"),
     ],

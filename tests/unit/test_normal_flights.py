@@ -30,10 +30,10 @@ def kelvin(sides: Compared, learn: torch.Tensor | None) -> float:
 
 
 def test_a_table_of_rates_does_not_outweigh_the_airspeeds() -> None:
-    """Rates that are 26 % slower pull the temperature by a tenth and not by half."""
+    """Rates that are 26 % slower pull the temperature by a tenth and not by half, whoever says how flights differ."""
     sides = table()
-    assert kelvin(sides, ~sides.real) > 12.5
-    assert kelvin(sides, normal_flights(sides)) == pytest.approx(9.0, abs=1.2)
+    for learn in (~sides.real, normal_flights(sides)):
+        assert kelvin(sides, learn) == pytest.approx(9.0, abs=1.2)
 
 
 def test_of_few_real_flights_both_sides_say_it() -> None:

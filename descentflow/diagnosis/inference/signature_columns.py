@@ -63,7 +63,9 @@ def misfit_columns(compared: Compared, shift: Tensor) -> Tensor:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> sides = example_sides()
         >>> columns = misfit_columns(sides, sides.negligible())
-        >>> columns.shape, float((columns / sides.negligible()[:, None]).sum().abs()) < 1e-9
+        >>> known_to = torch.tensor([misfit_of(entry.quantity) for entry in sides.entries]) * sides.negligible()
+        >>> along_shift = (columns * (sides.negligible() / known_to**2)[:, None]).sum(0)
+        >>> columns.shape, bool((along_shift.abs() < 1e-9).all())
         (torch.Size([33, 9]), True)
     """
     columns = [torch.zeros(0, len(shift), dtype=shift.dtype)]
@@ -75,8 +77,10 @@ def misfit_columns(compared: Compared, shift: Tensor) -> Tensor:
             column[:, at] = misfit_of(quantity) * hat * shift[at]
             columns.append(column)
     found = torch.cat(columns).T
-    # How large an effect is stays with its parameters: what is a multiple of the whole shift is taken out.
-    weighted = shift / compared.negligible() ** 2
+    # How large an effect is stays with its parameters: what is a multiple of the whole shift is taken out, each
+    # quantity weighed by how well its equations hold. Else the rate, which may be off by half, would outweigh TAS.
+    known_to = torch.tensor([misfit_of(entry.quantity) for entry in compared.entries]) * compared.negligible()
+    weighted = shift / known_to**2
     return found - torch.outer(shift, weighted @ found) / (weighted @ shift).clamp(min=1e-12)
 
 

@@ -59,9 +59,13 @@ class Plausibility(nn.Module):
     entry_counts: Tensor
 
     def __init__(self, **buffers: Tensor) -> None:
-        """Build from the buffers named in the class; :meth:`from_profiles` computes them."""
+        """Build from the buffers named in the class; :meth:`from_profiles` computes them.
+
+        Changes between levels are unbounded where nothing is said of them, as in checkpoints of before they were.
+        """
         super().__init__()
-        for name, value in buffers.items():
+        unbounded = torch.tensor(torch.inf, dtype=torch.float64)
+        for name, value in {"fastest_change_mps2": unbounded, "largest_step_n": unbounded, **buffers}.items():
             # Not persistent: the checkpoint holds them once, as this module's own state.
             self.register_buffer(name, value, persistent=False)
 
@@ -135,9 +139,8 @@ class Plausibility(nn.Module):
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Plausibility":
-        """Rebuild from :meth:`to_state`, also of a checkpoint of before changes were bounded."""
-        unbounded = torch.tensor(torch.inf, dtype=torch.float64)
-        return cls(**{"fastest_change_mps2": unbounded, "largest_step_n": unbounded, **state})
+        """Rebuild from :meth:`to_state`."""
+        return cls(**state)
 
 
 def acceleration_mps2(tas_mps: Tensor, rate_mps: Tensor, altitude_m: Tensor) -> Tensor:

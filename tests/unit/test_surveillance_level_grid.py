@@ -96,7 +96,7 @@ def test_the_top_is_the_highest_level_of_a_quarter_of_the_flights() -> None:
 
 @pytest.fixture
 def descents() -> Descents:
-    levels = grid(rows_at([0.0, 40.0], altitude=[20_050.0, 19_650.0], **{n: [1.0, 2.0] for n in ("IAS", "Mach")}))
+    levels = grid(rows_at([0.0, 40.0], altitude=[20_050.0, 19_650.0], IAS=[250.0, 251.0], Mach=[0.55, 0.54]))
     frame = levels.with_columns(vertical_rate=pl.lit(-600.0))
     return Descents(frame, {"schema_version": 1, "bottom_fl": 100, "top_fl": {"A320": 200}})
 

@@ -233,7 +233,7 @@ def read_descents(path: str | Path) -> Descents:
 def _read_file(path: str | Path) -> tuple[pl.DataFrame, dict[str, Any]]:
     if not Path(path).is_file():
         raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
-    with whole_input(path):
+    with whole_input(path, "a whole Parquet file", MEND):
         description = pl.read_parquet_metadata(path).get(KEY)
         frame = pl.read_parquet(path)
     if description is None:

@@ -161,7 +161,7 @@ def read_store(folder: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
     try:
         for file in metadata["files"]:
             path = folder / file["path"]
-            with whole_input(path):
+            with whole_input(path, "a store as it was written", MEND):
                 frame = pl.read_parquet(path, hive_partitioning=False)
             if len(frame) != file["rows"]:
                 raise DataError(f"{path}: {len(frame)} rows", expected=f"{file['rows']} rows", mend=MEND)

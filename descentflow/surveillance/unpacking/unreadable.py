@@ -53,11 +53,13 @@ class Unreadable:
 
 
 @contextmanager
-def whole_input(label: object) -> Iterator[None]:
+def whole_input(label: object, expected: str = "a whole, readable file", mend: str = "copy it again") -> Iterator[None]:
     """Read a file inside of this: what a library does not foresee becomes a DataError that names the file.
 
     Args:
         label: What the file is called in the message.
+        expected: What would have been read.
+        mend: What the user can do about it.
 
     Raises:
         DataError: If the file cannot be read.
@@ -71,14 +73,14 @@ def whole_input(label: object) -> Iterator[None]:
     try:
         yield
     except (pl.exceptions.PolarsError, OSError, TarError) as error:
-        raise _damaged(label, error) from error
+        raise _damaged(label, error, expected, mend) from error
     except BaseException as error:
         # Polars and the decoder of Mode S panic on some damage; this is no Exception.
         if type(error).__name__ != "PanicException":
             raise
-        raise _damaged(label, error) from error
+        raise _damaged(label, error, expected, mend) from error
 
 
-def _damaged(label: object, error: BaseException) -> DataError:
+def _damaged(label: object, error: BaseException, expected: str, mend: str) -> DataError:
     reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
-    return DataError(f"{label}: {reason}", expected="a whole, readable file", mend="copy it again")
+    return DataError(f"{label}: {reason}", expected=expected, mend=mend)

@@ -9,11 +9,14 @@ import toys
 from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
+from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.atmosphere import isa_fraction
 from descentflow.physics.forces import descent_thrust_n
+from descentflow.representation.decoder import flight_grid as flight_grid_module
 from descentflow.representation.decoder import fused as fast
+from descentflow.representation.decoder import trajectories as trajectories_module
 from descentflow.representation.decoder.trajectories import Trajectories, integrate, integrate_plain
 from descentflow.representation.profiles import infer_drag_n
 
@@ -224,3 +227,29 @@ def test_memory_beside_the_result_is_in_proportion_to_the_chunk(monkeypatch: pyt
     with LargeArrays(5 * len(LEVELS)) as made:
         integrate(*arguments, out=flown)
     assert made.found == 0
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
+def test_tables_kept_by_the_decoder_give_the_numbers_of_tables_made_anew(dtype: torch.dtype) -> None:
+    decoder = toys.representation(100).decoder
+    weights = torch.randn(20, decoder.dimension, dtype=torch.float64).to(dtype)
+    drag_n, cas_mps = decoder.curves(weights)
+    entry = torch.full((20,), len(decoder.levels_fl) - 1)
+
+    def anew(aircraft: Aircraft) -> Trajectories:
+        altitude_m = (decoder.levels_fl * FL_M).to(dtype)
+        return integrate(aircraft, decoder.levels_fl, altitude_m, drag_n, cas_mps, entry)
+
+    for mass_kg in (decoder.aircraft.mass_reference_kg, 60_000.0):
+        decoder.aircraft = replace(decoder.aircraft, mass_reference_kg=mass_kg)
+        for name in ("time_s", "mach", "tas_mps", "rate_mps"):
+            assert torch.equal(getattr(decoder(weights), name), getattr(anew(decoder.aircraft), name))
+    assert not torch.equal(decoder(weights).time_s, decoder(weights, mass_kg=61_000.0).time_s)
+
+
+def test_nothing_of_the_levels_is_computed_again_at_a_draw(monkeypatch: pytest.MonkeyPatch) -> None:
+    decoder = toys.representation(100).decoder
+    for module in (flight_grid_module, trajectories_module):
+        for name in ("rate_breaks", "level_table", "flight_grid"):
+            monkeypatch.delattr(module, name, raising=False)
+    assert bool(decoder(torch.zeros(1, decoder.dimension, dtype=torch.float64)).time_s[0, 0] > 0)

@@ -189,7 +189,8 @@ class DescentPredictor:
         decoder = self.representation.decoder
         drag_n, cas_mps = self.curves.profiles(drawn)
         start = torch.full((len(drawn),), entry)
-        return integrate(decoder.aircraft, decoder.levels_fl, decoder.levels_fl * FL_M, drag_n, cas_mps, start)
+        altitude_m, grid = decoder.levels_fl * FL_M, decoder.grid(drag_n)
+        return integrate(decoder.aircraft, decoder.levels_fl, altitude_m, drag_n, cas_mps, start, grid=grid)
 
 
 def _whole_below(flights: Profiles, position: int) -> bool:

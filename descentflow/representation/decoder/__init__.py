@@ -3,6 +3,7 @@
 Reading order: :mod:`~descentflow.representation.decoder.descent_decoder`,
 :mod:`~descentflow.representation.decoder.trajectories` (integration),
 :mod:`~descentflow.representation.decoder.rate_jumps` (where the rate is discontinuous),
+:mod:`~descentflow.representation.decoder.flight_grid` (what is computed once of the levels),
 :mod:`~descentflow.representation.decoder.fused` (the same numbers, faster).
 
 Descents alone are flown: what climbs need is in :mod:`descentflow.physics`.

@@ -12,6 +12,8 @@ from descentflow.core.errors import CheckpointError
 from descentflow.core.tensors import Number
 from descentflow.core.units import FL_M
 from descentflow.physics.transition import transition_altitude_m
+from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
+from descentflow.representation.decoder.fused import is_plain
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.profiles import Profiles
@@ -101,6 +103,25 @@ class DescentDecoder(nn.Module):
         self.keep_residual(levels_fl.new_zeros(0, len(levels_fl)) if residual is None else residual)
         self.register_buffer("weight_mean", weight_mean.to(torch.float64), persistent=False)
         self.register_buffer("weight_scale", weight_scale.to(torch.float64), persistent=False)
+        self._grids: dict[tuple[torch.dtype, torch.device], tuple[Aircraft, FlightGrid | None]] = {}
+        self.grid(self.levels_fl)
+
+    def grid(self, like: Tensor) -> FlightGrid | None:
+        """What flying the own levels needs, at the own mass and no temperature deviation.
+
+        Computed once for each precision and device (float64 at construction), and again should ``aircraft`` be another
+        one; None where coefficients are tensors of several flights or with gradients.
+
+        Args:
+            like: A tensor of the precision and on the device wanted.
+        """
+        key = (like.dtype, like.device)
+        aircraft, found = self._grids.get(key, (None, None))
+        if aircraft is not self.aircraft:
+            plain = is_plain(self.levels_fl, self.levels_fl, *self.aircraft.numbers())
+            found = flight_grid(self.aircraft, (self.levels_fl * FL_M).to(like)) if plain else None
+            self._grids[key] = (self.aircraft, found)
+        return found
 
     @property
     def dimension(self) -> int:
@@ -165,7 +186,9 @@ class DescentDecoder(nn.Module):
             drag_n = drag_n + white.to(weights) @ self.residual.to(weights)
         if entry is None:
             entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
-        altitude_m = (self.levels_fl * FL_M).to(weights)
+        own = aircraft is None and mass_kg is None and not isinstance(deviation_k, Tensor) and deviation_k == 0.0
+        grid = self.grid(weights) if own else None
+        altitude_m = (self.levels_fl * FL_M).to(weights) if grid is None else grid.altitude_m
         flown = aircraft if aircraft is not None else self.aircraft
         found = integrate(
             flown,
@@ -180,6 +203,7 @@ class DescentDecoder(nn.Module):
             exact_energy_share=exact_energy_share,
             out=out,
             compiled=compiled,
+            grid=grid,
         )
         return found if self.correction is None else self.correction.apply(self.aircraft, found, draws)
 

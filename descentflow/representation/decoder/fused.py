@@ -6,10 +6,8 @@ from functools import cache
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
-from descentflow.core.tensors import Number
-from descentflow.physics.fused_table import LevelTable, fused_rate, level_table
-from descentflow.representation.decoder.rate_jumps import Breaks, rate_breaks
+from descentflow.physics.fused_table import LevelTable, fused_rate
+from descentflow.representation.decoder.flight_grid import FlightGrid
 
 CHUNK_VALUES = 1 << 17
 """Values of a quantity in one chunk for each thread of the CPU: the handful of arrays in use stay in the caches."""
@@ -43,13 +41,10 @@ def _compiled_kernel() -> Kernel:
 
 
 def integrate_fast(
-    aircraft: Aircraft,
-    altitude_m: Tensor,
+    grid: FlightGrid,
     drag_n: Tensor,
     cas_mps: Tensor,
     entry: Tensor,
-    mass_kg: Number | None,
-    deviation_k: Number,
     *,
     out: tuple[Tensor, ...] | None = None,
     compiled: bool = False,
@@ -57,49 +52,44 @@ def integrate_fast(
     """Time, Mach, TAS and rate, each (n, L): the numbers of the plain path to rounding.
 
     Args:
-        aircraft: Coefficients, all floats.
-        altitude_m: (L,) in the profiles' precision.
+        grid: Of the L levels, in the profiles' precision.
         drag_n: (n, L).
         cas_mps: (n, L).
         entry: (n,) index of the entry level.
-        mass_kg: Mass; the reference mass if absent.
-        deviation_k: ISA temperature deviation.
         out: Arrays for the result, in its order; new ones if absent. On the CPU the system may take longer to hand
             out new memory than the descents take to compute.
         compiled: Fuse the arithmetic by ``torch.compile``.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> altitude_m = torch.arange(150, 351).double() * 30.48
+        >>> from descentflow.representation.decoder.flight_grid import flight_grid
+        >>> grid = flight_grid(aircraft("A320"), torch.arange(150, 351).double() * 30.48)
         >>> drag_n, cas_mps = torch.full((1, 201), 45e3).double(), torch.full((1, 201), 140.0).double()
-        >>> time_s, *_ = integrate_fast(aircraft("A320"), altitude_m, drag_n, cas_mps, torch.tensor([200]), None, 0.0)
+        >>> time_s, *_ = integrate_fast(grid, drag_n, cas_mps, torch.tensor([200]))
         >>> round(float(time_s[0, 0]) / 60)  # minutes from FL350 to FL150
         8
     """
-    breaks = rate_breaks(aircraft, altitude_m)
-    tables = tuple(level_table(aircraft, h, mass_kg, deviation_k) for h in (altitude_m, breaks.altitude_m))
-    half_step_m = (altitude_m.double().diff() / 2).to(altitude_m)
     time_s, mach, tas_mps, rate_mps = out or (torch.empty_like(drag_n) for _ in range(4))
     values = GPU_CHUNK_VALUES if drag_n.is_cuda else CHUNK_VALUES * torch.get_num_threads()
     kernel = _compiled_kernel() if compiled else fused_rate
     size = max(values // drag_n.shape[1], 1)
     with torch.no_grad():
-        extra = _extra_slowness(tables[1], breaks, drag_n, cas_mps)
+        extra = _extra_slowness(grid, drag_n, cas_mps)
         for start in range(0, len(drag_n), size):
             part = slice(start, start + size)
             here = (mach[part], tas_mps[part], rate_mps[part], time_s[part])
-            kernel(tables[0], drag_n[part], cas_mps[part], here)
+            kernel(grid.levels, drag_n[part], cas_mps[part], here)
             # Seconds gained on the way up are negative here: the rate is.
-            legs = breaks.leg_times(here[3], extra[part], half_step_m)
+            legs = grid.breaks.leg_times(here[3], extra[part], grid.half_step_m)
             _time_from_entry(legs, entry[part], here[3])
     return time_s, mach, tas_mps, rate_mps
 
 
-def _extra_slowness(table: LevelTable, breaks: Breaks, drag_n: Tensor, cas_mps: Tensor) -> Tensor:
+def _extra_slowness(grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor) -> Tensor:
     """Slowness (n, b) at both sides of the jumps."""
-    out = tuple(drag_n.new_empty(len(drag_n), len(breaks.base)) for _ in range(4))
-    if len(breaks.base):
-        fused_rate(table, breaks.continued(drag_n), breaks.continued(cas_mps), out)
+    out = tuple(drag_n.new_empty(len(drag_n), len(grid.breaks.base)) for _ in range(4))
+    if len(grid.breaks.base):
+        fused_rate(grid.sides, grid.breaks.continued(drag_n), grid.breaks.continued(cas_mps), out)
     return out[3]
 
 

@@ -10,6 +10,7 @@ from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.tensors import Number
 from descentflow.physics.energy import descent_rate_mps, slope_per_m
 from descentflow.physics.idle_state import idle_state
+from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 from descentflow.representation.decoder.fused import integrate_fast, is_plain
 from descentflow.representation.decoder.rate_jumps import Breaks, rate_breaks
 
@@ -81,6 +82,7 @@ def integrate(
     exact_energy_share: bool = False,
     out: Trajectories | None = None,
     compiled: bool = False,
+    grid: FlightGrid | None = None,
 ) -> Trajectories:
     """Fly drag and CAS profiles down the grid.
 
@@ -108,6 +110,8 @@ def integrate(
         compiled: Let ``torch.compile`` fuse the arithmetic: about half the time for some ten seconds at the first
             call, and a C++ compiler (on a GPU, Triton) is needed. Without effect where gradients, wind or the exact
             energy share are asked for.
+        grid: What was tabulated of the levels for the same coefficients, mass and deviation, in the profiles'
+            precision; computed here if absent.
 
     Returns:
         The trajectories. A rate that is not negative gives times that are not finite or not increasing; the
@@ -121,12 +125,12 @@ def integrate(
         >>> round(float(flown.time_s[0, 0]) / 60)  # minutes from FL350 to FL150
         8
     """
-    parameters = (*aircraft.numbers(), mass_kg, deviation_k)
+    # Whoever has tabulated the levels has looked at the coefficients.
+    parameters = (*aircraft.numbers(), mass_kg, deviation_k) if grid is None else ()
     if is_plain(drag_n, cas_mps, *parameters) and wind_mps is None and not exact_energy_share:
+        known = flight_grid(aircraft, altitude_m, mass_kg, deviation_k) if grid is None else grid
         arrays = None if out is None else (out.time_s, out.mach, out.tas_mps, out.rate_mps)
-        time_s, mach, tas_mps, rate_mps = integrate_fast(
-            aircraft, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k, out=arrays, compiled=compiled
-        )
+        time_s, mach, tas_mps, rate_mps = integrate_fast(known, drag_n, cas_mps, entry, out=arrays, compiled=compiled)
         return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
     slopes = Slopes(
         0.0 if wind_mps is None else slope_per_m(wind_mps, altitude_m),

@@ -188,6 +188,6 @@ def solved(profiled: Profiled, ridge: Tensor) -> Tensor:
         >>> solved(Profiled(inner, inner), torch.zeros(1).double()).round(decimals=3)
         tensor([[0.5000]], dtype=torch.float64)
     """
-    prior = torch.diag(ridge)
-    parts = [solve(part[:-1, :-1] + prior, part[:-1, -1], part.diagonal()[:-1]) for part in profiled.inner]
-    return torch.stack(parts)
+    inner = profiled.inner
+    raw = inner.diagonal(dim1=1, dim2=2)[:, :-1]
+    return solve(inner[:, :-1, :-1] + torch.diag(ridge), inner[:, :-1, -1], raw)

@@ -185,7 +185,7 @@ class EffectsLikelihood(EffectShifts):
     def weighted_rest(self, shift: Tensor) -> Tensor:
         """Precision times what a shift leaves of each flight (n, p)."""
         q = self.qy.clone()
-        q[self.real] -= self.whitening.rows(self.real).apply(shift[self.real])
+        q[self.real] -= self.sums.of_real.apply(shift[self.real])
         return q
 
     def moments(self, rest: Tensor, design: Design, keep: Tensor | None = None) -> Moments:

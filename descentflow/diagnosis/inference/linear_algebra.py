@@ -137,18 +137,23 @@ class Moments:
 
 
 def solve(matrix: Tensor, vector: Tensor, raw: Tensor) -> Tensor:
-    """Solve, leaving alone what the data say nothing about: an absent channel, or a column that the mean contains.
+    """Solve (..., k, k), leaving alone what the data say nothing about: an absent channel, a column in the free mean.
+
+    Args:
+        matrix: (..., k, k), symmetric.
+        vector: (..., k).
+        raw: (..., k) diagonal before anything was taken off it.
 
     Example:
         >>> matrix = torch.tensor([[2.0, 0.0], [0.0, 0.0]]).double()
         >>> solve(matrix, torch.tensor([4.0, 1.0]).double(), matrix.diagonal())  # of the second nothing is known
         tensor([2.0000, 0.0000], dtype=torch.float64)
     """
-    known = matrix.diagonal() > 1e-9 + 1e-7 * raw
-    step = torch.zeros_like(vector)
-    if bool(known.any()):
-        part = matrix[known][:, known]
-        size = part.diagonal().sqrt()
-        scaled = part / (size[:, None] * size) + RIDGE * torch.eye(len(part), dtype=part.dtype)
-        step[known] = torch.linalg.solve(scaled, vector[known] / size) / size
-    return step
+    diagonal = matrix.diagonal(dim1=-2, dim2=-1)
+    known = diagonal > 1e-9 + 1e-7 * raw
+    size = torch.where(known, diagonal, 1.0).sqrt()
+    eye = torch.eye(matrix.shape[-1], dtype=matrix.dtype)
+    both = known[..., :, None] & known[..., None, :]
+    scaled = torch.where(both, matrix / (size[..., :, None] * size[..., None, :]), eye) + RIDGE * eye
+    answer: Tensor = torch.linalg.solve(scaled, torch.where(known, vector, 0.0) / size)
+    return answer / size

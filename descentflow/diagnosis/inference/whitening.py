@@ -35,22 +35,38 @@ class Whitening:
     """(p, p) covariance of single flights, without what is added so that means are weighed rightly; for new flights."""
 
     @cached_property
-    def members(self) -> list[tuple[int, Tensor]]:
-        """Flights of each pattern that there is."""
-        return [(k, torch.nonzero(self.pattern == k)[:, 0]) for k in torch.unique(self.pattern).tolist()]
+    def order(self) -> tuple[Tensor, Tensor]:
+        """Flights with those of one pattern beside each other, and where each flight is among them."""
+        order = torch.argsort(self.pattern, stable=True)
+        return order, torch.argsort(order)
+
+    @cached_property
+    def members(self) -> list[tuple[int, slice]]:
+        """Flights of each pattern that there is, in that order."""
+        patterns, counts = torch.unique(self.pattern, return_counts=True)
+        ends = counts.cumsum(0).tolist()
+        starts = [0, *ends[:-1]]
+        return [(k, slice(a, b)) for k, a, b in zip(patterns.tolist(), starts, ends, strict=True)]
 
     def apply(self, values: Tensor) -> Tensor:
         """Precision times values: (n, p) or (n, p, k) of the flights, missing entries anything finite."""
-        found = torch.empty_like(values)
+        order, back = self.order
         if values.dim() == 2:
-            for k, at in self.members:
-                found[at] = values[at] @ self.precision[k]
-            return found
+            return self._times(values[order], self.precision)[back]
         # Most effects show in a few quantities alone.
         used = torch.nonzero((values != 0).any(2).any(0))[:, 0]
-        shown = values[:, used]
-        for k, at in self.members:
-            found[at] = self.precision[k][:, used] @ shown[at]
+        n, p, k = values.shape
+        shown = values[:, used].transpose(1, 2)[order]
+        found = self._times(shown.reshape(n, k * len(used)), self.precision[:, used], k)
+        return found.reshape(n, k, p)[back].transpose(1, 2)
+
+    def _times(self, ordered: Tensor, precision: Tensor, k: int = 1) -> Tensor:
+        """Values (n, k u) of ordered flights times the precision (patterns, u, p) of their own pattern: (n k, p)."""
+        rows = ordered.reshape(k * len(ordered), precision.shape[1])
+        found = torch.empty(len(rows), precision.shape[2], dtype=ordered.dtype)
+        for pattern, at in self.members:
+            mine = slice(k * at.start, k * at.stop)
+            torch.mm(rows[mine], precision[pattern], out=found[mine])
         return found
 
     def rows(self, index: Tensor) -> "Whitening":

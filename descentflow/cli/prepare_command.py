@@ -30,6 +30,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--embedded", action="store_true", help="use the real snapshots that come with descentflow")
     parser.add_argument("--format", metavar="NAME", help="format of the files (default: recognised from their content)")
+    parser.add_argument(
+        "--column",
+        type=_pair,
+        action="append",
+        metavar="NAME=COLUMN",
+        help="column of the tables for a name of the rows, where it has another name there: altitude=alt_ft; may be "
+        "given again (names and units: timestamp, icao24, altitude and geoaltitude in ft, IAS, TAS and groundspeed "
+        "in kt, Mach, vertical_rate in ft/min, ...; without Mach it is computed from IAS and altitude)",
+    )
     parser.add_argument("--types", type=Path, help="CSV of icao24,typecode for rows that do not name their type")
     parser.add_argument("--typecode", help="keep these types, for instance A320,A321 (default: all)")
     parser.add_argument("--report", type=Path, help="also write the report as JSON")
@@ -64,6 +73,23 @@ def number_or_none(text: str) -> float | None:
         (25.0, None)
     """
     return None if text.lower() == "none" else float(text)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, column = text.partition("=")
+    if not (name and equals and column):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=COLUMN, for instance altitude=alt_ft")
+    return name, column
+
+
+def _columns(pairs: list[tuple[str, str]]) -> dict[str, str]:
+    from descentflow.core.errors import ConfigError
+
+    names = [name for name, _ in pairs]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigError(f"--column {twice[0]}=... twice", expected="a column for each name", mend="leave one out")
+    return dict(pairs)
 
 
 def memory_bytes(text: str) -> int:
@@ -107,6 +133,7 @@ def run(args: argparse.Namespace) -> None:
             cleaning=_cleaning(args),
             out=args.out,
             format=args.format,
+            columns=_columns(args.column or []),
             memory_bytes=args.memory,
             engine=_engine(args),
             shown=SHOWN_AT_RANDOM if args.figures else 0,

@@ -112,7 +112,7 @@ def open_both(
         )
     descents = open_descents(real, progress=say) if parts is None else comparable_descents(real, parts, progress=say)
     own = input_of_flights(name_of(real), descents)
-    frame, others = (descents.frame, {}) if any_type else of_its_type(descents.frame, found)
+    frame, others = (descents.reported, {}) if any_type else of_its_type(descents.reported, found)
     if others:
         left_out = ", ".join(f"{number:,} of {name.rpartition('_')[2]}" for name, number in others.items())
         warnings.warn(
@@ -126,7 +126,7 @@ def open_both(
 def _with_flights(real: Any, simulator: Any, source: SignatureSource, say: Callable[[str], None]) -> Opened:
     say("reading flights")
     first, second = open_pair(real, simulator, progress=say)
-    sides = of_one_type(first.frame, second.frame)
+    sides = of_one_type(first.reported, second.reported)
     name = name_of(simulator)
     found = simulator_of_flights(sides.simulator, sides.typecodes, source, name)
     found = replace(found, cleaning=second.cleaning, metadata=second.metadata)

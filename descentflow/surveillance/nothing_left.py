@@ -9,7 +9,8 @@ from descentflow.surveillance.rows.drop_report import DropReport, Step
 REASONS: dict[str, tuple[str, str]] = {
     "missing_value": (
         "lack a time, an address, an altitude, IAS or Mach",
-        "see which column is empty; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B",
+        "see which column is empty; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B; "
+        "a table that has no column Mach gets it from IAS and altitude",
     ),
     "impossible_": (
         "hold a value that no airliner has",

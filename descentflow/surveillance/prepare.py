@@ -32,6 +32,7 @@ def prepare(
     cleaning: Cleaning | Mapping[str, Any] | None = None,
     out: str | Path | None = None,
     format: str | None = None,
+    columns: Mapping[str, str] | None = None,
     memory_bytes: int = MEMORY_BYTES,
     engine: Engine | None = None,
     shown: int = 0,
@@ -52,6 +53,7 @@ def prepare(
         cleaning: Thresholds, or some of them by name; the defaults if None.
         out: Parquet file to write (a name that ends in .parquet), or folder for a store of Parquet files by type.
         format: Name of the files' format; recognised from their content if None.
+        columns: Name in a row -> column of the rows' tables, for instance `{"altitude": "alt_ft"}`.
         memory_bytes: Bound on this process, and on each worker, if `out` is given.
         engine: Where partitions are cleaned if `out` is given; threads of this process by default.
         shown: Number of random flights whose dropped rows are kept in `dropped_rows`; none if 0.
@@ -85,6 +87,7 @@ def prepare(
         cleaning=rules if bottom_fl is None else replace(rules, bottom_fl=bottom_fl),
         format=format,
         shown=shown,
+        columns=columns or {},
     )
     report_progress = progress or (lambda _: None)
     if out is not None:
@@ -92,7 +95,7 @@ def prepare(
         return prepare_to(Path(out), request, Memory(memory_bytes), workers, report_progress)
     files = request.files()
     report_progress("reading rows")
-    intake = take_in([*request.tables, *files], format, Spill.unbounded())
+    intake = take_in([*request.tables, *files], format, Spill.unbounded(), columns=request.columns)
     outcome = clean_held(intake, request, os.cpu_count() or 1, report_progress)
     metadata = description(request.facts(files), intake.report, outcome.levels)
     return Descents(outcome.levels, metadata, dropped_rows=outcome.dropped_rows)

@@ -1,7 +1,8 @@
 """From paths, or tables in memory, to blocks of rows in one schema: a row's way through reading, stage by stage."""
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from descentflow.surveillance.formats.recognition import held_parts, recognised
 from descentflow.surveillance.formats.small_parts import SourceTable, put_together
 from descentflow.surveillance.rows.blocks import even_blocks, without_cycle_search
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.named_columns import with_named
 from descentflow.surveillance.rows.normalise import normalise
 from descentflow.surveillance.rows.units_check import check_units
 from descentflow.surveillance.unpacking.inputs import inputs
@@ -30,7 +32,12 @@ Source = str | Path | pl.DataFrame
 
 
 def row_blocks(
-    sources: Sequence[Source], report: DropReport, *, format: str | None = None, block_rows: int = 500_000
+    sources: Sequence[Source],
+    report: DropReport,
+    *,
+    format: str | None = None,
+    block_rows: int = 500_000,
+    columns: Mapping[str, str] | None = None,
 ) -> Iterator[pl.DataFrame]:
     """Read files, archives, all files of folders, and tables in memory, one after the other, as rows of the schema.
 
@@ -40,6 +47,7 @@ def row_blocks(
         format: Name in :data:`~descentflow.surveillance.formats.known_formats.FORMATS` of what all the files are;
             recognised for each from its content if None.
         block_rows: About the most rows in a block; memory is bounded by a few times this number.
+        columns: Name in a row -> column of the tables, where it has another name there.
 
     Yields:
         Rows with those columns of :data:`descentflow.surveillance.rows.schema.COLUMNS` that the block's files have.
@@ -61,9 +69,10 @@ def row_blocks(
     empty = True
     # Closed at the end, so that an error leaves no file open.
     with closing(_opened(sources, report, unreadable)) as opened_sources:
-        parts = _parts(opened_sources, report, unreadable, format, block_rows)
+        named = tuple((columns or {}).values())
+        parts = _parts(opened_sources, report, unreadable, format, block_rows, named)
         tables = put_together(parts, report, block_rows)
-        rows = _normalised(tables, report)
+        rows = _normalised(tables, report, columns or {})
         for block in without_cycle_search(even_blocks(rows, block_rows)):
             empty = False
             yield block
@@ -145,23 +154,27 @@ def _parts(
     unreadable: Unreadable,
     format: str | None,
     block_rows: int,
+    named: tuple[str, ...] = (),
 ) -> Iterator[Part]:
     """Rows of each source in its format, in parts; files that cannot be read are left to `unreadable`."""
     for source in sources:
         if isinstance(source, pl.DataFrame):
-            found, parts = held_parts(source, HELD, report, block_rows)
+            found, parts = held_parts(source, HELD, report, block_rows, named)
             yield from (Part(rows, found, HELD, number == 0) for number, rows in enumerate(parts))
             continue
         with unreadable.watch(source):
-            found, parts = recognised(unpacked(source), report, format, block_rows)
+            found, parts = recognised(replace(unpacked(source), columns=named), report, format, block_rows)
             for number, rows in enumerate(parts):
                 yield Part(rows, found, source.label, number == 0)
 
 
-def _normalised(tables: Iterator[SourceTable], report: DropReport) -> Iterator[pl.DataFrame]:
+def _normalised(
+    tables: Iterator[SourceTable], report: DropReport, columns: Mapping[str, str]
+) -> Iterator[pl.DataFrame]:
     """Rows in our names, types and units; units of tables that anybody may have made are checked."""
     for table in tables:
-        rows = normalise(table.columns, table.label, report)
+        given = with_named(table.columns, columns, table.label) if columns and table.any_columns else table.columns
+        rows = normalise(given, table.label, report)
         if table.any_columns and (table.first or len(rows) >= MIN_IN_LATER_PARTS):
             check_units(rows, table.label)
         yield rows

@@ -1,7 +1,7 @@
 """What is to be prepared, all that the result depends on, and the description that the result carries."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from descentflow.surveillance.descents.prepared_descents import SCHEMA_VERSION, 
 from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.read_rows import HELD, Source
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.named_columns import check_named
 from descentflow.surveillance.unpacking.source_files import files_of
 
 HASHED_ROWS = 100_000
@@ -34,6 +35,7 @@ class Request:
         cleaning: Thresholds.
         format: Name of the files' format; recognised from their content if None.
         shown: Number of random flights whose dropped rows are kept, besides the flight that each filter hit most.
+        columns: Name in a row -> column of the rows' tables, where it has another name there.
 
     Example:
         >>> request = Request(["rows.parquet"], cleaning=Cleaning(bottom_fl=200))
@@ -47,6 +49,10 @@ class Request:
     cleaning: Cleaning = field(default_factory=Cleaning)
     format: str | None = None
     shown: int = 0
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_named(self.columns)
 
     @property
     def tables(self) -> list[pl.DataFrame]:
@@ -79,6 +85,7 @@ class Request:
             files: Those of :meth:`files` that are read.
         """
         types = None if self.types is None else hashlib.sha256(self.types.write_csv().encode()).hexdigest()
+        columns = {"columns": dict(sorted(self.columns.items()))} if self.columns else {}
         return {
             "made_by": version(),
             "schema_version": SCHEMA_VERSION,
@@ -86,25 +93,30 @@ class Request:
             "typecodes": None if self.typecodes is None else sorted(self.typecodes),
             "types_sha256": types,
             "format": self.format,
+            **columns,
             "inputs": [*map(_table_provenance, self.tables), *map(_file_provenance, files)],
         }
 
-    def account(self, report: DropReport, parts: Sequence[tuple[DropReport, dict[str, int]]]) -> None:
+    def account(self, report: DropReport, parts: Sequence[tuple[DropReport, dict[str, int], dict[str, int]]]) -> None:
         """Add the reports of the parts that were cleaned.
 
         Args:
             report: Of reading; takes the steps of the parts.
-            parts: Report of each part, and its rows per type.
+            parts: Report of each part, its rows per type, and its rows per address where the table of types names none.
 
         Raises:
             DataError: If no usable row was left before the filters.
         """
-        report.extend([part for part, _ in parts])
-        present: dict[str, int] = {}
-        for _, some in parts:
-            for name, number in some.items():
-                present[name] = present.get(name, 0) + number
-        check_left(report, self.typecodes, present)
+        report.extend([part for part, _, _ in parts])
+        present, untyped = (_summed(counts) for counts in ([p[1] for p in parts], [p[2] for p in parts]))
+        check_left(report, self.typecodes, present, self.types, untyped)
+
+
+def _summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:
+    total: dict[str, int] = {}
+    for name, number in (pair for some in counts for pair in some.items()):
+        total[name] = total.get(name, 0) + number
+    return total
 
 
 def description(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame) -> dict[str, Any]:

@@ -160,12 +160,13 @@ class DescentDataModule(LightningDataModule):
                 begin("fitting components")
                 representation = self._fit(profiles, split, source)
                 levels, seen = profiles.levels_fl, [*split.train, *split.validation]
-                representation.reference = reference_state(frame, float(levels[0]), float(levels[-1]), seen)
+                shown = frame.drop(source.computed, strict=False)
+                representation.reference = reference_state(shown, float(levels[0]), float(levels[-1]), seen)
                 representation.context = self._encoder(table, split)
                 representation.cleaning = self._cleaning(source)
                 representation.gaps = self.gaps if has_noise_model(representation.decoder) else "filled"
                 # A gigabyte for forty thousand flights, which what follows has no use for.
-                del frame, source
+                del frame, shown, source
                 begin("encoding flights")
                 decoder = representation.decoder
                 self._parts = encode_parts(profiles, split, decoder, table, representation.context, rank_zero_info)

@@ -12,7 +12,7 @@ from descentflow.surveillance.cleaning import descent_filters, filters
 from descentflow.surveillance.cleaning.clearances import ClearedLevel, ClearedSpeed, LargestBank
 from descentflow.surveillance.cleaning.constant_rate import ConstantRate
 from descentflow.surveillance.cleaning.drop_reasons import ROW, TracedReport, some_flights
-from descentflow.surveillance.cleaning.flights import in_order, name_flights, of_types, with_types
+from descentflow.surveillance.cleaning.flights import in_order, name_flights, of_types, rows_by_address, with_types
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import with_rate
 from descentflow.surveillance.cleaning.stale import Stale
@@ -69,6 +69,8 @@ class Outcome:
     report: DropReport
     present: dict[str, int] = field(default_factory=dict)
     """Number of rows per type, if only some types are kept."""
+    untyped: dict[str, int] = field(default_factory=dict)
+    """Number of rows per address, if a table of types names none of these."""
     dropped_rows: pl.DataFrame | None = None
     """Rows of some flights with the reason for which each was dropped
     (:func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`)."""
@@ -102,6 +104,7 @@ def clean(
     typed = with_types(rows, work.types)
     rows = of_types(typed, work.typecodes, report)
     present = dict(typed["typecode"].drop_nulls().value_counts().iter_rows()) if work.typecodes is not None else {}
+    untyped = rows_by_address(typed) if work.types is not None and not report.left("unknown_type") else {}
     del typed
     batches = _batches(rows)
     del rows
@@ -115,7 +118,7 @@ def clean(
                 progress(f"cleaning rows, part {len(levels)} of {len(batches)}")
     report.extend(parts)
     shown = some_flights(pl.concat(dropped_rows), work.shown) if dropped_rows else None
-    return Outcome(pl.concat(levels), report, present, shown)
+    return Outcome(pl.concat(levels), report, present, untyped, shown)
 
 
 def before_rates(rules: Cleaning) -> filters.Chain:

@@ -194,13 +194,31 @@ def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropRepor
     return report.count("other_type", known, known.filter(pl.col("typecode").is_in([t.upper() for t in wanted])))
 
 
-def check_left(report: DropReport, wanted: Sequence[str] | None, present: Mapping[str, int]) -> None:
+def rows_by_address(rows: pl.DataFrame) -> dict[str, int]:
+    """Number of rows of each address.
+
+    Example:
+        >>> rows_by_address(pl.DataFrame({"icao24": ["4ca001", "4ca001"]}))
+        {'4ca001': 2}
+    """
+    return dict(rows["icao24"].value_counts(sort=True).iter_rows())
+
+
+def check_left(
+    report: DropReport,
+    wanted: Sequence[str] | None,
+    present: Mapping[str, int],
+    types: pl.DataFrame | None = None,
+    untyped: Mapping[str, int] | None = None,
+) -> None:
     """Refuse rows of which none is left before cleaning, and say why.
 
     Args:
         report: Of all rows.
         wanted: Types to keep.
         present: Number of rows per known type.
+        types: Table `icao24,typecode`, if there is one.
+        untyped: Number of rows per address, where it names none of them.
 
     Raises:
         DataError: If no row was usable, or of known type, or of a wanted type.
@@ -222,6 +240,8 @@ def check_left(report: DropReport, wanted: Sequence[str] | None, present: Mappin
             ),
             mend="see which step dropped the rows, and check that column's unit",
         )
+    if not report.left("unknown_type") and types is not None and untyped:
+        raise _no_address_named(types, untyped)
     if not report.left("unknown_type"):
         raise DataError(
             "rows without any typecode",
@@ -233,3 +253,18 @@ def check_left(report: DropReport, wanted: Sequence[str] | None, present: Mappin
         raise DataError(
             f"no row of type {', '.join(wanted)}", expected=f"one of {', '.join(often)}", mend="change --typecode"
         )
+
+
+def _no_address_named(types: pl.DataFrame, untyped: Mapping[str, int]) -> DataError:
+    """The error where a table of types and the rows have no address in common, with what each of them has."""
+    listed = types["icao24"].cast(pl.String).str.strip_chars().str.to_lowercase().drop_nulls().unique().sort()
+    shared = sum(address in untyped for address in listed)
+    busiest = sorted(untyped, key=lambda address: (-untyped[address], address))[:5]
+    often = ", ".join(f"{address} ({untyped[address]:,} rows)" for address in busiest)
+    blank = ", without a type" if shared else ""
+    return DataError(
+        f"a types table that names the type of no row: {shared:,} of its {len(listed):,} addresses "
+        f"({', '.join(listed[:3])}) are among the {len(untyped):,} of the {sum(untyped.values()):,} rows{blank}",
+        expected=f"lines icao24,typecode with addresses of the rows, the busiest of which are {often}",
+        mend="check that icao24 holds the 24-bit address as the rows have it, and typecode a type such as A320",
+    )

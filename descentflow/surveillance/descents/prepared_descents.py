@@ -16,6 +16,7 @@ from descentflow.surveillance.descents.check_descents import checked_descents
 from descentflow.surveillance.descents.description import KEY, MEND, SCHEMA_VERSION, described
 from descentflow.surveillance.descents.store import read_store
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.named_columns import MACH_COMPUTED
 from descentflow.surveillance.rows.schema import CHANNELS
 from descentflow.surveillance.unpacking.unreadable import whole_input
 
@@ -107,6 +108,26 @@ class Descents:
         return DropReport.from_dict(found) if found else DropReport()
 
     @property
+    def computed(self) -> list[str]:
+        """Channels that were not reported: Mach, where rows had none and it was computed from IAS and altitude.
+
+        Example:
+            >>> read_descents("descents.parquet").computed
+            []
+        """
+        return ["Mach"] if MACH_COMPUTED in self.report.notes else []
+
+    @property
+    def reported(self) -> pl.DataFrame:
+        """:attr:`frame` without channels that were computed from others, which say nothing of their own.
+
+        Example:
+            >>> "Mach" in read_descents("descents.parquet").reported.columns
+            True
+        """
+        return self.frame.drop(self.computed)
+
+    @property
     def cleaning(self) -> Cleaning | None:
         """Thresholds that they were cleaned with; None if they are not known.
 
@@ -165,7 +186,8 @@ class Descents:
             f"  {name}: {number:,}" + (f", a quarter of them from FL{tops[name]} or above" if name in tops else "")
             for name, number in self.flights.items()
         ]
-        return "\n".join([head, *types, *self.report.summary()])
+        computed = [f"  {name} is computed from IAS and altitude: rows had none" for name in self.computed]
+        return "\n".join([head, *types, *self.report.summary(), *computed])
 
 
 UNITS = {

@@ -1,7 +1,7 @@
 """The format of a file from its content, and the file's rows as that format names the columns."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import polars as pl
 
@@ -77,7 +77,7 @@ def _table_or_frames(found: Format, parts: Iterator[Columns], report: DropReport
 
 
 def held_parts(
-    table: pl.DataFrame, label: str, report: DropReport, block_rows: int
+    table: pl.DataFrame, label: str, report: DropReport, block_rows: int, columns: Sequence[str] = ()
 ) -> tuple[Format, Iterator[Columns]]:
     """As :func:`recognised`, of a table in memory.
 
@@ -86,6 +86,7 @@ def held_parts(
         label: Its name in messages.
         report: Takes the counts of what could not be read.
         block_rows: About the most rows in a part.
+        columns: Columns that are read besides those whose names are known.
 
     Raises:
         DataError: If a column cannot hold values of a row, or it holds frames and the decoder is not installed.
@@ -95,7 +96,7 @@ def held_parts(
         >>> len(next(parts))
         1000
     """
-    return _table_or_frames(HELD_TABLE, tables.held(table, label, block_rows), report)
+    return _table_or_frames(HELD_TABLE, tables.held(table, label, block_rows, columns), report)
 
 
 def format_of_bytes(head: bytes, label: str) -> FileFormat | None:

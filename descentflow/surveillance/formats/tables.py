@@ -1,7 +1,7 @@
 """Tables: Parquet, Feather and CSV, as the `traffic` library, OpenSky and pandas write them."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import polars as pl
 
@@ -25,7 +25,7 @@ def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
         ...     print([len(part) for part in parquet(Input(file, "rows.parquet"), DropReport(), 20_000)])
         [20000, 3216]
     """
-    yield from _slices(pl.scan_parquet(source.path or io.BytesIO(source.whole())), rows, source.label)
+    yield from _slices(pl.scan_parquet(source.path or io.BytesIO(source.whole())), rows, source.label, source.columns)
 
 
 def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
@@ -39,11 +39,11 @@ def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
         >>> next(feather(Input(io.BytesIO(content), "rows.feather"), DropReport(), 100)).rows()
         [(250.0,)]
     """
-    yield from _slices(pl.scan_ipc(source.path or io.BytesIO(source.whole())), rows, source.label)
+    yield from _slices(pl.scan_ipc(source.path or io.BytesIO(source.whole())), rows, source.label, source.columns)
 
 
-def held(table: pl.DataFrame, label: str, rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of a table in memory.
+def held(table: pl.DataFrame, label: str, rows: int, columns: Sequence[str] = ()) -> Iterator[pl.DataFrame]:
+    """Rows of a table in memory, with the columns whose names are known and those named here.
 
     Raises:
         DataError: If a column that is needed cannot hold values of a row (a list, for instance).
@@ -52,7 +52,7 @@ def held(table: pl.DataFrame, label: str, rows: int) -> Iterator[pl.DataFrame]:
         >>> [len(part) for part in held(pl.DataFrame({"IAS": [250.0, 251.0, 252.0]}), "a table", 2)]
         [2, 1]
     """
-    yield from _slices(table.lazy(), rows, label)
+    yield from _slices(table.lazy(), rows, label, columns)
 
 
 def is_parquet(head: bytes) -> bool:
@@ -85,10 +85,10 @@ def may_be_csv(head: bytes) -> bool:
     return bool(head)
 
 
-def _slices(table: pl.LazyFrame, rows: int, label: str) -> Iterator[pl.DataFrame]:
+def _slices(table: pl.LazyFrame, rows: int, label: str, columns: Sequence[str]) -> Iterator[pl.DataFrame]:
     total = table.select(pl.len()).collect().item()
     schema = table.collect_schema()
-    names = wanted(schema.names())
+    names = wanted(schema.names(), columns)
     # Before anything is read: a list that is long and always the same takes no place in a file.
     check_types({name: schema[name] for name in names}, label)
     table = table.select(names)
@@ -115,7 +115,7 @@ def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
             mend="convert the table to CSV with commas, or to Parquet",
         )
     header = header.rstrip(b"\r\n") + b"\n"
-    names = wanted(_parsed(header, None, source.label).columns)
+    names = wanted(_parsed(header, None, source.label).columns, source.columns)
     place, empty = len(header), True
     for chunk in _chunks(source):
         yield _parsed(header + _checked(chunk, source.label, place), names, source.label)

@@ -34,7 +34,7 @@ def clean_held(intake: Intake, request: Request, threads: int, progress: Callabl
     rows = pl.concat(intake.held, how="diagonal")
     intake.held.clear()
     outcome = clean(rows, request.work(intake.columns, intake.names), threads=threads, progress=progress)
-    request.account(intake.report, [(outcome.report, outcome.present)])
+    request.account(intake.report, [(outcome.report, outcome.present, outcome.untyped)])
     if outcome.levels.is_empty():
         raise nothing_left(intake.report, request.cleaning)
     return outcome

@@ -3,7 +3,7 @@
 import json
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,6 +59,7 @@ class _Group:
     format: str | None
     folder: Path
     memory: Memory
+    columns: Mapping[str, str] | None = None
     alone: bool = True
     """Whether it is the only group: then it is an error if it has no row."""
 
@@ -91,7 +92,12 @@ def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
 
 
 def take_in(
-    sources: Sequence[Source], format: str | None, spill: Spill, block_rows: int = 500_000, alone: bool = True
+    sources: Sequence[Source],
+    format: str | None,
+    spill: Spill,
+    block_rows: int = 500_000,
+    alone: bool = True,
+    columns: Mapping[str, str] | None = None,
 ) -> Intake:
     """Read rows into a spill.
 
@@ -101,6 +107,7 @@ def take_in(
         spill: Takes the rows.
         block_rows: Rows that are read at a time.
         alone: Whether there are no other files, so that files without a row are an error.
+        columns: Name in a row -> column of the files, where it has another name there.
 
     Raises:
         DataError: As :func:`~descentflow.surveillance.read_rows.row_blocks`.
@@ -111,11 +118,11 @@ def take_in(
         [10000, 10000, 3216]
     """
     read = DropReport()
-    columns: dict[str, None] = {}
+    found: dict[str, None] = {}
     names: list[pl.DataFrame] = []
     parts: list[DropReport] = []
-    for block in _ahead(_blocks(sources, read, format, block_rows, alone)):
-        columns |= dict.fromkeys(block.columns)
+    for block in _ahead(_blocks(sources, read, format, block_rows, alone, columns)):
+        found |= dict.fromkeys(block.columns)
         parts.append(DropReport())
         good = usable(block, parts[-1])
         names.append(names_given(good))
@@ -125,7 +132,7 @@ def take_in(
     spill.finish()
     read.extend(parts)
     buckets = spill.buckets if spill.spilled else None
-    return Intake(tuple(columns), read, pl.concat(names).unique(), spill.held, buckets)
+    return Intake(tuple(found), read, pl.concat(names).unique(), spill.held, buckets)
 
 
 def _read_group(group: _Group, always: bool) -> Intake | None:
@@ -144,7 +151,7 @@ def _read_group(group: _Group, always: bool) -> Intake | None:
     temporary = Path(tempfile.mkdtemp(dir=group.folder.parent, prefix=f".{group.folder.name}-"))
     try:
         spill = Spill(temporary, group.memory.rows_bytes, always=always)
-        intake = take_in(group.files, group.format, spill, group.memory.block_rows, group.alone)
+        intake = take_in(group.files, group.format, spill, group.memory.block_rows, group.alone, group.columns)
         if intake.buckets is None:
             return intake
         intake.names.write_parquet(temporary / "names.parquet")
@@ -170,6 +177,7 @@ def read_groups(
     memory: Memory,
     engine: Engine,
     progress: Callable[[str], None],
+    columns: Mapping[str, str] | None = None,
 ) -> Intake:
     """Read all files, group by group: into memory if the rows are few, else into buckets.
 
@@ -180,6 +188,7 @@ def read_groups(
         memory: Bound on what is held.
         engine: Where groups are read.
         progress: Progress callback.
+        columns: Name in a row -> column of the files, where it has another name there.
 
     Raises:
         DataError: As :func:`~descentflow.surveillance.read_rows.row_blocks`.
@@ -193,7 +202,7 @@ def read_groups(
     groups = groups_of(files)
     local = isinstance(engine, LocalEngine)
     tasks = [
-        _Group(group, format, folder / ROWS / f"group-{number:05d}", memory, len(groups) == 1)
+        _Group(group, format, folder / ROWS / f"group-{number:05d}", memory, columns, len(groups) == 1)
         for number, group in enumerate(groups)
     ]
     if local and len(tasks) == 1 and not tasks[0].folder.exists():
@@ -224,11 +233,16 @@ def _read_again(folder: Path) -> Intake:
 
 
 def _blocks(
-    sources: Sequence[Source], report: DropReport, format: str | None, block_rows: int, alone: bool
+    sources: Sequence[Source],
+    report: DropReport,
+    format: str | None,
+    block_rows: int,
+    alone: bool,
+    columns: Mapping[str, str] | None,
 ) -> Iterator[pl.DataFrame]:
     """Blocks of rows; an empty one for a group without rows that is one of several."""
     try:
-        yield from row_blocks(sources, report, format=format, block_rows=block_rows)
+        yield from row_blocks(sources, report, format=format, block_rows=block_rows, columns=columns)
     except DataError as error:
         if alone or not error.got.startswith("no row in "):
             raise

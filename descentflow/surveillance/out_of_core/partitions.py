@@ -56,7 +56,7 @@ class Cleaned:
 def _clean_partition(partition: Partition, work: Work) -> None:
     """Clean the rows of some aircraft into a file that appears whole; nothing if it is there already.
 
-    The file's metadata hold the report and the number of rows of each type.
+    The file's metadata hold the report and the number of rows of each type, or of each address where none has a type.
     """
     if partition.target.exists():
         return
@@ -66,7 +66,8 @@ def _clean_partition(partition: Partition, work: Work) -> None:
         partition.dropped_rows.parent.mkdir(exist_ok=True)
         with whole_file(partition.dropped_rows) as temporary:
             outcome.dropped_rows.write_parquet(temporary)
-    described = json.dumps({"report": outcome.report.as_dict(), "present": outcome.present})
+    about = {"report": outcome.report.as_dict(), "present": outcome.present, "untyped": outcome.untyped}
+    described = json.dumps(about)
     with whole_file(partition.target) as temporary:
         outcome.levels.write_parquet(temporary, metadata={KEY: described}, compression="lz4", row_group_size=ROW_GROUP)
 
@@ -135,6 +136,6 @@ def _plan(intake: Intake, folder: Path, size: int, memory: Memory) -> list[tuple
     return [(tuple(folder / name for name in part["files"]), part["bytes"]) for part in json.loads(path.read_text())]
 
 
-def _described(path: Path) -> tuple[DropReport, dict[str, int]]:
+def _described(path: Path) -> tuple[DropReport, dict[str, int], dict[str, int]]:
     found = json.loads(pl.read_parquet_metadata(path)[KEY])
-    return DropReport.from_dict(found["report"]), found["present"]
+    return DropReport.from_dict(found["report"]), found["present"], found.get("untyped", {})

@@ -75,9 +75,9 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
             progress("reading rows")
             # Rows given in memory are there already: nothing is saved by putting them on disk.
             intake = (
-                take_in([*request.tables, *files], request.format, Spill.unbounded())
+                take_in([*request.tables, *files], request.format, Spill.unbounded(), columns=request.columns)
                 if request.tables
-                else read_groups(files, request.format, folder, memory, engine, progress)
+                else read_groups(files, request.format, folder, memory, engine, progress, request.columns)
             )
             cleaned = _cleaned(intake, request, folder, memory, engine, progress)
             return _written(out, cleaned, request, facts, folder, progress)

@@ -8,6 +8,7 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.named_columns import lacks_only_mach, with_mach
 from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, REQUIRED, TIMESTAMP
 
 STATE_VECTOR = "baroaltitude"
@@ -55,7 +56,8 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
     """
     table = _from_state_vectors(table, report) if STATE_VECTOR in table.columns else table
     table = _renamed(table, path, report)
-    missing = [name for name in REQUIRED if name not in table.columns]
+    without_mach = lacks_only_mach(table.columns)
+    missing = [n for n in REQUIRED if n not in table.columns and not (without_mach and n == "Mach")]
     if missing:
         raise DataError(
             f"{path} has no column {', '.join(missing)} (it has {', '.join(table.columns[:12])})",
@@ -82,7 +84,8 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
     # A missing number may be written as NaN or infinity.
     numbers = [n for n in frame.columns if frame[n].dtype == pl.Float64]
     frame = frame.with_columns(pl.when(pl.col(n).is_finite()).then(pl.col(n)) for n in numbers)
-    return frame.with_columns(pl.col("icao24").str.strip_chars(" ~").str.to_lowercase())
+    frame = frame.with_columns(pl.col("icao24").str.strip_chars(" ~").str.to_lowercase())
+    return with_mach(frame, report) if without_mach else frame
 
 
 def _renamed(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
@@ -126,7 +129,10 @@ SI = {
 """Row column -> column of a state vector, and the row's unit in the unit of that column."""
 
 
-COLUMNS_MEND = "rename columns; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B alone"
+COLUMNS_MEND = (
+    "name yours, for instance --column altitude=alt_ft of `descentflow prepare`, or rename it; IAS comes with Mode S "
+    "enhanced surveillance (BDS 6,0), not with ADS-B alone, and Mach with it, or is computed from IAS and altitude"
+)
 SAMPLES_MEND = (
     "pass the checkpoint itself in place of its samples, or export them as flights (descentflow export --to traffic)"
 )
@@ -218,8 +224,12 @@ def _parsed(column: pl.Series, form: str) -> pl.Series:
     return (parsed.dt.convert_time_zone("UTC") if zoned else parsed.dt.replace_time_zone("UTC")).cast(TIMESTAMP)
 
 
-def wanted(names: Sequence[str]) -> list[str]:
+def wanted(names: Sequence[str], named: Sequence[str] = ()) -> list[str]:
     """Columns of a table that may say something; all of them if a required one is missing, so that they can be told.
+
+    Args:
+        names: Of all columns.
+        named: Those that the user has named.
 
     Example:
         >>> wanted(["timestamp", "icao24", "altitude", "ias", "mach", "squawk"])
@@ -227,7 +237,7 @@ def wanted(names: Sequence[str]) -> list[str]:
     """
     targets = {name: ALIASES.get(name, ALIASES.get(name.lower(), name)) for name in names}
     vectors = {*(old for old, _ in SI.values()), "heading", "lastcontact"} if STATE_VECTOR in names else set()
-    useful = [name for name in names if targets[name] in COLUMNS or name in vectors]
+    useful = [name for name in names if targets[name] in COLUMNS or name in vectors or name in named]
     given = {targets[name] for name in useful} | ({"altitude"} if vectors else set())
     return useful if given >= set(REQUIRED) else list(names)
 

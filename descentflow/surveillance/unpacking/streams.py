@@ -34,6 +34,7 @@ class Input:
         path: The file, where it is one on disk that can be read at any place.
         one_of_many: Whether it is a member of an archive or one of many traces: then a damaged one is counted and no
             error, as users cannot be asked to remove it.
+        columns: Columns that are read besides those whose names are known, for the user has named them.
 
     Example:
         >>> head, source = Input(io.BytesIO(b"timestamp,icao24"), "rows.csv").head()
@@ -45,6 +46,7 @@ class Input:
     label: str
     path: Path | None = None
     one_of_many: bool = False
+    columns: tuple[str, ...] = ()
 
     def head(self) -> tuple[bytes, "Input"]:
         """The first bytes, and the input with them in place again."""

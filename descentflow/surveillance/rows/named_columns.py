@@ -1,0 +1,99 @@
+"""Columns that the user names, and the one column that can be computed from others."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import polars as pl
+
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.surveillance.rows.air_data import mach_of_cas
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import COLUMNS, POSSIBLE
+
+MACH_COMPUTED = "values of Mach computed from IAS and altitude"
+"""Note in the report of rows whose source has no Mach."""
+
+
+def check_named(columns: Mapping[str, str]) -> None:
+    """Refuse names that no row has.
+
+    Args:
+        columns: Name in a row (:data:`~descentflow.surveillance.rows.schema.COLUMNS`) -> column of the user's tables.
+
+    Raises:
+        ConfigError: If a name is none of a row, or two stand for one column.
+
+    Example:
+        >>> check_named({"height": "alt_ft"})
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: a column for height; expected one of timestamp, ...
+    """
+    unknown = [name for name in columns if name not in COLUMNS]
+    if unknown:
+        raise ConfigError(
+            f"a column for {', '.join(unknown)}", expected=f"one of {', '.join(COLUMNS)}", mend="correct the name"
+        )
+    if len(set(columns.values())) < len(columns):
+        raise ConfigError(
+            f"one column for several of {', '.join(columns)}", expected="a column for each", mend="correct the names"
+        )
+
+
+def with_named(table: pl.DataFrame, columns: Mapping[str, str], path: Path | str) -> pl.DataFrame:
+    """A table whose columns have the names that the user says; a column that had such a name before is left out.
+
+    Args:
+        table: As its source names the columns.
+        columns: As for :func:`check_named`.
+        path: Named in errors.
+
+    Raises:
+        DataError: If the table lacks one of the user's columns.
+
+    Example:
+        >>> with_named(pl.DataFrame({"alt_ft": [300.0]}), {"altitude": "alt_ft"}, "rows.csv").columns
+        ['altitude']
+    """
+    lacking = [name for name in columns.values() if name not in table.columns]
+    if lacking:
+        raise DataError(
+            f"{path} has no column {', '.join(lacking)} (it has {', '.join(table.columns[:12])})",
+            expected="the columns that --column names",
+            mend="correct the names, or prepare files of other columns by themselves",
+        )
+    before = [name for name in columns if name in table.columns and name not in columns.values()]
+    return table.drop(before).rename({theirs: ours for ours, theirs in columns.items()})
+
+
+def lacks_only_mach(names: Iterable[str]) -> bool:
+    """Whether columns can stand without Mach, because it follows from two of them.
+
+    Example:
+        >>> lacks_only_mach(["timestamp", "altitude", "IAS"]), lacks_only_mach(["altitude"])
+        (True, False)
+    """
+    return "Mach" not in names and {"altitude", "IAS"} <= set(names)
+
+
+def with_mach(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Rows with Mach computed from IAS and pressure altitude.
+
+    Instrument and position errors are neglected (IAS is CAS, as everywhere); the relation is that of
+    :func:`~descentflow.surveillance.rows.air_data.mach_of_cas`. IAS and altitude cannot be checked against Mach then.
+
+    Args:
+        rows: In names, types and units of a row, without Mach.
+        report: Takes the number of values that were computed.
+
+    Example:
+        >>> rows = with_mach(pl.DataFrame({"altitude": [35000.0], "IAS": [266.0]}), DropReport())
+        >>> round(rows["Mach"][0], 2)
+        0.78
+    """
+    possible = rows.select(
+        pl.when(pl.col(name).is_between(*POSSIBLE[name])).then(pl.col(name)).alias(name) for name in ("IAS", "altitude")
+    )
+    mach = pl.Series("Mach", mach_of_cas(possible["IAS"].to_numpy(), possible["altitude"].to_numpy())).fill_nan(None)
+    report.note(MACH_COMPUTED, mach.count())
+    rows = rows.with_columns(mach)
+    return rows.select(name for name in COLUMNS if name in rows.columns)

@@ -1,0 +1,100 @@
+"""Columns of other names, Mach where rows have none, and tables of types that fit no row."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from polars.testing import assert_frame_equal
+from surveillance_toys import fleet
+
+from descentflow.cli.entry import main
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.surveillance.open_descents import open_descents
+from descentflow.surveillance.prepare import prepare
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "csv", "feather", "json"])
+def test_a_column_of_another_name_is_the_same_column(suffix: str, tmp_path: Path) -> None:
+    rows = fleet().with_columns(timestamp=pl.col("timestamp").dt.epoch("us") / 1e6)
+    renamed = rows.rename({"altitude": "height, ft", "vertical_rate": "climb"}).with_columns(altitude=pl.lit(0.0))
+    path = tmp_path / f"rows.{suffix}"
+    write = {"parquet": renamed.write_parquet, "csv": renamed.write_csv, "feather": renamed.write_ipc}
+    write.get(suffix, renamed.write_json)(path)
+    found = prepare(path, columns={"altitude": "height, ft", "vertical_rate": "climb"})
+    # JSON and CSV write numbers out to the last digit, so that all are the same numbers.
+    assert_frame_equal(found.frame, prepare(rows).frame)
+
+
+def test_the_command_takes_names_and_says_which_are_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "rows.parquet", tmp_path / "descents.parquet"
+    fleet().rename({"altitude": "alt_ft"}).write_parquet(path)
+    words = ["prepare", str(path), "--out", str(out)]
+    assert main([*words, "--column", "altitude=alt_ft"]) == 0
+    assert_frame_equal(read_descents(out).frame, prepare(fleet()).frame)
+    assert main(words) == 2
+    assert "has no column altitude" in (said := capsys.readouterr().err)
+    assert "--column altitude=alt_ft" in said
+    assert main([*words, "--column", "altitude=other"]) == 2
+    assert "has no column other (it has" in capsys.readouterr().err
+    assert main([*words, "--column", "height=alt_ft"]) == 2
+    assert "a column for height; expected one of timestamp" in capsys.readouterr().err
+    assert main([*words, "--column", "altitude=a", "--column", "altitude=b"]) == 2
+    assert "--column altitude=... twice" in capsys.readouterr().err
+    with pytest.raises(ConfigError, match="one column for several of altitude, IAS"):
+        prepare(path, columns={"altitude": "x", "IAS": "x"})
+
+
+def test_names_are_part_of_what_a_store_was_made_of(tmp_path: Path) -> None:
+    path, out = tmp_path / "rows.parquet", tmp_path / "store"
+    fleet().with_columns(other=pl.col("altitude") - 500).write_parquet(path)
+    prepare(path, out=out)
+    with pytest.raises(ConfigError):
+        prepare(path, out=out, columns={"altitude": "other"})
+
+
+def test_mach_is_computed_where_rows_have_none(tmp_path: Path) -> None:
+    rows = fleet()
+    whole, found = prepare(rows), prepare(rows.drop("Mach"), out=tmp_path / "descents.parquet")
+    both = whole.frame.join(found.frame, on=["flight_id", "level_fl"], suffix="_computed")
+    assert len(both) == len(whole.frame) == len(found.frame)
+    # The toys make Mach of IAS by the same standard relation; levels lie between reports.
+    assert np.abs(both["Mach"] - both["Mach_computed"]).max() < 1e-4
+    again = read_descents(tmp_path / "descents.parquet")
+    assert (whole.computed, again.computed) == ([], ["Mach"])
+    assert "values of Mach computed from IAS and altitude" in str(again.report)
+    assert "Mach is computed from IAS and altitude" in str(again)
+    assert "Mach" in again.frame.columns
+    assert "Mach" not in again.reported.columns
+    assert open_descents(tmp_path / "descents.parquet").computed == ["Mach"]
+
+
+def test_mach_is_computed_of_possible_values_only() -> None:
+    rows = fleet().drop("Mach")
+    odd = rows.with_columns(IAS=pl.when(pl.int_range(pl.len()) % 50 == 0).then(1e9).otherwise("IAS"))
+    steps = {step.step: step.rows_dropped for step in prepare(odd).report.steps}
+    assert steps["missing_value"] == len(rows.gather_every(50))
+
+
+def test_without_ias_there_is_no_mach() -> None:
+    with pytest.raises(DataError, match="no column IAS, Mach"):
+        prepare(fleet().drop("IAS", "Mach"))
+
+
+@pytest.mark.parametrize("target", [None, "store"])
+def test_types_that_name_no_row_are_told_with_the_addresses_of_both(target: str | None, tmp_path: Path) -> None:
+    rows = pl.concat([fleet(3), fleet(1)]).unique().drop("typecode")
+    types = pl.DataFrame({"icao24": ["ABC123", "abc124"], "typecode": ["A320", "B738"]})
+    out = None if target is None else tmp_path / target
+    with pytest.raises(DataError) as caught:
+        prepare(rows, types=types, out=out)
+    assert "0 of its 2 addresses (abc12" in caught.value.got
+    assert f"are among the 3 of the {len(rows):,} rows" in caught.value.got
+    busiest = rows["icao24"].value_counts(sort=True).row(0)
+    assert f"the busiest of which are {busiest[0]} ({busiest[1]:,} rows)" in caught.value.expected
+    empty = pl.DataFrame(
+        {"icao24": ["4CA001"], "typecode": [None]}, schema={"icao24": pl.String, "typecode": pl.String}
+    )
+    with pytest.raises(DataError, match=r"1 of its 1 addresses \(4ca001\).*without a type"):
+        prepare(rows, types=empty)

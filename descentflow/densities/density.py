@@ -1,8 +1,6 @@
 """The base of every latent density: what it offers to sampling, scoring and checkpoints."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import torch
@@ -34,8 +32,8 @@ class Density(nn.Module, ABC):
         ...         inside = (weights.abs() <= 2).all(1)
         ...         return torch.where(inside, -self.dimension * torch.log(torch.tensor(4.0)), -torch.inf)
         ...
-        ...     def draw(self, n, context=None):
-        ...         return 4 * torch.rand(n, self.dimension) - 2
+        ...     def draw(self, n, generator, context=None):
+        ...         return 4 * torch.rand(n, self.dimension, generator=generator) - 2
         ...
         ...     device = torch.device("cpu")  # it has no parameters of which to ask
         >>> density = UniformDensity(dimension=2)
@@ -68,8 +66,8 @@ class Density(nn.Module, ABC):
         """Log density (n,) of standardised weights (n, d), in nats, at context (n, c) or (1, c) if it takes one."""
 
     @abstractmethod
-    def draw(self, n: int, context: Tensor | None = None) -> Tensor:
-        """Draw (n, d) standardised weights with torch's global generator; call :meth:`sample` instead."""
+    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
+        """Draw (n, d) standardised weights with this generator alone; :meth:`sample` has one for every call."""
 
     def settings(self) -> dict[str, Any]:
         """Primitive arguments that, after the dimension, make the constructor give parameters of the same shapes."""
@@ -77,7 +75,9 @@ class Density(nn.Module, ABC):
 
     @torch.no_grad()
     def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
-        """Draw (n, d) standardised weights, the same for the same seed, leaving the global generator as it was.
+        """Draw (n, d) standardised weights, the same for the same seed whatever other threads draw meanwhile.
+
+        Torch's global generator is neither used nor changed.
 
         Args:
             n: Number of draws.
@@ -95,8 +95,8 @@ class Density(nn.Module, ABC):
             True
         """
         rows = self.rows_of_context(context, n)
-        with seeded(seed, self.device):
-            return self.draw(n) if rows is None else self.draw(n, rows)
+        generator = torch.Generator(self.device).manual_seed(seed)
+        return self.draw(n, generator) if rows is None else self.draw(n, generator, rows)
 
     @property
     def mixture(self) -> Mixture | None:
@@ -225,20 +225,3 @@ class Density(nn.Module, ABC):
     def attach(self, representation: Representation) -> None:
         """Attach the representation that gives the weights their meaning."""
         self._representation = representation.to(self.device)
-
-
-@contextmanager
-def seeded(seed: int, device: torch.device) -> Iterator[None]:
-    """Seed torch's global generators inside the block and restore them after it.
-
-    Example:
-        >>> with seeded(0, torch.device("cpu")):
-        ...     first = torch.rand(1)
-        >>> with seeded(0, torch.device("cpu")):
-        ...     torch.equal(torch.rand(1), first)
-        True
-    """
-    cuda = [device] if device.type == "cuda" else []
-    with torch.random.fork_rng(devices=cuda):
-        torch.manual_seed(seed)
-        yield

@@ -111,14 +111,25 @@ class FlowDensity(Density):
         log_prob: Tensor = self._base(z) + log_det - self.scale.log().sum().to(self._dtype)
         return log_prob
 
-    def draw(self, n: int, context: Tensor | None = None) -> Tensor:
+    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
         """Draw (n, d); a draw that is not finite is left for the sampler to count."""
+        shape = (n, self.dimension)
+        return self.of_white(torch.randn(shape, generator=generator, dtype=self._dtype, device=self.device), context)
+
+    def of_white(self, white: Tensor, context: Tensor | None = None) -> Tensor:
+        """Weights (n, d) of standard normals (n, d), at context (n, c) if it takes one.
+
+        Example:
+            >>> flow = SplineFlowDensity(dimension=2, whitened=True)
+            >>> flow.of_white(torch.zeros(1, 2))  # a whitened flow is its Gaussian until it is trained
+            tensor([[0., 0.]], dtype=torch.float64...)
+        """
         extra = () if context is None else (context.to(self._dtype),)
         if not self.whitened:
-            plain: Tensor = self.flow.sample(n, *extra)[0]
+            plain: Tensor = self.flow.forward(white.to(self._dtype), *extra)
             return plain.to(torch.float64)
-        white = torch.randn(n, self.dimension, dtype=self._dtype, device=self.device)
-        z: Tensor = self.flow.forward(white @ self.correlation_tril.to(self._dtype).T, *extra)
+        start = white.to(self._dtype) @ self.correlation_tril.to(self._dtype).T
+        z: Tensor = self.flow.forward(start, *extra)
         return self._locs(context) + self.scale * z.to(torch.float64)
 
     @property

@@ -62,9 +62,7 @@ class GaussianDensity(Density):
         log_prob: Tensor = normal.log_prob(weights.to(self.loc.dtype))  # type: ignore[no-untyped-call]
         return log_prob
 
-    def draw(self, n: int, context: Tensor | None = None) -> Tensor:
+    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
         """Draw (n, d)."""
-        locs = self._locs(context)
-        shape = (n,) if context is None else ()
-        normal = torch.distributions.MultivariateNormal(locs, scale_tril=self.scale_tril, validate_args=False)
-        return normal.sample(shape)
+        white = torch.randn(n, self.dimension, generator=generator, dtype=self.loc.dtype, device=self.loc.device)
+        return self._locs(context) + (self.scale_tril @ white[..., None])[..., 0]

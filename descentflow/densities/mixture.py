@@ -149,10 +149,16 @@ class GaussianMixtureDensity(Density):
         total: Tensor = joint.logsumexp(0)
         return total
 
-    def draw(self, n: int, context: Tensor | None = None) -> Tensor:
-        """Draw (n, d)."""
-        drawn: Tensor = self.program(n, None, _double(context))
-        return drawn
+    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
+        """Draw (n, d): what the program draws, without Pyro, whose state all threads share."""
+        mixture, rows = self.mixture, _double(context)
+        shares = (log_proportions(mixture, rows).exp() if rows is not None else mixture.probs).expand(n, -1)
+        component = torch.multinomial(shares, 1, replacement=True, generator=generator)[:, 0]
+        white = torch.randn(n, self.dimension, generator=generator, dtype=torch.float64, device=self.device)
+        locs = mixture.locs[component]
+        if rows is not None and mixture.slopes is not None:
+            locs = locs + (mixture.slopes[component] @ rows[:, :, None])[..., 0]
+        return locs + (mixture.scale_trils[component] @ white[..., None])[..., 0]
 
     @torch.no_grad()
     def sample_of(self, components: Tensor, seed: int) -> Tensor:

@@ -26,7 +26,7 @@ def sample(
     Args:
         model: A checkpoint's path, a density, or a fitted model.
         n: Number of descents.
-        seed: The same seed gives the same descents.
+        seed: The same seed gives the same ``n`` descents, in any thread or process, and touches no other generator.
         context: For a conditional model: values by name for all descents, or a table (in memory or as a path) with a
             row for each context; sample i has row i, beginning again after the last.
         entry_fl: Flight level where the descents start: one, several to draw from, or one for each row of

@@ -1,0 +1,140 @@
+"""Every draw has generators of its own: torch's global one is neither read nor moved, whatever other threads do."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+import torch
+import toys
+from torch import Tensor
+from torch.distributions import MultivariateNormal
+
+import descentflow
+from descentflow.densities import GaussianDensity, GaussianMixtureDensity, MaskedAffineFlowDensity, SplineFlowDensity
+from descentflow.densities.density import Density
+from descentflow.densities.mixture_parameters import Mixture
+from descentflow.generation.rejection import sample_descents
+
+D = 4
+CALLS = 10_000
+
+
+def normal(*shape: int, seed: int = 0) -> Tensor:
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+def mixture(n_context: int = 0) -> GaussianMixtureDensity:
+    factors = (0.3 * normal(3, D, D).tril(-1) + torch.eye(D, dtype=torch.float64)).contiguous()
+    line = (normal(3, D, n_context, seed=1), normal(3, n_context, seed=2)) if n_context else ()
+    density = GaussianMixtureDensity(D, 3, n_context)
+    density.mixture = Mixture(torch.tensor([0.5, 0.3, 0.2]).double(), 2 * normal(3, D, seed=3), factors, *line)
+    return density
+
+
+def gaussian(n_context: int = 0) -> GaussianDensity:
+    density = GaussianDensity(D, n_context)
+    density.scale_tril.data = (0.3 * normal(D, D).tril(-1) + torch.eye(D, dtype=torch.float64)).contiguous()
+    if n_context:
+        density.slope.data = normal(D, n_context, seed=1)
+    return density
+
+
+def flow(kind: type[Density], **settings: object) -> Density:
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        return kind(D, **settings).eval()
+
+
+def globally(seed: int, draw: Callable[[], Tensor]) -> Tensor:
+    """What a library draws by torch's global generator."""
+    with torch.random.fork_rng(), torch.no_grad():
+        torch.manual_seed(seed)
+        return draw()
+
+
+@pytest.mark.parametrize("n_context", [0, 2])
+def test_weights_are_those_that_the_libraries_draw_by_the_global_generator(n_context: int) -> None:
+    """To the bit: samples of before, which were drawn so, come back."""
+    rows = normal(500, n_context, seed=7) if n_context else None
+    context = () if rows is None else (rows,)
+    mixed, one = mixture(n_context), gaussian(n_context)
+    assert torch.equal(mixed.sample(500, 3, *context), globally(3, lambda: mixed.program(500, None, *context)))
+    locs = one.loc if rows is None else one.loc + rows @ one.slope.T
+    normals = MultivariateNormal(locs, scale_tril=one.scale_tril)
+    assert torch.equal(one.sample(500, 3, *context), globally(3, lambda: normals.sample(() if context else (500,))))
+    plain = flow(MaskedAffineFlowDensity, n_flows=2, n_context=n_context)
+    single = tuple(one.float() for one in context)
+    assert torch.equal(plain.sample(500, 3, *context), globally(3, lambda: plain.flow.sample(500, *single)[0].double()))
+
+
+def test_four_threads_draw_what_one_draws() -> None:
+    """10,000 calls, none of which may differ; before, 6 of 400 did."""
+    densities = [gaussian(), mixture(), flow(MaskedAffineFlowDensity, n_flows=1), flow(SplineFlowDensity, n_flows=1)]
+    # The flows' calls take hundreds of times longer.
+    shares = [0.485, 0.485, 0.015, 0.015]
+    calls = [(k, seed) for k, share in enumerate(shares) for seed in range(int(CALLS * share))]
+    assert len(calls) == CALLS
+
+    def draw(call: tuple[int, int]) -> Tensor:
+        return densities[call[0]].sample(3, call[1])
+
+    serial = [draw(call) for call in calls]
+    with ThreadPoolExecutor(4) as pool:
+        threaded = list(pool.map(draw, calls))
+    assert sum(not torch.equal(a, b) for a, b in zip(serial, threaded, strict=True)) == 0
+
+
+def test_descents_are_the_same_in_four_threads() -> None:
+    parts = toys.representation(150)
+    density = GaussianDensity(parts.decoder.dimension)
+    density.attach(parts)
+
+    def draw(seed: int) -> Tensor:
+        return sample_descents(density, parts.decoder, parts.plausibility, 20, seed).trajectories.time_s
+
+    serial = [draw(seed) for seed in range(60)]
+    with ThreadPoolExecutor(4) as pool:
+        threaded = list(pool.map(draw, range(60)))
+    assert all(torch.equal(a, b) for a, b in zip(serial, threaded, strict=True))
+
+
+def digest() -> str:
+    drawn = [one.sample(50, seed=4) for one in (gaussian(), mixture())]
+    return sha256(b"".join(one.numpy().tobytes() for one in drawn)).hexdigest()
+
+
+def test_another_process_draws_the_same() -> None:
+    code = "import torch; torch.manual_seed(99); torch.rand(7); import test_sampling_streams as t; print(t.digest())"
+    folders = [str(Path(__file__).parent), str(Path(toys.__file__).parent), str(Path(descentflow.__file__).parents[1])]
+    script = f"import sys; sys.path[:0] = {folders!r}; {code}"
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == digest()
+
+
+RANDOM = {"rand", "randn", "randint", "randperm", "multinomial", "normal", "bernoulli", "rand_like", "randn_like"}
+MOVES_THE_GLOBAL_GENERATOR = {"manual_seed", "fork_rng", "seed_everything", "seed", "RandomState"}
+TRAINS = {"training/fit.py"}
+"""Fits seed what Lightning and initial parameters draw from."""
+
+
+def test_no_code_draws_by_a_global_generator() -> None:
+    found = []
+    package = Path(descentflow.__file__).parent
+    for path in sorted(package.rglob("*.py")):
+        name = path.relative_to(package).as_posix()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
+                continue
+            owner = ast.unparse(node.func.value)
+            given = {keyword.arg for keyword in node.keywords}
+            draws = owner == "torch" and node.func.attr in RANDOM and "generator" not in given
+            moves = node.func.attr in MOVES_THE_GLOBAL_GENERATOR and owner in ("torch", "torch.random", "np.random")
+            numpys = owner == "np.random" and node.func.attr not in ("default_rng", "Philox", "Generator")
+            if (draws or moves or numpys) and name not in TRAINS:
+                found.append(f"{name}:{node.lineno} {ast.unparse(node)[:60]}")
+    assert not found

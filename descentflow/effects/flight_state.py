@@ -71,6 +71,13 @@ class FlightState:
             names.append("beyond_polar")
         return replace(self, **{name: getattr(self, name)[index] for name in names})
 
+    def rows_of_fleet(self, index: Tensor) -> "FlightState":
+        """The flights at these positions, with the schedules and delays that all flights together say."""
+        found, plan = self.rows(index), self.schedule
+        known = {"schedule": Schedule(plan.mach[index], plan.cas_mps[index]), "reported_below_m": self.reported_below_m}
+        found.__dict__.update(known)
+        return found
+
     def mach(self) -> Tensor:
         """Mach number (n, K) of the CAS."""
         return cas_to_mach(self.cas_mps, self.altitude_m)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -74,7 +75,9 @@ def test_the_screening_is_as_good_as_fits_about_the_same_place() -> None:
         # Scaled equations have a ridge of 1e-6, and what is scaled differs in the last digits.
         expected = float(likelihood.log_score(offset, design).sum()) - likelihood.improbability(offset, design)
         assert score == pytest.approx(expected, abs=1e-2)
-        wider = likelihood.joined(own, alike, columns, 4.0)
+        wider = likelihood.joined([*own, columns[likelihood.real]], alike)
+        prior = torch.cat([torch.zeros(design.n_parameters).double(), precision, torch.ones(alike.shape[1]).double()])
+        wider = replace(wider, own_ridge=prior)
         expected = float(likelihood.log_score(offset, wider).sum())
         # The discrepancy is at its best in the table, and its own prior is no part of it.
         assert expected - 60.0 < beside[names] < expected + 1e-2

@@ -39,7 +39,7 @@ def mean_shift(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> float
         >>> mean_shift(likelihood, "temperature", torch.tensor([10.0]).double()) > 10  # times what is negligible
         True
     """
-    shift = likelihood.all_shift(name, theta)[likelihood.real]
+    shift = likelihood.real_shift(name, theta)
     seen = likelihood.compared.y[likelihood.real].isfinite()
     mean = torch.where(seen, shift, 0.0).sum(0) / seen.sum(0).clamp(min=1)
     return float((mean.abs() / likelihood.compared.negligible()).max())

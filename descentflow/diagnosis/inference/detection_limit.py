@@ -275,7 +275,7 @@ def _smallest(power: LocalPower, rule: Rule, most: float, seed: int) -> float | 
 def _shows(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> LargestDifference:
     """The entry whose mean an effect moves most."""
     compared = likelihood.compared
-    mean = likelihood.all_shift(name, theta)[likelihood.real].mean(0)
+    mean = likelihood.real_shift(name, theta).mean(0)
     standing = mean.abs() / compared.negligible()
     most = int(standing.argmax())
     low, high = compared.level_range(compared.entries[most])

@@ -6,6 +6,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from descentflow.core.recent import Recent
 from descentflow.diagnosis.inference.reference_coefficients import scaled_rows
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.whitening import Whitening
@@ -19,6 +20,8 @@ CAS_RIDGE = 0.05
 
 FLIGHTS_BESIDE = 40
 """About so many real flights say how a mean shift answers to other coefficients: speeds differ little between them."""
+KEPT = 16
+"""Shifts and sensitivities that are kept, for one fit starts where another ended; 40 MB each at 2,000 flights."""
 
 
 class EffectShifts:
@@ -51,6 +54,7 @@ class EffectShifts:
         self.real = compared.real
         self.has_reference = bool((~self.real).any())
         self.cas_to_rate = cas_to_rate_gain(compared, whitening)
+        self._shifts, self._jacobians = Recent[Tensor](KEPT), Recent[Tensor](KEPT)
 
     def all_shift(self, name: str, theta: Tensor) -> Tensor:
         """Shift (n, p) that an effect makes, or would make, in every flight."""
@@ -78,17 +82,33 @@ class EffectShifts:
         found = self.shift_seen(name, theta, self.seen_beside)
         return found.reshape(9, -1, found.shape[1]).mean(1)
 
+    @cached_property
+    def real_state(self) -> FlightState:
+        """The real flights."""
+        return self.compared.state.rows_of_fleet(torch.nonzero(self.real)[:, 0])
+
+    def real_shift(self, name: str, theta: Tensor) -> Tensor:
+        """Shift (r, p) that an effect makes in every real flight; do not write into it."""
+        return self._shifts.get(_key(name, theta), lambda: self.shift_seen(name, theta, self.real_state))
+
+    def real_jacobian(self, name: str, theta: Tensor) -> Tensor:
+        """Sensitivity (r, p, k) of every real flight to one effect's parameters; do not write into it."""
+        return self._jacobians.get(_key(name, theta), lambda: self._jacobian_of(self.real_state, name, theta))
+
     def shift(self, theta: Mapping[str, Tensor]) -> Tensor:
         """Shift (n, p) of effects together, zero for the simulator's flights."""
         total = torch.zeros_like(self.y)
         for name, value in theta.items():
-            total = total + self.all_shift(name, value)
-        return torch.where(self.real[:, None], total, 0.0)
+            total[self.real] += self.real_shift(name, value)
+        return total
 
     def jacobian(self, name: str, theta: Tensor) -> Tensor:
         """Sensitivity (n, p, k) of every flight to one effect's parameters."""
+        return self._jacobian_of(self.compared.state, name, theta)
+
+    def _jacobian_of(self, state: FlightState, name: str, theta: Tensor) -> Tensor:
         effect = self.catalogue[name]
-        return self._with_rate(effect, self.compared.vector(effect.sensitivity(self.compared.state, theta)))
+        return self._with_rate(effect, self.compared.vector(effect.sensitivity(state, theta)))
 
     def start_of(self, name: str) -> Tensor:
         """Parameters from which fits of an effect start; those of windowed effects start where their search ends."""
@@ -113,6 +133,10 @@ class EffectShifts:
         if not effect.rate_follows_cas:
             return vector
         return vector + torch.einsum("ij,nj...->ni...", self.cas_to_rate, vector)
+
+
+def _key(name: str, theta: Tensor) -> tuple[str, tuple[float, ...]]:
+    return name, tuple(theta.tolist())
 
 
 def cas_to_rate_gain(compared: Compared, whitening: Whitening) -> Tensor:

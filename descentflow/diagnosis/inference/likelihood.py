@@ -7,15 +7,16 @@ variance can never name a mechanism; the mean is estimated along with the effect
 log score.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import torch
 from torch import Tensor
 
+from descentflow.core.recent import Recent
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS, by_aircraft, folds_of
-from descentflow.diagnosis.inference.effect_shifts import EffectShifts
+from descentflow.diagnosis.inference.effect_shifts import KEPT, EffectShifts
 from descentflow.diagnosis.inference.fold_sums import FoldSums, solved
 from descentflow.diagnosis.inference.linear_algebra import Common, Design, Moments, solve
 from descentflow.diagnosis.inference.signature_columns import signature_columns
@@ -107,6 +108,7 @@ class EffectsLikelihood(EffectShifts):
         super().__init__(compared, whitening, catalogue)
         self.fold = folds_of(compared.airframe, compared.real, seed)
         self.qy = whitening.apply(self.y)
+        self._products, self._beside = Recent[Tensor](KEPT), Recent[tuple[Tensor, Tensor]](1)
         if nuisance is not None:
             self.common = Common(
                 nuisance, whitening.apply(nuisance), torch.zeros(nuisance.shape[2], dtype=self.y.dtype)
@@ -162,25 +164,37 @@ class EffectsLikelihood(EffectShifts):
 
         What is beside the sensitivities has a prior precision: one, and that given for what else there is.
         """
-        parts = [self.jacobian(name, value)[self.real] for name, value in theta.items()]
-        return self.joined(parts, signature_columns(self, theta), extra, ridge)
+        parts = [self.real_jacobian(name, value) for name, value in theta.items()]
+        products = [self._weighted_jacobian(name, value) for name, value in theta.items()]
+        if extra is None:
+            return self.joined(parts, signature_columns(self, theta), products)
+        products.append(self._beside.get(id(extra), lambda: (extra, self.sums.of_real.apply(extra[self.real])))[1])
+        found, e = self.joined([*parts, extra[self.real]], signature_columns(self, theta), products), extra.shape[2]
+        prior, k = found.own_ridge.clone(), found.n_parameters - e
+        prior[k : k + e] = ridge
+        return replace(found, own_ridge=prior, n_parameters=k)
+
+    def _weighted_jacobian(self, name: str, theta: Tensor) -> Tensor:
+        """Precision times the sensitivity (r, p, k) of the real flights."""
+        key = name, tuple(theta.tolist())
+        return self._products.get(key, lambda: self.sums.of_real.apply(self.real_jacobian(name, theta)))
 
     def with_common(self, own: Tensor, prior: Tensor | None = None) -> Design:
         """Columns (n, p, k) of the real flights beside those of all flights, with their prior precision (k,) if any."""
         found = self.joined([own[self.real]], torch.zeros(own.shape[1], 0, dtype=own.dtype))
         return found if prior is None else replace(found, own_ridge=prior)
 
-    def joined(self, parts: list[Tensor], alike: Tensor, extra: Tensor | None = None, ridge: float = 1.0) -> Design:
-        """Columns (r, p, k) of the real flights, (p, c) alike in all of them, and (n, p, e) with a prior precision."""
+    def joined(self, parts: Sequence[Tensor], alike: Tensor, products: Sequence[Tensor] = ()) -> Design:
+        """Columns (r, p, k) of the real flights, and (p, c) alike in all of them, which have a prior precision of one.
+
+        Precision times the first parts may be given, if it is known.
+        """
         blank = torch.zeros(int(self.real.sum()), self.y.shape[1], 0, dtype=self.y.dtype)
-        prior = torch.zeros(sum(part.shape[2] for part in parts), dtype=self.y.dtype)
-        k = len(prior)
-        if extra is not None:
-            parts = [*parts, extra[self.real]]
-            prior = torch.cat([prior, torch.full((extra.shape[2],), ridge, dtype=self.y.dtype)])
-        prior = torch.cat([prior, torch.ones(alike.shape[1], dtype=self.y.dtype)])
-        own, products = torch.cat([blank, *parts], 2), [self.sums.of_real.apply(part) for part in parts]
-        return Design(self.common, self.real, own, torch.cat([blank, *products], 2), alike, prior, k)
+        k = sum(part.shape[2] for part in parts)
+        prior = torch.cat([torch.zeros(k, dtype=self.y.dtype), torch.ones(alike.shape[1], dtype=self.y.dtype)])
+        weighted = [*products, *(self.sums.of_real.apply(part) for part in parts[len(products) :])]
+        own = torch.cat([blank, *parts], 2)
+        return Design(self.common, self.real, own, torch.cat([blank, *weighted], 2), alike, prior, k)
 
     def weighted_rest(self, shift: Tensor) -> Tensor:
         """Precision times what a shift leaves of each flight (n, p)."""

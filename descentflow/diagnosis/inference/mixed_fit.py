@@ -72,7 +72,7 @@ def _mixed(
     theta = {name: flights.laws[name] if name in flights.laws else alike[name] for name in fit.theta}
     signatures = signature_columns(likelihood, theta)
     held = _held_entries(likelihood, flights)[likelihood.real][:, :, None]
-    own = {name: likelihood.jacobian(name, value)[likelihood.real] for name, value in theta.items()}
+    own = {name: likelihood.real_jacobian(name, value) for name, value in theta.items()}
     moved = [torch.where(held & (name in alike), 0.0, columns) for name, columns in own.items()]
     design = cleaned.joined([own[name] for name in alike] + [own[next(iter(own))][:, :, :0]], signatures)
     return Fit(

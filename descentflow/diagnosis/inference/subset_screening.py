@@ -53,8 +53,8 @@ def member_of(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> Member
         >>> round(float(shift.mean()), 3), float(warm.offset[:, tas].abs().max()) < 0.001  # nearly linear
         (0.021, True)
     """
-    jacobian = likelihood.jacobian(name, theta)[likelihood.real]
-    shift = likelihood.all_shift(name, theta)[likelihood.real]
+    jacobian = likelihood.real_jacobian(name, theta)
+    shift = likelihood.real_shift(name, theta)
     group = likelihood.catalogue[name].scale_group
     scale = "" if group is None else group.members[0]
     return Member(name, jacobian, shift - jacobian @ theta, signature_columns(likelihood, {name: theta}), scale)
@@ -93,9 +93,7 @@ class Screening:
         parts = [m.sensitivity for m in members]
         parts.append(torch.stack([m.offset for m in members], 2))
         alike = torch.cat([m.alike for m in members], 1)
-        design = likelihood.joined(parts, alike)
-        if discrepancy is not None:
-            design = likelihood.joined([*parts, discrepancy[likelihood.real]], alike)
+        design = likelihood.joined(parts if discrepancy is None else [*parts, discrepancy[likelihood.real]], alike)
         sums = likelihood.sums.rest(torch.zeros_like(likelihood.y), design, likelihood.sums.of_columns(design))
         profiled = likelihood.sums.profiled(sums)
         tables = profiled.inner, likelihood.sums.held_out(sums, profiled)

@@ -1,0 +1,39 @@
+"""What was worked out last, by what it was worked out from."""
+
+from collections.abc import Callable, Hashable
+from typing import Generic, TypeVar
+
+V = TypeVar("V")
+
+
+class Recent(Generic[V]):
+    """The results of the last different calls; the oldest is forgotten first.
+
+    Example:
+        >>> squares = Recent[int](most=2)
+        >>> squares.get(3, lambda: 3**2), squares.get(3, lambda: 1 / 0)  # the second is not worked out again
+        (9, 9)
+    """
+
+    def __init__(self, most: int) -> None:
+        """Begin with nothing.
+
+        Args:
+            most: Results that are kept.
+        """
+        self.most = most
+        self.known: dict[Hashable, V] = {}
+
+    def get(self, key: Hashable, make: Callable[[], V]) -> V:
+        """The result of a key, made if it is not known.
+
+        Args:
+            key: What it is worked out from.
+            make: Works it out.
+        """
+        if key not in self.known:
+            made = make()
+            if len(self.known) >= self.most:
+                del self.known[next(iter(self.known))]
+            self.known[key] = made
+        return self.known[key]

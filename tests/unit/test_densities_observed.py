@@ -224,8 +224,8 @@ class Opaque(Density):
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         return self.hidden.log_prob(weights)
 
-    def draw(self, n: int, context: Tensor | None = None) -> Tensor:
-        return self.hidden.draw(n)
+    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
+        return self.hidden.draw(n, generator)
 
 
 def test_importance_sampling_meets_the_closed_form() -> None:

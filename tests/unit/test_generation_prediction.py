@@ -102,8 +102,8 @@ class Opaque(Density):
     def log_prob(self, weights: Tensor) -> Tensor:
         return self.hidden.log_prob(weights)
 
-    def draw(self, n: int) -> Tensor:
-        return self.hidden.draw(n)
+    def draw(self, n: int, generator: torch.Generator) -> Tensor:
+        return self.hidden.draw(n, generator)
 
 
 def test_importance_resampling_meets_the_closed_form() -> None:

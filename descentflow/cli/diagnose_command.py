@@ -61,19 +61,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Diagnose, write and print the answer."""
-    from tqdm import tqdm
-
+    from descentflow.core.progress import stage
     from descentflow.diagnosis.diagnose import diagnose
 
     if args.catalogue is not None:
         print(f"descentflow diagnose: runs {args.catalogue} for the effects that it defines", file=sys.stderr)
     channels = [name.strip() for name in args.channels.split(",")] if args.channels else None
-    with tqdm(desc="diagnose", delay=2, leave=False, bar_format="{desc} [{elapsed}]") as bar:
-
-        def show(stage: str) -> None:
-            bar.set_description_str(f"diagnose: {stage}", refresh=False)
-            bar.update()
-
+    with stage("opening") as shown:
         report = diagnose(
             _one_or_several(args.real),
             _one_or_several(args.simulator),
@@ -86,7 +80,7 @@ def run(args: argparse.Namespace) -> None:
             previous=args.previous,
             seed=args.seed,
             out=args.out,
-            progress=show,
+            progress=shown.say,
         )
     print(report)
     print(f"wrote {args.out / 'gap.json'} and {args.out / 'gap.html'}")

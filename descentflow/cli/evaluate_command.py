@@ -30,17 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Evaluate, write and print."""
-    from tqdm import tqdm
-
     from descentflow.core.files import whole_file
+    from descentflow.core.progress import stage
     from descentflow.evaluation.evaluate import N_SPLITS, evaluate
     from descentflow.evaluation.metrics.scores import n_comparisons
     from descentflow.exports.model_card import fill_in_scores
 
-    with (
-        tqdm(total=args.number, desc="descents", delay=2) as bar,
-        tqdm(total=n_comparisons(N_SPLITS), desc="scores", delay=2) as two,
-    ):
+    with stage("reading descents") as shown:
         found = evaluate(
             args.checkpoint,
             args.real,
@@ -48,12 +44,13 @@ def run(args: argparse.Namespace) -> None:
             seed=args.seed,
             context_table=args.context_table,
             draw_budget=args.draw_budget,
-            progress=lambda n: bar.update(n) and None,
-            score_progress=lambda n: two.update(n) and None,
+            progress=shown.part("drawing descents", args.number, "descents"),
+            score_progress=shown.part("scoring", n_comparisons(N_SPLITS), "comparisons"),
         )
-    found.write(args.out, figures=args.figures)
+    with stage("classifying, drawing figures and writing" if args.figures else "classifying and writing"):
+        found.write(args.out, figures=args.figures)
     if args.resamples is not None:
-        with whole_file(args.out / "intervals.csv") as temporary:
+        with stage("resampling flights"), whole_file(args.out / "intervals.csv") as temporary:
             found.intervals(args.resamples, args.seed).write_csv(temporary)
     if args.card is not None:
         fill_in_scores(args.card, found.scores, len(found.real), args.real.name)

@@ -34,11 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Draw, write, and say what was written."""
-    from tqdm import tqdm
-
+    from descentflow.core.progress import stage
     from descentflow.exports.export import export
 
-    with tqdm(total=args.number, desc="descents", delay=2) as bar:
+    with stage("drawing descents", args.number, "descents") as drawn:
         written = export(
             args.checkpoint,
             args.to,
@@ -54,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
             end_time=args.time,
             every_s=args.every,
             draw_budget=args.draw_budget,
-            progress=lambda n: bar.update(n) and None,
+            progress=drawn.advance,
         )
     for path in written:
         print(f"wrote {path}")

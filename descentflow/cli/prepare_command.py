@@ -109,9 +109,8 @@ def run(args: argparse.Namespace) -> None:
     """Read, clean, write, and print the report."""
     import json
 
-    from tqdm import tqdm
-
     from descentflow.core.files import whole_file
+    from descentflow.core.progress import stage
     from descentflow.surveillance.formats.embedded import embedded_rows, embedded_types
     from descentflow.surveillance.prepare import prepare
     from descentflow.surveillance.read_rows import read_table
@@ -120,12 +119,7 @@ def run(args: argparse.Namespace) -> None:
     paths = [*args.rows, *([embedded_rows()] if args.embedded else [])]
     types = read_table(args.types) if args.types else embedded_types() if args.embedded else None
     was_there = args.out.is_dir() and any(args.out.iterdir())
-    with tqdm(desc="prepare", delay=2, leave=False, bar_format="{desc} [{elapsed}]") as bar:
-
-        def show(stage: str) -> None:
-            bar.set_description_str(f"prepare: {stage}", refresh=False)
-            bar.update()
-
+    with stage("reading rows") as shown:
         descents = prepare(
             paths,
             typecode=args.typecode,
@@ -137,7 +131,7 @@ def run(args: argparse.Namespace) -> None:
             memory_bytes=args.memory,
             engine=_engine(args),
             shown=SHOWN_AT_RANDOM if args.figures else 0,
-            progress=show,
+            progress=shown.say,
         )
     if args.report:
         with whole_file(args.report) as temporary:
@@ -145,7 +139,8 @@ def run(args: argparse.Namespace) -> None:
     if args.figures and descents.dropped_rows is not None:
         from descentflow.surveillance.figures.cleaning_page import write_page
 
-        number = write_page(args.figures, descents.dropped_rows, descents.report)
+        with stage("drawing figures"):
+            number = write_page(args.figures, descents.dropped_rows, descents.report)
         print(f"wrote {args.figures / 'index.html'}: {number} flights")
     print(descents.report)
     for typecode, top in descents.metadata["top_fl"].items():

@@ -36,13 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Fly, write, and say what there is."""
-    from tqdm import tqdm
-
+    from descentflow.core.progress import stage
     from descentflow.simulation.world import simulate
     from descentflow.simulation.world_files import WorldFiles
 
     plant = plant_arguments.planted(args.plant)
-    with tqdm(total=args.flights, desc="flights", delay=2) as bar:
+    with stage("flying", args.flights, "flights") as flown:
         world = simulate(
             args.typecode,
             args.flights,
@@ -52,7 +51,7 @@ def run(args: argparse.Namespace) -> None:
             plant=plant,
             out=args.out,
             truth_out=args.truth,
-            progress=bar.update,
+            progress=flown.advance,
         )
     print(world)
     files = WorldFiles.named(args.out, args.truth)

@@ -16,6 +16,7 @@ from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.training.callbacks.failed_run import RemoveFailedRun
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
+from descentflow.training.callbacks.show_progress import ShowProgress
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 from descentflow.training.quiet import quiet
@@ -44,6 +45,8 @@ class DescentCLI(LightningCLI):
             {
                 **{f"checkpoint.{name}": value for name, value in CHECKPOINT_DEFAULTS.items()},
                 **{f"trainer.{name}": value for name, value in TRAINER_DEFAULTS.items()},
+                # Lightning's own bar goes to stdout, and knows no logs of batch jobs.
+                "trainer.enable_progress_bar": False,
                 "trainer.logger": {
                     "class_path": "lightning.pytorch.loggers.TensorBoardLogger",
                     "init_args": {"save_dir": USUAL_FOLDER, "name": UNNAMED},
@@ -121,7 +124,7 @@ def run(command: str, rest: Sequence[str]) -> None:
             DescentDataModule,
             subclass_mode_model=True,
             seed_everything_default=0,
-            trainer_defaults={"callbacks": [WriteLogProb(), every_epoch, RemoveFailedRun()]},
+            trainer_defaults={"callbacks": [WriteLogProb(), every_epoch, RemoveFailedRun(), ShowProgress()]},
             save_config_callback=SaveConfigCallback if command == "fit" else None,
             save_config_kwargs={"overwrite": False},
             parser_kwargs={

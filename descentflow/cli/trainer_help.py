@@ -25,6 +25,7 @@ how long
   --trainer.max_epochs N
   --trainer.logger.name NAME     folder under runs/
   --ckpt_path FILE               resume a killed run from its checkpoints/last.ckpt (with its own config.yaml)
+  --quiet                        show no progress; it goes to stderr, after two seconds
 
 `descentflow fit --help_all` lists every option; `descentflow fit ... --print_config` prints the resolved settings.
 """
@@ -37,6 +38,7 @@ The run's own config.yaml, found beside the checkpoint, is read first; --config 
   --ckpt_path FILE               checkpoint that `descentflow fit` wrote
   --data.descents FILE           other prepared descents: their flights are test flights unless the checkpoint was
                                  trained on them
+  --quiet                        show no progress; it goes to stderr, after two seconds
 
 `descentflow {name} --help_all` lists every option.
 """

@@ -10,11 +10,11 @@ from lightning.pytorch import LightningDataModule
 from lightning.pytorch.utilities import rank_zero_info
 from torch import Tensor
 from torch.utils.data import DataLoader
-from tqdm import tqdm
 
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.core.progress import stage as progress_stage
 from descentflow.measurements.quantities import reference_state
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.context import ContextEncoder, Missing
@@ -140,16 +140,11 @@ class DescentDataModule(LightningDataModule):
         """
         if self._representation is not None:
             return
-        with tqdm(total=4, desc="reading descents", unit="stage", leave=False, delay=2) as bar:
-
-            def begin(name: str) -> None:
-                bar.update()
-                bar.set_description(name, refresh=False)
-
+        with progress_stage("reading descents", total=4, unit="steps") as done:
             known = None if self.checkpoint is None else load_representation(self.checkpoint)
             source = open_prepared(self.descents) if known is None else comparable_descents(self.descents, known)
             frame = self._chosen(source)
-            begin("inferring drag")
+            done.say("inferring drag")
             if known is not None:
                 representation = known
                 self._parts = encode_flights(frame, representation, self.context_table, say=rank_zero_info)
@@ -157,7 +152,7 @@ class DescentDataModule(LightningDataModule):
                 table = context_of(frame, self.context or [], self.context_table)
                 frame = without_missing(frame, table, self.missing_context, rank_zero_info)
                 profiles, split = self._fresh(frame, source)
-                begin("fitting components")
+                done.say("fitting components")
                 representation = self._fit(profiles, split, source)
                 levels, seen = profiles.levels_fl, [*split.train, *split.validation]
                 shown = frame.drop(source.computed, strict=False)
@@ -167,7 +162,7 @@ class DescentDataModule(LightningDataModule):
                 representation.gaps = self.gaps if has_noise_model(representation.decoder) else "filled"
                 # A gigabyte for forty thousand flights, which what follows has no use for.
                 del frame, shown, source
-                begin("encoding flights")
+                done.say("encoding flights")
                 decoder = representation.decoder
                 self._parts = encode_parts(profiles, split, decoder, table, representation.context, rank_zero_info)
         self._representation = representation

@@ -4,6 +4,8 @@ import logging
 import os
 import warnings
 
+from descentflow.core.progress import clear_line
+
 
 def quiet() -> None:
     """Silence advice that does not apply here; everything else that Lightning says still comes through.
@@ -28,4 +30,6 @@ def quiet() -> None:
 
 
 def _is_no_advice(record: logging.LogRecord) -> bool:
+    # What is said goes where the progress is shown.
+    clear_line()
     return not record.getMessage().startswith(("TPU available", "\U0001f4a1 Tip"))

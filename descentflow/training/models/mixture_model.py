@@ -8,9 +8,9 @@ import torch
 from jsonargparse.typing import PositiveFloat, PositiveInt
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
-from tqdm import tqdm
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.progress import stage
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, MIN_FLIGHTS_PER_PARAMETER, select_mixture
 from descentflow.densities.em import best_start, fit_mixture, steps_of
 from descentflow.densities.em_steps import Steps
@@ -92,11 +92,11 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     @contextmanager
     def _progress(self) -> Iterator[Callable[[int], None]]:
-        with tqdm(desc="components by BIC", unit="k", leave=False, delay=2) as bar:
+        with stage("choosing the number of components by BIC", unit="numbers") as tried:
 
             def show(most: int) -> None:
-                bar.total = most
-                bar.update()
+                tried.expect(most)
+                tried.advance()
 
             yield show
 

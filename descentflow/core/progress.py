@@ -1,0 +1,244 @@
+"""What a long call is doing, on stderr: a line that updates on a terminal, elsewhere plain lines now and then.
+
+Nothing is shown in the first two seconds. A command opens one :func:`display`; whatever takes long, there or in the
+library, says what it does with :func:`stage`. Standard output is never written to.
+"""
+
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from threading import Event, Lock, Thread
+from time import monotonic
+
+AFTER_S = 2.0
+"""Seconds before anything is shown: what is done by then needs no line."""
+REDRAWN_S = 0.25
+"""Seconds between two states of the line on a terminal: the least that reads as a clock that runs."""
+LINE_S = 10.0
+"""Seconds between two plain lines, as in the log of a batch job: an hour makes 360 of them."""
+CLEARED = "\r\x1b[2K"
+"""What empties a terminal's line."""
+
+
+@dataclass
+class Stage:
+    """What is being done, and how much of it.
+
+    Attributes:
+        text: In a few words.
+        total: How much there is to do, in units; None if that is not known.
+        unit: What is counted, in the plural.
+        done: How much has been done.
+
+    Example:
+        >>> stage = Stage("drawing descents", total=200, unit="descents")
+        >>> stage.advance(50)
+        >>> print(stage.as_text())
+        drawing descents, 50 of 200 descents (25 %), 0 s
+    """
+
+    text: str
+    total: int | None = None
+    unit: str = ""
+    done: int = 0
+    began: float = field(default_factory=monotonic, repr=False)
+
+    def advance(self, n: int = 1) -> None:
+        """Count what has been done since the last call."""
+        self.done += n
+
+    def expect(self, total: int) -> None:
+        """Say how much there is to do, once it is known."""
+        self.total = total
+
+    def say(self, text: str) -> None:
+        """Go on to what is done next, a step further."""
+        self.text, self.unit = text, self.unit or "steps"
+        self.done += 1
+
+    def part(self, text: str, total: int | None = None, unit: str = "") -> Callable[[int], None]:
+        """A progress callback for a part of the stage, which is shown as soon as the callback is called.
+
+        Example:
+            >>> stage = Stage("evaluating")
+            >>> drawn, compared = stage.part("drawing", 100, "samples"), stage.part("comparing", 8, "comparisons")
+            >>> drawn(100)
+            >>> compared(2)
+            >>> print(stage.as_text())
+            comparing, 2 of 8 comparisons (25 %), 0 s
+        """
+        own = Stage(text, total, unit, began=0.0)
+
+        def advance(n: int = 1) -> None:
+            own.began = own.began or monotonic()
+            own.done += n
+            self.text, self.total, self.unit, self.done, self.began = text, total, unit, own.done, own.began
+
+        return advance
+
+    def as_text(self) -> str:
+        """One plain line, without what it is a stage of."""
+        counted = ""
+        if self.total:
+            share = f"({100 * self.done // self.total} %)"
+            counted = ", " + " ".join(filter(None, [f"{self.done:,} of {self.total:,}", self.unit, share]))
+        elif self.done:
+            counted = f", {self.done:,} {self.unit or 'steps'}"
+        return f"{self.text}{counted}, {monotonic() - self.began:.0f} s"
+
+    def as_meter(self, name: str, columns: int, *, plain: bool) -> str:
+        """A line with a bar for a terminal of so many columns; of ASCII alone where it knows no others."""
+        from tqdm import tqdm
+
+        elapsed = monotonic() - self.began
+        if not self.total:
+            return f"{name}: {self.as_text()}"[:columns]
+        line: str = tqdm.format_meter(
+            self.done,
+            self.total,
+            elapsed,
+            ncols=columns,
+            prefix=f"{name}: {self.text}",
+            unit=f" {self.unit}",
+            ascii=plain,
+            bar_format="{desc}: {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt}{unit} [{elapsed}<{remaining}]",
+        )
+        return line
+
+
+class _Display:
+    """Draws the innermost stage from a thread of its own, so that the clock runs while nothing is counted."""
+
+    def __init__(self, name: str, *, quiet: bool, after_s: float) -> None:
+        self.name, self.quiet, self.after_s = name, quiet, after_s
+        self.stages = [Stage("starting")]
+        self._first, self._drawn = True, False
+        self._over, self._lock = Event(), Lock()
+        self._thread = Thread(target=self._run, daemon=True, name="progress")
+
+    def start(self) -> None:
+        if not self.quiet:
+            self._thread.start()
+
+    def finish(self) -> None:
+        self._over.set()
+        if not self.quiet:
+            self._thread.join()
+        self.clear()
+
+    def push(self, stage: Stage) -> None:
+        with self._lock:
+            if self._first:
+                self.stages, self._first = [], False
+            self.stages.append(stage)
+
+    def pop(self, stage: Stage) -> None:
+        with self._lock:
+            self.stages = [one for one in self.stages if one is not stage]
+        # What follows may print.
+        self.clear()
+
+    def clear(self) -> None:
+        with self._lock:
+            if self._drawn:
+                self._write(CLEARED)
+                self._drawn = False
+
+    def _run(self) -> None:
+        wait = self.after_s
+        while not self._over.wait(wait):
+            terminal = _is_terminal()
+            with self._lock:
+                if self.stages:
+                    self._draw(self.stages[-1], terminal=terminal)
+            wait = REDRAWN_S if terminal else LINE_S
+
+    def _draw(self, stage: Stage, *, terminal: bool) -> None:
+        if not terminal:
+            self._write(f"{self.name}: {stage.as_text()}\n")
+            return
+        columns = shutil.get_terminal_size().columns - 1
+        plain = not (getattr(sys.stderr, "encoding", None) or "").lower().startswith("utf")
+        self._write(CLEARED + stage.as_meter(self.name, columns, plain=plain))
+        self._drawn = True
+
+    def _write(self, text: str) -> None:
+        # Whoever closed stderr, or cannot show a letter, wants no line; the work goes on.
+        with suppress(OSError, ValueError):
+            sys.stderr.write(text)
+            sys.stderr.flush()
+
+
+_shown: list[_Display] = []
+"""The one display, if there is any."""
+
+
+def _is_terminal() -> bool:
+    try:
+        return sys.stderr.isatty()
+    except (AttributeError, ValueError):
+        return False
+
+
+@contextmanager
+def display(name: str, *, quiet: bool = False, after_s: float = AFTER_S) -> Iterator[None]:
+    """Show the stages inside the block on stderr. Inside another display it is a stage of that one.
+
+    Args:
+        name: What runs, before every line.
+        quiet: Show nothing, here and in all that the block calls.
+        after_s: Seconds before anything is shown.
+
+    Example:
+        >>> import descentflow as df
+        >>> with display("my program", quiet=True):
+        ...     model = df.fit("descents.parquet", model="gaussian")
+    """
+    if _shown:
+        with stage(name):
+            yield
+        return
+    whole = _Display(name, quiet=quiet, after_s=after_s)
+    _shown.append(whole)
+    whole.start()
+    try:
+        yield
+    finally:
+        _shown.remove(whole)
+        whole.finish()
+
+
+@contextmanager
+def stage(text: str, total: int | None = None, unit: str = "") -> Iterator[Stage]:
+    """Say what is being done inside the block; shown by the display around it, or by one of its own.
+
+    Args:
+        text: In a few words.
+        total: How much there is to do; None if that is not known.
+        unit: What is counted, in the plural.
+
+    Example:
+        >>> with stage("flying", total=3, unit="flights") as flown:
+        ...     for number in range(3):
+        ...         flown.advance()
+        >>> flown.done
+        3
+    """
+    if not _shown:
+        with display("descentflow"), stage(text, total, unit) as own:
+            yield own
+        return
+    current, whole = Stage(text, total, unit), _shown[0]
+    whole.push(current)
+    try:
+        yield current
+    finally:
+        whole.pop(current)
+
+
+def clear_line() -> None:
+    """Empty the line that is shown on a terminal, before something else is written there."""
+    for whole in _shown:
+        whole.clear()

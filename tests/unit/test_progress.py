@@ -1,0 +1,129 @@
+"""What a long call is doing: on stderr alone, after a while, and not at all with --quiet."""
+
+import io
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from time import sleep
+from types import SimpleNamespace
+
+import pytest
+
+from descentflow.cli import entry, main
+from descentflow.core import progress
+from descentflow.core.progress import CLEARED, display, stage
+
+
+class Terminal(io.StringIO):
+    encoding = "utf-8"
+
+    def isatty(self) -> bool:
+        return True
+
+
+def show_on(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not `sys.stderr` itself, which pytest puts back between a fixture and its test."""
+    monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=stream))
+
+
+def wait_for(found: Callable[[], bool]) -> None:
+    """Until the drawing thread has come round; twenty seconds are for a machine that is busy with other things."""
+    for _ in range(2000):
+        if found():
+            return
+        sleep(0.01)
+    raise AssertionError("nothing was shown")
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    stream = Terminal()
+    show_on(stream, monkeypatch)
+    monkeypatch.setattr(progress, "REDRAWN_S", 0.001)
+    return stream
+
+
+@pytest.fixture
+def log(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
+    stream = io.StringIO()
+    show_on(stream, monkeypatch)
+    monkeypatch.setattr(progress, "LINE_S", 0.001)
+    return stream
+
+
+def test_a_log_gets_plain_lines_of_what_is_done_and_how_much(log: io.StringIO) -> None:
+    with display("descentflow sample", after_s=0.0), stage("drawing", total=200, unit="descents") as drawn:
+        drawn.advance(50)
+        wait_for(lambda: "50 of 200" in log.getvalue())
+    line = next(line for line in log.getvalue().splitlines() if "50 of 200" in line)
+    assert line.startswith("descentflow sample: drawing, 50 of 200 descents (25 %), ")
+    assert "\r" not in log.getvalue()
+    assert "\x1b" not in log.getvalue()
+
+
+def test_a_terminal_gets_one_line_that_is_emptied_before_anything_is_printed(terminal: Terminal) -> None:
+    with display("descentflow sample", after_s=0.0):
+        with stage("drawing", total=200, unit="descents") as drawn:
+            drawn.advance(50)
+            wait_for(lambda: "50/200" in terminal.getvalue())
+        shown = terminal.getvalue()
+        assert shown.endswith(CLEARED)
+    assert "\n" not in shown
+    assert " 25%|" in shown
+
+
+def test_the_clock_runs_while_nothing_is_counted(log: io.StringIO) -> None:
+    with display("descentflow diagnose", after_s=0.0), stage("opening"):
+        wait_for(lambda: log.getvalue().count("opening") > 2)
+
+
+def test_what_is_done_inside_is_shown_and_then_what_is_around_it(log: io.StringIO) -> None:
+    with display("fit", after_s=0.0), stage("training", 10, "epochs"):
+        with stage("scoring"):
+            wait_for(lambda: "scoring" in log.getvalue())
+        before = log.getvalue().count("training")
+        wait_for(lambda: log.getvalue().count("training") > before)
+
+
+def test_quiet_is_quiet_for_all_that_is_called(log: io.StringIO) -> None:
+    with display("sample", quiet=True, after_s=0.0), stage("drawing"), display("inside", after_s=0.0), stage("more"):
+        sleep(0.05)
+    assert log.getvalue() == ""
+
+
+def test_a_library_call_shows_itself_without_a_command(log: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "display", partial(display, after_s=0.0))
+    with stage("reading descents"):
+        wait_for(lambda: "descentflow: reading descents" in log.getvalue())
+    assert not progress._shown
+
+
+def test_a_closed_stderr_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.StringIO()
+    stream.close()
+    show_on(stream, monkeypatch)
+    with display("sample", after_s=0.0), stage("drawing") as drawn:
+        sleep(0.05)
+        drawn.advance()
+    assert drawn.done == 1
+
+
+@pytest.mark.parametrize("words", [[], ["--quiet"]])
+def test_a_command_shows_its_stages_unless_it_is_to_be_quiet(
+    words: list[str], tmp_path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(entry, "display", partial(display, after_s=0.0))
+    monkeypatch.setattr(progress, "LINE_S", 0.001)
+    assert main(["simulate", "--flights", "12", "--out", str(tmp_path / "rows.parquet"), *words]) == 0
+    said = capsys.readouterr()
+    assert ("of 12 flights" in said.err) == (not words)
+    assert not words or said.err == ""
+    assert "wrote" in said.out
+    assert "of 12 flights (" not in said.out
+
+
+@pytest.mark.parametrize("command", entry.COMMANDS)
+def test_every_command_can_be_quiet(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with suppress(SystemExit):
+        main([command, "--help"])
+    assert "--quiet" in capsys.readouterr().out

@@ -28,6 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="table of the intervals (.parquet, .csv)")
     parser.add_argument("--continuations", type=Path, help="also write every continuation (.parquet, .csv)")
     parser.add_argument("--occupancy", type=Path, help="also write the occupancy of levels (.parquet, .csv)")
+    parser.add_argument(
+        "--figure",
+        type=Path,
+        metavar="FILE",
+        help="also draw CAS (kt), vertical rate (ft/min) and time (min) against flight level, predicted and flown, of "
+        "the first four flights: .png or .svg",
+    )
     parser.add_argument("--step-s", type=_positive, default=10.0, help="step of the occupancy's time (default: 10)")
     position_arguments.add_arguments(parser)
 
@@ -42,19 +49,21 @@ def run(args: argparse.Namespace) -> None:
     """Predict, write, and compare with what was observed."""
     from dataclasses import replace
 
-    from tqdm import tqdm
-
     from descentflow.core.files import check_output
+    from descentflow.core.progress import stage
     from descentflow.core.tabular import write_table
     from descentflow.core.threads import one_thread_unless_told
     from descentflow.generation.prediction.predict import predict
+    from descentflow.reporting.figure_file import check_figure_file, write_figure
 
     one_thread_unless_told()
     plan = position_arguments.plan_of(args)
     for output in (args.out, args.occupancy, args.continuations):
         if output is not None:
             check_output(output)
-    with tqdm(desc="flights", delay=2) as bar:
+    if args.figure is not None:
+        check_figure_file(args.figure)
+    with stage("predicting", unit="flights") as predicted:
         ahead = predict(
             args.checkpoint,
             args.descents,
@@ -63,14 +72,18 @@ def run(args: argparse.Namespace) -> None:
             seed=args.seed,
             flights=args.flight,
             context_table=args.context_table,
-            progress=lambda n: bar.update(n) and None,
-            total=lambda n: setattr(bar, "total", n),
+            progress=predicted.advance,
+            total=predicted.expect,
         )
     ahead = replace(ahead, plan=plan)
-    ahead.write(args.out)
-    if args.continuations is not None:
-        write_table(ahead.continuations(), args.continuations)
-    if args.occupancy is not None:
-        write_table(ahead.occupancy(args.step_s), args.occupancy)
+    with stage(f"writing {args.out}"):
+        ahead.write(args.out)
+        if args.continuations is not None:
+            write_table(ahead.continuations(), args.continuations)
+        if args.occupancy is not None:
+            write_table(ahead.occupancy(args.step_s), args.occupancy)
+    if args.figure is not None:
+        with stage(f"drawing {args.figure}"):
+            write_figure(ahead.figure(), args.figure)
     print(ahead)
-    print(f"wrote {args.out}")
+    print(f"wrote {args.out}{f' and {args.figure}' if args.figure else ''}")

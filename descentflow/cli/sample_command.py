@@ -18,6 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-n", "--number", type=int, default=10_000, help="descents wanted (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same descents (default: 0)")
     parser.add_argument("--out", type=Path, required=True, help="output: .parquet, .csv or .nc (NetCDF)")
+    parser.add_argument(
+        "--figure",
+        type=Path,
+        metavar="FILE",
+        help="also draw CAS (kt), vertical rate (ft/min) and time (min) against flight level: .png or .svg",
+    )
     context_arguments.add_arguments(parser)
     position_arguments.add_arguments(parser)
     parser.add_argument(
@@ -35,14 +41,16 @@ def run(args: argparse.Namespace) -> None:
     """Sample, write, and say what was rejected."""
     from dataclasses import replace
 
-    from tqdm import tqdm
-
     from descentflow.core.files import check_output
+    from descentflow.core.progress import stage
     from descentflow.generation.sample import sample
+    from descentflow.reporting.figure_file import check_figure_file, write_figure
 
     check_output(args.out)
+    if args.figure is not None:
+        check_figure_file(args.figure)
     plan = position_arguments.plan_of(args)
-    with tqdm(total=args.number, desc="descents", delay=2) as bar:
+    with stage("drawing descents", args.number, "descents") as drawn:
         samples = sample(
             args.checkpoint,
             args.number,
@@ -50,8 +58,12 @@ def run(args: argparse.Namespace) -> None:
             context=context_arguments.context_of(args),
             draw_budget=args.draw_budget,
             compiled=args.compile,
-            progress=lambda n: bar.update(n) and None,
+            progress=drawn.advance,
         )
-    replace(samples, plan=plan).write(args.out)
+    with stage(f"writing {args.out}"):
+        replace(samples, plan=plan).write(args.out)
+    if args.figure is not None:
+        with stage(f"drawing {args.figure}"):
+            write_figure(samples.figure(title=f"{args.checkpoint.name}: {len(samples):,} samples"), args.figure)
     print(samples.report)
-    print(f"wrote {args.out}")
+    print(f"wrote {args.out}{f' and {args.figure}' if args.figure else ''}")

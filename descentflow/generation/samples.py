@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 import torch
@@ -18,6 +18,9 @@ from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
 from descentflow.positions.placing import Positions
 from descentflow.positions.wind_by_level import Wind
 from descentflow.representation.decoder.trajectories import Trajectories
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -150,6 +153,19 @@ class Samples:
             DataError: If the folder does not exist.
         """
         write_samples(self.trajectories, Path(path), self.context, self.positions)
+
+    def figure(self, *, title: str = "") -> "Figure":
+        """CAS, vertical rate and time left against flight level, see :func:`~.figures.sampled_profiles.samples_figure`.
+
+        Args:
+            title: Written above; the number of samples if absent.
+
+        Raises:
+            DataError: If there is no sample.
+        """
+        from descentflow.generation.figures.sampled_profiles import samples_figure
+
+        return samples_figure(self.trajectories, title=title)
 
     def __str__(self) -> str:
         """The account of the draws, the grid, and how long the descents take."""

@@ -12,6 +12,7 @@ from command_line_toys import QUICK, fit
 from pyproj import Geod
 from scipy.io import netcdf_file
 
+import descentflow as df
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli.entry import main
 from descentflow.densities.checkpoint import load_model
@@ -64,6 +65,54 @@ def test_samples_are_laid_over_the_ground(run: Path, tmp_path: Path, capsys) -> 
     route = ["--route", "52.5,3.0", "52.2,4.0", "52.3,4.76"]
     assert main([*words, *route, "--out", str(tmp_path / "route.csv")]) == 0
     assert pl.read_csv(tmp_path / "route.csv")["track"].n_unique() > 2
+
+
+def test_figures_of_samples_and_predictions(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
+    checkpoint = str(run / "checkpoints" / "best.ckpt")
+    png, svg, table = tmp_path / "samples.png", tmp_path / "ahead.svg", str(tmp_path / "table.parquet")
+    assert main(["sample", checkpoint, "-n", "50", "--out", table, "--figure", str(png)]) == 0
+    assert f"and {png}" in capsys.readouterr().out
+    assert png.read_bytes().startswith(b"\x89PNG")
+    ahead = ["predict-descent", checkpoint, str(descents), "--from-fl", "290", "-n", "60", "--out", table]
+    assert main([*ahead, "--figure", str(svg)]) == 0
+    assert "<svg" in svg.read_text()
+    assert main([*ahead, "--figure", str(tmp_path / "ahead.pdf")]) == 2
+    assert ".png or .svg" in capsys.readouterr().err
+
+
+def test_the_bands_of_a_figure_are_the_quantiles_of_the_table(run: Path) -> None:
+    samples = df.sample(run / "checkpoints" / "best.ckpt", 200, seed=4)
+    figure = samples.figure()
+    levels = samples.to_polars().filter(pl.len().over("level_fl") >= 20)
+    bottom = levels.filter(level_fl=150).select("sample_id", bottom_s="time_s")
+    levels = levels.join(bottom, on="sample_id").with_columns(left=(pl.col("bottom_s") - pl.col("time_s")) / 60)
+    for ax, column in zip(figure.axes, ("CAS", "vertical_rate", "left"), strict=True):
+        told = levels.group_by("level_fl").agg(
+            *(pl.col(column).quantile(q, "linear").alias(str(q)) for q in (0.05, 0.5, 0.95))
+        ).sort("level_fl")  # fmt: skip
+        (median,) = [line for line in ax.lines if line.get_label() == "median"]
+        np.testing.assert_allclose(median.get_xdata(), told["0.5"], rtol=1e-9, atol=1e-9)
+        np.testing.assert_array_equal(median.get_ydata(), told["level_fl"])
+        corners = ax.collections[0].get_paths()[0].vertices
+        low = [corners[corners[:, 1] == level, 0].min() for level in told["level_fl"]]
+        high = [corners[corners[:, 1] == level, 0].max() for level in told["level_fl"]]
+        np.testing.assert_allclose(low, told["0.05"], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(high, told["0.95"], rtol=1e-9, atol=1e-9)
+
+
+def test_a_figure_of_a_prediction_holds_what_was_flown(run: Path, descents: Path) -> None:
+    ahead = df.predict(run / "checkpoints" / "best.ckpt", descents, from_fl=290, n=60)
+    figure = ahead.figure()
+    flown = ahead.observed.subset([ahead.observed.flight_ids.index(ahead.flights[0].flight_id)])
+    lines = {line.get_label(): line for line in figure.axes[2].lines}
+    start = int(ahead.flights[0].trajectories.entry[0])
+    since_min = (flown.time_s[0] - flown.time_s[0, start]) / 60
+    seen = flown.mask[0, : start + 1]
+    np.testing.assert_allclose(
+        lines["flown, not used"].get_xdata()[seen.numpy()], since_min[: start + 1][seen], atol=1e-12
+    )
+    assert float(np.nanmax(lines["observed"].get_xdata())) == 0.0
+    assert figure._suptitle.get_text() == f"Predicted from FL290 (the first 4 of {len(ahead)} flights)"
 
 
 def test_netcdf_and_csv_hold_the_same_samples(run: Path, tmp_path: Path) -> None:

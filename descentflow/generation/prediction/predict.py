@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
@@ -27,6 +27,9 @@ from descentflow.positions.wind_by_level import Wind
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.encode_flights import EncodedFlights, encode_flights
 from descentflow.representation.profiles import Profiles
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,6 +146,12 @@ class Prediction:
             DataError: If the folder does not exist.
         """
         write_table(self._intervals, path)
+
+    def figure(self) -> "Figure":
+        """What is predicted and what was flown, see :func:`~..figures.predicted_profiles.prediction_figure`."""
+        from descentflow.generation.figures.predicted_profiles import prediction_figure
+
+        return prediction_figure(self.flights, self.observed, self.from_fl)
 
     def __str__(self) -> str:
         """Calibration, counts, the first reasons, and how often the intervals held the time observed."""

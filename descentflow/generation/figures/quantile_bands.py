@@ -1,0 +1,65 @@
+"""Profiles against flight level as quantile bands with single descents before them."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.reporting.figure_style import GREY, RED
+from descentflow.representation.decoder.trajectories import Trajectories
+
+FEWEST = 20
+"""Descents at a level from which it has a band: of fewer, a quantile of 5 % lies beyond all of them."""
+LINES = 30
+"""Single descents that are drawn: more of them hide the bands, fewer do not show how one goes."""
+OUTER, INNER = "#f6d9c6", "#e9a87c"
+"""5 to 95 %, and 25 to 75 %: also on paper without colour one is lighter than the other."""
+CAS, RATE = "CAS (kt)", "Vertical rate (ft/min)"
+Curves = Mapping[str, np.ndarray]
+"""Label of a quantity with its unit -> (n, L), NaN where a descent is not."""
+
+
+def curves_of(flown: Trajectories) -> dict[str, np.ndarray]:
+    """CAS, vertical rate, and seconds since each descent's entry, NaN above it.
+
+    Example:
+        >>> from descentflow.generation.sample import sample
+        >>> found = curves_of(sample("best.ckpt", 5, entry_fl=330).trajectories)
+        >>> list(found), found["CAS (kt)"].shape[0]
+        (['CAS (kt)', 'Vertical rate (ft/min)', 'time_s'], 5)
+    """
+    seen = flown.mask.cpu().numpy()
+    tensors = {CAS: flown.cas_mps / KT_MPS, RATE: flown.rate_mps / FPM_MPS, "time_s": flown.time_s}
+    return {name: np.where(seen, values.detach().cpu().double().numpy(), np.nan) for name, values in tensors.items()}
+
+
+def draw_bands(ax: Axes, levels_fl: np.ndarray, values: np.ndarray, *, seed: int = 0, lines: int = LINES) -> None:
+    """Bands of 5 to 95 % and 25 to 75 %, the median, and some of the descents.
+
+    Args:
+        ax: Panel whose vertical axis is the flight level.
+        levels_fl: (L,).
+        values: (n, L), NaN where a descent is not.
+        seed: Of the descents that are picked.
+        lines: How many are picked.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> ax = Figure().subplots()
+        >>> draw_bands(ax, np.array([150.0, 160.0]), np.random.default_rng(0).normal(280, 10, (50, 2)))
+        >>> ax.get_legend_handles_labels()[1]
+        ['5 to 95 % of samples', '25 to 75 %', 'single samples', 'median']
+    """
+    there = np.isfinite(values).sum(0) >= FEWEST
+    if there.any():
+        low, lower, middle, upper, high = np.nanquantile(values[:, there], [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
+        levels = levels_fl[there]
+        ax.fill_betweenx(levels, low, high, color=OUTER, linewidth=0, label="5 to 95 % of samples")
+        ax.fill_betweenx(levels, lower, upper, color=INNER, linewidth=0, label="25 to 75 %")
+    picked = np.random.default_rng(seed).permutation(len(values))[:lines]
+    for number, one in enumerate(picked):
+        label = "single samples" if number == 0 else None
+        ax.plot(values[one], levels_fl, color=GREY, linewidth=0.5, alpha=0.6, label=label)
+    if there.any():
+        ax.plot(middle, levels, color=RED, linestyle="--", linewidth=2.0, label="median")

@@ -1,0 +1,55 @@
+"""A figure as a file of its own: PNG, or SVG where the name ends in that."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from descentflow.core.errors import ConfigError
+from descentflow.core.files import check_output, whole_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ENDINGS = (".png", ".svg")
+DPI = 130
+"""Of PNG: text of 9 points is 16 pixels high, as on a page."""
+
+
+def check_figure_file(path: str | Path) -> None:
+    """Refuse a file that cannot be written, before the work.
+
+    Raises:
+        ConfigError: If its name ends in neither `.png` nor `.svg`.
+        DataError: If its folder does not exist, or it is a folder.
+
+    Example:
+        >>> check_figure_file("samples.pdf")
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: figure samples.pdf; expected a name that ends in .png or .svg; ...
+    """
+    if Path(path).suffix.lower() not in ENDINGS:
+        raise ConfigError(
+            f"figure {path}", expected=f"a name that ends in {' or '.join(ENDINGS)}", mend="choose another name"
+        )
+    check_output(path)
+
+
+def write_figure(figure: "Figure", path: str | Path) -> None:
+    """Write a figure, whole or not at all; the same figure gives the same file.
+
+    Raises:
+        ConfigError: As :func:`check_figure_file`.
+        DataError: As :func:`check_figure_file`.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> write_figure(Figure(), "empty.svg")
+        >>> Path("empty.svg").read_text()[:5]
+        '<?xml'
+    """
+    import matplotlib as mpl
+
+    check_figure_file(path)
+    kind = Path(path).suffix.lower()[1:]
+    metadata = {"Date": None} if kind == "svg" else {"Software": None}
+    with whole_file(path) as temporary, mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": "descentflow"}):
+        figure.savefig(temporary, format=kind, dpi=DPI, metadata=metadata)

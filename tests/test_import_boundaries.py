@@ -15,7 +15,7 @@ ONLY_IN = {
     "pyro": ("densities/mixture.py",),
     "normflows": ("densities/flow.py", "densities/layers.py"),
     "lightning": ("training/", "cli/trainer.py"),
-    "tensorboard": ("training/callbacks/",),
+    "tensorboard": ("training/callbacks/", "training/run_page/"),
     "rs1090": ("surveillance/formats/",),
     "pyasteryx": ("surveillance/formats/",),
 }

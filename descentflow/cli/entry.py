@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import Any
 
 from descentflow.core.errors import DescentflowError, DescentflowWarning
+from descentflow.core.progress import clear_line, display
 from descentflow.core.version import __version__
 
 COMMANDS = {
@@ -18,6 +19,7 @@ COMMANDS = {
     "validate": "log-likelihood of a checkpoint on its validation flights",
     "test": "scores of a checkpoint against held-out flights, with figures",
     "predict": "log-likelihood of each held-out flight (the smaller, the less usual the descent)",
+    "open": "a run's settings, curves and scores in one page",
     "info": "what a checkpoint holds: aircraft, levels, flights, context, score",
     "sample": "draw plausible descents from a checkpoint",
     "predict-descent": "the rest of a descent from its first part: time to each level, occupancy of levels",
@@ -27,6 +29,8 @@ COMMANDS = {
 }
 TRAINER = ("fit", "validate", "test", "predict")
 """Commands of the LightningCLI, which know every option of trainer, model and data."""
+QUIET = "--quiet"
+"""Option of every command: no progress on stderr."""
 
 OVERVIEW = f"""usage: descentflow COMMAND [options]
 
@@ -35,7 +39,7 @@ Learn realistic aircraft descents from surveillance data, sample them, and compa
 commands, in the order of the data's path:
 {chr(10).join(f"  {name:<16}{purpose}" for name, purpose in COMMANDS.items())}
 
-`descentflow COMMAND --help` explains one command. A first run without data of your own:
+`descentflow COMMAND --help` explains one command; --quiet hides its progress. A first run without data of your own:
   descentflow simulate --typecode A320 --flights 2000 --out rows.parquet
   descentflow prepare rows.parquet --out descents.parquet
   descentflow fit --model Gaussian --data.descents descents.parquet
@@ -64,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"descentflow: no command {name!r}; there are {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
     try:
-        with _warnings_in_a_line(name):
+        with _warnings_in_a_line(name), display(f"descentflow {name}", quiet=QUIET in rest):
             return _run(name, rest)
     except DescentflowError as error:
         print(f"descentflow {name}: {error}", file=sys.stderr)
@@ -77,6 +81,7 @@ def _warnings_in_a_line(name: str) -> Iterator[None]:
     usual = warnings.formatwarning
 
     def shown(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> str:
+        clear_line()
         ours = issubclass(category, DescentflowWarning)
         return f"descentflow {name}: warning: {message}\n" if ours else usual(message, category, *place, **more)
 
@@ -93,12 +98,14 @@ def _run(name: str, rest: list[str]) -> int:
         if rest in (["-h"], ["--help"]):
             print(trainer_help.text(name), end="")
             return 0
-        import_module("descentflow.cli.trainer_words").check_words(name, rest)
-        import_module("descentflow.cli.trainer").run(name, rest)
+        words = [word for word in rest if word != QUIET]
+        import_module("descentflow.cli.trainer_words").check_words(name, words)
+        import_module("descentflow.cli.trainer").run(name, words)
         return 0
     module = import_module(f"descentflow.cli.{name.replace('-', '_')}_command")
     parser = argparse.ArgumentParser(prog=f"descentflow {name}")
     module.add_arguments(parser)
+    parser.add_argument(QUIET, action="store_true", help="show no progress; it goes to stderr, after two seconds")
     module.run(parser.parse_args(rest))
     return 0
 

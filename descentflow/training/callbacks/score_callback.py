@@ -8,8 +8,11 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.utilities import rank_zero_info, rank_zero_warn
 
 from descentflow.core.errors import SamplingError
+from descentflow.core.progress import stage
 from descentflow.evaluation.evaluate import N_SPLITS, evaluate_profiles
 from descentflow.evaluation.evaluation_report import Evaluation
+from descentflow.evaluation.metrics.scores import n_comparisons
+from descentflow.training.callbacks.score_charts import score_charts
 from descentflow.training.models.latent_model import LatentModel
 
 FEW_SPLITS = 20
@@ -19,8 +22,8 @@ FEW_SPLITS = 20
 class ScoreCallback(Callback):
     """Sample, score and draw: every k epochs of `fit` on validation flights, and in `test` on test flights.
 
-    Logged to TensorBoard: acceptance, rejections by rule, every score with its floor, and the figures. `test` also
-    writes `scores.csv`, `rejections.json` and the figures into the run's folder.
+    Logged to TensorBoard: acceptance, rejections by rule, every score with its floor in one chart, and the figures.
+    `test` also writes `scores.csv`, `rejections.json` and the figures into the run's folder.
 
     Example:
         >>> from descentflow.training.datamodule import DescentDataModule
@@ -50,6 +53,7 @@ class ScoreCallback(Callback):
         """
         self.every_n_epochs, self.n_samples, self.n_test_samples = every_n_epochs, n_samples, n_test_samples
         self.seed = seed
+        self._charted: set[str] = set()
 
     def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Score against the validation flights, in the epochs that are due."""
@@ -71,7 +75,8 @@ class ScoreCallback(Callback):
         found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, n_splits=N_SPLITS, costly=True)
         self._log(trainer, found, "test")
         folder = Path(trainer.log_dir or trainer.default_root_dir)
-        found.write(folder)
+        with stage("drawing figures and writing"):
+            found.write(folder)
         rank_zero_info(f"{found.rejections}\n{found.scores}\nwrote {folder / 'scores.csv'} and figures")
 
     def _due(self, trainer: Trainer) -> bool:
@@ -86,17 +91,20 @@ class ScoreCallback(Callback):
         real = trainer.datamodule.profiles(part)  # type: ignore[attr-defined]
         context = trainer.datamodule.contexts(part)  # type: ignore[attr-defined]
         name, parts = type(module).__name__, module.representation
-        return evaluate_profiles(
-            module.density,
-            parts,
-            real,
-            context=context,
-            n=n,
-            seed=self.seed,
-            name=name,
-            n_splits=n_splits,
-            costly=costly,
-        )
+        with stage("scoring samples") as shown:
+            return evaluate_profiles(
+                module.density,
+                parts,
+                real,
+                context=context,
+                n=n,
+                seed=self.seed,
+                name=name,
+                n_splits=n_splits,
+                costly=costly,
+                progress=shown.part("drawing descents", n, "descents"),
+                score_progress=shown.part("scoring samples", n_comparisons(n_splits), "comparisons"),
+            )
 
     def _log(self, trainer: Trainer, found: Evaluation, stage: str) -> None:
         values = {f"{stage}/score/{name}": value for name, value in found.scores.scalars().items()}
@@ -106,5 +114,13 @@ class ScoreCallback(Callback):
         for logger in trainer.loggers:
             logger.log_metrics(values, step=trainer.global_step)
             if isinstance(logger, TensorBoardLogger):
-                for name, figure in found.figures().items():
-                    logger.experiment.add_figure(f"{stage}/{name}", figure, trainer.global_step)
+                self._show(logger, found, stage, trainer.global_step)
+
+    def _show(self, logger: TensorBoardLogger, found: Evaluation, kind: str, step: int) -> None:
+        """Charts of scores beside floors, once, and the figures."""
+        if kind not in self._charted:
+            logger.experiment.add_custom_scalars(score_charts(kind, found.scores))
+            self._charted.add(kind)
+        with stage("drawing figures"):
+            for name, figure in found.figures().items():
+                logger.experiment.add_figure(f"{kind}/{name}", figure, step)

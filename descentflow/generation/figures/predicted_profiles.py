@@ -42,7 +42,7 @@ def prediction_figure(
         >>> from descentflow.generation.prediction.predict import predict
         >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=60)
         >>> figure = prediction_figure(ahead.flights, ahead.observed, ahead.from_fl)
-        >>> len(figure.axes), figure.axes[0].get_xlabel()
+        >>> len(figure.axes), figure.axes[-3].get_xlabel()
         (12, 'CAS (kt)')
     """
     if not predictions:

@@ -1,1 +1,1 @@
-"""Pictures of what was generated: samples (:mod:`.sampled_profiles`) and predictions (:mod:`.predicted_profiles`)."""
+"""Pictures of samples: bands of quantiles (:mod:`.quantile_bands`), and a page of panels (:mod:`.sampled_profiles`)."""

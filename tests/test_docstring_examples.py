@@ -15,6 +15,7 @@ NEEDS = {
     f"descentflow.simulation.jsbsim_world.{name}": "jsbsim"
     for name in ("fly_models", "model_aircraft", "model_files", "model_flight")
 } | {
+    "descentflow.exports.onnx_export": "onnxscript",
     "descentflow.surveillance.formats.asterix": "pyasteryx",
     "descentflow.surveillance.formats.mode_s_frames": "rs1090",
 }

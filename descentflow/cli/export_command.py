@@ -27,6 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="seconds from one flight's arrival to the next one's (default: 120)",
     )
+    parser.add_argument(
+        "--precision",
+        choices=("float64", "float32"),
+        default="float64",
+        help="of the inputs and outputs of a sampler: onnx and torch (default: float64)",
+    )
     parser.add_argument("--draw-budget", type=int, help="most draws before giving up (default: 100 for each sample)")
     context_arguments.add_arguments(parser)
     position_arguments.add_arguments(parser)
@@ -54,6 +60,8 @@ def run(args: argparse.Namespace) -> None:
             every_s=args.every,
             draw_budget=args.draw_budget,
             progress=drawn.advance,
+            precision=args.precision,
+            report=print,
         )
     for path in written:
         print(f"wrote {path}")

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import Literal
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output
@@ -32,6 +33,8 @@ def export(
     every_s: float = 120.0,
     draw_budget: int | None = None,
     progress: Callable[[int], None] | None = None,
+    precision: Literal["float64", "float32"] = "float64",
+    report: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write a model's samples, or the model, in the format of another program.
 
@@ -51,6 +54,8 @@ def export(
         every_s: Seconds from one flight's arrival to the next one's.
         draw_budget: Most draws.
         progress: Progress callback: called with the number of descents newly accepted.
+        precision: Of the inputs and outputs of a sampler that is exported itself (``torch``, ``onnx``).
+        report: Called with a line on size and speed for each sampler that was exported itself.
 
     Returns:
         The files that were written.
@@ -72,6 +77,7 @@ def export(
             f"{n} samples, {every_s:g} s apart", expected="at least one, 0 s or more", mend="pass for instance 120 s"
         )
     density = as_density(model)
-    request = ExportRequest(density, check_output(path), n, seed, context, plan, every_s, draw_budget, progress)
+    output = check_output(path)
+    request = ExportRequest(density, output, n, seed, context, plan, every_s, draw_budget, progress, precision, report)
     target.check(to, request)
     return target.writer(to)(request)

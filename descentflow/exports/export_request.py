@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import polars as pl
 
@@ -31,6 +32,8 @@ class ExportRequest:
         every_s: Seconds from one flight's arrival to the next one's.
         draw_budget: Most draws.
         progress: Called with the number of descents newly accepted.
+        precision: Of the inputs and outputs of a sampler that is exported itself.
+        report: Called with a line of figures on what was written, where a target has some.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -48,6 +51,8 @@ class ExportRequest:
     every_s: float = 120.0
     draw_budget: int | None = None
     progress: Callable[[int], None] | None = None
+    precision: Literal["float64", "float32"] = "float64"
+    report: Callable[[str], None] | None = None
 
     @cached_property
     def samples(self) -> Samples:

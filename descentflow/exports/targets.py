@@ -78,6 +78,8 @@ TARGETS = {
     "bluesky": Target("a scenario for BlueSky (.scn), or a plugin that flies samples (.py)", (".scn", ".py")),
     "bluebird": Target("tables for bluebird-dt (.json), or a predictor that flies samples (.py)", (".json", ".py")),
     "wrap": Target("OpenAP's WRAP file of the type, its descents those of the samples", (".txt",)),
+    "onnx": Target("the sampler itself, for onnxruntime in any language: random numbers in, descents out", (".onnx",)),
+    "torch": Target("the same as a program of torch.export, which runs without descentflow", (".pt2",)),
     "safetensors": Target("the model itself, as weights and a JSON header, with a model card", (".safetensors",)),
 }
 """Every target by its name."""

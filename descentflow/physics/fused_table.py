@@ -90,6 +90,35 @@ def level_table(
     return LevelTable(*(column.to(altitude_m).expand(altitude_m.shape).contiguous() for column in columns))
 
 
+def level_rate(table: LevelTable, drag_n: Tensor, cas_mps: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Mach, true airspeed, rate and slowness as :func:`fused_rate` has them, without in-place steps, to be traced.
+
+    Args:
+        table: Constants of the L levels.
+        drag_n: (n, L).
+        cas_mps: (n, L).
+
+    Returns:
+        Each (n, L); slowness in s/m, negative in descent.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> table = level_table(open_aircraft("A320"), torch.tensor([6000.0, 6100.0]))
+        >>> mach, tas_mps, rate_mps, slowness = level_rate(table, torch.full((1, 2), 40e3), torch.full((1, 2), 150.0))
+        >>> bool((rate_mps < 0).all())  # it descends
+        True
+    """
+    x = HALF / CAS_SCALE_MPS**2 * cas_mps * cas_mps + 1.0
+    r = table.pressure_rest + table.pressure_ratio * (x * x * x * torch.sqrt(x))
+    y = r**INVERSE_EXPONENT
+    root = torch.sqrt(y - 1.0)
+    inverse_share = 1.0 + table.compression * (y - y / r) + table.lapse * (y - 1.0)
+    tas = root * table.mach_scale
+    power = table.thrust_power_w + (table.thrust_n - drag_n) * tas
+    rate = power * table.power_scale / inverse_share
+    return root * (1 / sqrt(HALF)), tas, rate, 1.0 / rate
+
+
 def fused_rate(table: LevelTable, drag_n: Tensor, cas_mps: Tensor, out: tuple[Tensor, ...]) -> None:
     """Mach, true airspeed, rate and its reciprocal of profiles (n, L), in place (manual 3.1-23, 3.2-7 to 3.2-11).
 

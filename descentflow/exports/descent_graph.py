@@ -1,0 +1,167 @@
+"""The sampler and its decoder as modules that can be traced: numbers in, descents in the units of the tables out."""
+
+from typing import Literal
+
+import torch
+from torch import Tensor, nn
+
+from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
+from descentflow.densities.density import Density
+from descentflow.exports.exact_constants import ExactConstants
+from descentflow.exports.weight_draws import MixtureDraw, weight_draw
+from descentflow.representation.decoder.graph_decoder import GraphDecoder
+from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.plausibility import RULES, Plausibility
+from descentflow.representation.representation import Representation
+
+Precision = Literal["float64", "float32"]
+PRECISIONS: dict[str, torch.dtype] = {"float64": torch.float64, "float32": torch.float32}
+"""Of inputs and outputs; the decoder's own arithmetic is float64 in both."""
+OFF_GRID = "entry_off_grid"
+ALL_RULES = (*RULES, OFF_GRID)
+"""Why a draw is not accepted: the sampler's own rules, and an entry level that the model does not have."""
+PROFILES = ("time_s", "CAS", "Mach", "TAS", "vertical_rate", "drag_n", "distance_nm")
+"""Outputs (n, L) with the names and units of the tables of samples."""
+
+
+class DescentGraph(nn.Module):
+    """Weights in, descents out, with whether each is plausible.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> graph = DescentGraph(model.representation, "float32")
+        >>> out = graph(model.sample(3, seed=0).float(), torch.full((3,), 330.0), torch.zeros(3, graph.n_residual))
+        >>> out["time_s"].dtype, out["accepted"].shape, bool(out["time_s"][:, -1].isnan().all())  # above FL330
+        (torch.float32, torch.Size([3]), True)
+    """
+
+    def __init__(self, representation: Representation, precision: Precision = "float64") -> None:
+        """Take decoder and bounds of a model.
+
+        Raises:
+            ConfigError: If the decoder cannot be exported.
+        """
+        super().__init__()
+        self.dtype = PRECISIONS[precision]
+        self.decoder = GraphDecoder(representation.decoder)
+        self.plausibility = Plausibility.from_state(representation.plausibility.to_state())
+
+    @property
+    def n_residual(self) -> int:
+        """Standard normals r that a descent takes for the drag beyond the components; may be zero."""
+        return 0 if self.decoder.residual is None else len(self.decoder.residual)
+
+    def entry(self, entry_fl: Tensor) -> Tensor:
+        """Indices (n,) of the levels nearest to flight levels (n,)."""
+        return (entry_fl.double()[:, None] - self.decoder.levels_fl).abs().argmin(1)
+
+    def forward(self, weights: Tensor, entry_fl: Tensor, residual_noise: Tensor | None = None) -> dict[str, Tensor]:
+        """Fly weights (n, d) from flight levels (n,), with standard normals (n, r) for the drag beyond the components.
+
+        Returns:
+            ``level_fl`` (L,) ascending; :data:`PROFILES` (n, L), NaN above the entry level; ``accepted`` (n,);
+            ``broken`` (n, rules) which of :data:`ALL_RULES` each breaks.
+        """
+        with ExactConstants():
+            return self._outputs(self.decoder(weights, self.entry(entry_fl), residual_noise), entry_fl)
+
+    def _outputs(self, flown: Trajectories, entry_fl: Tensor) -> dict[str, Tensor]:
+        levels_fl = self.decoder.levels_fl
+        off_grid = (entry_fl.double() < levels_fl[0]) | (entry_fl.double() > levels_fl[-1]) | entry_fl.isnan()
+        broken = torch.cat([self.plausibility.broken_rules(flown), off_grid[:, None]], 1)
+        values = (
+            flown.time_s,
+            flown.cas_mps / KT_MPS,
+            flown.mach,
+            flown.tas_mps / KT_MPS,
+            flown.rate_mps / FPM_MPS,
+            flown.drag_n,
+            _still_air_m(flown) / NM_M,
+        )
+        mask = flown.mask
+        profiles = {
+            name: torch.where(mask, value, torch.nan).to(self.dtype)
+            for name, value in zip(PROFILES, values, strict=True)
+        }
+        return {"level_fl": levels_fl.to(self.dtype).clone(), **profiles, "accepted": ~broken.any(1), "broken": broken}
+
+
+def _still_air_m(flown: Trajectories) -> Tensor:
+    """Distance (n, L) flown since the entry, as :func:`descentflow.positions.placing.place` has it without a wind."""
+    speed = (flown.tas_mps.square() - flown.rate_mps.square()).clamp(min=0.0).sqrt()
+    legs = torch.where(flown.mask[:, 1:], flown.time_s[:, :-1] - flown.time_s[:, 1:], 0.0)
+    to_go = nn.functional.pad((0.5 * (speed[:, 1:] + speed[:, :-1]) * legs).cumsum(1), (1, 0))
+    return to_go.gather(1, flown.entry[:, None]) - to_go
+
+
+class SamplerGraph(nn.Module):
+    """Standard normals in, descents out: the density, then :class:`DescentGraph`.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> sampler = SamplerGraph(load_model("best.ckpt"))
+        >>> inputs = sampler.example_inputs(100)
+        >>> {name: tuple(value.shape) for name, value in inputs.items()}
+        {'noise': (100, 4), 'entry_fl': (100,), 'residual_noise': (100, ...)}
+        >>> bool(sampler(**inputs)["accepted"].float().mean() > 0.5)
+        True
+    """
+
+    def __init__(self, density: Density, precision: Precision = "float64") -> None:
+        """Take a density with its representation.
+
+        Raises:
+            ConfigError: If density or decoder cannot be exported.
+        """
+        super().__init__()
+        self.dimension, self.n_context = density.dimension, density.n_context
+        self.draw = weight_draw(density, PRECISIONS[precision])
+        self.descents = DescentGraph(density.representation, precision)
+
+    @property
+    def picks(self) -> bool:
+        """Whether a uniform number picks each descent's component."""
+        return isinstance(self.draw, MixtureDraw) and self.draw.n_components > 1
+
+    def forward(
+        self,
+        noise: Tensor,
+        entry_fl: Tensor,
+        residual_noise: Tensor | None = None,
+        uniform: Tensor | None = None,
+        context: Tensor | None = None,
+    ) -> dict[str, Tensor]:
+        """Draw and fly n descents.
+
+        Args:
+            noise: (n, d) standard normals.
+            entry_fl: (n,) flight levels where they start.
+            residual_noise: (n, r) standard normals for the drag beyond the components.
+            uniform: (n,) uniform numbers in [0, 1) that pick components of a mixture.
+            context: (n, c) encoded contexts of a conditional density.
+
+        Returns:
+            As :class:`DescentGraph`, with the ``weights`` (n, d).
+        """
+        with ExactConstants():
+            weights = self.draw(noise, self.descents.entry(entry_fl), uniform, context)
+        found: dict[str, Tensor] = self.descents(weights, entry_fl, residual_noise)
+        return {**found, "weights": weights.to(self.descents.dtype)}
+
+    def example_inputs(self, n: int, seed: int = 0) -> dict[str, Tensor]:
+        """What :meth:`forward` takes, for n descents that start as the training flights did (contexts are zero)."""
+        generator, dtype = torch.Generator().manual_seed(seed), self.descents.dtype
+        bounds, levels_fl = self.descents.plausibility, self.descents.decoder.levels_fl
+
+        def normal(width: int) -> Tensor:
+            return torch.randn(n, width, generator=generator, dtype=torch.float64).to(dtype)
+
+        inputs = {"noise": normal(self.dimension), "entry_fl": levels_fl[bounds.draw_entry(n, generator)].to(dtype)}
+        if self.descents.n_residual:
+            inputs["residual_noise"] = normal(self.descents.n_residual)
+        if self.picks:
+            inputs["uniform"] = torch.rand(n, generator=generator, dtype=torch.float64).to(dtype)
+        if self.n_context:
+            inputs["context"] = torch.zeros(n, self.n_context, dtype=dtype)
+        return inputs

@@ -1,0 +1,148 @@
+"""What a user of an exported sampler has to know: inputs, outputs, units, bounds, and how entry levels are drawn."""
+
+from dataclasses import asdict
+from typing import Any
+
+from torch import Tensor
+
+from descentflow.core.version import __version__
+from descentflow.densities.density import Density
+from descentflow.exports.columns import COLUMNS
+from descentflow.exports.descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
+from descentflow.exports.weight_draws import MixtureDraw
+from descentflow.representation.context import Column
+
+FORMAT = "descentflow-sampler"
+VERSION = 1
+INPUTS = {
+    "noise": "independent standard normals, from which the weights are made",
+    "weights": "standardised weights of drag, then of CAS",
+    "entry_fl": "flight level where the descent starts; the nearest level of the grid is taken",
+    "residual_noise": "independent standard normals, for the drag beyond the components; zeros for none",
+    "uniform": "a uniform number in [0, 1), which picks the component of the mixture",
+    "context": "the numbers that stand for the flight's context, see `context`",
+}
+"""Meaning of each input."""
+BOUNDS = {
+    "drag_n": ("drag_low", "drag_high"),
+    "cas_mps": ("cas_low", "cas_high"),
+    "slowest_rate_mps": ("slowest_rate_mps",),
+    "fastest_change_mps2": ("fastest_change_mps2",),
+    "largest_step_n": ("largest_step_n",),
+}
+"""Bound of the description -> buffers of :class:`~descentflow.representation.plausibility.Plausibility`."""
+
+
+def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> dict[str, Any]:
+    """The description of a sampler and its decoder, as primitives for a JSON document.
+
+    Args:
+        density: The model.
+        sampler: What is exported of it.
+        precision: Of inputs and outputs.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> made = describe(model, SamplerGraph(model), "float64")
+        >>> made["inputs"]["sampler"]["noise"]["shape"], made["outputs"]["CAS"]["unit"], made["redraw"]
+        (['n', 4], 'knot', 'everything')
+    """
+    parts = density.representation
+    levels_fl = parts.decoder.levels_fl
+    counts = parts.plausibility.entry_counts.cpu().double()
+    gated = isinstance(sampler.draw, MixtureDraw) and sampler.draw.edges is not None
+    described: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "made_by": f"descentflow {__version__}",
+        "typecode": parts.decoder.aircraft.typecode,
+        "density": type(density).__name__,
+        "precision": precision,
+        "levels_fl": _numbers(levels_fl),
+        "inputs": {
+            "sampler": _inputs(sampler.example_inputs(1), precision),
+            "decoder": _inputs(decoder_inputs(sampler, 1), precision),
+        },
+        "outputs": _outputs(sampler, precision),
+        "rules": list(ALL_RULES),
+        "bounds": {
+            name: [_numbers(getattr(parts.plausibility, buffer)) for buffer in buffers]
+            if len(buffers) > 1
+            else _numbers(getattr(parts.plausibility, buffers[0]))
+            for name, buffers in BOUNDS.items()
+        },
+        "entry_share": _numbers(counts / counts.sum()),
+        "redraw": "noise, with the same entry_fl and uniform" if gated else "everything",
+    }
+    if parts.context is not None:
+        described["context"] = [_context(column) for column in parts.context.columns]
+    return described
+
+
+def decoder_inputs(sampler: SamplerGraph, n: int) -> dict[str, Tensor]:
+    """What the decoder takes for the descents of :meth:`SamplerGraph.example_inputs`, weights in place of noise.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> list(decoder_inputs(SamplerGraph(load_model("best.ckpt")), 3))
+        ['weights', 'entry_fl', 'residual_noise']
+    """
+    inputs = sampler.example_inputs(n)
+    weights = sampler(**inputs)["weights"].detach()
+    return {"weights": weights, **{name: inputs[name] for name in ("entry_fl", "residual_noise") if name in inputs}}
+
+
+def _inputs(example: dict[str, Tensor], precision: Precision) -> dict[str, Any]:
+    return {
+        name: {"shape": ["n", *value.shape[1:]], "type": precision, "meaning": INPUTS[name]}
+        for name, value in example.items()
+    }
+
+
+def _outputs(sampler: SamplerGraph, precision: Precision) -> dict[str, Any]:
+    n_levels = len(sampler.descents.decoder.levels_fl)
+    profiles = {
+        name: {
+            "shape": ["n", n_levels],
+            "type": precision,
+            "unit": COLUMNS[name].unit,
+            "meaning": f"{COLUMNS[name].meaning}; NaN above the entry level",
+        }
+        for name in PROFILES
+    }
+    level = COLUMNS["level_fl"]
+    return {
+        "level_fl": {
+            "shape": [n_levels],
+            "type": precision,
+            "unit": level.unit,
+            "meaning": "flight levels, ascending",
+        },
+        **profiles,
+        "accepted": {"shape": ["n"], "type": "bool", "meaning": "whether the draw keeps every rule; drop it if not"},
+        "broken": {"shape": ["n", len(ALL_RULES)], "type": "bool", "meaning": "which of `rules` the draw breaks"},
+        "weights": {
+            "shape": ["n", sampler.dimension],
+            "type": precision,
+            "meaning": "standardised weights; an output of the sampler alone",
+        },
+    }
+
+
+def _context(column: Column) -> dict[str, Any]:
+    """A column of the context: how its value becomes numbers, in the order in which the input has them."""
+    how = {
+        "number": "(value - mean) / scale",
+        "hour": "sin and cos of 2 pi value / 24",
+        "category": "one 0/1 number for each of `values` but the first",
+    }[column.kind]
+    return {**asdict(column), "values": list(column.values), "becomes": how}
+
+
+def _numbers(values: Tensor) -> Any:
+    """As lists of numbers; infinite bounds, which no draw breaks, as None: JSON has no infinity."""
+    plain = values.detach().cpu().double().tolist()
+    listed = plain if isinstance(plain, list) else [plain]
+    kept = [value if abs(value) != float("inf") else None for value in listed]
+    return kept if isinstance(plain, list) else kept[0]

@@ -1,0 +1,110 @@
+"""The sampler and its decoder for onnxruntime (``.onnx``, opset 18), in Python, C++, JavaScript, C# or Java."""
+
+import json
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.export import ExportedProgram
+
+from descentflow.core.files import whole_file
+from descentflow.core.tabular import optional_library
+from descentflow.exports.descent_graph import SamplerGraph
+from descentflow.exports.export_request import ExportRequest
+from descentflow.exports.graph_description import decoder_inputs, describe
+from descentflow.exports.graph_figures import figures
+from descentflow.exports.torch_export import decoder_path
+from descentflow.exports.traced import TRACED_WITH, quiet_tracing, trace
+
+OPSET = 18
+"""Version of the operators: what onnxruntime 1.14 and later run."""
+DESCRIPTION = "descentflow"
+"""Name of the description in a model's metadata."""
+
+
+def write(request: ExportRequest) -> list[Path]:
+    """Write ``NAME.onnx``, its decoder ``NAME_decoder.onnx``, ``NAME.json`` and ``NAME.mjs``, which draws by them.
+
+    Raises:
+        ConfigError: If the density or the decoder cannot be exported, or a library of the extra is missing.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> paths = write(ExportRequest(load_model("best.ckpt"), Path("a320.onnx"), precision="float32"))
+        >>> [path.name for path in paths]
+        ['a320.onnx', 'a320_decoder.onnx', 'a320.json', 'a320.mjs']
+    """
+    for library in ("onnx", "onnxscript"):
+        optional_library(library, "onnx")
+    runtime = None if request.report is None else optional_library("onnxruntime", "onnx")
+    sampler = SamplerGraph(request.density, request.precision).eval()
+    described = describe(request.density, sampler, request.precision)
+    models = {
+        request.path: _converted(sampler, sampler.example_inputs(TRACED_WITH), described),
+        decoder_path(request.path): _converted(sampler.descents, decoder_inputs(sampler, TRACED_WITH), described),
+    }
+    javascript = resources.files("descentflow.exports").joinpath("templates/descents.mjs").read_bytes()
+    contents = {
+        **models,
+        request.path.with_suffix(".json"): (json.dumps(described, indent=1) + "\n").encode(),
+        request.path.with_suffix(".mjs"): javascript,
+    }
+    for path, content in contents.items():
+        with whole_file(path) as temporary:
+            temporary.write_bytes(content)
+    if request.report is not None:
+        request.report(_figures(sampler, runtime, request.path))
+    return list(contents)
+
+
+def to_onnx(program: ExportedProgram, names: tuple[list[str], list[str]], described: dict[str, Any]) -> bytes:
+    """A traced module as a serialised model with named inputs and outputs.
+
+    Args:
+        program: From :func:`~descentflow.exports.traced.trace`.
+        names: Of its inputs and of its outputs.
+        described: Kept in the model's metadata.
+
+    Example:
+        >>> class Twice(nn.Module):
+        ...     def forward(self, noise):
+        ...         return {"twice": 2 * noise}
+        >>> program = trace(Twice(), {"noise": torch.zeros(TRACED_WITH, 3)})
+        >>> len(to_onnx(program, (["noise"], ["twice"]), {})) < 1000
+        True
+    """
+    with quiet_tracing():
+        made = torch.onnx.export(
+            program, opset_version=OPSET, dynamo=True, verbose=False, input_names=names[0], output_names=names[1]
+        )
+    assert made is not None
+    graph = made.model.graph
+    parts: list[Any] = [made.model, graph, *graph.all_nodes(), *graph.inputs, *graph.outputs]
+    # What the converter notes of each part: how torch called it, and lines of source files on this machine.
+    for part in (*parts, *graph.initializers.values()):
+        part.metadata_props.clear()
+    made.model.metadata_props[DESCRIPTION] = json.dumps(described)
+    serialised: bytes = made.model_proto.SerializeToString()
+    return serialised
+
+
+def _converted(module: nn.Module, inputs: dict[str, Tensor], described: dict[str, Any]) -> bytes:
+    with torch.no_grad():
+        outputs = list(module(**inputs))
+    return to_onnx(trace(module, inputs), (list(inputs), outputs), described)
+
+
+def _figures(sampler: SamplerGraph, runtime: Any, path: Path) -> str:
+    options = runtime.SessionOptions()
+    options.intra_op_num_threads = torch.get_num_threads()
+    session = runtime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+    names = [output.name for output in session.get_outputs()]
+
+    def run(inputs: dict[str, Tensor]) -> dict[str, Tensor]:
+        found = session.run(None, {name: value.numpy() for name, value in inputs.items()})
+        return {name: torch.from_numpy(value) for name, value in zip(names, found, strict=True)}
+
+    threads = options.intra_op_num_threads
+    return figures(sampler, run, path, f"onnxruntime {runtime.__version__}, {threads} thread{'s' * (threads > 1)}")

@@ -1,0 +1,116 @@
+"""The decoder as one expression of its inputs, without in-place steps or numbers read out of tensors: for export."""
+
+import torch
+from torch import Tensor, nn
+
+from descentflow.core.errors import ConfigError
+from descentflow.physics.fused_table import LevelTable, level_rate
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.decoder.flight_grid import FlightGrid
+from descentflow.representation.decoder.trajectories import Trajectories
+
+TABLE = tuple(LevelTable.__dataclass_fields__)
+
+
+class GraphDecoder(nn.Module):
+    """Weights to descents, as :class:`~.descent_decoder.DescentDecoder` does, to rounding.
+
+    Drag and CAS are linear in the weights, so one product gives them at the L levels and at the b sides of the jumps;
+    the time between two levels is linear in the slowness at these places. All of it is in float64.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> decoder, weights = (model := load_model("best.ckpt")).representation.decoder, model.sample(5, seed=0)
+        >>> entry = torch.full((5,), len(decoder.levels_fl) - 1)
+        >>> torch.allclose(GraphDecoder(decoder)(weights, entry).time_s, decoder(weights).time_s, rtol=0, atol=1e-9)
+        True
+    """
+
+    levels_fl: Tensor
+    drag_mean: Tensor
+    drag_loadings: Tensor
+    cas_mean: Tensor
+    cas_loadings: Tensor
+    at_lower: Tensor
+    at_upper: Tensor
+    residual: Tensor | None
+    at_sides: Tensor | None
+
+    def __init__(self, decoder: DescentDecoder) -> None:
+        """Take a fitted decoder apart.
+
+        Raises:
+            ConfigError: If it has a correction, or coefficients that are tensors.
+        """
+        super().__init__()
+        if decoder.correction is not None:
+            raise ConfigError(
+                "a corrected model, whose effects are drawn flight by flight",
+                expected="a model without a correction",
+                mend="export the model that was corrected, or samples of this one (--to json)",
+            )
+        grid = decoder.grid(decoder.levels_fl)
+        if grid is None:
+            raise ConfigError(
+                "coefficients that are tensors", expected="one number each", mend="replace them by their values"
+            )
+        self.register_buffer("levels_fl", decoder.levels_fl.clone())
+        self._keep_curves(decoder, grid)
+        self._keep_quadrature(grid)
+        for name in TABLE:
+            parts = [getattr(table, name) for table in (grid.levels, grid.sides)]
+            self.register_buffer(f"table_{name}", torch.cat(parts))
+
+    def _keep_curves(self, decoder: DescentDecoder, grid: FlightGrid) -> None:
+        """What one weight adds to drag and CAS, at the levels and then at the sides."""
+
+        def everywhere(curves: Tensor) -> Tensor:
+            return torch.cat([curves, grid.breaks.continued(curves)], -1)
+
+        zero = torch.zeros_like(decoder.weight_mean)[None]
+        n_drag, scale = decoder.drag_basis.n_components, decoder.weight_scale[:, None]
+        drag_mean, cas_mean = decoder.curves(zero)
+        loadings = (decoder.drag_basis.components * scale[:n_drag], decoder.cas_basis.components * scale[n_drag:])
+        self.register_buffer("drag_mean", everywhere(drag_mean)[0])
+        self.register_buffer("cas_mean", everywhere(cas_mean)[0])
+        self.register_buffer("drag_loadings", everywhere(loadings[0]))
+        self.register_buffer("cas_loadings", everywhere(loadings[1]))
+        # Absent and not empty where there is none: empty tensors cannot be saved with a program.
+        self.register_buffer("residual", everywhere(decoder.residual) if len(decoder.residual) else None)
+
+    def _keep_quadrature(self, grid: FlightGrid) -> None:
+        """Metres by which the slowness at the lower level, the upper level and the sides enters each cell's time."""
+        breaks = grid.breaks
+        lower, upper = grid.half_step_m.clone(), grid.half_step_m.clone()
+        sides = lower.new_zeros(len(breaks.base), len(lower))
+        for place, (cell, below, above) in enumerate(breaks.cells):
+            lower[cell], upper[cell] = below, above
+            sides[:, cell] = breaks.inner[:, place]
+        self.register_buffer("at_lower", lower)
+        self.register_buffer("at_upper", upper)
+        self.register_buffer("at_sides", sides if len(sides) else None)
+
+    def forward(self, weights: Tensor, entry: Tensor, residual_noise: Tensor | None = None) -> Trajectories:
+        """Fly weights (n, d) from entry levels (n,), indices of the grid, in float64.
+
+        Args:
+            weights: (n, d) standardised weights.
+            entry: (n,) indices.
+            residual_noise: (n, r) standard normals for the drag beyond the components; without them there is none.
+        """
+        n_levels = len(self.levels_fl)
+        double, n_drag = weights.double(), len(self.drag_loadings)
+        drag_n = self.drag_mean + double[:, :n_drag] @ self.drag_loadings
+        if residual_noise is not None and self.residual is not None:
+            drag_n = drag_n + residual_noise.double() @ self.residual
+        cas_mps = self.cas_mean + double[:, n_drag:] @ self.cas_loadings
+        table = LevelTable(*(getattr(self, f"table_{name}") for name in TABLE))
+        mach, tas_mps, rate_mps, slowness = level_rate(table, drag_n, cas_mps)
+        legs = slowness[:, : n_levels - 1] * self.at_lower + slowness[:, 1:n_levels] * self.at_upper
+        if self.at_sides is not None:
+            legs = legs + slowness[:, n_levels:] @ self.at_sides
+        # Seconds gained on the way up are negative: the rate is.
+        climbed = nn.functional.pad(legs.cumsum(1), (1, 0))
+        time_s = climbed - climbed.gather(1, entry[:, None])
+        profiles = (values[:, :n_levels] for values in (cas_mps, mach, tas_mps, rate_mps, drag_n))
+        return Trajectories(self.levels_fl, entry, time_s, *profiles)

@@ -1,0 +1,150 @@
+"""The exported sampler gives our descents: torch.export and onnxruntime, in either precision, for each density."""
+
+import io
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from graph_toys import PARTS, density, table_of, weights_of
+from torch import Tensor
+from torch.export import ExportedProgram
+
+from descentflow.densities.density import Density
+from descentflow.exports.descent_graph import OFF_GRID, PROFILES, Precision, SamplerGraph
+from descentflow.exports.onnx_export import to_onnx
+from descentflow.exports.traced import TRACED_WITH, trace
+from descentflow.exports.weight_draws import MixtureDraw
+from descentflow.representation.plausibility import RULES
+
+ort = pytest.importorskip("onnxruntime", reason="onnxruntime is in the extra onnx of descentflow")
+pytest.importorskip("onnxscript", reason="onnxscript is in the extra onnx of descentflow")
+pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
+
+N = 60
+OUTPUTS = ["level_fl", *PROFILES, "accepted", "broken", "weights"]
+KINDS = ("gaussian", "mixture", "whitened flow")
+OURS = {"float64": 1e-9, "float32": 1e-4}
+"""Largest difference of times, in seconds. In single precision a time below 2,048 s is rounded by up to 6e-5 s."""
+
+
+def by_torch(program: ExportedProgram, inputs: dict[str, Tensor]) -> dict[str, Tensor]:
+    saved = io.BytesIO()
+    torch.export.save(program, saved)
+    saved.seek(0)
+    return torch.export.load(saved).module()(**inputs)
+
+
+def by_onnx(program: ExportedProgram, inputs: dict[str, Tensor]) -> dict[str, Tensor]:
+    session = ort.InferenceSession(to_onnx(program, (list(inputs), OUTPUTS), {}))
+    assert [one.name for one in session.get_inputs()] == list(inputs)
+    found = session.run(None, {name: value.numpy() for name, value in inputs.items()})
+    alone = session.run(None, {name: value[:1].numpy() for name, value in inputs.items()})
+    first, one = (torch.from_numpy(values[OUTPUTS.index("time_s")]) for values in (found, alone))
+    torch.testing.assert_close(one, first[:1], rtol=1e-7, atol=1e-9, equal_nan=True)
+    return {name: torch.from_numpy(value) for name, value in zip(OUTPUTS, found, strict=True)}
+
+
+def ours(model: Density, sampler: SamplerGraph, inputs: dict[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
+    """Inputs with noise of a seed, and our table and weights of the same numbers."""
+    entry = sampler.descents.entry(inputs["entry_fl"])
+    component = None
+    if sampler.picks:
+        assert isinstance(sampler.draw, MixtureDraw)
+        component = sampler.draw.component(entry, inputs["uniform"])
+    noise, weights = weights_of(model, 5, len(entry), component)
+    inputs["noise"] = noise.to(inputs["noise"])
+    return table_of(PARTS, weights, entry, inputs["residual_noise"].double()), weights
+
+
+def compare(kind: str, precision: Precision, runs: list[Callable[..., dict[str, Tensor]]]) -> None:
+    """One trace of a sampler, run by each of the runtimes, against our table of the same random numbers."""
+    model = density(kind, PARTS)
+    # The flow's own arithmetic is float32; its exact draws are those of its float64 copy.
+    model = model.double() if precision == "float64" else model
+    sampler = SamplerGraph(model, precision).eval()
+    inputs = sampler.example_inputs(N)
+    expected, weights = ours(model, sampler, inputs)
+    program = trace(sampler, sampler.example_inputs(TRACED_WITH))
+    double = precision == "float64"
+    for run in runs:
+        found = run(program, inputs)
+        torch.testing.assert_close(found["weights"].double(), weights, rtol=0, atol=1e-12 if double else 2e-6)
+        good = found["accepted"]
+        assert 0.2 < float(good.double().mean()) < 1, "draws of both kinds are compared"
+        for name in PROFILES:
+            # Drag is tens of thousands of N, rates are thousands of ft/min.
+            within = {"drag_n": 100, "vertical_rate": 10}.get(name, 1) * OURS[precision]
+            mine = expected[name][good]
+            torch.testing.assert_close(found[name][good].double(), mine, rtol=0, atol=within, equal_nan=True)
+        assert torch.equal(found["broken"][:, : len(RULES)], expected["broken"])
+        assert torch.equal(good, ~expected["broken"].any(1))
+        assert torch.equal(found["level_fl"].double(), PARTS.decoder.levels_fl)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_float64_gives_our_descents(kind: str) -> None:
+    compare(kind, "float64", [by_torch, by_onnx])
+
+
+@pytest.mark.parametrize(
+    "kind", ["mixture", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("gaussian", "whitened flow"))]
+)
+def test_float32_gives_our_descents(kind: str) -> None:
+    compare(kind, "float32", [by_torch, by_onnx])
+
+
+@pytest.fixture(scope="module")
+def exported(a320: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A sampler that the command wrote, and what it printed."""
+    path = tmp_path_factory.mktemp("sampler") / "a320.onnx"
+    command = [sys.executable, "-m", "descentflow", "export", str(a320), "--to", "onnx", "--out", str(path)]
+    done = subprocess.run([*command, "--precision", "float32"], capture_output=True, text=True, check=True)
+    return path, done.stdout
+
+
+def test_the_command_says_size_speed_and_difference(exported: tuple[Path, str]) -> None:
+    path, said = exported
+    for beside in ("a320.onnx", "a320_decoder.onnx", "a320.json", "a320.mjs"):
+        assert f"wrote {path.with_name(beside)}" in said
+    found = re.search(r"a320.onnx: (\d+) kB; 1 descent in .* ms, 100 in .*within (\S+) s of ours", said)
+    assert found is not None
+    assert int(found[1]) == round(path.stat().st_size / 1000)
+    assert float(found[2]) < OURS["float32"]
+
+
+def test_decoder_and_sampler_give_the_same_and_say_what_they_take(exported: tuple[Path, str]) -> None:
+    path, _ = exported
+    about = json.loads(path.with_suffix(".json").read_text())
+    sampler, decoder = (ort.InferenceSession(p) for p in (path, path.with_name("a320_decoder.onnx")))
+    generator = np.random.default_rng(0)
+    feeds = {
+        name: generator.standard_normal([5 if size == "n" else size for size in what["shape"]]).astype(np.float32)
+        for name, what in about["inputs"]["sampler"].items()
+    }
+    feeds["entry_fl"] = np.array([330, 340, 350, 2000, np.nan], np.float32)
+    drawn = dict(zip(about["outputs"], sampler.run(list(about["outputs"]), feeds), strict=True))
+    assert {name: list(v.shape) for name, v in drawn.items()} == {
+        name: [5 if size == "n" else size for size in what["shape"]] for name, what in about["outputs"].items()
+    }
+    taken = {name: drawn.get(name, feeds.get(name)) for name in about["inputs"]["decoder"]}
+    names = [name for name in about["outputs"] if name != "weights"]
+    for name, again in zip(names, decoder.run(names, taken), strict=True):
+        # The weights between both are rounded to single precision: some 1e-7 of a minute.
+        np.testing.assert_allclose(again, drawn[name], rtol=1e-5, atol=1e-3, err_msg=name)
+    assert not drawn["accepted"][3:].any(), "levels that the model does not have"
+    assert drawn["broken"][3:, about["rules"].index(OFF_GRID)].all()
+    assert np.isnan(drawn["time_s"][0, drawn["level_fl"] > 330]).all()
+    assert json.loads(sampler.get_modelmeta().custom_metadata_map["descentflow"]) == about
+
+
+@pytest.mark.parametrize("name", ["a320.onnx", "a320_decoder.onnx", "a320.json"])
+def test_nothing_of_this_machine_is_written(exported: tuple[Path, str], name: str) -> None:
+    content = exported[0].with_name(name).read_bytes()
+    assert b".py" not in content
+    assert str(Path(__file__).parents[2]).encode() not in content

@@ -1,0 +1,128 @@
+"""The sampler as a graph, before any conversion: the density's own draws, contexts, gates, and what is refused."""
+
+import pytest
+import torch
+from graph_toys import PARTS, density, table_of, weights_of
+from scipy.stats import chisquare
+
+from descentflow.core.errors import ConfigError
+from descentflow.densities.flow import MaskedAffineFlowDensity, SplineFlowDensity
+from descentflow.exports.descent_graph import OFF_GRID, DescentGraph, SamplerGraph
+from descentflow.exports.graph_description import describe
+from descentflow.exports.weight_draws import MixtureDraw
+from descentflow.physics.fused_table import fused_rate, level_rate
+from descentflow.representation.correction import Correction
+from descentflow.representation.decoder.graph_decoder import GraphDecoder
+from descentflow.representation.representation import Representation
+
+D = PARTS.decoder.dimension
+N = 50
+
+
+@pytest.mark.parametrize("kind", ["plain flow", "whitened flow"])
+@pytest.mark.parametrize("settings", [{}, {"linear": False}, {"turned_round": False}])
+def test_a_flow_draws_what_it_draws(kind: str, settings: dict[str, bool]) -> None:
+    model = density(kind, PARTS)
+    if settings:
+        model = MaskedAffineFlowDensity(D, n_flows=2, whitened=kind == "whitened flow", **settings)
+        for parameter in model.flow.parameters():
+            parameter.data += 0.1 * torch.randn(parameter.shape, generator=torch.Generator().manual_seed(1))
+        model.attach(PARTS)
+    model = model.eval().requires_grad_(False).double()
+    sampler = SamplerGraph(model)
+    noise, weights = weights_of(model, 1, N)
+    drawn = sampler(**{**sampler.example_inputs(N), "noise": noise})["weights"]
+    torch.testing.assert_close(drawn, weights, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["gaussian", "mixture", "whitened flow"])
+def test_a_context_moves_the_weights_as_the_density_says(kind: str) -> None:
+    model = density(kind, PARTS, n_context=2).double()
+    sampler = SamplerGraph(model)
+    inputs = sampler.example_inputs(N)
+    inputs["context"] = torch.randn(N, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
+    drawn = sampler(**inputs)["weights"]
+    if isinstance(model, MaskedAffineFlowDensity):
+        expected = model.of_white(inputs["noise"], inputs["context"])
+    else:
+        rows = []
+        for i in range(N):
+            at = model.mixture_at(inputs["context"][i : i + 1])
+            assert at is not None
+            one = inputs.get("uniform", torch.zeros(N))[i]
+            k = int((one > at.probs.cumsum(0)[:-1]).sum())
+            rows.append(at.locs[k] + at.scale_trils[k] @ inputs["noise"][i])
+        expected = torch.stack(rows)
+    torch.testing.assert_close(drawn, expected, rtol=0, atol=1e-12)
+
+
+def test_components_are_as_frequent_as_the_gate_says() -> None:
+    """Chi-square over three components; p < 1e-4 fails one right sampler in 10,000."""
+    model = density("mixture", PARTS)
+    draw = SamplerGraph(model).draw
+    assert isinstance(draw, MixtureDraw)
+    uniform = torch.rand(4000, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    for entry, shares in zip((170, 171), model.entry_gate.shares, strict=True):  # type: ignore[union-attr, attr-defined]
+        counts = torch.bincount(draw.component(torch.full((4000,), entry), uniform), minlength=3)
+        assert chisquare(counts.numpy(), (4000 * shares / shares.sum()).numpy()).pvalue > 1e-4
+
+
+def test_without_noise_beyond_the_components_they_fly_alone() -> None:
+    model = density("gaussian", PARTS)
+    sampler = SamplerGraph(model)
+    inputs = sampler.example_inputs(N)
+    del inputs["residual_noise"]
+    entry = sampler.descents.entry(inputs["entry_fl"])
+    noise, weights = weights_of(model, 1, N)
+    found, expected = sampler(**{**inputs, "noise": noise}), table_of(PARTS, weights, entry, None)
+    torch.testing.assert_close(found["time_s"], expected["time_s"], rtol=0, atol=1e-9, equal_nan=True)
+
+
+def test_levels_between_and_beyond_the_grid() -> None:
+    graph = DescentGraph(PARTS)
+    levels = torch.tensor([149.9, 150.0, 250.4, 370.0, 370.1, torch.nan], dtype=torch.float64)
+    found = graph(torch.zeros(6, D, dtype=torch.float64), levels)
+    assert found["broken"][:, -1].tolist() == [True, False, False, False, True, True]
+    assert not bool(found["accepted"][[0, 4, 5]].any())
+    assert float(found["level_fl"][~found["time_s"][2].isnan()].max()) == 250
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
+def test_the_rate_without_in_place_steps_is_the_rate(dtype: torch.dtype) -> None:
+    grid = PARTS.decoder.grid(torch.zeros(1, dtype=dtype))
+    assert grid is not None
+    drag_n, cas_mps = PARTS.decoder.curves(torch.randn(N, D, dtype=dtype))
+    out = tuple(torch.empty_like(drag_n) for _ in range(4))
+    fused_rate(grid.levels, drag_n, cas_mps, out)
+    rounding = 1e-12 if dtype is torch.float64 else 2e-5
+    for found, expected in zip(level_rate(grid.levels, drag_n, cas_mps), out, strict=True):
+        torch.testing.assert_close(found, expected, rtol=rounding, atol=0)
+
+
+def test_what_cannot_be_a_graph_is_refused() -> None:
+    spline = SplineFlowDensity(D, n_flows=1)
+    spline.attach(PARTS)
+    with pytest.raises(ConfigError, match="a SplineFlowDensity, whose draws cannot be written as a graph"):
+        SamplerGraph(spline)
+    corrected = Representation.from_state(PARTS.to_state())
+    corrected.decoder.correction = Correction({"temperature": [10.0]}, 64_000.0)
+    with pytest.raises(ConfigError, match="a corrected model"):
+        GraphDecoder(corrected.decoder)
+
+
+def test_the_description_tells_shapes_units_bounds_and_how_to_draw_again() -> None:
+    model = density("mixture", PARTS)
+    about = describe(model, SamplerGraph(model), "float32")
+    assert about["inputs"]["sampler"]["noise"] == {
+        "shape": ["n", D],
+        "type": "float32",
+        "meaning": "independent standard normals, from which the weights are made",
+    }
+    assert list(about["inputs"]["decoder"]) == ["weights", "entry_fl", "residual_noise"]
+    assert about["outputs"]["vertical_rate"]["unit"] == "ft/min"
+    assert about["rules"][-1] == OFF_GRID
+    low, high = about["bounds"]["drag_n"]
+    assert low == PARTS.plausibility.drag_low.tolist()
+    assert high == PARTS.plausibility.drag_high.tolist()
+    assert sum(about["entry_share"]) == pytest.approx(1)
+    assert about["redraw"] == "noise, with the same entry_fl and uniform"

@@ -7,7 +7,8 @@ path of a file that holds it, and nothing heavy is imported before it is used:
 - :func:`prepare` cleans surveillance rows to descents on flight levels, and :func:`read_descents` reads them again;
 - :func:`fit` trains a model (:class:`Gaussian`, :class:`GaussianMixture`, :class:`MaskedAffineFlow` or
   :class:`SplineFlow`) on descents or on a :class:`DescentDataModule`, and :func:`load` reads a checkpoint again;
-- :func:`sample` draws descents, :func:`predict` continues observed ones, :func:`evaluate` scores a model,
+- :func:`sample` draws descents, :class:`Generator` those that a running simulator asks for, :func:`predict` continues
+  observed ones, :func:`evaluate` scores a model,
   :func:`export` writes for other programs;
 - :func:`diagnose` says where a simulator and real flights disagree, and why.
 
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from descentflow.diagnosis.diagnose import diagnose
     from descentflow.evaluation.evaluate import evaluate
     from descentflow.exports.export import export
+    from descentflow.generation.conditional.generator import Generator
     from descentflow.generation.prediction.predict import predict
     from descentflow.generation.sample import sample
     from descentflow.simulation.world import simulate
@@ -53,6 +55,7 @@ __all__ = [
     "DescentflowError",
     "Gaussian",
     "GaussianMixture",
+    "Generator",
     "MaskedAffineFlow",
     "SplineFlow",
     "__version__",
@@ -73,6 +76,7 @@ _PLACES = {
     "DescentDataModule": ("training.datamodule", "DescentDataModule"),
     "Gaussian": ("training.models.gaussian_model", "Gaussian"),
     "GaussianMixture": ("training.models.mixture_model", "GaussianMixture"),
+    "Generator": ("generation.conditional.generator", "Generator"),
     "MaskedAffineFlow": ("training.models.flow_model", "MaskedAffineFlow"),
     "SplineFlow": ("training.models.flow_model", "SplineFlow"),
     "aircraft": ("aircraft_types.registry", "aircraft"),

@@ -100,6 +100,36 @@ class SamplingError(DescentflowError):
     """
 
 
+class ImplausibleError(SamplingError):
+    """A constraint that no descent of the model meets, with the nearest value that some do.
+
+    Attributes:
+        constraint: Name of what cannot be met, for instance ``cas_kt``.
+        nearest: The nearest value that a plausible descent has which meets everything else, in the unit of the name.
+
+    Example:
+        >>> import descentflow as df
+        >>> try:
+        ...     df.Generator("best.ckpt").next(entry_fl=330, cas_kt={200: 180})
+        ... except ImplausibleError as error:
+        ...     error.constraint, 220 < error.nearest < 300
+        ('cas_kt', True)
+    """
+
+    def __init__(self, got: str, *, expected: str, mend: str, constraint: str, nearest: float) -> None:
+        """Build the message, and keep what it names."""
+        super().__init__(got, expected=expected, mend=mend)
+        self.constraint, self.nearest = constraint, nearest
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """As other processes raise it."""
+        return _implausible, (self.got, self.expected, self.mend, self.constraint, self.nearest)
+
+
+def _implausible(got: str, expected: str, mend: str, constraint: str, nearest: float) -> ImplausibleError:
+    return ImplausibleError(got, expected=expected, mend=mend, constraint=constraint, nearest=nearest)
+
+
 class ConfigError(DescentflowError):
     """Settings that contradict each other or the data.
 

@@ -113,6 +113,19 @@ class Plausibility(nn.Module):
         """Which rules each descent breaks at or below its entry level: (n, len(RULES)) bool."""
         mask = flown.mask
         both = mask[:, 1:]  # the level below an observed one is observed
+        rows, steps = self._broken(flown)
+        found = [(row & mask).any(1) for row in rows] + [(step & both).any(1) for step in steps]
+        return torch.stack(found, 1)
+
+    def broken_levels(self, flown: Trajectories) -> Tensor:
+        """Where descents break a rule, at whatever level they enter: (n, L) bool; changes count at the upper level."""
+        rows, steps = self._broken(flown)
+        found = torch.stack(rows).any(0)
+        found[:, 1:] |= torch.stack(steps).any(0)
+        return found
+
+    def _broken(self, flown: Trajectories) -> tuple[tuple[Tensor, ...], tuple[Tensor, ...]]:
+        """Rules of levels (n, L) and of changes between neighbours (n, L - 1), in the order of :data:`RULES`."""
         change = acceleration_mps2(flown.tas_mps, flown.rate_mps, flown.levels_fl * FL_M)
         rows = (
             ~(flown.drag_n.isfinite() & flown.cas_mps.isfinite() & flown.rate_mps.isfinite()),
@@ -126,8 +139,7 @@ class Plausibility(nn.Module):
             change.abs() > self.fastest_change_mps2,
             flown.drag_n.diff(dim=1).abs() > self.largest_step_n,
         )
-        found = [(row & mask).any(1) for row in rows] + [(step & both).any(1) for step in steps]
-        return torch.stack(found, 1)
+        return rows, steps
 
     def draw_entry(self, n: int, generator: torch.Generator) -> Tensor:
         """Indices (n,) of entry levels, drawn as the training flights entered."""

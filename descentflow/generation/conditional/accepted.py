@@ -1,0 +1,133 @@
+"""Draws until each is plausible: one after another in closed form, among weighted proposals otherwise."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from descentflow.core.errors import SamplingError
+from descentflow.generation.conditional.flown_profiles import Array
+from descentflow.generation.conditional.latent_draws import Drawn, Numbers, Target, joined, resampled, rows_of
+from descentflow.representation.plausibility import RULES
+
+Judge = Callable[[Drawn, np.ndarray], np.ndarray]
+"""Which rules (n, r) draws break; the second argument is each draw's number."""
+
+MOST_TRIES = 256
+"""Draws of one number after which nothing counts as plausible: where one in 20 is, so many fail once in 500,000."""
+MOST_AT_ONCE = 16
+"""Tries of one number that are made together once the first few failed."""
+PROPOSALS, PROPOSALS_OF_A_STAND_IN = 16, 256
+"""Proposals for one draw; more where Gaussians stand in for a density that is no mixture."""
+MORE, ROUNDS = 4, 4
+"""How many times as many proposals are made where too few were effective, and how often."""
+LEAST_EFFECTIVE = 8.0
+"""Effective proposals that a draw is chosen among, at least."""
+ROWS_AT_ONCE = 4096
+"""Proposals flown at a time."""
+CHOICE_STREAM = 1 << 20
+"""Stream of the numbers that choose among proposals."""
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """n draws, how many proposals were effective for each (n,), and the account of all tries."""
+
+    drawn: Drawn
+    effective: Array
+    proposals: int
+    tried: int
+    rejected: int
+    broken: dict[str, int]
+
+
+class NoneLeft(Exception):
+    """No draw of a number is plausible."""
+
+
+def first_plausible(target: Target, numbers: Numbers, n: int, judge: Judge) -> Accepted:
+    """The first plausible try of each of n numbers.
+
+    Raises:
+        NoneLeft: If a number has none among :data:`MOST_TRIES`.
+    """
+    pending, stream, size = np.arange(n), 0, 1
+    parts, owners, tried, rejected, broken = [], [], 0, 0, np.zeros(len(RULES), dtype=int)
+    while len(pending):
+        if stream >= MOST_TRIES:
+            raise NoneLeft
+        tries = [numbers.uniform(n, target.width, stream + k)[pending] for k in range(size)]
+        drawn = target.draw(np.stack(tries, 1).reshape(-1, target.width))
+        rules = judge(drawn, np.repeat(numbers.first + pending, size))
+        bad = rules.any(1).reshape(-1, size)
+        first = np.where(bad.all(1), size, bad.argmin(1))
+        hit = np.flatnonzero(first < size)
+        # Tries after the one that is taken were never made, as far as anyone can tell.
+        made = np.arange(size) <= first[:, None]
+        tried, rejected = tried + int(made.sum()), rejected + int((bad & made).sum())
+        broken += (rules & made.reshape(-1, 1)).sum(0)
+        parts.append(rows_of(drawn, hit * size + first[hit]))
+        owners.append(pending[hit])
+        pending, stream = np.delete(pending, hit), stream + size
+        size = min(2 * size if stream > 1 else 1, MOST_AT_ONCE)
+    order = np.concatenate(owners).argsort(kind="stable")
+    whole = parts[0] if len(parts) == 1 else rows_of(joined(parts), order)
+    counts = dict(zip(RULES, broken.tolist(), strict=True))
+    return Accepted(whole, np.ones(n), 1, tried, rejected, counts)
+
+
+def chosen_by_weight(target: Target, numbers: Numbers, n: int, judge: Judge, stand_in: bool) -> Accepted:
+    """For each of n numbers one of its own plausible proposals, by weight.
+
+    Raises:
+        NoneLeft: If no proposal of a number has any weight.
+        SamplingError: If too few are effective.
+    """
+    size, pending = PROPOSALS_OF_A_STAND_IN if stand_in else PROPOSALS, np.arange(n)
+    fewest = size
+    parts, owners, effective = [], [], []
+    tried, rejected, broken, most = 0, 0, np.zeros(len(RULES), dtype=int), np.zeros(n)
+    for attempt in range(ROUNDS):
+        left = []
+        for group in np.array_split(pending, max(-(-len(pending) * size // ROWS_AT_ONCE), 1)):
+            drawn, rules = _proposed(target, numbers, group, size, attempt, judge)
+            log_weight = np.where(rules.any(1), -np.inf, drawn.log_weight).reshape(-1, size)
+            choice = np.concatenate(
+                [Numbers(numbers.seed, numbers.first + int(i)).uniform(1, 1, CHOICE_STREAM + attempt) for i in group]
+            )
+            index, share = resampled(log_weight, choice[:, 0])
+            enough = share >= LEAST_EFFECTIVE
+            parts.append(rows_of(drawn, (np.arange(len(group)) * size + index)[enough]))
+            owners.append(group[enough])
+            effective.append(share[enough])
+            left.append(group[~enough])
+            most[group] = share
+            tried, rejected = tried + len(rules), rejected + int(rules.any(1).sum())
+            broken += rules.sum(0)
+        pending = np.concatenate(left)
+        if not len(pending):
+            break
+        size *= MORE
+    if len(pending):
+        if (most[pending] == 0).any():
+            raise NoneLeft
+        raise SamplingError(
+            f"{most[pending].min():.0f} effective of {size // MORE} proposals",
+            expected=f"at least {LEAST_EFFECTIVE:.0f}: what is asked together is rare among the model's descents",
+            mend="ask for a band, or for less at once",
+        )
+    order = np.concatenate(owners).argsort(kind="stable")
+    counts = dict(zip(RULES, broken.tolist(), strict=True))
+    whole = rows_of(joined(parts), order)
+    return Accepted(whole, np.concatenate(effective)[order], fewest, tried, rejected, counts)
+
+
+def _proposed(
+    target: Target, numbers: Numbers, group: np.ndarray, size: int, attempt: int, judge: Judge
+) -> tuple[Drawn, np.ndarray]:
+    """Proposals of some numbers, ``size`` for each, and the rules that they break."""
+    uniform = [
+        Numbers(numbers.seed, (numbers.first + int(i)) * size).uniform(size, target.width, attempt) for i in group
+    ]
+    drawn = target.draw(np.concatenate(uniform))
+    return drawn, judge(drawn, np.repeat(numbers.first + group, size))

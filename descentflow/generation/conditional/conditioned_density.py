@@ -1,0 +1,141 @@
+"""What a request's descents are drawn from: the density conditioned on it."""
+
+from math import inf
+
+import numpy as np
+import torch
+from scipy.special import ndtri
+from torch import Tensor
+
+from descentflow.densities.density import Density
+from descentflow.densities.flow import FlowDensity
+from descentflow.generation.conditional.constraints import SpeedAsked
+from descentflow.generation.conditional.entry_shares import EntryShares
+from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles, LinearProfile
+from descentflow.generation.conditional.latent_draws import ConditionedTarget, Drawn
+from descentflow.generation.conditional.latent_parts import LatentParts
+from descentflow.generation.conditional.point_condition import Flown, PointCondition
+from descentflow.generation.conditional.requests import Request
+from descentflow.generation.conditional.speed_conditions import LEAST_TAIL, Rows, conditions
+from descentflow.representation.plausibility import Plausibility
+
+NEVER = 1e6
+"""CAS (m/s) that no descent has, which leaves a level of entry without probability."""
+
+
+class NothingPlausible(Exception):
+    """A request that the model knows no flight for; ``culprit`` is what cannot be met: a speed, or None for a point."""
+
+    def __init__(self, culprit: SpeedAsked | None) -> None:
+        """Say what cannot be met."""
+        super().__init__(culprit)
+        self.culprit = culprit
+
+
+class FreeTarget:
+    """Draws of a density that is no mixture, where nothing but entry and context is asked."""
+
+    def __init__(
+        self,
+        density: Density,
+        grid: FlownProfiles,
+        profiles: tuple[LinearProfile, LinearProfile],
+        log_entries: Array,
+        context: Tensor | None,
+    ) -> None:
+        """Hold what is drawn of; ``log_entries`` (L,) are shares of the levels of entry."""
+        self.density, self.grid, self.context = density, grid, context
+        self.drag, self.cas = profiles
+        self.up_to = np.exp(log_entries).cumsum()
+        self.width = 2 + len(self.drag.loadings)
+
+    in_closed_form = True
+
+    @torch.no_grad()
+    def draw(self, uniform: Array) -> Drawn:
+        """One draw for each row."""
+        d = self.density.dimension
+        entry = np.searchsorted(self.up_to, uniform[:, 1] * self.up_to[-1], side="right")
+        white = ndtri(uniform[:, 2:])
+        rows = None if self.context is None else self.context.expand(len(uniform), -1)
+        if isinstance(self.density, FlowDensity):
+            weights = self.density.of_white(torch.from_numpy(white[:, :d].copy()), rows)
+        else:
+            # Of any other density a number can be drawn by a seed alone.
+            seeds = (uniform[:, 0] * 2**53).astype(np.int64).tolist()
+            weights = torch.cat([self.density.sample(1, seed, self.context) for seed in seeds])
+        u = np.concatenate([weights.double().numpy(), white[:, d:]], 1)
+        flown = Flown.of(self.grid, self.drag.of(u), self.cas.of(u))
+        return Drawn(u, np.minimum(entry, self.grid.n_levels - 1), flown, np.zeros(len(u)))
+
+
+def conditioned_target(
+    request: Request, parts: LatentParts, grid: FlownProfiles, shares: EntryShares, bounds: Plausibility
+) -> ConditionedTarget:
+    """The density's Gaussians given a request.
+
+    Raises:
+        NothingPlausible: If a speed is beyond the bounds of the training flights, or as rare as no flight.
+    """
+    entries = _entries(request, shares)
+    if not len(entries):
+        raise NothingPlausible(max(request.speeds, key=lambda speed: speed.level))
+    n_components = len(parts.means)
+    component, entry = np.tile(np.arange(n_components), len(entries)), np.repeat(entries, n_components)
+    log_probs = np.concatenate([_log_shares(request, parts, shares, int(e)) for e in entries])
+    order = sorted(request.speeds, key=lambda speed: speed.low < speed.high)
+    rows = _rows(order, parts, grid, component, entry, None if request.flown is not None else bounds)
+    speeds = conditions(log_probs, parts.means[component], parts.roots[component], rows)
+    for speed, tail in zip(order, speeds.tails, strict=True):
+        if not tail >= LEAST_TAIL:
+            raise NothingPlausible(speed)
+    point = None
+    if request.point is not None:
+        point = PointCondition(request.point, parts, grid, int(entries[0]), speeds)
+        if not point.tail >= LEAST_TAIL:
+            raise NothingPlausible(None)
+    return ConditionedTarget(parts, grid, component, entry, speeds, point)
+
+
+def _entries(request: Request, shares: EntryShares) -> np.ndarray:
+    """Levels of entry that the request leaves open."""
+    if request.entry is not None:
+        return np.array([request.entry])
+    lowest = max((speed.level for speed in request.speeds), default=-1)
+    return np.flatnonzero(np.isfinite(shares.log_entries) & (np.arange(len(shares.log_entries)) >= lowest))
+
+
+def _log_shares(request: Request, parts: LatentParts, shares: EntryShares, entry: int) -> Array:
+    """Log shares (K,) of the components that enter at a level, up to a constant of the request."""
+    own = None if request.flown is not None else shares.log_components(entry)
+    log_entry = 0.0 if request.entry is not None else shares.log_entries[entry]
+    found: Array = (parts.log_probs if own is None else own) + log_entry
+    return found
+
+
+def _rows(
+    speeds: list[SpeedAsked],
+    parts: LatentParts,
+    grid: FlownProfiles,
+    component: np.ndarray,
+    entry: np.ndarray,
+    bounds: Plausibility | None,
+) -> Rows:
+    """Rows of the CAS at the speeds' levels, for each Gaussian and level of entry; bands cut to the bounds."""
+    n_cells, n_rows, size = len(component), len(speeds), parts.means.shape[1]
+    rows = Rows(np.zeros((n_cells, n_rows, size)), *(np.zeros((n_cells, n_rows)) for _ in range(3)))
+    for j, speed in enumerate(speeds):
+        level = np.full(n_cells, speed.level) if speed.level >= 0 else entry
+        rows.matrix[:, j] = parts.cas.loadings[:, level].T
+        rows.centre[:, j] = parts.cas.offset[level] + (rows.matrix[:, j] * parts.means[component]).sum(1)
+        for k in np.unique(level):
+            low, high = speed.cas_mps(float(grid.levels_fl[k]))
+            least, most = (-inf, inf) if bounds is None else (float(bounds.cas_low[k]), float(bounds.cas_high[k]))
+            if low < high:
+                low, high = max(low, least), min(high, most)
+            if low > high or not least <= low <= high <= most:
+                if len(np.unique(level)) == 1:
+                    raise NothingPlausible(speed)
+                low, high = NEVER, NEVER  # no descent of this level of entry
+            rows.low[level == k, j], rows.high[level == k, j] = low, high
+    return rows

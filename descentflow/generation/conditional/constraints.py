@@ -1,0 +1,187 @@
+"""What can be asked of a descent: speeds at levels, a time or a distance at a level; each exact or within a band."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, isfinite, isnan
+
+from descentflow.core.errors import ConfigError
+from descentflow.core.units import FL_M, KT_MPS, NM_M
+from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
+
+Band = float | tuple[float | None, float | None]
+"""A value, or the least and the greatest allowed; None leaves a side open."""
+BySpeed = Band | Mapping[float, Band]
+"""A speed at the level meant by default, or speeds by flight level."""
+
+
+@dataclass(frozen=True)
+class SpeedAsked:
+    """A speed at one level of the grid, as CAS in m/s: pressure alone turns a Mach number at a level into one.
+
+    ``level`` is an index of the grid, or -1 for the level of entry. ``name`` is ``cas_kt`` or ``mach``.
+
+    Example:
+        >>> SpeedAsked("cas_kt", 50, 275.0, 285.0).text(200.0)
+        'cas_kt 275 to 285 at FL200'
+    """
+
+    name: str
+    level: int
+    low: float
+    high: float
+
+    def cas_mps(self, level_fl: float) -> tuple[float, float]:
+        """The band as CAS in m/s at a flight level."""
+        low, high = (to_cas_mps(self.name, value, level_fl) for value in (self.low, self.high))
+        return low, high
+
+    def text(self, level_fl: float) -> str:
+        """In words."""
+        return f"{self.name} {band_text((self.low, self.high))} at FL{level_fl:g}"
+
+
+@dataclass(frozen=True)
+class PointAsked:
+    """A time (s) or a distance through still air (NM), since entry, at a level or within a band of levels.
+
+    ``levels`` are flight levels; the lower is the higher's equal unless a band was asked for.
+
+    Example:
+        >>> PointAsked("time_s", 420.0, 480.0, (200.0, 200.0)).text
+        'time_s 420 to 480 at FL200'
+    """
+
+    name: str
+    low: float
+    high: float
+    levels: tuple[float, float]
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return f"{self.name} {band_text((self.low, self.high))} at FL{band_text(self.levels)}"
+
+    @property
+    def unit(self) -> float:
+        """SI units in one of the name's: seconds, or metres in a nautical mile."""
+        return NM_M if self.name == "distance_nm" else 1.0
+
+
+def to_cas_mps(name: str, value: float, level_fl: float) -> float:
+    """A speed as CAS in m/s.
+
+    Example:
+        >>> round(to_cas_mps("mach", 0.78, 350.0) / KT_MPS)  # kt
+        264
+    """
+    if not isfinite(value):
+        return value
+    return value * KT_MPS if name == "cas_kt" else float(mach_to_cas_mps(value, level_fl * FL_M))
+
+
+def of_cas_mps(name: str, cas_mps: float, level_fl: float) -> float:
+    """CAS in m/s as the speed of that name, the inverse of :func:`to_cas_mps`.
+
+    Example:
+        >>> round(of_cas_mps("mach", to_cas_mps("mach", 0.78, 350.0), 350.0), 6)
+        0.78
+    """
+    return cas_mps / KT_MPS if name == "cas_kt" else float(cas_to_mach(cas_mps, level_fl * FL_M))
+
+
+def band_text(band: tuple[float, float]) -> str:
+    """A band in words.
+
+    Example:
+        >>> band_text((250.0, 250.0)), band_text((-inf, 250.0))
+        ('250', 'at most 250')
+    """
+    low, high = band
+    if low == high:
+        return f"{low:g}"
+    if low == -inf:
+        return f"at most {high:g}"
+    return f"at least {low:g}" if high == inf else f"{low:g} to {high:g}"
+
+
+def speeds_asked(name: str, asked: BySpeed | None, default: int, levels_fl: "list[float]") -> list[SpeedAsked]:
+    """Speeds at levels of the grid.
+
+    Args:
+        name: ``cas_kt`` or ``mach``.
+        asked: What the caller gave; None for nothing.
+        default: Level of a speed that was given without one: an index of the grid, or -1 for that of entry.
+        levels_fl: Levels of the grid, ascending.
+
+    Raises:
+        ConfigError: If a value is no speed or a level is beyond the grid.
+
+    Example:
+        >>> speeds_asked("cas_kt", {200: (None, 290)}, 0, [199.0, 200.0])
+        [SpeedAsked(name='cas_kt', level=1, low=-inf, high=290.0)]
+    """
+    if asked is None:
+        return []
+    if not isinstance(asked, Mapping):
+        return [SpeedAsked(name, default, *_band(name, asked))]
+    found = []
+    for level, band in asked.items():
+        if not (isinstance(level, int | float) and levels_fl[0] <= level <= levels_fl[-1]):
+            raise ConfigError(
+                f"{name} at level {level!r}",
+                expected=f"flight levels from {levels_fl[0]:g} to {levels_fl[-1]:g}",
+                mend="choose a level of the model's grid",
+            )
+        nearest = min(range(len(levels_fl)), key=lambda k: abs(levels_fl[k] - level))
+        found.append(SpeedAsked(name, nearest, *_band(name, band)))
+    return found
+
+
+def point_asked(time_s: Band | None, distance_nm: Band | None, level: Band | None) -> PointAsked | None:
+    """The time or the distance at a level that was asked for, if any.
+
+    Raises:
+        ConfigError: If one part of it was given without the other, both a time and a distance, or two bands.
+
+    Example:
+        >>> point_asked(420, None, 200)
+        PointAsked(name='time_s', low=420.0, high=420.0, levels=(200.0, 200.0))
+    """
+    given = [(name, band) for name, band in (("time_s", time_s), ("distance_nm", distance_nm)) if band is not None]
+    if not given and level is None:
+        return None
+    if len(given) != 1 or level is None:
+        names = [name for name, _ in given] + (["level"] if level is not None else [])
+        raise ConfigError(
+            " and ".join(names) + (" alone" if len(names) == 1 else ""),
+            expected="a level, and either time_s or distance_nm at it",
+            mend="give both, or for a speed at a level cas_kt={level: value}",
+        )
+    name, band = given[0]
+    (low, high), levels = _band(name, band), _band("level", level)
+    if high <= 0 or (low < high and levels[0] < levels[1]) or not all(isfinite(one) for one in levels):
+        raise ConfigError(
+            f"{name} {band_text((low, high))} at level {band_text(levels)}",
+            expected="a positive value or band of it at a level, or a positive value within a band of levels",
+            mend="let one of the two be a value",
+        )
+    return PointAsked(name, low, high, levels)
+
+
+def _band(name: str, asked: Band) -> tuple[float, float]:
+    values = asked if isinstance(asked, tuple | list) else (asked, asked)
+    try:
+        if len(values) != 2 or values[0] is values[1] is None:
+            raise ValueError
+        low = -inf if values[0] is None else float(values[0])
+        high = inf if values[1] is None else float(values[1])
+    except (TypeError, ValueError):
+        low = high = float("nan")
+    at_all = not (isnan(low) or isnan(high) or low > high or low == inf or high == -inf)
+    if not at_all or (name in ("cas_kt", "mach") and high <= 0) or (name == "mach" and max(low, 0) > 1.5):
+        raise ConfigError(
+            f"{name} {asked!r}",
+            expected="a number in the units of its name, or a pair of the least and the greatest",
+            mend="correct it",
+        )
+    return low, high

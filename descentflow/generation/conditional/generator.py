@@ -1,0 +1,282 @@
+"""Descents for a running simulator, one or many at a time, that meet what a controller asks: ``df.Generator``."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any, TypedDict, Unpack
+
+import numpy as np
+import polars as pl
+import torch
+
+from descentflow.core.errors import ConfigError
+from descentflow.densities.checkpoint import as_density
+from descentflow.densities.density import Density
+from descentflow.generation.conditional.accepted import Accepted, NoneLeft, chosen_by_weight, first_plausible
+from descentflow.generation.conditional.conditioned_density import FreeTarget, NothingPlausible, conditioned_target
+from descentflow.generation.conditional.constraints import Band, BySpeed, point_asked, speeds_asked
+from descentflow.generation.conditional.entry_shares import EntryShares
+from descentflow.generation.conditional.flown_profiles import FlownProfiles
+from descentflow.generation.conditional.flown_so_far import FlownSoFar, flown_so_far
+from descentflow.generation.conditional.generated import GeneratedSamples
+from descentflow.generation.conditional.judged_draws import DrawnDescents
+from descentflow.generation.conditional.latent_draws import ConditionedTarget, Drawn, Numbers
+from descentflow.generation.conditional.latent_parts import LatentParts, parts_after, parts_of, sample_profiles
+from descentflow.generation.conditional.nearest_plausible import implausible
+from descentflow.generation.conditional.requests import Request
+from descentflow.generation.prediction.posterior import prior_of
+from descentflow.generation.sample_contexts import context_rows, entry_levels
+from descentflow.generation.samples import RejectionReport
+from descentflow.representation.linear_curves import linear_curves
+
+KEPT_REQUESTS = 256
+"""Requests whose conditioned density is kept: what several flights are asked alike is conditioned once."""
+
+
+class Asked(TypedDict, total=False):
+    """What can be asked, see :meth:`Generator.next_batch`."""
+
+    entry_fl: float | None
+    cas_kt: BySpeed | None
+    mach: BySpeed | None
+    time_s: Band | None
+    distance_nm: Band | None
+    level: Band | None
+    context: Mapping[str, Any] | pl.DataFrame | None
+    flown: FlownSoFar | None
+    number: int | None
+
+
+class Generator:
+    """Plausible descents that meet constraints, for a simulator that is running.
+
+    Every descent has a number. Number, seed and constraints make it, and nothing else: it is the same whether it is
+    drawn alone or in a batch, in whatever thread or process. :meth:`next` takes the next number, or the one it is
+    given, for instance of a flight. Several threads may share one generator, and it can be pickled; processes that
+    shall draw different descents take different seeds, or begin at different numbers.
+
+    Args:
+        model: A checkpoint's path, a density, or a fitted model.
+        seed: The same seed gives the same descents.
+        first: Number of the first descent.
+        noise_multiple: Of the noise about the components where a part was flown, as
+            :meth:`~descentflow.generation.prediction.predictor.DescentPredictor.calibrated` finds it.
+
+    Raises:
+        CheckpointError: If the checkpoint cannot be used.
+
+    Example:
+        >>> generator = Generator("best.ckpt", seed=0)
+        >>> one = generator.next(entry_fl=330, cas_kt={200: 280}, time_s=(400, 600), level=160)
+        >>> row = one.to_polars().filter(level_fl=200)
+        >>> round(row["CAS"][0], 3), len(generator.next_batch(10, entry_fl=330))
+        (280.0, 10)
+    """
+
+    def __init__(self, model: object, *, seed: int = 0, first: int = 0, noise_multiple: float = 1.0) -> None:
+        """Compute once what no draw changes."""
+        density = as_density(model)
+        if density.device.type != "cpu":
+            density = deepcopy(density).cpu()
+            density.attach(deepcopy(density.representation).cpu())
+        self.density: Density = density
+        self.representation = density.representation
+        self.seed, self.noise_multiple = int(seed), float(noise_multiple)
+        self.decoder, self.bounds = self.representation.decoder, self.representation.plausibility
+        self.grid = FlownProfiles(self.decoder)
+        self.levels_fl: list[float] = self.decoder.levels_fl.cpu().tolist()
+        self.transition_fl = self.decoder.transition_fl
+        self._descents = DrawnDescents(self.representation, self.grid, self.seed)
+        self._shares = EntryShares(density)
+        self._next = int(first)
+        self._parts: dict[tuple[tuple[str, str], ...], LatentParts] = {}
+        self._targets: OrderedDict[tuple[Any, ...], ConditionedTarget | FreeTarget] = OrderedDict()
+        self._lock = threading.RLock()
+
+    def next(self, **asked: Unpack[Asked]) -> GeneratedSamples:
+        """One descent: :meth:`next_batch` of one, which says what can be asked."""
+        return self.next_batch(1, **asked)
+
+    def next_batch(
+        self,
+        n: int,
+        *,
+        entry_fl: float | None = None,
+        cas_kt: BySpeed | None = None,
+        mach: BySpeed | None = None,
+        time_s: Band | None = None,
+        distance_nm: Band | None = None,
+        level: Band | None = None,
+        context: Mapping[str, Any] | pl.DataFrame | None = None,
+        flown: FlownSoFar | None = None,
+        number: int | None = None,
+    ) -> GeneratedSamples:
+        """``n`` descents of the same constraints: those of n calls of :meth:`next`, to the bit but for flows.
+
+        Every value may be a pair of the least and the greatest allowed, None for an open side.
+
+        Args:
+            n: How many.
+            entry_fl: Flight level of entry, the nearest of the grid. If absent, the context's ``entry_fl`` where it has
+                one, else drawn as the training flights entered, given what else is asked.
+            cas_kt: CAS (kt) half way down from the transition, or the entry if it is lower, to the lowest level; or
+                values by flight level, ``{250: 290, 200: (270, 280)}``.
+            mach: Mach number at the level of entry; or values by flight level.
+            time_s: Seconds from entry to ``level``.
+            distance_nm: NM through still air from entry to ``level``, in place of a time.
+            level: Where ``time_s`` or ``distance_nm`` holds; a pair of them for a level within a band at one time.
+            context: For a conditional model: values by name, or a table of one row.
+            flown: Levels flown so far (``level_fl``, ``CAS`` in kt, ``vertical_rate`` in ft/min). The descent goes on
+                from the lowest of them, where its time and distance are zero.
+            number: Of the first descent, in place of the next.
+
+        Raises:
+            ImplausibleError: If no descent of the model meets a constraint; it names the nearest value that some do.
+            ConfigError: If constraints contradict each other or the model, or have no such units.
+            DataError: If what was flown cannot be used.
+            SamplingError: If descents that meet all constraints together are too rare.
+
+        Example:
+            >>> alone, together = Generator("best.ckpt", seed=1), Generator("best.ckpt", seed=1)
+            >>> apart = [alone.next(entry_fl=300, mach=0.76).trajectories.time_s for _ in range(3)]
+            >>> torch.equal(torch.cat(apart), together.next_batch(3, entry_fl=300, mach=0.76).trajectories.time_s)
+            True
+        """
+        if n < 1:
+            raise ConfigError(f"{n} descents", expected="at least one", mend="ask for a positive number")
+        request, contexts = self._request(entry_fl, context, flown)
+        request = replace(
+            request,
+            speeds=(
+                *speeds_asked("mach", mach, -1 if flown is None else 0, self.levels_fl),
+                *speeds_asked("cas_kt", cas_kt, self._cas_level(request.entry), self.levels_fl),
+            ),
+            point=point_asked(time_s, distance_nm, level),
+        )
+        if flown is not None and mach is not None and not isinstance(mach, Mapping):
+            raise ConfigError(
+                f"mach {mach!r} at the level of entry, which was flown",
+                expected="a level that is still to be flown",
+                mend="write mach={level: value}",
+            )
+        request.check(self.levels_fl)
+        if self.decoder.correction is not None and not request.is_free:
+            raise ConfigError(
+                "constraints for a corrected checkpoint, whose correction changes descents after they are drawn",
+                expected="an entry level and a context alone",
+                mend="draw more and keep those that meet the constraints, or take the checkpoint before correction",
+            )
+        with self._lock:
+            first = self._next if number is None else int(number)
+            self._next += n if number is None else 0
+        found = self._accepted(request, n, Numbers(self.seed, first))
+        report = RejectionReport(found.tried, n, found.rejected, found.tried - n - found.rejected, found.broken)
+        return GeneratedSamples(
+            torch.from_numpy(found.drawn.u[:, : self.decoder.dimension].copy()),
+            self._descents.of(found.drawn, first + np.arange(n)),
+            report,
+            contexts,
+            asked=request.words(self.levels_fl),
+            first=first,
+            effective=found.effective,
+            proposals=found.proposals,
+        )
+
+    def _request(
+        self, entry_fl: float | None, context: Mapping[str, Any] | pl.DataFrame | None, flown: FlownSoFar | None
+    ) -> tuple[Request, pl.DataFrame | None]:
+        """Entry, context and what was flown."""
+        contexts = None
+        if context is not None or self.representation.context is not None:
+            contexts = context_rows(context, self.representation.context)
+        request = Request()
+        if contexts is not None and self.representation.context is not None:
+            if len(contexts) > 1:
+                raise ConfigError(
+                    f"{len(contexts)} contexts", expected="one for a call", mend="call once for each context"
+                )
+            row = contexts.row(0, named=True)
+            key = tuple((name, str(value)) for name, value in row.items())
+            request = Request(key=key, context=self.representation.context.encode(contexts))
+        if flown is not None:
+            if entry_fl is not None:
+                raise ConfigError("entry_fl beside what was flown", expected="one of them", mend="leave entry_fl out")
+            so_far = flown_so_far(self.decoder, flown)
+            return replace(request, flown=so_far, entry=int(so_far.mask[0].to(torch.int8).argmax())), contexts
+        entry = entry_levels(self.representation, contexts, entry_fl)
+        return request if entry is None else replace(request, entry=int(entry[0])), contexts
+
+    def _cas_level(self, entry: int | None) -> int:
+        """Half way down the part flown at constant CAS."""
+        top = self.levels_fl[-1 if entry is None else entry]
+        return self.grid.nearest((self.levels_fl[0] + min(top, self.transition_fl)) / 2)
+
+    def _accepted(self, request: Request, n: int, numbers: Numbers) -> Accepted:
+        culprit = request.speeds[-1] if request.speeds else None
+        judge = self._descents.broken if request.flown is None else self._descents.broken_after
+        try:
+            target = self._target(request)
+            if target.in_closed_form:
+                return first_plausible(target, numbers, n, judge)
+            stand_in = isinstance(target, ConditionedTarget) and target.parts.prior is not None
+            return chosen_by_weight(target, numbers, n, judge, stand_in)
+        except NothingPlausible as error:
+            culprit = error.culprit
+        except NoneLeft:
+            culprit = None if request.point is not None else culprit
+        if culprit is None and request.point is None:
+            raise ConfigError(
+                "; ".join(request.words(self.levels_fl)) or "no constraint at all",
+                expected="a level of entry or a context from which some draws are plausible",
+                mend="choose one like those of the training flights",
+            )
+
+        def draws(request: Request, n: int) -> Drawn:
+            return self._accepted(request, n, Numbers(self.seed, 0)).drawn
+
+        raise implausible(request, culprit, draws, self.levels_fl, self.grid.metres)
+
+    def _target(self, request: Request) -> ConditionedTarget | FreeTarget:
+        """The density given a request, kept for the next call that asks the same."""
+        if request.flown is not None:
+            prior = prior_of(self.density, self.seed, request.context)
+            after = parts_after(linear_curves(self.decoder), prior, self.grid, request.flown, self.noise_multiple)
+            return conditioned_target(request, after, self.grid, self._shares, self.bounds)
+        key = (request.entry, request.speeds, request.point, request.key)
+        with self._lock:
+            found = self._targets.get(key)
+            if found is not None:
+                self._targets.move_to_end(key)
+                return found
+        made = self._made(request)
+        with self._lock:
+            self._targets[key] = made
+            while len(self._targets) > KEPT_REQUESTS:
+                self._targets.popitem(last=False)
+        return made
+
+    def _made(self, request: Request) -> ConditionedTarget | FreeTarget:
+        if request.is_free and self.density.mixture is None:
+            shares = self._shares.log_entries
+            if request.entry is not None:
+                shares = np.where(np.arange(len(shares)) == request.entry, 0.0, -np.inf)
+            profiles = sample_profiles(self.decoder, self.grid)
+            return FreeTarget(self.density, self.grid, profiles, shares, request.context)
+        with self._lock:
+            if request.key not in self._parts:
+                self._parts[request.key] = parts_of(self.density, self.grid, request.context, self.seed)
+            parts = self._parts[request.key]
+        return conditioned_target(request, parts, self.grid, self._shares, self.bounds)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the lock and what can be computed again."""
+        state = self.__dict__.copy()
+        del state["_lock"]
+        return {**state, "_parts": {}, "_targets": OrderedDict()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """With a lock of its own."""
+        self.__dict__.update(state)
+        self._lock = threading.RLock()

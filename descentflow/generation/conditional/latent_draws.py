@@ -1,0 +1,161 @@
+"""Draws by number: the same seed and number give the same draw, in any batch, order, thread or process."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.special import logsumexp, ndtri
+
+from descentflow.core.counter_random import DrawNumbers
+from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
+from descentflow.generation.conditional.latent_parts import LatentParts
+from descentflow.generation.conditional.point_condition import Flown, PointCondition
+from descentflow.generation.conditional.speed_conditions import Conditions
+
+FIRST_STREAM = 1 << 32
+"""Streams of random numbers below it are those of corrections."""
+LEAST = 2.0**-54
+"""In place of a uniform number that is zero, half of the next: its normal is finite."""
+BLOCK = 512
+"""Draws whose latent numbers are computed at a time."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Draws ``first``, ``first + 1`` and so on of a seed.
+
+    Example:
+        >>> ten = Numbers(seed=3, first=0).uniform(10, 5, stream=0)
+        >>> np.array_equal(Numbers(seed=3, first=6).uniform(2, 5, stream=0), ten[6:8])
+        True
+    """
+
+    seed: int
+    first: int
+
+    def uniform(self, n: int, width: int, stream: int) -> Array:
+        """Numbers (n, width) in (0, 1) of n draws; other streams are other numbers."""
+        numbers = DrawNumbers(self.seed, self.first * width).uniform(n * width, FIRST_STREAM + stream)
+        found: Array = np.maximum(numbers.numpy().reshape(n, width), LEAST)
+        return found
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """n draws: latent numbers (n, D), entry (n,), what they fly, log weights (n,)."""
+
+    u: Array
+    entry: np.ndarray
+    flown: Flown
+    log_weight: Array
+
+
+class Target(Protocol):
+    """What draws are made of: uniform numbers (n, ``width``) in (0, 1) make n draws."""
+
+    width: int
+
+    def draw(self, uniform: Array) -> Drawn:
+        """One draw for each row."""
+
+
+class ConditionedTarget:
+    """Gaussians given speeds and perhaps a point; ``entry`` (C,) and ``component`` (C,) say what each of them is."""
+
+    def __init__(
+        self,
+        parts: LatentParts,
+        grid: FlownProfiles,
+        component: np.ndarray,
+        entry: np.ndarray,
+        speeds: Conditions,
+        point: PointCondition | None,
+    ) -> None:
+        """Hold what was conditioned."""
+        self.parts, self.grid, self.component, self.entry, self.speeds, self.point = (
+            parts,
+            grid,
+            component,
+            entry,
+            speeds,
+            point,
+        )
+        self.width = 2 + parts.means.shape[1] + speeds.rows.n_rows
+        shares = speeds.log_probs if point is None else point.log_probs
+        self.up_to = np.exp(shares - logsumexp(shares)).cumsum()
+
+    @property
+    def in_closed_form(self) -> bool:
+        """Whether every draw has the same weight."""
+        return self.speeds.in_closed_form and self.point is None and self.parts.prior is None
+
+    def draw(self, uniform: Array) -> Drawn:
+        """One draw for each row."""
+        blocks = [self._block(uniform[start : start + BLOCK]) for start in range(0, len(uniform), BLOCK)]
+        return blocks[0] if len(blocks) == 1 else joined(blocks)
+
+    def _block(self, uniform: Array) -> Drawn:
+        cell = np.minimum(np.searchsorted(self.up_to, uniform[:, 0], side="right"), len(self.up_to) - 1)
+        size = self.parts.means.shape[1]
+        white = ndtri(uniform[:, 2 : 2 + size])
+        component = self.component[cell]
+        u = (self.parts.roots[component] * white[:, None]).sum(2)
+        u, log_weight = self.speeds.meet(cell, u, uniform[:, 2 + size :])
+        if self.point is None:
+            u = u + self.parts.means[component]
+            flown = Flown.of(self.grid, self.parts.drag.of(u), self.parts.cas.of(u))
+        else:
+            u, flown, more = self.point.meet(cell, u, uniform[:, 1])
+            u, log_weight = u + self.parts.means[component], log_weight + more
+        if self.parts.prior is not None:
+            log_weight = log_weight + self.parts.log_ratio(u)
+        return Drawn(u, self.entry[cell], flown, log_weight)
+
+
+def joined(parts: list[Drawn]) -> Drawn:
+    """Draws one after another.
+
+    Example:
+        >>> flown = Flown(*(np.zeros((2, 3)) for _ in range(6)))
+        >>> some = Drawn(np.zeros((2, 4)), np.zeros(2, int), flown, np.zeros(2))
+        >>> joined([some, some]).u.shape
+        (4, 4)
+    """
+    names = ("drag", "cas", "mach", "tas", "rate", "seconds")
+    flown = Flown(*(np.concatenate([getattr(p.flown, name) for p in parts]) for name in names))
+    u, entry, log_weight = (np.concatenate([getattr(p, name) for p in parts]) for name in ("u", "entry", "log_weight"))
+    return Drawn(u, entry, flown, log_weight)
+
+
+def rows_of(drawn: Drawn, index: np.ndarray) -> Drawn:
+    """The draws at these positions.
+
+    Example:
+        >>> flown = Flown(*(np.zeros((2, 3)) for _ in range(6)))
+        >>> rows_of(Drawn(np.zeros((2, 4)), np.zeros(2, int), flown, np.zeros(2)), np.array([1])).u.shape
+        (1, 4)
+    """
+    names = ("drag", "cas", "mach", "tas", "rate", "seconds")
+    flown = Flown(*(getattr(drawn.flown, name)[index] for name in names))
+    return Drawn(drawn.u[index], drawn.entry[index], flown, drawn.log_weight[index])
+
+
+def resampled(log_weight: Array, uniform: Array) -> tuple[np.ndarray, Array]:
+    """One proposal for each draw by the weights (n, M) of its own, and how many effective ones there were (n,).
+
+    Args:
+        log_weight: (n, M), minus infinity where a proposal cannot be.
+        uniform: (n,) in (0, 1).
+
+    Example:
+        >>> resampled(np.log([[1.0, 1.0, 2.0]]), np.array([0.9]))
+        (array([2]), array([2.66666667]))
+    """
+    with np.errstate(invalid="ignore"):
+        shares = np.exp(log_weight - log_weight.max(1, keepdims=True))
+    shares = np.where(np.isfinite(shares), shares, 0.0)
+    total = shares.cumsum(1)
+    chosen = (total <= uniform[:, None] * total[:, -1:]).sum(1)
+    with np.errstate(invalid="ignore"):
+        effective = np.where(total[:, -1] > 0, total[:, -1] ** 2 / (shares**2).sum(1), 0.0)
+    return np.minimum(chosen, log_weight.shape[1] - 1), effective

@@ -1,0 +1,143 @@
+"""A density as Gaussians over latent numbers u, of which drag and CAS are linear: before and after a part was flown.
+
+Before, u holds the weights and the standard normals of the drag beyond the components, as samples have them. After, it
+holds what :class:`~descentflow.generation.prediction.predictor.DescentPredictor` conditions: weights and the residual
+components of drag and CAS.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from descentflow.densities.density import Density
+from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles, LinearProfile
+from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.linear_curves import LinearCurves
+from descentflow.representation.profiles import Profiles
+
+
+@dataclass(frozen=True)
+class LatentParts:
+    """K Gaussians over D latent numbers, and the profiles that they make.
+
+    Attributes:
+        log_probs: (K,) log of their shares.
+        means: (K, D).
+        roots: (K, D, D) whose products with their transposes are the covariances.
+        drag: Of N.
+        cas: Of m/s.
+        n_weights: How many of u are the density's weights: the first.
+        prior: What proposes and what it stands for, where the density is no mixture; None where it is.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> parts = parts_of(model, FlownProfiles(model.representation.decoder), None)
+        >>> parts.means.shape[1] == 4 + len(model.representation.decoder.residual)
+        True
+    """
+
+    log_probs: Array
+    means: Array
+    roots: Array
+    drag: LinearProfile
+    cas: LinearProfile
+    n_weights: int
+    prior: Prior | None = None
+
+    def log_ratio(self, u: Array) -> Array:
+        """Log of the density over what proposes (n,), at (n, D); zero where the Gaussians are the density."""
+        if self.prior is None:
+            return np.zeros(len(u))
+        weights = torch.from_numpy(u[:, : self.n_weights])
+        with torch.no_grad():
+            ratio = self.prior.log_prob(weights) - log_density(self.prior.mixture, weights)
+        return torch.where(ratio.isfinite(), ratio, -torch.inf).numpy()
+
+
+def parts_of(density: Density, grid: FlownProfiles, context: Tensor | None, seed: int = 0) -> LatentParts:
+    """The density before anything was flown, at a context (1, c) if it takes one."""
+    decoder = density.representation.decoder
+    prior = prior_of(density, seed, context)
+    n_weights, n_white = decoder.dimension, len(decoder.residual)
+    mixture = prior.mixture
+    size = n_weights + n_white
+    roots = np.tile(np.eye(size), (mixture.n_components, 1, 1))
+    roots[:, :n_weights, :n_weights] = _numbers(mixture.scale_trils)
+    means = np.pad(_numbers(mixture.locs), ((0, 0), (0, n_white)))
+    drag, cas = sample_profiles(decoder, grid)
+    log_probs = _numbers(mixture.probs.log())
+    return LatentParts(log_probs, means, roots, drag, cas, n_weights, prior if prior.exact is not None else None)
+
+
+def parts_after(
+    curves: LinearCurves, prior: Prior, grid: FlownProfiles, flown: Profiles, noise_multiple: float
+) -> LatentParts:
+    """The density after one flight has flown some levels.
+
+    Args:
+        curves: Of the decoder.
+        prior: Of the density, see :func:`~descentflow.generation.prediction.posterior.prior_of`.
+        grid: Of the decoder.
+        flown: One flight; its mask is true at the levels flown.
+        noise_multiple: Of the variance of the noise about the components.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.representation.linear_curves import linear_curves
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> model = load_model("best.ckpt")
+        >>> decoder = model.representation.decoder
+        >>> one = encode_flights(read_descents("descents.parquet").frame, model.representation)["test"].profiles
+        >>> after = parts_after(linear_curves(decoder), prior_of(model), FlownProfiles(decoder), one.subset([0]), 1.0)
+        >>> bool(np.linalg.norm(after.roots[0], axis=1)[:4].max() < 1)  # less is open than before
+        True
+    """
+    noisier = replace(curves, noise_variance=noise_multiple * curves.noise_variance)
+    seen = noisier.information(flown.drag_n, flown.cas_mps, flown.mask)
+    posterior = posterior_of(prior, seen.precisions[0], seen.shift[0])
+    # Precision L L': the transposed inverse of L is a root of the covariance.
+    roots = torch.linalg.inv(posterior.precision_trils).mT
+    n_levels = grid.n_levels
+    loadings, offset = _numbers(curves.loadings), _numbers(curves.offset)
+    drag, cas = (
+        LinearProfile(grid.columns(offset[part]), grid.columns(loadings[part].T))
+        for part in (slice(0, n_levels), slice(n_levels, None))
+    )
+    return LatentParts(
+        _numbers(posterior.log_probs),
+        _numbers(posterior.means),
+        np.ascontiguousarray(_numbers(roots)),
+        drag,
+        cas,
+        curves.n_weights,
+        prior if prior.exact is not None else None,
+    )
+
+
+def sample_profiles(decoder: DescentDecoder, grid: FlownProfiles) -> tuple[LinearProfile, LinearProfile]:
+    """Drag and CAS of samples: of the weights, and of the standard normals of the residual drag.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> decoder = load_representation("best.ckpt").decoder
+        >>> drag, cas = sample_profiles(decoder, FlownProfiles(decoder))
+        >>> drag.loadings.shape == cas.loadings.shape
+        True
+    """
+    d = decoder.dimension
+    rows = torch.cat([torch.zeros(1, d), torch.eye(d)]).to(decoder.weight_mean)
+    found = []
+    for values, extra in zip(decoder.curves(rows), (decoder.residual, torch.zeros_like(decoder.residual)), strict=True):
+        offset, loadings = _numbers(values[0]), _numbers(torch.cat([values[1:] - values[0], extra]))
+        found.append(LinearProfile(grid.columns(offset), grid.columns(loadings)))
+    return found[0], found[1]
+
+
+def _numbers(values: Tensor) -> Array:
+    found: Array = values.detach().cpu().double().numpy()
+    return found

@@ -1,0 +1,82 @@
+"""What is said where no descent meets a request: the nearest value that descents have which meet the rest of it."""
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from descentflow.core.errors import ImplausibleError
+from descentflow.generation.conditional.constraints import PointAsked, SpeedAsked, of_cas_mps
+from descentflow.generation.conditional.flown_profiles import Array
+from descentflow.generation.conditional.latent_draws import Drawn
+from descentflow.generation.conditional.requests import Request
+
+LOOKED_AT = 1000
+"""Descents among which the nearest value is sought: the ends of their range are those of one in a thousand."""
+DIGITS = {"cas_kt": 1, "mach": 4, "time_s": 1, "distance_nm": 2}
+
+
+class Draws(Protocol):
+    """Draws n descents of a request."""
+
+    def __call__(self, request: Request, n: int) -> Drawn:
+        """Draw."""
+
+
+def implausible(
+    request: Request, culprit: SpeedAsked | None, draws: Draws, levels_fl: list[float], metres: "Metres"
+) -> ImplausibleError:
+    """The error for a request, of which ``culprit`` (None for the point) cannot be met.
+
+    Args:
+        request: As asked.
+        culprit: Which speed; None for the time or the distance.
+        draws: Of requests.
+        levels_fl: Of the grid.
+        metres: Distance (n, L) of descents, in the way of :meth:`FlownProfiles.metres`.
+    """
+    rest = replace(request, speeds=tuple(one for one in request.speeds if one is not culprit))
+    if culprit is None:
+        rest = replace(rest, point=None)
+    drawn = draws(rest, LOOKED_AT)
+    if culprit is not None:
+        values, name, low, high = _speeds(culprit, drawn, levels_fl), culprit.name, culprit.low, culprit.high
+        text = culprit.text(levels_fl[int(drawn.entry[0]) if culprit.level < 0 else culprit.level])
+    else:
+        assert request.point is not None
+        values, name = _at_point(request.point, drawn, levels_fl, metres), request.point.name
+        low, high, text = request.point.low, request.point.high, request.point.text
+    off = np.maximum(np.maximum(low - values, values - high), 0.0)
+    nearest, digits = float(values[off.argmin()]), DIGITS[name]
+    others = "; ".join(rest.words(levels_fl)) or "nothing else asked"
+    return ImplausibleError(
+        f"{text}, which no descent of the model has with {others}",
+        expected=f"{values.min():.{digits}f} to {values.max():.{digits}f}, as {LOOKED_AT:,} plausible descents have",
+        mend=f"ask for the nearest of theirs, {name} {nearest:.{digits}f}, or for a band that holds it",
+        constraint=name,
+        nearest=nearest,
+    )
+
+
+class Metres(Protocol):
+    """Distances of descents."""
+
+    def __call__(self, tas_mps: Array, rate_mps: Array, seconds: Array) -> Array:
+        """(n, L)."""
+
+
+def _speeds(asked: SpeedAsked, drawn: Drawn, levels_fl: list[float]) -> Array:
+    level = drawn.entry if asked.level < 0 else np.full(len(drawn.entry), asked.level)
+    cas_mps = drawn.flown.cas[np.arange(len(level)), level]
+    return np.array([of_cas_mps(asked.name, float(v), levels_fl[k]) for v, k in zip(cas_mps, level, strict=True)])
+
+
+def _at_point(asked: PointAsked, drawn: Drawn, levels_fl: list[float], metres: Metres) -> Array:
+    flown = drawn.flown
+    since = flown.seconds if asked.name == "time_s" else metres(flown.tas, flown.rate, flown.seconds)
+    since = since - since[np.arange(len(since)), drawn.entry][:, None]
+    lowest, highest = np.interp(asked.levels, levels_fl, np.arange(len(levels_fl)))
+    # Of a band of levels, the time at whichever of them is nearest.
+    later, sooner = since[:, round(float(lowest))], since[:, round(float(highest))]
+    values: Array = np.clip(asked.low, sooner / asked.unit, later / asked.unit)
+    return values if asked.levels[0] < asked.levels[1] else later / asked.unit

@@ -1,0 +1,218 @@
+r"""A time or a distance at a level: not linear in the latent numbers, so met along a line and weighted.
+
+Time is a sum of reciprocals of rates, so that its own reciprocal T, a mean rate, is nearly linear: that is what is met.
+With the slope g of T at a Gaussian's mean and the covariance $\Sigma$ that is left by the rows of
+:mod:`~descentflow.generation.conditional.speed_conditions`, the direction $v = \Sigma g$ leaves the rows as they are,
+and the coordinate s along it is independent of the rest, with variance $1 / g^T v$. A draw keeps its rest; its s is
+solved for the value t that is asked. The density of such draws given that the quantity T is t is that of the rest times
+$\phi(s) / |\partial T / \partial s|$, which becomes their weight. Of a band, t is first drawn from the normal that the
+slope says, cut to the band; of a band of levels, the level is drawn evenly, and the weight has the change of T by
+level.
+"""
+
+from dataclasses import dataclass
+from math import log, pi
+
+import numpy as np
+from scipy.special import logsumexp
+
+from descentflow.generation.conditional.constraints import PointAsked
+from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
+from descentflow.generation.conditional.latent_parts import LatentParts
+from descentflow.generation.conditional.speed_conditions import Conditions, cut_normal, log_between
+
+STEP_N, STEP_MPS = 50.0, 0.1
+"""Steps of drag and CAS over which slopes are taken; they steer proposals alone."""
+STEP_SD = 0.05
+"""Step along the line, in standard deviations, over which the slope of the weight is taken."""
+TOLERANCE = {"time_s": 1e-3, "distance_nm": 1.0}
+"""How far (s, m) a draw may be off the value asked: less than anyone measures, more than the last step leaves."""
+LEVELS_OF_A_BAND = 9
+"""Levels of a band at which the shares of the Gaussians are found."""
+LEAST_SPREAD = 1e-6
+"""Standard deviation, as a share of the value, that keeps the arithmetic finite where speeds leave nothing open."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """Draws on a line through latent space, and what they fly: ``drag`` and ``cas`` (n, W) at s = 0, and by s."""
+
+    drag: Array
+    cas: Array
+    drag_by_s: Array
+    cas_by_s: Array
+
+
+@dataclass(frozen=True)
+class Flown:
+    """n descents in columns of the grid, with the seconds (n, L) of :meth:`FlownProfiles.seconds`."""
+
+    drag: Array
+    cas: Array
+    mach: Array
+    tas: Array
+    rate: Array
+    seconds: Array
+
+    @classmethod
+    def of(cls, grid: FlownProfiles, drag: Array, cas: Array) -> "Flown":
+        """Fly profiles (n, W)."""
+        mach, tas, rate, slowness = grid.fly(drag, cas)
+        return cls(drag, cas, mach, tas, rate, grid.seconds(slowness))
+
+
+class PointCondition:
+    """A time or a distance at a level, for C Gaussians whose descents start at one level.
+
+    ``log_probs`` (C,) are the shares of the Gaussians given the rows and, as far as the slope says, the point;
+    ``tail`` is how probable what is asked is then.
+    """
+
+    def __init__(
+        self, asked: PointAsked, parts: LatentParts, grid: FlownProfiles, entry: int, speeds: Conditions
+    ) -> None:
+        """Take slopes at the Gaussians' means given the speeds."""
+        self.asked, self.parts, self.grid, self.entry, self.speeds = asked, parts, grid, entry, speeds
+        self.low = 1 / (asked.high * asked.unit)
+        self.high = 1 / (asked.low * asked.unit) if asked.low > 0 else np.inf
+        self.levels = np.interp(asked.levels, grid.levels_fl, np.arange(grid.n_levels))
+        n_cells = len(parts.means)
+        middle, _ = speeds.values(np.arange(n_cells), np.full((n_cells, speeds.rows.n_rows), 0.5))
+        self.moved = (speeds.gain * (middle - speeds.rows.centre)[:, None]).sum(2)
+        mean = parts.means + self.moved
+        drag, cas = parts.drag.of(mean), parts.cas.of(mean)
+        self.profile = self._since_entry(Flown.of(grid, drag, cas))
+        self.slope = self._slope(drag, cas)
+        spread = parts.roots @ (parts.roots.mT @ self.slope[:, :, None])
+        direction = (spread - speeds.gain @ (speeds.rows.matrix @ spread))[:, :, 0]
+        least = LEAST_SPREAD * _reciprocal(self.profile, np.full(n_cells, self.levels.mean()))
+        self.variance = np.maximum((self.slope * direction).sum(1), least**2)
+        self.direction = direction
+        self.drag_by_s, self.cas_by_s = parts.drag.change(direction), parts.cas.change(direction)
+        levels = (
+            np.linspace(self.levels[0], self.levels[1], LEVELS_OF_A_BAND) if self.is_level_band else self.levels[:1]
+        )
+        self.own = logsumexp(np.stack([self._log_share(level) for level in levels]), axis=0) - log(len(levels))
+        total = speeds.log_probs + self.own
+        self.log_probs = total - logsumexp(total) if np.isfinite(total).any() else speeds.log_probs
+        self.tail = self._tail(levels)
+
+    @property
+    def is_level_band(self) -> bool:
+        """Whether a value is asked within a band of levels."""
+        return bool(self.levels[0] < self.levels[1])
+
+    def meet(self, cell: np.ndarray, u: Array, uniform: Array) -> tuple[Array, Flown, Array]:
+        """Draws (n, D) of the Gaussians minus their means that meet the speeds, moved to meet the point as well.
+
+        Args:
+            cell: (n,) which Gaussian.
+            u: (n, D).
+            uniform: (n,) in (0, 1).
+
+        Returns:
+            The draws, what they fly, and their log weights (n,): minus infinity where the line does not meet the point.
+        """
+        parts, variance = self.parts, self.variance[cell]
+        seen = (self.speeds.rows.matrix[cell] * u[:, None]).sum(2)
+        given = (self.speeds.gain[cell] * seen[:, None]).sum(2)
+        slope, direction = self.slope[cell], self.direction[cell]
+        u = u - direction * ((slope * (u - given)).sum(1) / variance)[:, None]
+        level = self.levels[0] + (self.levels[1] - self.levels[0]) * uniform
+        expected = _reciprocal(self.profile[cell], level) + (slope * (given - self.moved[cell])).sum(1)
+        target, log_weight = self._target(expected, np.sqrt(variance), uniform)
+        whole = parts.means[cell] + u
+        line = Line(parts.drag.of(whole), parts.cas.of(whole), self.drag_by_s[cell], self.cas_by_s[cell])
+        s, flown, slope_s, off = self._solve(line, (target - expected) / variance, target, level, variance)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            log_weight += 0.5 * np.log(variance / (2 * pi)) - 0.5 * variance * s**2 - np.log(slope_s) - self.own[cell]
+            if self.is_level_band:
+                log_weight += np.log(np.abs(_by_level(self._since_entry(flown), level)) * target**2)
+        met = np.isfinite(log_weight) & (np.abs(off) <= TOLERANCE[self.asked.name])
+        return u + s[:, None] * direction, flown, np.where(met, log_weight, -np.inf)
+
+    def _target(self, expected: Array, sd: Array, uniform: Array) -> tuple[Array, Array]:
+        """The value that each draw shall have, and minus the log density of having drawn it."""
+        if self.low == self.high:
+            return np.full_like(expected, self.low), np.zeros_like(expected)
+        low, high = (self.low - expected) / sd, (self.high - expected) / sd
+        white = cut_normal(low, high, uniform)
+        return expected + sd * white, 0.5 * white**2 + 0.5 * np.log(2 * pi * sd**2) + log_between(low, high)
+
+    def _solve(
+        self, line: Line, s: Array, target: Array, level: Array, variance: Array
+    ) -> tuple[Array, Flown, Array, Array]:
+        """A step by the slope at the mean, and one of Newton; the slope there, and how far off the result is."""
+
+        def at(s: Array) -> tuple[Flown, Array]:
+            flown = Flown.of(self.grid, line.drag + s[:, None] * line.drag_by_s, line.cas + s[:, None] * line.cas_by_s)
+            return flown, _reciprocal(self._since_entry(flown), level)
+
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            nearer, ahead = s + (target - at(s)[1]) / variance, STEP_SD / np.sqrt(variance)
+            value = at(nearer)[1]
+            slope = (at(nearer + ahead)[1] - value) / ahead
+            found = nearer + (target - value) / slope
+            flown, value = at(found)
+            return found, flown, slope, 1 / value - 1 / target
+
+    def _since_entry(self, flown: Flown) -> Array:
+        """Seconds or metres (n, L) since entry, growing downwards."""
+        since = flown.seconds
+        if self.asked.name == "distance_nm":
+            since = self.grid.metres(flown.tas, flown.rate, flown.seconds)
+        return since - since[:, self.entry : self.entry + 1]
+
+    def _slope(self, drag: Array, cas: Array) -> Array:
+        """Slopes (C, D) of the reciprocal at the middle of the levels, from those of its integrand column by column."""
+        middle = round(float(self.levels.mean()))
+        columns = self.grid.seconds(np.eye(self.grid.width))
+        weights = columns[:, middle] - columns[:, self.entry]
+        here, heavier, faster = (
+            self._integrand(*profiles) for profiles in ((drag, cas), (drag + STEP_N, cas), (drag, cas + STEP_MPS))
+        )
+        by_drag = weights * (heavier - here) / STEP_N @ self.parts.drag.loadings.T
+        by_cas = weights * (faster - here) / STEP_MPS @ self.parts.cas.loadings.T
+        value = _reciprocal(self.profile, np.full(len(drag), self.levels.mean()))
+        found: Array = -(by_drag + by_cas) * value[:, None] ** 2
+        return found
+
+    def _integrand(self, drag: Array, cas: Array) -> Array:
+        _, tas, _, slowness = self.grid.fly(drag, cas)
+        return slowness * tas if self.asked.name == "distance_nm" else slowness
+
+    def _log_share(self, level: float) -> Array:
+        """Log probability (C,) of what is asked at a level (an index), by the slopes."""
+        sd = np.sqrt(self.variance)
+        expected = _reciprocal(self.profile, np.full(len(sd), level))
+        low, high = (self.low - expected) / sd, (self.high - expected) / sd
+        return log_between(low, high) if self.low < self.high else -0.5 * low**2 - np.log(sd) - 0.5 * log(2 * pi)
+
+    def _tail(self, levels: Array) -> float:
+        """Probability of the band, or of what is at least as far out as the value, on its side; at the best level."""
+        shares, sd = np.exp(self.speeds.log_probs), np.sqrt(self.variance)
+        found = []
+        for level in levels:
+            expected = _reciprocal(self.profile, np.full(len(sd), level))
+            low, high = (self.low - expected) / sd, (self.high - expected) / sd
+            if self.low < self.high:
+                found.append(float(shares @ np.exp(log_between(low, high))))
+            else:
+                infinite = np.full_like(low, np.inf)
+                sides = log_between(-infinite, low), log_between(low, infinite)
+                found.append(2 * min(float(shares @ np.exp(side)) for side in sides))
+        return max(found)
+
+
+def _reciprocal(values: Array, level: Array) -> Array:
+    """One over values (n, L) at levels (n,) that are indices with fractions."""
+    rows, below = np.arange(len(values)), np.minimum(level.astype(int), values.shape[1] - 2)
+    found: Array = 1 / (values[rows, below] + (level - below) * (values[rows, below + 1] - values[rows, below]))
+    return found
+
+
+def _by_level(values: Array, level: Array) -> Array:
+    """Change of values (n, L) from a level to the next, at levels (n,)."""
+    rows, below = np.arange(len(values)), np.minimum(level.astype(int), values.shape[1] - 2)
+    found: Array = values[rows, below + 1] - values[rows, below]
+    return found

@@ -1,0 +1,121 @@
+"""A mixture over toy descents on few levels, and what brute force finds: samples, cut to what is asked."""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import torch
+import toys
+from scipy.stats import ks_2samp
+from torch import Tensor
+
+from descentflow.core.units import KT_MPS
+from descentflow.densities.density import Density
+from descentflow.densities.entry_gate import EntryGate
+from descentflow.densities.mixture import GaussianMixtureDensity
+from descentflow.densities.mixture_parameters import Mixture
+from descentflow.generation.rejection import sample_descents
+from descentflow.positions.placing import place
+from descentflow.representation.decoder.trajectories import Trajectories, concatenate
+from descentflow.representation.representation import Representation, Split, fit_representation
+
+BOTTOM, TOP = 270, 370
+RARE = 1e-4
+"""Of p-values: one right sampler in 10,000 fails a comparison of one quantity."""
+
+
+@cache
+def parts() -> Representation:
+    """What all tests share and none changes."""
+    return fitted()
+
+
+@cache
+def state() -> dict[str, Any]:
+    """Two components of CAS at least, so that two speeds can be asked, and drag beyond the components."""
+    train = toys.flights(300, bottom_fl=BOTTOM, top_fl=TOP)
+    split = Split(train.flight_ids, (), ())
+    return fit_representation(train, toys.AIRCRAFT, split, explained_variance=0.97).to_state()
+
+
+def fitted() -> Representation:
+    """A representation of one's own."""
+    return Representation.from_state(state())
+
+
+@cache
+def mixture(gated: bool = False) -> GaussianMixtureDensity:
+    """Two components about the mean flight, one of them wide: many of its draws are not plausible."""
+    d = parts().decoder.dimension
+    density = GaussianMixtureDensity(d, 2)
+    locs = torch.zeros(2, d, dtype=torch.float64)
+    locs[0], locs[1] = 0.5, -0.6
+    generator = torch.Generator().manual_seed(0)
+    mixed = 0.3 * torch.randn(2, d, d, generator=generator, dtype=torch.float64).tril(-1)
+    roots = mixed + torch.tensor([0.5, 1.1]).double()[:, None, None] * torch.eye(d, dtype=torch.float64)
+    density.mixture = Mixture(torch.tensor([0.6, 0.4]).double(), locs, roots)
+    if gated:
+        density.entry_gate = EntryGate(torch.tensor([60]), torch.tensor([[0.8, 0.2], [0.3, 0.7]]).double())
+    density.attach(parts())
+    return density
+
+
+class Opaque(Density):
+    """A mixture that does not say so."""
+
+    def __init__(self, hidden: GaussianMixtureDensity) -> None:
+        super().__init__(hidden.dimension)
+        self.hidden = hidden
+        self.attach(hidden.representation)
+
+    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        return self.hidden.log_prob(weights)
+
+    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
+        return self.hidden.draw(n, generator)
+
+
+def index(level_fl: float) -> int:
+    return int(level_fl - BOTTOM)
+
+
+@cache
+def samples(gated: bool, entry_fl: int | None, n: int = 40_000) -> Trajectories:
+    """Samples as anyone draws them."""
+    entry = None if entry_fl is None else torch.tensor([index(entry_fl)])
+    found = [
+        sample_descents(mixture(gated), parts().decoder, parts().plausibility, 10_000, seed, entry=entry).trajectories
+        for seed in range(n // 10_000)
+    ]
+    return concatenate(found)
+
+
+def cut(flown: Trajectories, meets: Callable[[Trajectories], Tensor]) -> Trajectories:
+    """Those that meet what is asked: enough to tell a wrong law."""
+    kept = flown.subset(meets(flown))
+    assert len(kept) > 400
+    return kept
+
+
+def cas_kt(flown: Trajectories, level_fl: float) -> Tensor:
+    return flown.cas_mps[:, index(level_fl)] / KT_MPS
+
+
+def distance_nm(flown: Trajectories, level_fl: float) -> Tensor:
+    return torch.from_numpy(place(flown).distance_m[:, index(level_fl)] / 1852.0)
+
+
+def p_values(one: Trajectories, other: Trajectories) -> dict[str, float]:
+    """Of two-sample Kolmogorov-Smirnov tests of what the descents have at some levels."""
+    found = {}
+    for name, of in {
+        "time to the bottom": lambda t: t.time_s[:, 0],
+        "time to FL300": lambda t: t.time_s[:, index(300)],
+        "CAS at FL275": lambda t: cas_kt(t, 275),
+        "CAS at FL320": lambda t: cas_kt(t, 320),
+        "drag at FL290": lambda t: t.drag_n[:, index(290)],
+        "entry": lambda t: t.entry.double(),
+    }.items():
+        first, second = of(one).round(decimals=6), of(other).round(decimals=6)
+        found[name] = float(ks_2samp(first.numpy(), second.numpy(), method="asymp").pvalue)
+    return found

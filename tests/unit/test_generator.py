@@ -1,0 +1,301 @@
+"""A generator's streams, what it refuses, and descents that have begun."""
+
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import generator_toys as toy
+import numpy as np
+import polars as pl
+import pytest
+import torch
+import toys
+from generator_toys import cas_kt, index
+from scipy.stats import ks_2samp
+
+import descentflow as df
+from descentflow.core.errors import ConfigError, DataError, ImplausibleError
+from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.densities.checkpoint import content_of
+from descentflow.densities.flow import MaskedAffineFlowDensity
+from descentflow.densities.gaussian import GaussianDensity
+from descentflow.generation.prediction.predictor import DescentPredictor
+from descentflow.representation.context import ContextEncoder
+
+ASKED: list[dict[str, object]] = [
+    {},
+    {"entry_fl": 350},
+    {"entry_fl": 350, "cas_kt": {290: 290}},
+    {"entry_fl": 350, "mach": (0.76, 0.78), "cas_kt": {290: (280, 300)}},
+    {"entry_fl": 350, "time_s": (140, 160), "level": 300},
+    {"mach": (None, 0.775)},
+]
+
+
+def generator(seed: int = 5, **settings: object) -> df.Generator:
+    return df.Generator(toy.mixture(True), seed=seed, **settings)
+
+
+def same(one: object, other: object) -> bool:
+    names = ("entry", "time_s", "cas_mps", "mach", "tas_mps", "rate_mps", "drag_n")
+    return all(torch.equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
+@pytest.mark.parametrize("asked", ASKED)
+def test_a_batch_is_what_single_calls_give_to_the_bit(asked: dict[str, object]) -> None:
+    one = generator()
+    together = generator().next_batch(23, **asked).trajectories
+    for size in (1, 5, 17):
+        first = int(one._next)
+        part = one.next_batch(size, **asked).trajectories
+        assert same(part, together.subset(torch.arange(first, first + size)))
+
+
+def test_a_number_makes_the_descent_and_moves_nothing() -> None:
+    one = generator()
+    seventh = one.next(entry_fl=350, number=7)
+    assert one.next(entry_fl=350).first == 0
+    assert same(seventh.trajectories, generator().next_batch(8, entry_fl=350).trajectories.subset(torch.tensor([7])))
+    assert not same(seventh.trajectories, generator(seed=6).next(entry_fl=350, number=7).trajectories)
+    assert same(seventh.trajectories, generator(first=7).next(entry_fl=350).trajectories)
+
+
+def test_threads_share_a_generator() -> None:
+    """Every number is drawn once, and every descent is that of a serial call."""
+    one, calls = generator(), 1000
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda k: one.next(**ASKED[2 if k % 2 else 1]), range(calls)))
+    assert sorted(each.first for each in found) == list(range(calls))
+    for each in found:
+        serial = generator_of_serial().next(**_asked_of(each.asked), number=each.first)
+        assert same(each.trajectories, serial.trajectories)
+
+
+SERIAL: list[df.Generator] = []
+
+
+def generator_of_serial() -> df.Generator:
+    if not SERIAL:
+        SERIAL.append(generator())
+    return SERIAL[0]
+
+
+def _asked_of(words: tuple[str, ...]) -> dict[str, object]:
+    return ASKED[2] if len(words) > 1 else ASKED[1]
+
+
+def test_threads_that_give_numbers_get_the_serial_descents() -> None:
+    one = generator()
+    serial = [one.next(**ASKED[k % 6], number=k).trajectories for k in range(240)]
+    other = generator()
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda k: other.next(**ASKED[k % 6], number=k).trajectories, range(240)))
+    assert all(same(a, b) for a, b in zip(serial, found, strict=True))
+
+
+def test_another_process_draws_the_same(tmp_path: Path) -> None:
+    """Of the checkpoint, and of the generator itself when it is pickled."""
+    density = toy.mixture(True)
+    torch.save(content_of(density), tmp_path / "mixture.ckpt")
+    one = df.Generator(tmp_path / "mixture.ckpt", seed=5)
+    (tmp_path / "one.pickle").write_bytes(pickle.dumps(one))
+    code = (
+        "import sys, pickle, numpy, descentflow as df; folder = sys.argv[1]\n"
+        "two = df.Generator(folder + '/mixture.ckpt', seed=5), pickle.load(open(folder + '/one.pickle', 'rb'))\n"
+        "drawn = [g.next_batch(9, entry_fl=350, cas_kt={290: 290}).trajectories.time_s.numpy() for g in two]\n"
+        "numpy.save(folder + '/drawn.npy', numpy.stack(drawn))"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True)
+    drawn = np.load(tmp_path / "drawn.npy")
+    own = one.next_batch(9, entry_fl=350, cas_kt={290: 290}).trajectories.time_s.numpy()
+    assert np.array_equal(drawn[0], own)
+    assert np.array_equal(drawn[1], own)
+
+
+def test_flows_are_the_same_in_any_batch_to_single_precision() -> None:
+    """Their networks are float32 matrix products, which sum in another order in another batch."""
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        flow = MaskedAffineFlowDensity(toy.parts().decoder.dimension, n_flows=1, whitened=True).eval()
+    flow.attach(toy.parts())
+    together = df.Generator(flow).next_batch(6, entry_fl=350).trajectories.time_s
+    one = df.Generator(flow)
+    apart = torch.cat([one.next(entry_fl=350).trajectories.time_s for _ in range(6)])
+    torch.testing.assert_close(apart, together, rtol=1e-4, atol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("asked", "name"),
+    [
+        ({"cas_kt": {290: 220}}, "cas_kt"),
+        ({"cas_kt": {290: (340, 350)}}, "cas_kt"),
+        ({"mach": 0.6}, "mach"),
+        ({"mach": (0.84, None), "cas_kt": {290: (280, 300)}}, "mach"),
+        ({"time_s": 30, "level": 300}, "time_s"),
+        ({"time_s": (1000, None), "level": 300}, "time_s"),
+        ({"distance_nm": 3, "level": 300, "cas_kt": {290: (280, 300)}}, "distance_nm"),
+        ({"time_s": 30, "level": (300, 305)}, "time_s"),
+    ],
+)
+def test_what_no_descent_meets_is_an_error_that_names_the_nearest(asked: dict[str, object], name: str) -> None:
+    one = generator()
+    with pytest.raises(ImplausibleError, match=f"nearest of theirs, {name}") as caught:
+        one.next(entry_fl=350, **asked)
+    error = pickle.loads(pickle.dumps(caught.value))
+    assert error.constraint == name
+    level = {290: error.nearest} if name == "cas_kt" else error.nearest
+    found = one.next(entry_fl=350, **{**asked, name: level})
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"level": 300}, "either time_s or distance_nm"),
+        ({"time_s": 100}, "a level, and either"),
+        ({"time_s": 100, "distance_nm": 10, "level": 300}, "time_s and distance_nm"),
+        ({"time_s": (90, 100), "level": (300, 310)}, "let one of the two be a value"),
+        ({"time_s": 100, "level": 360}, "below where the descent begins, FL350"),
+        ({"time_s": 100, "level": 200}, "FL270"),
+        ({"cas_kt": {360: 280}}, "still to be flown"),
+        ({"cas_kt": {900: 280}}, "flight levels from 270 to 370"),
+        ({"cas_kt": (290, 280)}, "pair of the least and the greatest"),
+        ({"cas_kt": -5}, "number in the units"),
+        ({"mach": 280}, "number in the units"),
+        ({"cas_kt": "fast"}, "number in the units"),
+        ({"cas_kt": (None, None)}, "number in the units"),
+        ({"context": {"wind": 3}}, "knows no context"),
+    ],
+)
+def test_what_cannot_be_asked_is_said(asked: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        generator().next(entry_fl=350, **asked)
+
+
+def test_a_time_needs_a_level_of_entry() -> None:
+    with pytest.raises(ConfigError, match="from where time and distance count"):
+        generator().next(time_s=100, level=300)
+    with pytest.raises(ConfigError, match="at least one"):
+        generator().next_batch(0)
+    with pytest.raises(ConfigError, match="flight levels from 270"):
+        generator().next(entry_fl=450)
+
+
+def test_two_values_that_one_component_of_speed_cannot_both_have() -> None:
+    """With as many values as components of CAS the speeds are given; one more must be what they imply."""
+    one, levels = generator(), (275, 300, 330, 345)
+    n_cas = toy.parts().decoder.cas_basis.n_components
+    real = one.next(entry_fl=350).trajectories
+    implied = {level: float(cas_kt(real, level)[0]) for level in levels[: n_cas + 1]}
+    again = one.next(entry_fl=350, cas_kt=implied).trajectories
+    assert all(abs(float(cas_kt(again, level)[0]) - value) < 0.01 for level, value in implied.items())
+    *_, last = implied
+    with pytest.raises(ImplausibleError) as caught:
+        one.next(entry_fl=350, cas_kt={**implied, last: implied[last] + 3})
+    assert caught.value.nearest == pytest.approx(implied[last], abs=0.1)
+
+
+def flown_table(number: int, down_to: int) -> tuple[pl.DataFrame, object]:
+    """The first part of a toy flight, and the flight."""
+    real = toys.flights(12, seed=9, bottom_fl=toy.BOTTOM, top_fl=toy.TOP).subset([number])
+    seen = real.mask[0] & (real.levels_fl >= down_to)
+    table = {"level_fl": real.levels_fl, "CAS": real.cas_mps[0] / KT_MPS, "vertical_rate": real.rate_mps[0] / FPM_MPS}
+    return pl.DataFrame({name: values[seen].numpy() for name, values in table.items()}), real
+
+
+def test_what_was_flown_conditions_as_prediction_does() -> None:
+    """Times to the bottom against those of the predictor; p > 1e-4 fails one right sampler in 10,000."""
+    table, real = flown_table(0, 300)
+    found = generator().next_batch(800, flown=table).trajectories
+    ahead = DescentPredictor(toy.mixture()).predict(real, 300.0, 800).trajectories
+    assert set(found.entry.tolist()) == {index(300)}
+    for level in (0, 20):
+        own, theirs = found.time_s[:, level].numpy(), ahead.time_s[:, level].numpy()
+        assert ks_2samp(own, theirs).pvalue > toy.RARE
+    assert float(found.time_s[:, 0].std()) < 0.5 * float(toy.samples(False, 350).time_s[:, 0].std())
+
+
+def test_what_was_flown_and_a_time_and_a_speed_ahead() -> None:
+    """The same predictions, cut to what is asked."""
+    table, real = flown_table(0, 320)
+    ahead = DescentPredictor(toy.mixture()).predict(real, 320.0, 20_000).trajectories
+    low, high = ahead.time_s[:, 5].quantile(torch.tensor([0.3, 0.5]).double()).tolist()
+    speed = float(cas_kt(ahead, 290).median())
+    kept = (ahead.time_s[:, 5] > low) & (ahead.time_s[:, 5] < high) & ((cas_kt(ahead, 290) - speed).abs() < 0.3)
+    brute = ahead.subset(kept)
+    found = generator().next_batch(600, flown=table, time_s=(low, high), level=275, cas_kt={290: speed}).trajectories
+    assert ks_2samp(found.time_s[:, 5].numpy(), brute.time_s[:, 5].numpy()).pvalue > toy.RARE
+    assert ks_2samp(cas_kt(found, 275).numpy(), cas_kt(brute, 275).numpy()).pvalue > toy.RARE
+
+
+def test_what_was_flown_may_be_a_sample_of_ours() -> None:
+    drawn = generator().next(entry_fl=350).to_polars().filter(pl.col("level_fl") >= 320)
+    ahead = generator().next(flown=drawn)
+    assert ahead.to_polars()["level_fl"].max() == 320
+    with pytest.raises(DataError, match="at least 5"):
+        generator().next(flown=drawn.head(3))
+    with pytest.raises(DataError, match="vertical_rate"):
+        generator().next(flown=drawn.drop("vertical_rate"))
+    with pytest.raises(ConfigError, match="leave entry_fl out"):
+        generator().next(flown=drawn, entry_fl=350)
+    with pytest.raises(ConfigError, match="which was flown"):
+        generator().next(flown=drawn, mach=0.77)
+    with pytest.raises(ConfigError, match="still to be flown"):
+        generator().next(flown=drawn, cas_kt={330: 280})
+
+
+def test_a_context_is_given_to_the_density() -> None:
+    """A Gaussian whose mean follows a number: weights of two contexts lie as far apart as its slope says."""
+    parts = replace_context(ContextEncoder.fit(pl.DataFrame({"wind": [-20.0, 0.0, 20.0]}), ["wind"]))
+    d = parts.decoder.dimension
+    density = GaussianDensity(d, 1)
+    density.scale_tril.data = 0.3 * torch.eye(d, dtype=torch.float64)
+    density.slope.data[:, 0] = 0.5
+    density.attach(parts)
+    one = df.Generator(density, seed=2)
+    calm, windy = (one.next_batch(400, entry_fl=340, context={"wind": w}).weights for w in (0.0, 20.0))
+    # 20 is one standard deviation; standard errors are 0.02, and bounds of plausibility cut a little.
+    torch.testing.assert_close(windy.mean(0) - calm.mean(0), torch.full((d,), 0.5).double(), rtol=0.0, atol=0.12)
+    assert one.next(entry_fl=340, context={"wind": 5}).context is not None
+    with pytest.raises(ConfigError, match="without a context"):
+        one.next(entry_fl=340)
+
+
+def replace_context(encoder: ContextEncoder) -> object:
+    parts = toy.fitted()
+    parts.context = encoder
+    return parts
+
+
+class Slower:
+    """Descents that take half as long again."""
+
+    def apply(self, aircraft: object, flown: object, draws: object) -> object:
+        return replace(flown, time_s=1.5 * flown.time_s)
+
+    def to_state(self) -> dict[str, str]:
+        return {"kind": "slower"}
+
+
+def test_a_corrected_checkpoint_takes_an_entry_and_nothing_that_its_correction_would_undo() -> None:
+    parts = toy.fitted()
+    density = GaussianDensity(parts.decoder.dimension)
+    density.attach(parts)
+    before = df.Generator(density).next(entry_fl=340).trajectories.time_s
+    parts.decoder.correction = Slower()
+    one = df.Generator(density)
+    torch.testing.assert_close(one.next(entry_fl=340).trajectories.time_s, 1.5 * before)
+    with pytest.raises(ConfigError, match="corrected checkpoint"):
+        one.next(entry_fl=340, cas_kt=280)
+
+
+def test_the_words_say_every_constraint_and_the_samples_do_what_samples_do() -> None:
+    found = generator().next(entry_fl=350, cas_kt=290, time_s=(100, None), level=300)
+    assert found.asked == ("entry at FL350", "cas_kt 290 at FL282", "time_s at least 100 at FL300")
+    assert "cas_kt 290 at FL282" in str(found)
+    assert "proposals" in str(found)
+    assert found.placed(end=(51.47, -0.45), track=270.0).to_polars()["latitude"].is_finite().all()
+    assert generator().next(mach=(0.7, 0.8)).asked == ("mach 0.7 to 0.8 at the level of entry",)

@@ -1,5 +1,6 @@
 """Tables as pandas and xarray objects; both libraries are optional and imported only when they are asked for."""
 
+import re
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -124,8 +125,31 @@ def to_dataset(
     return xarray.Dataset(found, coords={name: each.to_numpy() for name, each in zip(dims, values, strict=True)})
 
 
+def safe_in_spreadsheets(table: pl.DataFrame) -> pl.DataFrame:
+    """The table with an apostrophe before texts that a spreadsheet would take for a formula and execute.
+
+    Names of flights and operators are written by strangers. Numbers are left alone, those written as text too.
+
+    Example:
+        >>> table = pl.DataFrame({"flight_id": ["AB12", "=cmd|'/c calc'!A1", "-4"]})
+        >>> safe_in_spreadsheets(table)["flight_id"].to_list()
+        ['AB12', "'=cmd|'/c calc'!A1", '-4']
+    """
+    changed = []
+    for name in (name for name, kind in table.schema.items() if kind == pl.String):
+        text = pl.col(name)
+        executed = text.str.contains(FORMULA) & text.cast(pl.Float64, strict=False).is_null()
+        changed.append(pl.when(executed).then(pl.lit("'") + text).otherwise(text).alias(name))
+    marked = {name: f"'{name}" for name in table.columns if re.match(FORMULA, name)}
+    return table.with_columns(changed).rename(marked)
+
+
+FORMULA = r"^[=+\-@\t\r]"
+"""How a cell begins that spreadsheets execute."""
+
+
 def write_table(table: pl.DataFrame, path: str | Path) -> None:
-    """Write a table as Parquet or CSV, by the file's extension, whole or not at all.
+    """Write a table as Parquet or CSV (safe in spreadsheets), by the file's extension, whole or not at all.
 
     Raises:
         ConfigError: If the extension is neither ``.parquet`` nor ``.csv``.
@@ -142,4 +166,4 @@ def write_table(table: pl.DataFrame, path: str | Path) -> None:
             f"output {Path(path).name}", expected="an extension among .parquet, .csv", mend="rename the output"
         )
     with whole_file(path) as temporary:
-        table.write_parquet(temporary) if suffix == ".parquet" else table.write_csv(temporary)
+        table.write_parquet(temporary) if suffix == ".parquet" else safe_in_spreadsheets(table).write_csv(temporary)

@@ -8,7 +8,7 @@ import polars as pl
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
-from descentflow.core.tabular import optional_library
+from descentflow.core.tabular import optional_library, safe_in_spreadsheets
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
 from descentflow.positions.placing import Positions, place
 from descentflow.representation.decoder.trajectories import Trajectories
@@ -167,7 +167,7 @@ def _write_parquet(flown: Trajectories, path: Path, context: pl.DataFrame | None
 
 
 def _write_csv(flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None) -> None:
-    to_frame(flown, context, positions).write_csv(path)
+    safe_in_spreadsheets(to_frame(flown, context, positions)).write_csv(path)
 
 
 def _write_netcdf(flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None) -> None:

@@ -10,7 +10,7 @@ from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import BasePredictionWriter
 from lightning.pytorch.utilities import rank_zero_info
 
-from descentflow.core.files import whole_file
+from descentflow.core.tabular import write_table
 
 
 class WriteLogProb(BasePredictionWriter):
@@ -43,6 +43,5 @@ class WriteLogProb(BasePredictionWriter):
         log_prob = torch.cat(list(predictions)).double().cpu().numpy()
         path = Path(trainer.log_dir or trainer.default_root_dir) / "log_prob.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as temporary:
-            pl.DataFrame({"flight_id": flights, "log_prob": log_prob}).sort("log_prob").write_csv(temporary)
+        write_table(pl.DataFrame({"flight_id": flights, "log_prob": log_prob}).sort("log_prob"), path)
         rank_zero_info(f"wrote {path}")

@@ -18,6 +18,7 @@ from pathlib import Path
 import polars as pl
 
 from descentflow.aircraft_types.registry import aircraft
+from descentflow.cli.ending import ended_in_order
 from descentflow.core.errors import DescentflowError
 from descentflow.core.workers import DaskEngine, Engine, ProcessEngine
 from descentflow.simulation.scenarios import scenario_settings
@@ -99,6 +100,7 @@ def _of_store(args: argparse.Namespace, settings: dict[str, object]) -> StudyPla
 
 if __name__ == "__main__":
     try:
-        main()
+        with ended_in_order("paper_study"):
+            main()
     except DescentflowError as error:
         sys.exit(f"error: {error}")

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-from descentflow.core.errors import DescentflowError, DescentflowWarning
+from descentflow.cli.ending import ended_in_order, print_whatever_comes
+from descentflow.core.errors import ConfigError, DescentflowError, DescentflowWarning
 from descentflow.core.progress import clear_line, display
 from descentflow.core.version import __version__
 
@@ -55,8 +56,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns:
         Exit status: 0 if all went well, 2 after an error that the message explains.
+
+    Raises:
+        SystemExit: With status 130 after Ctrl-C and 143 after SIGTERM.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    print_whatever_comes()
     if not words or words[0] in ("-h", "--help"):
         print(OVERVIEW, end="")
         return 0
@@ -68,11 +73,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"descentflow: no command {name!r}; there are {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
     try:
-        with _warnings_in_a_line(name), display(f"descentflow {name}", quiet=QUIET in rest):
+        with _warnings_in_a_line(name), ended_in_order(name), display(f"descentflow {name}", quiet=QUIET in rest):
+            _check_words(rest)
             return _run(name, rest)
     except DescentflowError as error:
         print(f"descentflow {name}: {error}", file=sys.stderr)
         return 2
+
+
+def _check_words(words: Sequence[str]) -> None:
+    """Refuse bytes that are no UTF-8: libraries that read and write files take names in UTF-8 only."""
+    for word in words:
+        if not word.isascii() and any("\ud800" <= letter <= "\udfff" for letter in word):
+            raise ConfigError(
+                f"the word {word!a}", expected="words and names of files in UTF-8", mend="rename the file"
+            )
 
 
 @contextmanager

@@ -6,14 +6,16 @@ from typing import Any
 
 from jsonargparse import ArgumentError
 from lightning.fabric.utilities.exceptions import MisconfigurationException
+from lightning.pytorch import Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
-from lightning.pytorch.cli import LightningArgumentParser, LightningCLI, SaveConfigCallback
+from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
-from descentflow.training.callbacks.failed_run import RemoveFailedRun
+from descentflow.training.callbacks.failed_run import RemoveFailedRun, WholeConfig
+from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoints
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.callbacks.show_progress import ShowProgress
@@ -39,7 +41,7 @@ class DescentCLI(LightningCLI):
 
     def add_arguments_to_parser(self, parser: LightningArgumentParser) -> None:
         """Add the callbacks that every run has, each with its own section in the config."""
-        parser.add_lightning_class_args(ModelCheckpoint, "checkpoint")
+        parser.add_lightning_class_args(KeptEpochs, "checkpoint")
         parser.add_lightning_class_args(ScoreCallback, "scores")
         parser.set_defaults(
             {
@@ -66,6 +68,12 @@ class DescentCLI(LightningCLI):
             name_run(config)
         elif not any(word.startswith("--trainer.logger") for word in self.words):
             write_into_run(config, str(self.subcommand), _run_of(Path(config.ckpt_path)))
+
+    def instantiate_trainer(self, **kwargs: Any) -> Trainer:
+        """A trainer whose checkpoints are written whole."""
+        trainer = super().instantiate_trainer(**kwargs)
+        trainer.strategy.checkpoint_io = WholeCheckpoints()
+        return trainer
 
     def after_fit(self) -> None:
         """Say where the best epoch was written, how good it was, and what to do with it."""
@@ -117,7 +125,7 @@ def run(command: str, rest: Sequence[str]) -> None:
     quiet()
     one_thread_unless_told()
     # The best checkpoint's own `save_last` writes only in epochs that are the best so far; a killed run resumes here.
-    every_epoch = ModelCheckpoint(filename="last", save_top_k=1, enable_version_counter=False)
+    every_epoch = KeptEpochs(filename="last", save_top_k=1, enable_version_counter=False)
     try:
         DescentCLI(
             LatentModel,
@@ -125,7 +133,7 @@ def run(command: str, rest: Sequence[str]) -> None:
             subclass_mode_model=True,
             seed_everything_default=0,
             trainer_defaults={"callbacks": [WriteLogProb(), every_epoch, RemoveFailedRun(), ShowProgress()]},
-            save_config_callback=SaveConfigCallback if command == "fit" else None,
+            save_config_callback=WholeConfig if command == "fit" else None,
             save_config_kwargs={"overwrite": False},
             parser_kwargs={
                 "prog": "descentflow",

@@ -1,20 +1,39 @@
-"""Files are written whole or not at all."""
+"""Files are written whole or not at all, and what a killed run left half done is taken up by the next one."""
 
+import errno
+import fcntl
 import os
-import tempfile
+import re
+import shutil
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from hashlib import sha256
 from pathlib import Path
 
 from descentflow.core.errors import DataError
+
+LONGEST_NAME = 255
+"""Bytes of the longest name of a file that the usual file systems take."""
+MOST_WRITERS = 100
+"""Runs that may write the same file at the same time."""
+LEAST_ROOM = 1 << 16
+"""Bytes left on a disk below which a library that could not write is taken to have found it full."""
+OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO, errno.EFBIG)
+"""What the system answers where a file cannot be written."""
+OF_RUST = re.compile(r"\(os error (\d+)\)")
 
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Give a temporary name beside ``path`` to write to; rename it when the block ends well, else remove it.
 
+    The temporary file is locked while it is written. A run that is killed leaves it behind, unlocked, and the next one
+    that writes ``path`` takes it up; runs that write ``path`` at the same time have one each, and the last one to end
+    is what stays.
+
     Raises:
-        DataError: As :func:`check_output`.
+        DataError: As :func:`check_output`, or if the disk is full or cannot be written.
 
     Example:
         >>> with whole_file("note.txt") as temporary:
@@ -25,26 +44,111 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         'all of it'
     """
     target = check_output(path)
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.stem}-", suffix=target.suffix)
-    os.close(handle)
-    temporary = Path(name)
+    if target.is_symlink():
+        target = check_output(target.resolve())
+    with _told(target), _begun(target) as temporary:
+        try:
+            yield temporary
+            temporary.replace(target)
+        except BaseException as error:
+            is_full = not isinstance(error, OSError) and shutil.disk_usage(target.parent).free < LEAST_ROOM
+            temporary.unlink(missing_ok=True)
+            if is_full and isinstance(error, Exception):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
+            raise
+
+
+@contextmanager
+def _begun(target: Path) -> Iterator[Path]:
+    """A locked, empty file beside the target: what an earlier run left, or a new one."""
+    for number in range(MOST_WRITERS):
+        path = _temporary(target, number)
+        handle = _locked(path)
+        if handle is not None:
+            try:
+                _remove_others(target, number + 1)
+                yield path
+            finally:
+                os.close(handle)
+            return
+    raise DataError(
+        f"{MOST_WRITERS} runs that write {target}", expected="a few at a time", mend="wait, or choose another output"
+    )
+
+
+def _locked(path: Path) -> int | None:
+    """An open, locked, empty file of this name; None if another run has it or it is no plain file."""
     try:
-        yield temporary
-        # mkstemp makes the file private; give it the permissions that open() would have.
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        temporary.replace(target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        if error.errno in (errno.ELOOP, errno.EISDIR) or (error.errno == errno.EACCES and path.exists()):
+            return None
         raise
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        # Between opening and locking, another run may have given the file its final name.
+        mine, named = os.fstat(handle), os.stat(path, follow_symlinks=False)
+        if stat.S_ISREG(mine.st_mode) and mine.st_nlink == 1 and (mine.st_dev, mine.st_ino) == _place(named):
+            os.ftruncate(handle, 0)
+            return handle
+    except (BlockingIOError, FileNotFoundError):
+        pass
+    os.close(handle)
+    return None
+
+
+def _place(found: os.stat_result) -> tuple[int, int]:
+    return found.st_dev, found.st_ino
+
+
+def _remove_others(target: Path, number: int) -> None:
+    """Remove what killed runs left that wrote the same file at the same time."""
+    while number < MOST_WRITERS and (path := _temporary(target, number)).exists():
+        handle = _locked(path)
+        if handle is not None:
+            path.unlink(missing_ok=True)
+            os.close(handle)
+        number += 1
+
+
+def _temporary(target: Path, number: int) -> Path:
+    """Hidden, and with the target's suffix, from which libraries know the format."""
+    mark = f"descentflow-part{number}"
+    name = f".{target.stem}.{mark}{target.suffix}"
+    if len(os.fsencode(name)) > LONGEST_NAME:
+        name = f".{sha256(os.fsencode(target.name)).hexdigest()[:16]}.{mark}{target.suffix[:100]}"
+    return target.with_name(name)
+
+
+@contextmanager
+def _told(target: Path) -> Iterator[None]:
+    """Say of which output the system's answer is."""
+    try:
+        yield
+    except OSError as error:
+        own = error.filename is None or Path(error.filename).parent == target.parent
+        number = _number(error)
+        if number not in OF_THE_DISK or not own:
+            raise
+        raise DataError(
+            f"{target} cannot be written: {os.strerror(number)}",
+            expected="room and permission to write there",
+            mend="free the disk, or choose another output",
+        ) from error
+
+
+def _number(error: OSError) -> int:
+    """The system's number of an error, which Polars gives in the text only."""
+    named = OF_RUST.search(str(error))
+    return error.errno or (int(named[1]) if named else 0)
 
 
 def check_output(path: str | Path) -> Path:
     """Refuse an output that cannot be written, before minutes of work go into it.
 
     Raises:
-        DataError: If its folder does not exist or it is itself a folder.
+        DataError: If its folder does not exist or may not be written, or it is itself a folder, a device or a file that
+            may not be written, or its name is none that files can have.
 
     Example:
         >>> check_output("nowhere/samples.parquet")
@@ -53,6 +157,7 @@ def check_output(path: str | Path) -> Path:
         descentflow.core.errors.DataError: output nowhere/samples.parquet in a folder that does not exist; ...
     """
     target = Path(path)
+    _check_name(target)
     if not target.parent.is_dir():
         raise DataError(
             f"output {target} in a folder that does not exist",
@@ -61,4 +166,53 @@ def check_output(path: str | Path) -> Path:
         )
     if target.is_dir():
         raise DataError(f"output {target} is a folder", expected="a file name", mend="add a file name to it")
+    if target.exists() and not target.is_file():
+        raise DataError(f"output {target} is no plain file", expected="a file name", mend="choose another output")
+    for place in (target.resolve().parent, target):
+        if place.exists() and not os.access(place, os.W_OK):
+            raise DataError(
+                f"output {target}, but {place} may not be written",
+                expected="permission to write there",
+                mend="change its permissions or choose another output",
+            )
     return target
+
+
+def check_folder(path: str | Path) -> Path:
+    """Refuse a folder of outputs that cannot be made or written, before minutes of work go into it.
+
+    Raises:
+        DataError: If it, or the folder that it is to be made in, is a file or may not be written.
+
+    Example:
+        >>> check_folder("rows.parquet")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: output rows.parquet is a file; expected a folder; ...
+    """
+    target = Path(path)
+    _check_name(target)
+    there = next(place for place in (target, *target.absolute().parents) if place.exists())
+    if not there.is_dir():
+        raise DataError(f"output {there} is a file", expected="a folder", mend="choose another output")
+    if not os.access(there, os.W_OK):
+        raise DataError(
+            f"output {target}, but {there} may not be written",
+            expected="permission to write there",
+            mend="change its permissions or choose another output",
+        )
+    return target
+
+
+def _check_name(target: Path) -> None:
+    text = str(target)
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise DataError(f"output {text!a}", expected="a name in UTF-8", mend="choose a name of letters") from None
+    if "\0" in text or any(len(os.fsencode(part)) > LONGEST_NAME for part in target.parts):
+        raise DataError(
+            f"output {text[:40]!r}...",
+            expected=f"a name of at most {LONGEST_NAME} bytes without zero bytes",
+            mend="choose another name",
+        )

@@ -1,11 +1,14 @@
 """Where tasks run: in this process, in processes of this machine, or on a Dask cluster; the code is the same."""
 
+import os
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib import import_module
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import wait
 from typing import Any, TypeVar
 
 import polars as pl
@@ -88,8 +91,22 @@ class ProcessEngine(Engine):
                 function(task, common)
                 yield
             return
-        pool = ProcessPoolExecutor(min(self.workers, len(tasks)), mp_context=get_context("spawn"))
+        pool = ProcessPoolExecutor(
+            min(self.workers, len(tasks)), mp_context=get_context("spawn"), initializer=_end_with_parent
+        )
         yield from _each(pool, function, tasks, common)
+
+
+def _end_with_parent() -> None:
+    """Let this process end when the one that began it is killed; it would wait for work for ever."""
+
+    def watch() -> None:
+        parent = parent_process()
+        if parent is not None:
+            wait([parent.sentinel])
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @dataclass

@@ -158,7 +158,8 @@ def _expanded(paths: Sequence[Path]) -> list[Path]:
     """The prepared files of a folder in place of the folder; a folder without any stands for itself."""
     found: list[Path] = []
     for path in paths:
-        inside = sorted(path.glob("*.parquet")) if path.is_dir() and not is_prepared(path) else []
+        parquet = [] if not path.is_dir() or is_prepared(path) else sorted(path.glob("*.parquet"))
+        inside = [one for one in parquet if not one.name.startswith(".")]  # hidden: what a killed run left
         found += inside if any(is_prepared(one) for one in inside) else [path]
     return found
 

@@ -1,11 +1,13 @@
 """Batches of flights: what was observed of each, and its context."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import torch
 from torch import Tensor
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import DataLoader, Dataset, Sampler
 
+from descentflow.core.counter_random import seed_of
 from descentflow.representation.evidence import Evidence
 
 
@@ -27,6 +29,39 @@ class _Flights(Dataset[Any]):
         return (rows,) if self.context is None else (rows, self.context[index])
 
 
+class ShuffledByEpoch(Sampler[int]):
+    """All positions in an order that follows from a seed and the epoch alone, so that a resumed fit has it too.
+
+    Example:
+        >>> one, other = ShuffledByEpoch(100, seed=0), ShuffledByEpoch(100, seed=0)
+        >>> other.set_epoch(1)
+        >>> sorted(one) == sorted(other), list(one) == list(one), list(one) == list(other)
+        (True, True, False)
+    """
+
+    def __init__(self, n: int, seed: int) -> None:
+        """Begin with the first epoch.
+
+        Args:
+            n: Number of positions.
+            seed: Of all epochs.
+        """
+        self.n, self.seed, self.epoch = n, seed, 0
+
+    def set_epoch(self, epoch: int) -> None:
+        """Take the order of an epoch (Lightning calls this before each)."""
+        self.epoch = epoch
+
+    def __len__(self) -> int:
+        """Number of positions."""
+        return self.n
+
+    def __iter__(self) -> Iterator[int]:
+        """The order of the epoch."""
+        generator = torch.Generator().manual_seed(seed_of(self.seed, self.epoch))
+        return iter(torch.randperm(self.n, generator=generator).tolist())
+
+
 def flight_batches(
     evidence: Evidence, context: Tensor | None = None, batch_size: int = 512, *, shuffle: bool = False
 ) -> DataLoader[Any]:
@@ -36,7 +71,7 @@ def flight_batches(
         evidence: Of n flights.
         context: (n, c) encoded context, if there is one.
         batch_size: Flights in a batch.
-        shuffle: In another order in every epoch.
+        shuffle: In another order in every epoch, by torch's seed when this is called.
 
     Example:
         >>> (first,), (second,) = flight_batches(Evidence.of_weights(torch.randn(30, 4)), batch_size=20)
@@ -44,7 +79,8 @@ def flight_batches(
         (20, 10)
     """
     # All is in memory and a batch is one slice: worker processes would only cost.
-    return DataLoader(_Flights(evidence, context), batch_size=batch_size, shuffle=shuffle, collate_fn=_as_it_is)
+    order = ShuffledByEpoch(len(evidence), torch.initial_seed()) if shuffle else None
+    return DataLoader(_Flights(evidence, context), batch_size=batch_size, sampler=order, collate_fn=_as_it_is)
 
 
 def _as_it_is(batch: Any) -> Any:

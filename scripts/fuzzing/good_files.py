@@ -25,9 +25,9 @@ def make(folder: Path) -> None:
     """Write what the cases need into a folder, unless it is there as a whole.
 
     Args:
-        folder: It gets rows and descents, three checkpoints (plain, with a context, corrected), ``gap.json``, settings,
-            tables, the files of EUROCONTROL's dummy aircraft in ``bada/`` and a small file of every source in
-            ``sources/``.
+        folder: It gets rows and descents, others in warm air, three checkpoints (plain, with a context, corrected),
+            ``gap.json``, settings, tables, the files of EUROCONTROL's dummy aircraft in ``bada/`` and a small file of
+            every source in ``sources/``.
     """
     if (folder / "whole").is_file():
         return
@@ -47,7 +47,8 @@ def _flights_and_models(folder: Path) -> None:
     descents = df.prepare(folder / "rows.parquet", out=folder / "descents.parquet")
     df.fit(descents, "gaussian", out=folder / "plain.ckpt")
     df.fit(descents, "gaussian", context=["entry_fl"], out=folder / "context.ckpt")
-    df.diagnose(df.prepare(warm), folder / "plain.ckpt", out=folder / "gap")
+    warmer = df.prepare(warm, out=folder / "warm.parquet")
+    df.diagnose(warmer, folder / "plain.ckpt", out=folder / "gap")
     for made, name in (("gap.json", "gap.json"), ("corrected.ckpt", "corrected.ckpt")):
         shutil.copy(folder / "gap" / made, folder / name)
 

@@ -1,11 +1,17 @@
-"""A run that failed leaves no folder without content."""
+"""One run a folder, its settings written whole, and nothing left of a run that came to nothing."""
 
+import fcntl
+import os
 import shutil
 from contextlib import suppress
 from pathlib import Path
 
 from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
+from lightning.pytorch.cli import SaveConfigCallback
+
+from descentflow.core.errors import ConfigError
+from descentflow.core.files import whole_file
 
 
 class RemoveFailedRun(Callback):
@@ -20,10 +26,42 @@ class RemoveFailedRun(Callback):
         False
     """
 
+    def __init__(self) -> None:
+        """Begin without a folder."""
+        self._of_another = False
+        self._lock: int | None = None
+
+    def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
+        """Claim the folder, which two runs that begin at the same moment would both take for the next free one.
+
+        Raises:
+            ConfigError: If another run has it.
+        """
+        folder = Path(trainer.log_dir) if trainer.loggers and trainer.log_dir else None
+        if folder is None or self._lock is not None or not trainer.is_global_zero:
+            return
+        folder.mkdir(parents=True, exist_ok=True)
+        self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._of_another = True
+            raise ConfigError(
+                f"another run is at work in {folder}", expected="one a folder", mend="start this one again"
+            ) from None
+
+    def teardown(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
+        """Let the folder go."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
     def on_exception(self, trainer: Trainer, pl_module: LightningModule, exception: BaseException) -> None:
         """Remove what the run wrote if nothing in it is of use."""
         folder = Path(trainer.log_dir) if trainer.loggers and trainer.log_dir else None
-        if folder is None or not folder.is_dir() or not trainer.is_global_zero or _is_of_use(folder):
+        if self._of_another or folder is None or not folder.is_dir() or not trainer.is_global_zero:
+            return
+        if _is_of_use(folder):
             return
         for logger in trainer.loggers:
             logger.finalize("failed")
@@ -31,6 +69,31 @@ class RemoveFailedRun(Callback):
         with suppress(OSError):  # other runs are in them
             folder.parent.rmdir()
             folder.parent.parent.rmdir()
+
+
+class WholeConfig(SaveConfigCallback):
+    """Writes a run's `config.yaml` whole; one that is there already is that of another run."""
+
+    def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
+        """Write the settings, once.
+
+        Raises:
+            ConfigError: If the folder has settings already.
+        """
+        if self.already_saved or not trainer.is_global_zero:
+            return
+        folder = Path(trainer.log_dir or trainer.default_root_dir)
+        path = folder / self.config_filename
+        if path.exists():
+            raise ConfigError(
+                f"{path} of another run",
+                expected="a folder of its own for each run",
+                mend="move it away, or choose another --trainer.default_root_dir",
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as temporary:
+            self.parser.save(self.config, temporary, skip_none=False, overwrite=True, multifile=self.multifile)
+        self.already_saved = True
 
 
 def _is_of_use(folder: Path) -> bool:

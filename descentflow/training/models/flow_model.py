@@ -17,6 +17,8 @@ from descentflow.training.models.latent_model import Batch, LatentModel, trainin
 from descentflow.training.models.optimizers import adam_with_cosine
 
 F = TypeVar("F", bound=FlowDensity)
+BEST = "best_epoch"
+"""Key of a checkpoint under which a flow's best epoch is kept beside the last one."""
 
 
 class _Flow(LatentModel[F], ABC):
@@ -50,7 +52,8 @@ class _Flow(LatentModel[F], ABC):
         if evidence.known:
             loss = self.nll(batch)
         else:
-            proposals = propose(self._proposing(), evidence, self.n_draws, context)
+            seed = self.seed_of_batch(batch_index)
+            proposals = propose(self._proposing(), evidence, self.n_draws, context, seed)
             found = estimate(self.density.log_prob, proposals, context)
             loss = -found.log_prob.mean()
             self.log("train/effective", found.effective.mean(), on_epoch=True, on_step=False, batch_size=len(evidence))
@@ -114,10 +117,18 @@ class _Flow(LatentModel[F], ABC):
             decay += self.shrinkage / len(evidence)
         return adam_with_cosine(self, self.learning_rate, decay, still_first=self.density.whitened)
 
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """As every model, with the best epoch so far, so that a resumed fit can go back to it."""
+        super().on_save_checkpoint(checkpoint)
+        if self._best is not None:
+            checkpoint[BEST] = {"bound": self._best[0], "state_dict": self._best[1]}
+
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """As every model, and keep the Gaussian of the checkpoint."""
+        """As every model, and keep the Gaussian and the best epoch of the checkpoint."""
         super().on_load_checkpoint(checkpoint)
         self._restored = True
+        if BEST in checkpoint:
+            self._best = float(checkpoint[BEST]["bound"]), dict(checkpoint[BEST]["state_dict"])
 
 
 class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):

@@ -1,5 +1,6 @@
 """The base of every model: what training, validation and checkpoints of a latent density have in common."""
 
+import warnings
 from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -7,9 +8,11 @@ from typing import Any, Generic, TypeVar
 import lightning
 import torch
 from lightning.pytorch import LightningModule
+from lightning.pytorch.callbacks import Timer
 from torch import Tensor
 
-from descentflow.core.errors import CheckpointError, ConfigError
+from descentflow.core.counter_random import seed_of
+from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
 from descentflow.core.files import whole_file
 from descentflow.densities.checkpoint import content_of, density_of, section_of
 from descentflow.densities.density import Density
@@ -18,6 +21,8 @@ from descentflow.representation.read_checkpoint import SECTION
 from descentflow.representation.representation import Representation
 
 D = TypeVar("D", bound=Density)
+TRAINING = "training"
+"""Key of a checkpoint under which the fit's seed is kept, and whether it had stopped."""
 Batch = tuple[Evidence] | tuple[Evidence, Tensor]
 """What was observed of some flights, and their encoded context (n, c) where the density takes one."""
 
@@ -48,6 +53,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         self._density: D | None = None
         self.outcome = ""
         """What the fit ended with, in words; empty before it."""
+        self._seed, self._had_stopped = 0, False
 
     @abstractmethod
     def make(self, dimension: int, n_context: int = 0) -> D:
@@ -88,9 +94,19 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         self._density.attach(representation)
 
     def setup(self, stage: str) -> None:
-        """Take the representation of the DataModule (Lightning calls this)."""
+        """Take the representation of the DataModule, and torch's seed (Lightning calls this)."""
         if self._density is None:
             self.attach(self.trainer.datamodule.representation)  # type: ignore[attr-defined]
+        self._seed = torch.initial_seed()
+
+    def seed_of_batch(self, batch_index: int) -> int:
+        """Seed of what a training step draws: by seed, epoch and batch alone, so that a resumed fit draws it too."""
+        return seed_of(self._seed, self.current_epoch, batch_index)
+
+    def on_train_start(self) -> None:
+        """End at once if the fit that is resumed had stopped: another epoch would be one too many."""
+        if self._had_stopped:
+            self.trainer.should_stop = True
 
     def save(self, path: str | Path) -> None:
         """Write a checkpoint, whole or not at all; :func:`descentflow.densities.checkpoint.load_model` reads it.
@@ -160,6 +176,10 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         if "hyper_parameters" in checkpoint:
             checkpoint["hyper_parameters"] = {k: _primitive(v) for k, v in checkpoint["hyper_parameters"].items()}
         checkpoint[SECTION] = section_of(self.density)
+        # What a timer stops is not at its end.
+        callbacks = self.trainer.callbacks  # type: ignore[attr-defined]
+        stopped = self.trainer.should_stop and not any(isinstance(one, Timer) for one in callbacks)
+        checkpoint[TRAINING] = {"seed": self._seed, "stopped": stopped}
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Restore the density's shape and representation; refuse a checkpoint of other flights when a fit resumes."""
@@ -170,7 +190,21 @@ class LatentModel(LightningModule, ABC, Generic[D]):
                 expected="the same prepared descents, filters and seed as in the run that is resumed",
                 mend="use that run's own config.yaml and data, or start a new fit",
             )
+        if self._density is not None:
+            self._resume(checkpoint.get(TRAINING, {}))
         self._density = saved.to(self.device)
+
+    def _resume(self, before: dict[str, Any]) -> None:
+        """Take up what the fit had come to; say so if what is drawn from now on is not what it would have drawn."""
+        self._had_stopped = bool(before.get("stopped"))
+        if self._trainer is not None and self.trainer.state.fn == "fit" and before.get("seed") != self._seed:
+            seed = before.get("seed", "that was not kept")
+            warnings.warn(
+                f"a fit of seed {seed} is resumed with seed {self._seed}: it does not end with what the other "
+                "would have ended with undisturbed; to mend it, use the run's own config.yaml, or begin again",
+                DescentflowWarning,
+                stacklevel=2,
+            )
 
 
 def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor | None]:

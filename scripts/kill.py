@@ -1,0 +1,94 @@
+"""Kill commands at random instants, run them again, and hold what they wrote against undisturbed runs.
+
+python scripts/kill.py FOLDER --times 100      # of each command and signal; resumable: what is done is not repeated
+python scripts/kill.py FOLDER --times 5 --commands "sample;fit flow, resumed" --signals KILL
+python scripts/kill.py FOLDER --minutes 60
+
+After a kill nothing may lie under a final name that is not whole; after the same command again (`fit` also resumed from
+its last checkpoint) the content must be that of an undisturbed run to the bit, and no temporary file may be left. Of
+"study, a Dask worker" a process that the study began is killed, and the study must end well by itself. Exit status 1 if
+something else was found.
+"""
+
+import argparse
+import collections
+import json
+import os
+import random
+import shutil
+import signal
+import sys
+import time
+from pathlib import Path
+
+FINE = ("same", "ended before")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--times", type=int, default=5, help="kills of each command by each signal (default: 5)")
+    parser.add_argument("--commands", help="some of them, with semicolons between them (default: all)")
+    parser.add_argument("--signals", default="KILL,TERM,INT", help="default: %(default)s")
+    parser.add_argument("--seed", type=int, default=0, help="of the instants")
+    parser.add_argument("--minutes", type=float, help="begin no trial after this time")
+    args = parser.parse_args()
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    args.folder = args.folder.resolve()
+    path = args.folder / f"kills-{args.seed}.jsonl"
+    args.folder.mkdir(parents=True, exist_ok=True)
+    run(args, path)
+    return report([json.loads(line) for line in path.read_text().splitlines()])
+
+
+def run(args: argparse.Namespace, path: Path) -> None:
+    """Do the trials that are not in the file yet, and add their outcomes to it."""
+    from fuzzing.good_files import make
+    from killing.jobs import jobs
+    from killing.trial import trial, undisturbed
+
+    make(args.folder / "good")
+    path.touch()
+    done = {(one["command"], one["signal"], one["number"]) for one in map(json.loads, path.read_text().splitlines())}
+    every = jobs(args.folder / "good")
+    chosen = args.commands.split(";") if args.commands else list(every)
+    until = None if args.minutes is None else time.time() + 60 * args.minutes
+    whole: dict[str, object] = {}
+    for number in range(args.times):  # all commands once, then all once more: an hour says something of each
+        for name in chosen:
+            for sent in args.signals.split(",") if not every[name].spares_parent else ["KILL"]:
+                if (name, sent, number) in done or (until is not None and time.time() > until):
+                    continue
+                place = args.folder / "work"
+                if name not in whole:
+                    shutil.rmtree(place, ignore_errors=True)
+                    whole[name] = undisturbed(every[name], place)
+                shutil.rmtree(place, ignore_errors=True)
+                place.mkdir()
+                rng = random.Random(f"{args.seed}-{name}-{sent}-{number}")
+                verdict, instant = trial(every[name], whole[name], signal.Signals[f"SIG{sent}"], place, rng)
+                told = {"command": name, "signal": sent, "number": number, "after_s": round(instant, 3)}
+                with path.open("a") as file:
+                    file.write(json.dumps({**told, "verdict": verdict}) + "\n")
+                if verdict not in FINE:
+                    print(f"{name}, SIG{sent}, {instant:.2f} s: {verdict}", flush=True)
+                    kept = args.folder / f"{name.replace(', ', '-').replace(' ', '-')}-{sent}-{number}"
+                    shutil.rmtree(kept, ignore_errors=True)
+                    shutil.copytree(place, kept)
+    shutil.rmtree(args.folder / "work", ignore_errors=True)
+
+
+def report(outcomes: list[dict]) -> int:
+    """Print how many kills of each command ended how."""
+    counts = collections.Counter((one["command"], one["verdict"].partition(":")[0]) for one in outcomes)
+    verdicts = sorted({verdict for _, verdict in counts}, key=lambda name: (name not in FINE, name))
+    print(f"{'':<26}" + "".join(f"{name:>16}" for name in verdicts))
+    for command in dict.fromkeys(one["command"] for one in outcomes):
+        print(f"{command:<26}" + "".join(f"{counts[command, verdict]:>16}" for verdict in verdicts))
+    wrong = sum(one["verdict"] not in FINE for one in outcomes)
+    print(f"{len(outcomes)} kills, {wrong} that were not survived")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

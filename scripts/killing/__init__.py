@@ -1,0 +1,1 @@
+"""Commands that are killed at random instants and run again: ``scripts/kill.py``."""

@@ -1,0 +1,92 @@
+"""What is killed: commands, what each writes, and how it is run again."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+SCRIPTS = Path(__file__).resolve().parents[1]
+FLIGHTS_BYTES = 4_000_000
+"""Bound on memory at which a hundred flights are spread over partitions on disk."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """A command.
+
+    Attributes:
+        words: What is run, in a folder of its own.
+        products: Patterns of the files that it writes and that must be the same.
+        again: Words with which it is run again after it was killed, of the folder; the same words if absent.
+        spares_parent: Whether a process that the command began is killed in its place; it must end well by itself then.
+    """
+
+    words: tuple[str, ...]
+    products: tuple[str, ...]
+    again: Callable[["Job", Path], tuple[str, ...]] | None = None
+    spares_parent: bool = False
+
+
+def jobs(good: Path) -> dict[str, Job]:
+    """Every command by name.
+
+    Args:
+        good: Folder of whole inputs (:func:`fuzzing.good_files.make`).
+    """
+    rows, descents, model = (str(good / name) for name in ("rows.parquet", "descents.parquet", "plain.ckpt"))
+    real = str(good / "warm.parquet")
+    command = (sys.executable, "-m", "descentflow")
+    study = (sys.executable, str(SCRIPTS / "paper_study.py"), "out", "--store", descents, "--types", "A320")
+    study += ("--models", "gaussian,mixture", "--samples", "200")
+    fits = {
+        f"fit {name}": Job(
+            (*command, "fit", "--config", name, "--data.descents", descents, "--trainer.max_epochs", epochs),
+            ("runs/*/version_*/checkpoints/*.ckpt", "runs/*/version_*/config.yaml"),
+        )
+        for name, epochs in (("gaussian", "1"), ("gmm", "20"), ("flow", "4"), ("spline", "3"))
+    }
+    resumed = {
+        f"{name}, resumed": Job(fits[name].words, fits[name].products, resume)
+        for name in ("fit gmm", "fit flow", "fit spline")
+    }
+    exports = {
+        f"export {target}": Job(
+            (*command, "export", model, "--to", target, "--out", out, "-n", "50"), (f"{Path(out).stem}*",)
+        )
+        for target, out in (("json", "out.json"), ("safetensors", "out.safetensors"), ("traffic", "out.parquet"))
+    }
+    return {
+        "prepare, a file": Job(_prepared(rows, "out.parquet"), ("out.parquet",)),
+        "prepare, a store": Job(_prepared(rows, "out"), ("out/**/*",)),
+        **fits,
+        **resumed,
+        "sample": Job((*command, "sample", model, "-n", "3000", "--out", "out.csv"), ("out.csv",)),
+        "evaluate": Job((*command, "evaluate", model, "--real", real, "--out", "out", "-n", "300"), ("out/*",)),
+        "diagnose": Job((*command, "diagnose", "--simulator", model, "--real", real, "--out", "out"), ("out/*",)),
+        **exports,
+        "study": Job(study, STUDY),
+        "study, two processes": Job((*study, "--workers", "2"), STUDY),
+        "study, a Dask worker": Job((*study, "--engine", "dask", "--workers", "2"), STUDY, spares_parent=True),
+    }
+
+
+STUDY = ("out/*.csv", "out/A320/*.parquet", "out/A320/*/scores.csv", "out/A320/*/best.ckpt", "out/A320/*.csv")
+
+
+def _prepared(rows: str, out: str) -> tuple[str, ...]:
+    code = (
+        "from descentflow.cli.ending import ended_in_order\n"
+        "with ended_in_order('prepare'):\n"
+        "    import descentflow as df\n"
+        f"    df.prepare({rows!r}, out={out!r}, memory_bytes={FLIGHTS_BYTES})"
+    )
+    return sys.executable, "-c", code
+
+
+def resume(job: Job, folder: Path) -> tuple[str, ...]:
+    """Words that resume the last run of a folder; those that begin anew if it left no checkpoint."""
+    left = sorted(folder.glob("runs/*/version_*/checkpoints/last.ckpt"))
+    if not left:
+        return job.words
+    run = left[-1].parents[1]
+    return (*job.words[:3], "fit", "--config", str(run / "config.yaml"), "--ckpt_path", str(left[-1]))

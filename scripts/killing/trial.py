@@ -1,0 +1,143 @@
+"""One trial: a command is begun, killed at a random instant, looked at, run again, and compared."""
+
+import os
+import random
+import signal
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from killing.content import contents, temporary
+from killing.jobs import Job
+
+PATIENCE_S = 600
+"""Seconds after which a command that is run again is taken to hang."""
+
+
+SAID = "said.txt"
+"""What the command printed."""
+
+
+@dataclass(frozen=True)
+class Whole:
+    """What an undisturbed run of a job gave.
+
+    Attributes:
+        seconds: That it took.
+        contents: Digest of each product.
+    """
+
+    seconds: float
+    contents: dict[str, str]
+
+
+def undisturbed(job: Job, folder: Path) -> Whole:
+    """Run a job to its end, twice: the first time other programs' caches are filled, and both must agree.
+
+    Raises:
+        RuntimeError: If it fails, writes nothing, or gives something else the second time.
+    """
+    both = []
+    for number in range(2):
+        own = folder / str(number)
+        own.mkdir(parents=True)
+        begun = time.monotonic()
+        status, said = _finished(_begin(job.words, own), own)
+        seconds = time.monotonic() - begun
+        if status != 0:
+            raise RuntimeError(f"{' '.join(job.words)}: status {status}\n{said[-2000:]}")
+        both.append(Whole(seconds, contents(own, job.products)))
+    if not both[0].contents or both[0].contents != both[1].contents:
+        changed = [name for name in both[0].contents if both[0].contents[name] != both[1].contents.get(name)]
+        raise RuntimeError(f"{' '.join(job.words)}: not the same twice: {changed or 'nothing written'}")
+    return both[1]
+
+
+def trial(job: Job, whole: Whole, sent: signal.Signals, folder: Path, rng: random.Random) -> tuple[str, float]:
+    """Kill a job once.
+
+    Args:
+        job: What is killed.
+        whole: Of the job.
+        sent: The signal.
+        folder: An empty one.
+        rng: Of the instant.
+
+    Returns:
+        ``same``, ``ended before``, or what is wrong; and the instant in seconds.
+    """
+    instant = rng.uniform(0.0, whole.seconds)
+    process = _begin(job.words, folder)
+    time.sleep(instant)
+    ended = process.poll() is not None
+    if not ended:
+        _send(process, sent, job.spares_parent, rng)
+    status, said = _finished(process, folder)
+    if job.spares_parent:
+        return (_compared(job, whole, folder) if status == 0 else f"status {status}: {said[-500:]}"), instant
+    if "Traceback" in said:
+        return f"traceback: {said[-500:]}", instant
+    if not ended and (wrong := _half_written(job, whole, folder)):
+        return wrong, instant
+    words = job.again(job, folder) if job.again else job.words
+    status, said = _finished(_begin(words, folder), folder)
+    if status != 0:
+        return f"run again: status {status}: {said[-500:]}", instant
+    found = _compared(job, whole, folder)
+    return ("ended before" if ended and found == "same" else found), instant
+
+
+def _half_written(job: Job, whole: Whole, folder: Path) -> str:
+    """What has its final name and cannot be read, or is not what an undisturbed run leaves."""
+    try:
+        found = contents(folder, job.products)
+    except Exception as error:
+        return f"half written: {error}"
+    if job.words[3:4] == ("fit",):  # its checkpoints are those of an earlier epoch: they are read above
+        return ""
+    changed = sorted(name for name, digest in found.items() if digest != whole.contents.get(name))
+    return f"half written: {', '.join(changed)}" if changed else ""
+
+
+def _compared(job: Job, whole: Whole, folder: Path) -> str:
+    found = contents(folder, job.products)
+    changed = sorted(name for name in whole.contents if found.get(name) != whole.contents[name])
+    if changed:
+        return f"other content: {', '.join(changed)}"
+    left = temporary(folder)
+    return f"left over: {', '.join(left)}" if left else "same"
+
+
+def _begin(words: tuple[str, ...], folder: Path) -> subprocess.Popen[str]:
+    """Begin a command in a session of its own, so that Ctrl-C reaches it and what it began, as in a terminal."""
+    with (folder / SAID).open("w") as said:
+        return subprocess.Popen(words, cwd=folder, stdout=said, stderr=said, text=True, start_new_session=True)
+
+
+def _finished(process: subprocess.Popen[str], folder: Path) -> tuple[int, str]:
+    """Exit status, and what was printed."""
+    try:
+        status = process.wait(PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        status = process.wait()
+    return status, (folder / SAID).read_text(errors="replace")
+
+
+def _send(process: subprocess.Popen[str], sent: signal.Signals, to_a_child: bool, rng: random.Random) -> None:
+    """Send a signal: Ctrl-C to all processes of the terminal, another to the command or to one that it began."""
+    if sent == signal.SIGINT:
+        os.killpg(process.pid, sent)
+    elif not to_a_child:
+        process.send_signal(sent)
+    elif working := [child for child in _children(process.pid) if not _children(child)]:
+        os.kill(rng.choice(working), sent)
+
+
+def _children(process: int) -> list[int]:
+    """Numbers of the processes that a process began, and of those that these began."""
+    own: list[int] = []
+    for place in Path(f"/proc/{process}/task").glob("*/children"):
+        own += [int(number) for number in place.read_text().split()]
+    return own + [number for child in own for number in _children(child)]

@@ -7,7 +7,7 @@ PARTS = {
     "decode": "the decoder beside power, memory and pyBADA",
     "fit": "fits beside scikit-learn, scikit-fda and zuko",
     "score": "scores level by level beside scipy",
-    "sample": "draws of the three densities beside scikit-learn, zuko and the paper's times",
+    "sample": "draws of the three densities beside scikit-learn, zuko and the paper's times; latency of df.Generator",
     "diagnose": "one diagnosis over the number of flights",
     "simulate": "flights of the simulated world over their number",
     "rivals": "what one would take in place of the diagnosis, on sets of flights whose cause is known",

@@ -3,6 +3,7 @@
 import doctest
 import importlib
 import pkgutil
+import re
 from pathlib import Path
 
 import pytest
@@ -51,3 +52,12 @@ def test_examples_give_what_they_say(name: str, example_folder: Path, monkeypatc
     torch.manual_seed(0)
     result = doctest.testmod(module, extraglobs={"torch": torch, "Path": Path}, optionflags=flags)
     assert result.failed == 0
+
+
+def test_the_page_of_the_running_simulator_runs(example_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(example_folder)
+    page = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "running_simulator.md"
+    (block,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    made: dict[str, object] = {}
+    exec(block, made)
+    assert len(made["many"]) == 100

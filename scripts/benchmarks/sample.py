@@ -1,4 +1,4 @@
-"""Draws and plausible descents a second of the three densities, beside scikit-learn, zuko and the paper's times."""
+"""Draws and plausible descents a second of the three densities, beside peers and the paper; latency of a generator."""
 
 import argparse
 import tempfile
@@ -7,6 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from benchmarks.latency import print_latencies
 from benchmarks.timing import best_of, print_row
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.densities import GaussianDensity, GaussianMixtureDensity, MaskedAffineFlowDensity
@@ -47,6 +48,7 @@ def run(args: argparse.Namespace) -> None:
         cells += [f"{1000 * log_prob:.1f}", f"{args.n / whole:,.0f}", f"{PAPER_DESCENT_S / (whole / args.n):,.0f} x"]
         print_row([type(density).__name__.removesuffix("Density"), *cells], 24)
     _peers(weights, args.n)
+    print_latencies(densities[1])
 
 
 def _densities() -> tuple[list[Density], Tensor]:

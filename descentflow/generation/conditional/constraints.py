@@ -32,8 +32,8 @@ class SpeedAsked:
 
     def cas_mps(self, level_fl: float) -> tuple[float, float]:
         """The band as CAS in m/s at a flight level."""
-        low, high = (to_cas_mps(self.name, value, level_fl) for value in (self.low, self.high))
-        return low, high
+        low = to_cas_mps(self.name, self.low, level_fl)
+        return low, low if self.high == self.low else to_cas_mps(self.name, self.high, level_fl)
 
     def text(self, level_fl: float) -> str:
         """In words."""

@@ -60,7 +60,7 @@ class FlownProfiles:
         >>> from descentflow.densities.checkpoint import load_model
         >>> decoder = load_model("best.ckpt").representation.decoder
         >>> flown = FlownProfiles(decoder)
-        >>> mean = torch.zeros(1, 4).double()
+        >>> mean = torch.zeros(1, decoder.dimension).double()
         >>> drag, cas = (flown.columns(values.numpy()) for values in decoder.curves(mean))
         >>> since = flown.seconds(flown.fly(drag, cas)[3])
         >>> bool(abs(since[0, 0] - since[0, -1] - decoder(mean).time_s[0, 0]) < 1e-9)

@@ -19,8 +19,8 @@ class DrawnDescents:
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.generation.conditional.point_condition import Flown
         >>> parts = load_model("best.ckpt").representation
-        >>> grid = FlownProfiles(parts.decoder)
-        >>> drag, cas = (grid.columns(v.numpy()) for v in parts.decoder.curves(torch.zeros(1, 4).double()))
+        >>> grid, mean = FlownProfiles(parts.decoder), torch.zeros(1, parts.decoder.dimension).double()
+        >>> drag, cas = (grid.columns(v.numpy()) for v in parts.decoder.curves(mean))
         >>> drawn = Drawn(np.zeros((1, 4)), np.array([100]), Flown.of(grid, drag, cas), np.zeros(1))
         >>> descents = DrawnDescents(parts, grid, seed=0)
         >>> float(descents.of(drawn, np.array([0])).time_s[0, 100]), descents.broken(drawn, np.array([0])).any()

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.special import logsumexp, ndtri
+from scipy.special import ndtri
 
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
 from descentflow.generation.conditional.latent_parts import LatentParts
 from descentflow.generation.conditional.point_condition import Flown, PointCondition
-from descentflow.generation.conditional.speed_conditions import Conditions
+from descentflow.generation.conditional.speed_conditions import Conditions, log_total
 
 FIRST_STREAM = 1 << 32
 """Streams of random numbers below it are those of corrections."""
@@ -82,7 +82,7 @@ class ConditionedTarget:
         )
         self.width = 2 + parts.means.shape[1] + speeds.rows.n_rows
         shares = speeds.log_probs if point is None else point.log_probs
-        self.up_to = np.exp(shares - logsumexp(shares)).cumsum()
+        self.up_to = np.exp(shares - log_total(shares)).cumsum()
 
     @property
     def in_closed_form(self) -> bool:

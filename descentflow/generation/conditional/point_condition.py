@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from math import log, pi
 
 import numpy as np
-from scipy.special import logsumexp
 
 from descentflow.generation.conditional.constraints import PointAsked
 from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
 from descentflow.generation.conditional.latent_parts import LatentParts
-from descentflow.generation.conditional.speed_conditions import Conditions, cut_normal, log_between
+from descentflow.generation.conditional.speed_conditions import Conditions, cut_normal, log_between, log_total
 
 STEP_N, STEP_MPS = 50.0, 0.1
 """Steps of drag and CAS over which slopes are taken; they steer proposals alone."""
@@ -92,9 +91,9 @@ class PointCondition:
         levels = (
             np.linspace(self.levels[0], self.levels[1], LEVELS_OF_A_BAND) if self.is_level_band else self.levels[:1]
         )
-        self.own = logsumexp(np.stack([self._log_share(level) for level in levels]), axis=0) - log(len(levels))
+        self.own = log_total(np.stack([self._log_share(level) for level in levels])) - log(len(levels))
         total = speeds.log_probs + self.own
-        self.log_probs = total - logsumexp(total) if np.isfinite(total).any() else speeds.log_probs
+        self.log_probs = total - log_total(total) if np.isfinite(total).any() else speeds.log_probs
         self.tail = self._tail(levels)
 
     @property

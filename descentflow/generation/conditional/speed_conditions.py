@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp, ndtr, ndtri_exp
+from scipy.special import log_ndtr, ndtr, ndtri_exp
 
 from descentflow.generation.conditional.flown_profiles import Array
 
@@ -121,12 +121,12 @@ def conditions(log_probs: Array, means: Array, roots: Array, rows: Rows) -> Cond
     factor = _cholesky(spread @ spread.mT)
     inverse = np.linalg.inv(factor) if n_rows else factor
     gain = roots @ (spread.mT @ (inverse.mT @ inverse))
-    white, total, tails, bands = np.zeros((n_cells, n_rows)), log_probs - logsumexp(log_probs), np.ones(n_rows), 0
+    white, total, tails, bands = np.zeros((n_cells, n_rows)), log_probs - log_total(log_probs), np.ones(n_rows), 0
     shares = total
     for j in range(n_rows):
         before = rows.centre[:, j] + (factor[:, j, :j] * white[:, :j]).sum(1)
         low, high = ((bound - before) / factor[:, j, j] for bound in (rows.low[:, j], rows.high[:, j]))
-        weights = np.exp(shares - logsumexp(shares))
+        weights = np.exp(shares - log_total(shares))
         tails[j] = _tail(weights, low, high)
         own = log_between(low, high) if is_band[j] else -0.5 * low**2 - np.log(factor[:, j, j])
         # What follows a band is given its middle, for the tails alone.
@@ -136,7 +136,20 @@ def conditions(log_probs: Array, means: Array, roots: Array, rows: Rows) -> Cond
             total = total + own
         bands += is_band[j]
     finite = np.isfinite(total).any()
-    return Conditions(rows, factor, gain, is_band, total - logsumexp(total) if finite else log_probs, tails)
+    return Conditions(rows, factor, gain, is_band, total - log_total(total) if finite else log_probs, tails)
+
+
+def log_total(values: Array) -> Array:
+    """Log of the sum of exponentials over the first axis: SciPy's takes ten times as long for a few numbers.
+
+    Example:
+        >>> round(float(log_total(np.log([1.0, 3.0]))), 6) == round(float(np.log(4.0)), 6)
+        True
+    """
+    most = values.max(0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found: Array = most + np.log(np.exp(values - most).sum(0))
+    return np.where(np.isfinite(most), found, most)
 
 
 def log_between(low: Array, high: Array) -> Array:

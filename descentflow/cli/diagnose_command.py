@@ -4,6 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from descentflow.cli import level_times_command
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -13,7 +15,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "gap.html and, with a cause, the corrected simulator (corrected.ckpt) or its flights (corrected.parquet)."
     )
     parser.add_argument(
-        "--real", type=Path, nargs="+", required=True, help="rows, or prepared descents (descentflow prepare)"
+        "--real",
+        type=Path,
+        nargs="+",
+        required=True,
+        help="rows, or prepared descents (descentflow prepare); or "
+        "so6 segments or ALL_FT+ flights of EUROCONTROL, for times between levels alone",
     )
     parser.add_argument(
         "--simulator",
@@ -63,7 +70,12 @@ def run(args: argparse.Namespace) -> None:
     """Diagnose, write and print the answer."""
     from descentflow.core.progress import stage
     from descentflow.diagnosis.diagnose import diagnose
+    from descentflow.surveillance.point_profiles.read_points import holds_points
 
+    if len(args.real) == 1 and holds_points(args.real[0]):
+        simulator = _one_or_several(args.simulator) if args.simulator else args.typecode
+        level_times_command.run(args.real[0], simulator, args, ("channels", "catalogue", "previous"), names_causes=True)
+        return
     if args.catalogue is not None:
         print(f"descentflow diagnose: runs {args.catalogue} for the effects that it defines", file=sys.stderr)
     channels = [name.strip() for name in args.channels.split(",")] if args.channels else None

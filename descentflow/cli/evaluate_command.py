@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from descentflow.cli import level_times_command
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -13,7 +15,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "validated on are left out."
     )
     parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
-    parser.add_argument("--real", type=Path, required=True, help="prepared descents (descentflow prepare), or rows")
+    parser.add_argument(
+        "--real",
+        type=Path,
+        required=True,
+        help="prepared descents (descentflow prepare), or rows; or "
+        "so6 segments or ALL_FT+ flights of EUROCONTROL, for times between levels alone",
+    )
     parser.add_argument(
         "--context-table", type=Path, help="CSV or Parquet with flight_id and the context, for a conditional model"
     )
@@ -35,7 +43,11 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.evaluation.evaluate import N_SPLITS, evaluate
     from descentflow.evaluation.metrics.scores import n_comparisons
     from descentflow.exports.model_card import fill_in_scores
+    from descentflow.surveillance.point_profiles.read_points import holds_points
 
+    if holds_points(args.real):
+        level_times_command.run(args.real, args.checkpoint, args, ("context_table", "resamples", "card", "draw_budget"))
+        return
     with stage("reading descents") as shown:
         found = evaluate(
             args.checkpoint,

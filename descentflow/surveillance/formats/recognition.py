@@ -9,6 +9,8 @@ from descentflow.core.errors import DataError
 from descentflow.surveillance.formats import mode_s_frames, tables
 from descentflow.surveillance.formats.file_format import Columns, FileFormat, Format, JsonFormat, TextFormat
 from descentflow.surveillance.formats.known_formats import ACCEPTED, FORMATS, HELD_TABLE, KNOWN
+from descentflow.surveillance.point_profiles.allft import is_allft
+from descentflow.surveillance.point_profiles.so6 import is_so6
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking.json_documents import documents
 from descentflow.surveillance.unpacking.streams import Input
@@ -130,6 +132,13 @@ def _text(head: bytes, label: str) -> bytes:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if not text:
         raise DataError(f"{label} holds no text", expected=ACCEPTED, mend="check how it was written")
+    first = text[:1000].decode("utf-8", "replace").splitlines()
+    if is_so6(first[0]) or is_allft(first[0]):
+        raise DataError(
+            f"{label}: so6 or ALL_FT+ of EUROCONTROL, with times and altitudes but no airspeeds",
+            expected=ACCEPTED,
+            mend="pass it to `descentflow evaluate` or `diagnose` as --real, for times between levels",
+        )
     if mode_s_frames.looks_untimed(text):
         raise DataError(
             f"{label}: Mode S frames without the time of each",

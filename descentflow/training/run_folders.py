@@ -103,7 +103,8 @@ def log_settings(trainer: Trainer, config: Any, score: float, monitor: str) -> N
         >>> [path.name[:6] for path in Path("logged/lightning_logs/version_0").glob("events*")]
         ['events']
     """
-    settings = {**_flat("model", config.model.get("init_args") or {}), **_flat("data", config.data)}
+    settings = {"model": str(config.model.get("class_path", "")).rpartition(".")[2]}
+    settings |= {**_flat("model", config.model.get("init_args") or {}), **_flat("data", config.data)}
     for logger in trainer.loggers:
         if isinstance(logger, TensorBoardLogger):
             logger.log_hyperparams(settings, {f"best/{monitor}": score})

@@ -92,7 +92,9 @@ def test_tensorboard_holds_scores_acceptance_and_figures(run: Path) -> None:
     scalars = events.Tags()["scalars"]
     for name in ("val/nll", "val/acceptance", "val/rejected/drag_below_bound", "val/score/cas_below_transition/ks"):
         assert name in scalars
-    assert "val/profiles" in events.Tags()["images"]
+    assert {"val/profiles", "val/rejections"} <= set(events.Tags()["images"])
+    (layout,) = events.Tensors("custom_scalars__config__")
+    assert b"^val/score/cas_below_transition/ks_floor$" in layout.tensor_proto.string_val[0]
 
 
 def test_test_scores_the_held_out_flights(run: Path, tmp_path: Path) -> None:

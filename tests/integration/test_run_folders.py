@@ -47,7 +47,9 @@ def test_tensorboard_shows_settings_beside_the_best_score_and_no_score_that_nobo
     (best,) = events.Scalars("best/val/nll")
     assert best.value == min(event.value for event in events.Scalars("val/nll"))
     (settings,) = [name for name in events.summary_metadata if name.endswith("session_start_info")]
-    assert b"data/descents" in events.summary_metadata[settings].plugin_data.content
+    told = events.summary_metadata[settings].plugin_data.content
+    assert b"data/descents" in told
+    assert b"Gaussian" in told
 
 
 @pytest.mark.parametrize("logger", [[], ["--trainer.logger=CSVLogger", "--trainer.logger.save_dir=runs"]])

@@ -71,7 +71,8 @@ def scores_figure(history: RunHistory, *, narrow: bool = False) -> Figure:
         for part in parts
         if (name := f"val/score/{part}/{statistic}_equal_size") in pairs
     ]
-    columns = 1 if narrow else min(5, max(len(panels), 1))
+    # A row for each statistic.
+    columns = 1 if narrow else max(sum(statistic == panels[0][1] for _, statistic, _ in panels), 1)
     rows = -(-len(panels) // columns)
     size = (NARROW_IN, 2.0 * rows + 0.5) if narrow else (10.5, 2.3 * rows + 0.5)
     figure = Figure(figsize=size, layout="constrained")
@@ -86,7 +87,7 @@ def scores_figure(history: RunHistory, *, narrow: bool = False) -> Figure:
         epochs, values = history.series[pairs[name]]
         label = "noise floor: flights against flights"
         ax.plot(epochs, values, color=BLUE, linestyle="--", marker="s", markersize=3, label=label)
-        ax.set_ylim(bottom=0)
+        ax.set_ylim(0, 1.15 * max(ax.get_ylim()[1], 1e-9))
     for ax in axes[len(panels) :]:
         ax.set_visible(False)
     for ax in axes[max(len(panels) - columns, 0) : len(panels)]:

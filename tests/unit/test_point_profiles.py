@@ -105,6 +105,15 @@ def test_what_is_not_of_the_format_is_refused(text: str, message: str, tmp_path:
         read_points(path)
 
 
+def test_a_file_that_was_cut_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cut.so6.gz"
+    text = "\n".join(line for flight in range(2000) for line in segments(DESCENT, flight))
+    packed = gzip.compress(text.encode())
+    path.write_bytes(packed[: len(packed) // 2])
+    with pytest.raises(DataError, match="a whole file"):
+        read_points(path)
+
+
 def test_rows_are_wanted_where_points_are_given(tmp_path: Path) -> None:
     path = tmp_path / "day.so6"
     path.write_text("\n".join(segments(DESCENT, 7)))

@@ -17,7 +17,8 @@ LACKING = (
     "airspeeds (IAS, Mach, TAS) and groundspeed: no score of CAS, and no telling a slower flight from one that "
     "descends at another rate at the same speed",
     "reported vertical rates: no lag of the altimeter, and no noise of any channel",
-    "addresses of aircraft: flights of one aircraft count as independent",
+    "addresses of aircraft: flights of one aircraft count as independent, and those that a model was trained on are "
+    "not recognised",
     "what lies between two points: a level-off or a held rate that is shorter than a pair of points is not seen",
 )
 """What points of flight profiles do not have, and what that keeps from being told."""

@@ -137,7 +137,7 @@ def _text(head: bytes, label: str) -> bytes:
         raise DataError(
             f"{label}: so6 or ALL_FT+ of EUROCONTROL, with times and altitudes but no airspeeds",
             expected=ACCEPTED,
-            mend="pass it to `descentflow evaluate` or `diagnose` as --real, for times between levels",
+            mend="pass it to `descentflow evaluate` or `diagnose` as --real, for times between levels (compare_times)",
         )
     if mode_s_frames.looks_untimed(text):
         raise DataError(

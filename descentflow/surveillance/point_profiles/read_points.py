@@ -1,7 +1,9 @@
 """Points of flight profiles from a file, whichever of the two formats it has."""
 
 import gzip
+import zlib
 from dataclasses import dataclass
+from io import TextIOWrapper
 from pathlib import Path
 
 import polars as pl
@@ -12,7 +14,7 @@ from descentflow.surveillance.point_profiles.so6 import is_so6, so6_points
 from descentflow.surveillance.rows.drop_report import DropReport
 
 GZIP = b"\x1f\x8b"
-HEAD_BYTES = 4096
+HEAD_CHARACTERS = 4096
 
 
 @dataclass(frozen=True, repr=False)
@@ -93,26 +95,30 @@ def read_points(path: str | Path) -> PointProfiles:
             expected="segments of so6 (twenty fields between blanks), or flights of ALL_FT+ below the format's version",
             mend="export them from NEST or DDR2, and unpack them unless they are packed with gzip",
         )
-    report = DropReport()
+    report, is_allft_file = DropReport(), is_allft(_head(source)[0])
     try:
-        text = (gzip.decompress(data) if (data := source.read_bytes())[:2] == GZIP else data).decode("utf-8", "replace")
-    except (OSError, EOFError) as error:
+        # Line by line: a day of ALL_FT+ is larger than what is read of it.
+        with _opened(source) as lines:
+            points = allft_points(lines, report) if is_allft_file else so6_points(lines, report)
+    except (OSError, EOFError, zlib.error) as error:
         raise DataError(f"{source}: {error}", expected="a whole file", mend="copy it again") from error
-    lines = text.splitlines()
-    is_allft_file = is_allft(lines[0])
-    points = allft_points(lines, report) if is_allft_file else so6_points(lines, report)
     if points.is_empty():
         raise DataError(f"{source}: no flight in it", expected="flights with points", mend="pass another file")
     return PointProfiles(points, "ALL_FT+" if is_allft_file else "so6", report)
 
 
+def _opened(path: Path) -> TextIOWrapper:
+    """The file as text, unpacked; letters that are none do not stop the reading."""
+    with path.open("rb") as file:
+        packed = file.read(2) == GZIP
+    stream = gzip.open(path) if packed else path.open("rb")  # noqa: SIM115 - the wrapper closes it
+    return TextIOWrapper(stream, encoding="utf-8-sig", errors="replace")
+
+
 def _head(path: Path) -> list[str]:
     """The first two lines, or as much of them as tells the format."""
     try:
-        with path.open("rb") as file:
-            packed = file.read(2) == GZIP
-        with gzip.open(path) if packed else path.open("rb") as file:
-            text = file.read(HEAD_BYTES).decode("utf-8", "replace")
-    except (OSError, EOFError):
+        with _opened(path) as file:
+            return file.read(HEAD_CHARACTERS).splitlines()[:2]
+    except (OSError, EOFError, zlib.error):
         return []
-    return text.lstrip("\ufeff").splitlines()[:2]

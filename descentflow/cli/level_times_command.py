@@ -27,6 +27,7 @@ def run(
     from descentflow.core.errors import ConfigError
     from descentflow.core.progress import stage
     from descentflow.diagnosis.level_times.compare_times import compare_times
+    from descentflow.diagnosis.level_times.times_page import write_times
     from descentflow.effects import EFFECTS
 
     given = [name for name in unused if getattr(args, name, None) is not None]
@@ -49,6 +50,6 @@ def run(
             progress=shown.say,
         )
     with stage("writing"):
-        found.write(args.out)
+        write_times(found, args.out)
     print(found)
     print(f"wrote {args.out / 'level_times.json'} and {args.out / 'level_times.html'}")

@@ -1,13 +1,10 @@
-"""What a comparison of times found: printed, as a table, as JSON and as a page."""
+"""What a comparison of times found: printed, as a table, and as primitives."""
 
-import json
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from descentflow.core.files import whole_file
 from descentflow.diagnosis.level_times.leg_statistics import LegDifference
 from descentflow.reporting.number_text import number
 
@@ -98,18 +95,6 @@ class TimesFound:
             "cannot_be_told_apart": list(self.alike),
             "seed": self.seed,
         }
-
-    def write(self, folder: str | Path) -> None:
-        """Write `level_times.csv`, `level_times.json` and `level_times.html`, each whole or not at all."""
-        from descentflow.diagnosis.level_times.times_page import times_page
-
-        target = Path(folder)
-        target.mkdir(parents=True, exist_ok=True)
-        with whole_file(target / "level_times.csv") as temporary:
-            self.to_polars().write_csv(temporary)
-        with whole_file(target / "level_times.json") as temporary:
-            temporary.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False))
-        times_page(self).write(target / "level_times.html")
 
     def __str__(self) -> str:
         """The answer, a line a leg, and what these data lack."""

@@ -1,33 +1,48 @@
-"""`level_times.html`: the comparison of times as one page."""
+"""`level_times.html`: the comparison of times as one page, and the files beside it."""
 
-from typing import TYPE_CHECKING
+import json
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from descentflow.core.files import whole_file
 from descentflow.diagnosis.level_times.leg_statistics import LegDifference
+from descentflow.diagnosis.level_times.times_found import LACKING, ORIGIN, TimesFound
 from descentflow.reporting.figure_style import BLACK, BLUE, tidy
 from descentflow.reporting.html_elements import Html, answer, bullets, joined, paragraph, stacked_table
 from descentflow.reporting.html_page import HtmlPage
 from descentflow.reporting.number_text import number
 from descentflow.reporting.svg_figures import drawn_for_both
 
-if TYPE_CHECKING:
-    from descentflow.diagnosis.level_times.times_found import TimesFound
+
+def write_times(found: TimesFound, folder: str | Path) -> None:
+    """Write `level_times.csv`, `level_times.json` and `level_times.html`, each whole or not at all.
+
+    Example:
+        >>> leg = LegDifference("FL200 to FL150", 40, 1000, 161.0, 155.0, 6.0, 2.0, 9.5, 6.5, 3.1, 0.004)
+        >>> write_times(TimesFound("best.ckpt", "40 flights of A320", (leg,)), "times")
+        >>> sorted(path.name for path in Path("times").iterdir())
+        ['level_times.csv', 'level_times.html', 'level_times.json']
+    """
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    with whole_file(target / "level_times.csv") as temporary:
+        found.to_polars().write_csv(temporary)
+    with whole_file(target / "level_times.json") as temporary:
+        temporary.write_text(json.dumps(found.as_dict(), indent=1, allow_nan=False))
+    times_page(found).write(target / "level_times.html")
 
 
-def times_page(found: "TimesFound") -> HtmlPage:
+def times_page(found: TimesFound) -> HtmlPage:
     """The page, figure inside.
 
     Example:
-        >>> from descentflow.diagnosis.level_times.times_found import TimesFound
         >>> leg = LegDifference("FL200 to FL150", 40, 1000, 161.0, 155.0, 6.0, 2.0, 9.5, 6.5, 3.1, 0.004)
         >>> page = times_page(TimesFound("best.ckpt", "40 flights of A320", (leg,))).render()
         >>> page.count("<h2"), "FL200 to FL150" in page
         (2, True)
     """
-    from descentflow.diagnosis.level_times.times_found import LACKING, ORIGIN
-
     title = f"Times between flight levels: {found.simulator}"
     page = HtmlPage(title, [answer([found.answer], "warn" if found.differs else "good")])
     told = "; ".join(

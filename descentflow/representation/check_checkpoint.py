@@ -97,6 +97,8 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
         raise _wrong("decoder.levels_fl does not rise", f"flight levels from 0 to {HIGHEST_FL}, each above the last")
     if not bool((decoder.weight_scale > 0).all()):
         raise _wrong("decoder.weight_scale is not positive", "standard deviations of the training flights' weights")
+    if decoder.residual.dim() != 2 or decoder.residual.shape[1] != len(levels):
+        raise _wrong("decoder.residual is not on the grid", f"(number of parts, {len(levels)}) drag in N")
     mean = torch.zeros(1, decoder.dimension, dtype=torch.float64)
     with torch.no_grad():
         flown = decoder(mean)

@@ -81,6 +81,8 @@ def test_descriptions_that_nobody_wrote(name: str, value: object, descents: Path
         ("decoder.drag_basis.mean", torch.tensor([torch.nan]), "drag_basis.mean holds 1"),
         ("decoder.cas_basis.components", torch.ones(1, 3), "size|shape|grid"),
         ("plausibility.entry_counts", torch.zeros(4), "size|shape|multinomial|sum"),
+        ("decoder.residual", torch.zeros(3, 2), "decoder.residual is not on the grid"),
+        ("decoder.residual", torch.zeros(7), "decoder.residual is not on the grid"),
         ("decoder.drag_basis", None, "decoder.drag_basis is of type NoneType; expected a dictionary"),
         ("plausibility.cas_low", "low", "plausibility.cas_low is of type str; expected a tensor"),
         ("plausibility.cas_high", torch.tensor([torch.nan]), "cas_high holds 1 that is no finite number"),

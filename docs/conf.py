@@ -29,6 +29,7 @@ extensions = [
     "api_pages",
     "house_map",
     "command_help",
+    "browser_demo",
 ]
 exclude_patterns = ["_build", "tutorials"]  # the gallery's pages are made from tutorials/ into made/tutorials
 root_doc = "index"
@@ -88,6 +89,7 @@ html_theme = "furo"
 html_title = "descentflow"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_extra_path = ["made/site"]  # made by browser_demo
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {

@@ -43,7 +43,9 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.core.progress import stage
     from descentflow.exports.export import export
 
-    with stage("drawing descents", args.number, "descents") as drawn:
+    drawing = ("drawing descents", args.number, "descents")
+    what = ("exporting the model",) if args.to in ("onnx", "torch", "safetensors") else drawing
+    with stage(*what) as drawn:
         written = export(
             args.checkpoint,
             args.to,

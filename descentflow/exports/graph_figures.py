@@ -38,7 +38,8 @@ def figures(sampler: SamplerGraph, run: Run, path: Path, runtime: str) -> str:
     for n in BATCHES:
         inputs = sampler.example_inputs(n)
         what = "1 descent" if n == 1 else f"{n:,}"
-        speeds.append(f"{what} in {1000 * _seconds(run, inputs):.3g} ms")
+        milliseconds = 1000 * _seconds(run, inputs)
+        speeds.append(f"{what} in {milliseconds:{'.0f' if milliseconds >= 100 else '.2g'}} ms")
     apart = difference_s(sampler, run)
     return f"{path.name}: {path.stat().st_size / 1000:.0f} kB; {', '.join(speeds)} ({runtime}); {_within(apart)}"
 

@@ -1,5 +1,7 @@
 """A fit from the command line for the tests of what it leaves behind; each test file has its own."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -26,3 +28,14 @@ def a320(tmp_path_factory: pytest.TempPathFactory) -> Path:
     descents = df.prepare(df.simulate("A320", 250, seed=11).rows, typecode="A320")
     df.fit(descents, model="gaussian", out=folder / "a320.ckpt")
     return folder / "a320.ckpt"
+
+
+@pytest.fixture(scope="session")
+def sampler(a320: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The A320's sampler as the command writes it for onnxruntime, in single precision, and what it printed."""
+    for library in ("onnxruntime", "onnxscript"):
+        pytest.importorskip(library, reason=f"{library} is in the extra onnx of descentflow")
+    path = tmp_path_factory.mktemp("sampler") / "a320.onnx"
+    command = [sys.executable, "-m", "descentflow", "export", str(a320), "--to", "onnx", "--out", str(path)]
+    done = subprocess.run([*command, "--precision", "float32"], capture_output=True, text=True, check=True)
+    return path, done.stdout

@@ -3,8 +3,6 @@
 import io
 import json
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -99,17 +97,8 @@ def test_float32_gives_our_descents(kind: str) -> None:
     compare(kind, "float32", [by_torch, by_onnx])
 
 
-@pytest.fixture(scope="module")
-def exported(a320: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """A sampler that the command wrote, and what it printed."""
-    path = tmp_path_factory.mktemp("sampler") / "a320.onnx"
-    command = [sys.executable, "-m", "descentflow", "export", str(a320), "--to", "onnx", "--out", str(path)]
-    done = subprocess.run([*command, "--precision", "float32"], capture_output=True, text=True, check=True)
-    return path, done.stdout
-
-
-def test_the_command_says_size_speed_and_difference(exported: tuple[Path, str]) -> None:
-    path, said = exported
+def test_the_command_says_size_speed_and_difference(sampler: tuple[Path, str]) -> None:
+    path, said = sampler
     for beside in ("a320.onnx", "a320_decoder.onnx", "a320.json", "a320.mjs"):
         assert f"wrote {path.with_name(beside)}" in said
     found = re.search(r"a320.onnx: (\d+) kB; 1 descent in .* ms, 100 in .*within (\S+) s of ours", said)
@@ -118,17 +107,17 @@ def test_the_command_says_size_speed_and_difference(exported: tuple[Path, str]) 
     assert float(found[2]) < OURS["float32"]
 
 
-def test_decoder_and_sampler_give_the_same_and_say_what_they_take(exported: tuple[Path, str]) -> None:
-    path, _ = exported
+def test_decoder_and_sampler_give_the_same_and_say_what_they_take(sampler: tuple[Path, str]) -> None:
+    path, _ = sampler
     about = json.loads(path.with_suffix(".json").read_text())
-    sampler, decoder = (ort.InferenceSession(p) for p in (path, path.with_name("a320_decoder.onnx")))
+    draws, decoder = (ort.InferenceSession(p) for p in (path, path.with_name("a320_decoder.onnx")))
     generator = np.random.default_rng(0)
     feeds = {
         name: generator.standard_normal([5 if size == "n" else size for size in what["shape"]]).astype(np.float32)
         for name, what in about["inputs"]["sampler"].items()
     }
     feeds["entry_fl"] = np.array([330, 340, 350, 2000, np.nan], np.float32)
-    drawn = dict(zip(about["outputs"], sampler.run(list(about["outputs"]), feeds), strict=True))
+    drawn = dict(zip(about["outputs"], draws.run(list(about["outputs"]), feeds), strict=True))
     assert {name: list(v.shape) for name, v in drawn.items()} == {
         name: [5 if size == "n" else size for size in what["shape"]] for name, what in about["outputs"].items()
     }
@@ -140,11 +129,11 @@ def test_decoder_and_sampler_give_the_same_and_say_what_they_take(exported: tupl
     assert not drawn["accepted"][3:].any(), "levels that the model does not have"
     assert drawn["broken"][3:, about["rules"].index(OFF_GRID)].all()
     assert np.isnan(drawn["time_s"][0, drawn["level_fl"] > 330]).all()
-    assert json.loads(sampler.get_modelmeta().custom_metadata_map["descentflow"]) == about
+    assert json.loads(draws.get_modelmeta().custom_metadata_map["descentflow"]) == about
 
 
 @pytest.mark.parametrize("name", ["a320.onnx", "a320_decoder.onnx", "a320.json"])
-def test_nothing_of_this_machine_is_written(exported: tuple[Path, str], name: str) -> None:
-    content = exported[0].with_name(name).read_bytes()
+def test_nothing_of_this_machine_is_written(sampler: tuple[Path, str], name: str) -> None:
+    content = sampler[0].with_name(name).read_bytes()
     assert b".py" not in content
     assert str(Path(__file__).parents[2]).encode() not in content

@@ -12,3 +12,5 @@ STEPS = {
     "heading": 90 / 512,
 }
 """Field -> its least significant bit, in the field's unit (registers 4,0 to 6,0, and ADS-B: ICAO Doc 9871)."""
+UNCERTAINTY = {name: step / 12**0.5 for name, step in STEPS.items()}
+"""Standard uncertainty of one report of a field by its rounding, in the field's unit."""

@@ -15,7 +15,7 @@ from math import hypot, log1p
 import torch
 from torch import Tensor
 
-from descentflow.core.mode_s_steps import STEPS
+from descentflow.core.mode_s_steps import UNCERTAINTY
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
@@ -24,10 +24,8 @@ from descentflow.diagnosis.inference.where import ALL, FALSE_CELLS
 from descentflow.measurements.quantity_registry import NOISE_CHANNELS, QUANTITIES
 from descentflow.physics.airspeed import mach_to_cas_mps
 
-UNCERTAINTY = {name: step / 12**0.5 for name, step in STEPS.items()}
-"""Standard uncertainty of one report of a field, in the field's unit."""
 ALTITUDE_M = UNCERTAINTY["altitude"] * FT_M
-"""That of an altitude, in metres."""
+"""Standard uncertainty of an altitude by its rounding, in metres."""
 
 
 def rounding_of(compared: Compared, profile: Sequence[LevelMeans]) -> Tensor:

@@ -21,8 +21,8 @@ class SpeedSchedule(Effect):
     says = "other descent speeds"
     directions = ("faster descents", "slower descents")
     parameters = (
-        Parameter("cas_kt", -60.0, 60.0, "kt", 5.0, label="CAS"),
-        Parameter("mach", -0.06, 0.06, "1", 0.005, label="Mach number"),
+        Parameter("cas_kt", -120.0, 120.0, "kt", 5.0, label="CAS"),
+        Parameter("mach", -0.25, 0.25, "1", 0.005, label="Mach number"),
     )
     heterogeneity = "gaussian"
     needs = ("IAS",)

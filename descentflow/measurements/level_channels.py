@@ -8,6 +8,7 @@ import polars as pl
 import torch
 from torch import Tensor
 
+from descentflow.core.mode_s_steps import UNCERTAINTY
 from descentflow.core.units import FL_M, FT_M
 
 STENCIL = 5
@@ -163,6 +164,9 @@ class Bands:
 def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
     """Logarithm (n,) of what is left of each channel after the mean of the levels around is taken off.
 
+    Less than the rounding of one report counts as that: a simulator that writes numbers without noise differs from
+    flights by their noise, and not by the number of digits it writes.
+
     Example:
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> grid = LevelGrid.of_frame(read_descents("descents.parquet").frame, 150, 340, ["IAS", "vertical_rate"])
@@ -178,12 +182,16 @@ def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
     whole = grid.mask.double().unfold(1, 2 * STENCIL + 1, 1).amin(-1) > 0
     found = {}
     for name, values in series.items():
+        channel = named.get(name, "altitude")
+        least = UNCERTAINTY[channel] * (FT_M if channel == "altitude" else 1.0)
         middle = values[:, STENCIL:-STENCIL]
         left = middle - (values[:, : -2 * STENCIL] + values[:, 2 * STENCIL :]) / 2
         seen = whole & left.isfinite()
         count = seen.sum(1)
         mean_square = torch.where(seen, left, 0.0).square().sum(1) / count.clamp(min=1)
-        found[f"noise_{name}"] = torch.where(count >= MIN_STENCILS, 0.5 * mean_square.clamp(min=1e-12).log(), torch.nan)
+        found[f"noise_{name}"] = torch.where(
+            count >= MIN_STENCILS, 0.5 * mean_square.clamp(min=least**2).log(), torch.nan
+        )
     return found
 
 

@@ -9,7 +9,7 @@ import torch
 from scipy.special import expit
 from scipy.stats import beta
 
-from descentflow.diagnosis.inference import likelihood, subset_screening
+from descentflow.diagnosis.inference import likelihood, set_search, subset_screening
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns, learnt_precision
 from descentflow.diagnosis.inference.example_sides import example_likelihood, example_sides
@@ -19,6 +19,8 @@ from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.model_weights import weights_of
 from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.selection import select
+from descentflow.diagnosis.inference.set_search import SetSearch
+from descentflow.diagnosis.inference.single_effects import every_single
 from descentflow.diagnosis.inference.subset_screening import Screening, member_of, sets_of
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.effects import EFFECTS
@@ -222,3 +224,19 @@ def test_nothing_is_named_where_nothing_differs() -> None:
     chosen = select(likelihood, discrepancy_columns(likelihood.compared)[0], lambda _: None)
     assert chosen.fit.effects == ()
     assert not chosen.outside.named
+
+
+def test_a_set_grows_beyond_what_was_screened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sets of one effect are screened, two are planted: the second is found beside the first, and no third."""
+    monkeypatch.setattr(set_search, "MAX_EFFECTS", 1)
+    monkeypatch.setattr(set_search, "sets_of", lambda members, most=1: sets_of(members, most))
+    sides = example_sides(EFFECTS["temperature"], [10.0])
+    more = sides.vector(EFFECTS["airspeed_bias"].shift(sides.state, torch.tensor([6.0, 0.0]).double()))
+    sides = replace(sides, y=sides.y + torch.where(sides.real[:, None], more, 0.0))
+    weights = whiten(sides.y, sides.real, sides.airframe, sides.nugget(), sides.of_flight())
+    likelihood = EffectsLikelihood(sides, weights, {name: EFFECTS[name] for name in NAMES}, seed=0)
+    null = fit_effects(likelihood, ())
+    singles = every_single(likelihood, null, lambda stage: None)
+    columns, _ = discrepancy_columns(sides)
+    sets, _ = SetSearch(likelihood, columns, null, singles, lambda stage: None).weighted()
+    assert set(max(sets, key=lambda one: one.weight).effects) == {"temperature", "airspeed_bias"}

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 import torch
 
-from descentflow.measurements.level_channels import LevelGrid
+from descentflow.measurements.level_channels import LevelGrid, short_scale_noise
 from descentflow.measurements.quantities import of_some_aircraft, reference_state
 from descentflow.surveillance.descents.prepared_descents import read_descents
 
@@ -36,3 +36,12 @@ def test_the_change_over_a_band_is_that_between_its_edges() -> None:
     torch.testing.assert_close(change[0], torch.tensor([0.0, 2.0, 0.0, 0.0], dtype=torch.float64))
     assert change[1, :2].isnan().all()
     assert change[1, 2:].isfinite().all()
+
+
+def test_noise_below_the_rounding_of_a_report_counts_as_that(tmp_path: Path) -> None:
+    """A simulator that writes a constant rate has the noise of a rounded one: 32 ft/min over the root of twelve."""
+    frame = read_descents(gap_toys.flights(tmp_path, 20, seed=5)).frame.with_columns(vertical_rate=pl.lit(-1500.0))
+    grid = LevelGrid.of_frame(frame, 150, 340, ["IAS", "vertical_rate"])
+    found = short_scale_noise(grid)["noise_rate"]
+    assert found[found.isfinite()].exp().tolist() == pytest.approx([32 / 12**0.5] * int(found.isfinite().sum()))
+    assert int(found.isfinite().sum()) > 10

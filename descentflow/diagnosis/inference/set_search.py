@@ -1,4 +1,4 @@
-"""The search among sets of effects: all of up to four are screened, the best refitted, those that were weighted."""
+"""The search among sets of effects: all of up to four are screened, the best refitted, larger ones grown from them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from descentflow.diagnosis.inference.inclusion import Names, WeightedSet, inclus
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mixed_fit import without_laws
 from descentflow.diagnosis.inference.model_weights import weights_of
-from descentflow.diagnosis.inference.search import first_guess, fit_effects
+from descentflow.diagnosis.inference.search import first_guess, fit_effects, score_test_gain
 from descentflow.diagnosis.inference.single_effects import Candidate
 from descentflow.diagnosis.inference.subset_screening import MAX_EFFECTS, Member, Screening, member_of, sets_of
 from descentflow.effects.flight_law import DiffersByFlight
@@ -75,12 +75,16 @@ class SetSearch:
         self._explored(members, self._explored(members, beside, at_most=FIRST), at_most=REFITTED)
         while True:
             sets, alone = self._weighed()
-            near = self._near(inclusion(sets, alone).best)
-            untried = [names for names in near if frozenset(names) not in self.fits]
+            best = inclusion(sets, alone).best
+            # A set that grows is looked at from all sides once it has stopped growing.
+            untried = self._untried(self._with_another(best))[:1] or self._untried(self._near(best))
             if not untried:
                 return sets, alone
             for names in untried:
-                self._credible_part(self.fit(names))
+                self._credible_part(self.fit(names, self.fit(best).theta))
+
+    def _untried(self, sets: Sequence[Names]) -> list[Names]:
+        return [names for names in sets if frozenset(names) not in self.fits]
 
     def _near(self, heaviest: Names) -> list[Names]:
         """The best set without each of its effects, and with another that scales the same equation in its place.
@@ -94,6 +98,16 @@ class SetSearch:
                 if other in self.likelihood.catalogue and other not in heaviest:
                     found.append(tuple(other if one == name else one for one in heaviest))
         return found
+
+    def _with_another(self, heaviest: Names) -> list[Names]:
+        """A set of as many effects as are screened, or more, with one more of those that its flights ask for most."""
+        if len(heaviest) < MAX_EFFECTS:
+            return []
+        catalogue = self.likelihood.catalogue
+        scaled = {member for name in heaviest if (group := catalogue[name].scale_group) for member in group.members}
+        gain = score_test_gain(self.likelihood, self.fit(heaviest).shift)
+        asked = [name for name in gain if name not in {*heaviest, *scaled} and gain[name] > -LOG_PRIOR_ODDS]
+        return [(*heaviest, name) for name in sorted(asked, key=lambda name: -gain[name])]
 
     def _weighed(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
         """All that were fitted and are credible, with their weights."""
@@ -157,12 +171,14 @@ class SetSearch:
             self.credible[key] = is_credible(self.likelihood, fit, name)
         return self.credible[key]
 
-    def fit(self, names: Sequence[str]) -> Fit:
-        """The fit of a set, made once."""
+    def fit(self, names: Sequence[str], start: Mapping[str, Tensor] | None = None) -> Fit:
+        """The fit of a set, made once; from the parameters of another fit, where these are given."""
         key = frozenset(names)
         if key not in self.fits:
             self.progress(f"fitting {', '.join(names)}")
-            self.fits[key] = fit_effects(self.likelihood, tuple(names), {n: self.start[n] for n in names})
+            self.fits[key] = fit_effects(
+                self.likelihood, tuple(names), {n: (start or {}).get(n, self.start[n]) for n in names}
+            )
         found = self.fits[key]
         return found if found.effects == tuple(names) else _reordered(self.likelihood, found, tuple(names))
 

@@ -5,9 +5,9 @@ With the slope g of T at a Gaussian's mean and the covariance $\Sigma$ that is l
 :mod:`~descentflow.generation.conditional.speed_conditions`, the direction $v = \Sigma g$ leaves the rows as they are,
 and the coordinate s along it is independent of the rest, with variance $1 / g^T v$. A draw keeps its rest; its s is
 solved for the value t that is asked. The density of such draws given that the quantity T is t is that of the rest times
-$\phi(s) / |\partial T / \partial s|$, which becomes their weight. Of a band, t is first drawn from the normal that the
-slope says, cut to the band; of a band of levels, the level is drawn evenly, and the weight has the change of T by
-level.
+$\phi(s) / \lvert\partial T / \partial s\rvert$, which becomes their weight. Of a band, t is first drawn from the
+normal that the slope says, cut to the band; of a band of levels, the level is drawn evenly, and the weight has the
+change of T by level.
 """
 
 from dataclasses import dataclass

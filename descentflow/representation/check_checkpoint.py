@@ -29,6 +29,17 @@ OF_REPRESENTATION: dict[str, tuple[type, ...]] = {
     "gaps": (str, type(None)),
 }
 """The same of its representation; the last four may be absent."""
+OF_A_CONTEXT_COLUMN: dict[str, tuple[type, ...]] = {
+    "name": (str,),
+    "kind": (str,),
+    "mean": (float, int),
+    "scale": (float, int),
+    "values": (list, tuple),
+    "indicator": (bool,),
+    "low": (float, int, type(None)),
+    "high": (float, int, type(None)),
+}
+"""The same of a column of its context; the last two may be absent."""
 DICTIONARIES = ("decoder.aircraft", "decoder.drag_basis", "decoder.cas_basis")
 TENSORS = (
     "decoder.levels_fl",
@@ -37,7 +48,7 @@ TENSORS = (
     *(f"{basis}.{name}" for basis in DICTIONARIES[1:] for name in ("mean", "components")),
 )
 """Places of the representation that are dictionaries, and tensors."""
-MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps")
+MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "low", "high")
 MAY_HAVE_GAPS = "reference"
 """What flights measured: not a number where they showed no level."""
 MEND = "take the file as `descentflow fit` wrote it, or fit again"
@@ -65,6 +76,13 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
     _check_types(section, PARTS, "section")
     representation = section["representation"]
     _check_types(representation, OF_REPRESENTATION, "representation")
+    for column in representation.get("context", []):
+        if not isinstance(column, dict):
+            raise _wrong(f"a context column is of type {type(column).__name__}", "dictionaries")
+        _check_types(column, OF_A_CONTEXT_COLUMN, "context column")
+        unknown = column.keys() - OF_A_CONTEXT_COLUMN.keys()
+        if unknown:
+            raise _wrong(f"a context column has {', '.join(map(repr, unknown))}", ", ".join(OF_A_CONTEXT_COLUMN))
     bounds = tuple(f"plausibility.{name}" for name in representation["plausibility"])
     for places, kind, name in ((DICTIONARIES, dict, "dictionary"), ((*TENSORS, *bounds), Tensor, "tensor")):
         for place in places:

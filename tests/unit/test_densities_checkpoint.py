@@ -100,6 +100,10 @@ def test_loading_never_executes_code(tmp_path: Path) -> None:
     assert not (tmp_path / "owned").exists()
 
 
+COLUMN = {"name": "a", "kind": "number", "mean": 0.0, "scale": 1.0, "values": [], "indicator": False}
+"""A column of a context, as checkpoints keep it."""
+
+
 def broken(kind: str, folder: Path) -> Path:
     _, path = saved("gaussian", folder)
     content = torch.load(path, weights_only=True)
@@ -126,6 +130,8 @@ def broken(kind: str, folder: Path) -> Path:
         "incomplete": lambda c: c["descentflow"]["representation"].pop("decoder"),
         "parameters": lambda c: c["state_dict"].pop("_density.loc"),
         "aircraft": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].pop("ct1"),
+        "range": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "low": "zero"}]),
+        "column": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "code": "x"}]),
     }
     changes[kind](content)
     torch.save(content, target)
@@ -146,6 +152,8 @@ def broken(kind: str, folder: Path) -> Path:
         ("incomplete", "decoder"),
         ("parameters", "state_dict"),
         ("aircraft", "ct1"),
+        ("range", "low of the context column is of type str"),
+        ("column", "a context column has 'code'"),
     ],
 )
 def test_a_bad_checkpoint_says_what_is_wrong(kind: str, words: str, tmp_path: Path) -> None:

@@ -69,22 +69,10 @@ def test_threads_share_a_generator() -> None:
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lambda k: one.next(**ASKED[2 if k % 2 else 1]), range(calls)))
     assert sorted(each.first for each in found) == list(range(calls))
+    other = generator()
     for each in found:
-        serial = generator_of_serial().next(**_asked_of(each.asked), number=each.first)
+        serial = other.next(**ASKED[2 if len(each.asked) > 1 else 1], number=each.first)
         assert same(each.trajectories, serial.trajectories)
-
-
-SERIAL: list[df.Generator] = []
-
-
-def generator_of_serial() -> df.Generator:
-    if not SERIAL:
-        SERIAL.append(generator())
-    return SERIAL[0]
-
-
-def _asked_of(words: tuple[str, ...]) -> dict[str, object]:
-    return ASKED[2] if len(words) > 1 else ASKED[1]
 
 
 def test_threads_that_give_numbers_get_the_serial_descents() -> None:

@@ -31,7 +31,33 @@ CHOICE_STREAM = 1 << 20
 
 @dataclass(frozen=True)
 class Accepted:
-    """n draws, how many proposals were effective for each (n,), and the account of all tries."""
+    """n draws and the account of all tries.
+
+    Attributes:
+        drawn: The n draws.
+        effective: (n,) how many proposals were effective for each.
+        proposals: How many were made for each, at first.
+        tried: Draws made for all of them, those that broke a rule and, among weighted ones, those not chosen as well.
+        rejected: Those that broke a rule.
+        broken: How many broke each rule; one may break several.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.generation.conditional.conditioned_density import conditioned_target
+        >>> from descentflow.generation.conditional.entry_shares import EntryShares
+        >>> from descentflow.generation.conditional.flown_profiles import FlownProfiles
+        >>> from descentflow.generation.conditional.judged_draws import DrawnDescents
+        >>> from descentflow.generation.conditional.latent_parts import parts_of
+        >>> from descentflow.generation.conditional.requests import Request
+        >>> model = load_model("best.ckpt")
+        >>> parts, grid = model.representation, FlownProfiles(model.representation.decoder)
+        >>> request, bounds = Request(entry=grid.nearest(330)), parts.plausibility
+        >>> target = conditioned_target(request, parts_of(model, grid, None), grid, EntryShares(model), bounds)
+        >>> judge = DrawnDescents(parts, grid, seed=0).broken
+        >>> accepted = first_plausible(target, Numbers(seed=0, first=0), 50, judge)
+        >>> accepted.tried - accepted.rejected, bool(judge(accepted.drawn, np.arange(50)).any())
+        (50, False)
+    """
 
     drawn: Drawn
     effective: Array
@@ -42,14 +68,37 @@ class Accepted:
 
 
 class NoneLeft(Exception):
-    """No draw of a number is plausible."""
+    """No draw of a number is plausible; see :func:`first_plausible` for an example."""
 
 
 def first_plausible(target: Target, numbers: Numbers, n: int, judge: Judge) -> Accepted:
     """The first plausible try of each of n numbers.
 
+    Args:
+        target: What is drawn from, every draw of the same weight.
+        numbers: Of the draws.
+        n: How many.
+        judge: Which rules draws break.
+
     Raises:
         NoneLeft: If a number has none among :data:`MOST_TRIES`.
+
+    Example:
+        >>> from descentflow.generation.conditional.point_condition import Flown
+        >>> class Even:
+        ...     width = 1
+        ...
+        ...     def draw(self, u):
+        ...         flown = Flown(*(np.zeros((len(u), 1)) for _ in range(6)))
+        ...         return Drawn(u, np.zeros(len(u), int), flown, np.zeros(len(u)))
+        >>> above = lambda drawn, which: np.repeat(drawn.u > 0.25, len(RULES), 1)
+        >>> found = first_plausible(Even(), Numbers(seed=0, first=0), 100, above)
+        >>> bool(found.drawn.u.max() <= 0.25), found.tried - found.rejected
+        (True, 100)
+        >>> all_of_them = lambda drawn, which: np.ones((len(which), len(RULES)), bool)
+        >>> first_plausible(Even(), Numbers(seed=0, first=0), 100, all_of_them)
+        Traceback (most recent call last):
+        descentflow.generation.conditional.accepted.NoneLeft
     """
     pending, stream, size = np.arange(n), 0, 1
     parts, owners, tried, rejected, broken = [], [], 0, 0, np.zeros(len(RULES), dtype=int)
@@ -79,9 +128,31 @@ def first_plausible(target: Target, numbers: Numbers, n: int, judge: Judge) -> A
 def chosen_by_weight(target: Target, numbers: Numbers, n: int, judge: Judge, stand_in: bool) -> Accepted:
     """For each of n numbers one of its own plausible proposals, by weight.
 
+    Args:
+        target: What is drawn from.
+        numbers: Of the draws.
+        n: How many.
+        judge: Which rules proposals break.
+        stand_in: Whether Gaussians stand in for a density that is no mixture, which takes more proposals.
+
     Raises:
         NoneLeft: If no proposal of a number has any weight.
         SamplingError: If too few are effective.
+
+    Example:
+        >>> from descentflow.generation.conditional.point_condition import Flown
+        >>> class Rising:
+        ...     width = 1
+        ...
+        ...     def draw(self, u):
+        ...         flown = Flown(*(np.zeros((len(u), 1)) for _ in range(6)))
+        ...         return Drawn(u, np.zeros(len(u), int), flown, np.log(u[:, 0]))
+        >>> no_rule = lambda drawn, which: np.zeros((len(which), len(RULES)), bool)
+        >>> found = chosen_by_weight(Rising(), Numbers(seed=0, first=0), 1000, no_rule, stand_in=True)
+        >>> bool(abs(found.drawn.u.mean() - 2 / 3) < 0.03)  # of the density 2u; four standard errors
+        True
+        >>> round(float(found.effective.mean()) / found.proposals, 2)  # 3/4 for this density
+        0.75
     """
     size, pending = PROPOSALS_OF_A_STAND_IN if stand_in else PROPOSALS, np.arange(n)
     fewest = size

@@ -24,7 +24,15 @@ NEVER = 1e6
 
 
 class NothingPlausible(Exception):
-    """A request that the model knows no flight for; ``culprit`` is what cannot be met: a speed, or None for a point."""
+    """A request that the model knows no flight for; ``culprit`` is what cannot be met: a speed, or None for a point.
+
+    Example:
+        >>> try:
+        ...     raise NothingPlausible(SpeedAsked("cas_kt", 50, 500.0, 500.0))
+        ... except NothingPlausible as error:
+        ...     error.culprit.text(200.0)
+        'cas_kt 500 at FL200'
+    """
 
     def __init__(self, culprit: SpeedAsked | None) -> None:
         """Say what cannot be met."""
@@ -33,7 +41,29 @@ class NothingPlausible(Exception):
 
 
 class FreeTarget:
-    """Draws of a density that is no mixture, where nothing but entry and context is asked."""
+    """Draws of a density that is no mixture, where nothing but entry and context is asked.
+
+    Args:
+        density: What the weights are drawn from.
+        grid: Of its decoder.
+        profiles: Of drag and CAS, see :func:`~descentflow.generation.conditional.latent_parts.sample_profiles`.
+        log_entries: (L,) log shares of the levels of entry.
+        context: (1, c) of the density; None if it takes none.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.generation.conditional.latent_parts import sample_profiles
+        >>> model = load_model("best.ckpt")
+        >>> decoder = model.representation.decoder
+        >>> grid = FlownProfiles(decoder)
+        >>> log_entries = np.where(np.arange(grid.n_levels) == grid.nearest(330), 0.0, -np.inf)
+        >>> target = FreeTarget(model, grid, sample_profiles(decoder, grid), log_entries, None)
+        >>> drawn = target.draw(np.full((1, target.width), 0.5))
+        >>> bool(grid.levels_fl[drawn.entry[0]] == 330)
+        True
+        >>> np.allclose(drawn.u[:, : model.dimension], model.sample(1, seed=2**52).numpy())
+        True
+    """
 
     def __init__(
         self,
@@ -43,7 +73,7 @@ class FreeTarget:
         log_entries: Array,
         context: Tensor | None,
     ) -> None:
-        """Hold what is drawn of; ``log_entries`` (L,) are shares of the levels of entry."""
+        """Hold what is drawn of."""
         self.density, self.grid, self.context = density, grid, context
         self.drag, self.cas = profiles
         self.up_to = np.exp(log_entries).cumsum()
@@ -74,8 +104,28 @@ def conditioned_target(
 ) -> ConditionedTarget:
     """The density's Gaussians given a request.
 
+    Args:
+        request: As checked by :meth:`Request.check`.
+        parts: The density, before or after what was flown.
+        grid: Of its decoder.
+        shares: Of levels of entry and of components.
+        bounds: Of the training flights, to which bands are cut unless something was flown.
+
     Raises:
         NothingPlausible: If a speed is beyond the bounds of the training flights, or as rare as no flight.
+
+    Example:
+        >>> from descentflow.core.units import KT_MPS
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.generation.conditional.latent_parts import parts_of
+        >>> model = load_model("best.ckpt")
+        >>> grid, bounds = FlownProfiles(model.representation.decoder), model.representation.plausibility
+        >>> level = grid.nearest(200)
+        >>> request = Request(grid.nearest(330), (SpeedAsked("cas_kt", level, 280.0, 280.0),))
+        >>> target = conditioned_target(request, parts_of(model, grid, None), grid, EntryShares(model), bounds)
+        >>> drawn = target.draw(np.full((1, target.width), 0.4))
+        >>> round(float(drawn.flown.cas[0, level]) / KT_MPS, 6)  # kt
+        280.0
     """
     entries = _entries(request, shares)
     if not len(entries):

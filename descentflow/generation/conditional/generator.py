@@ -36,7 +36,13 @@ KEPT_REQUESTS = 256
 
 
 class Asked(TypedDict, total=False):
-    """What can be asked, see :meth:`Generator.next_batch`."""
+    """What can be asked, see :meth:`Generator.next_batch`.
+
+    Example:
+        >>> asked: Asked = {"entry_fl": 330, "cas_kt": {200: 280}}
+        >>> Generator("best.ckpt").next(**asked).asked
+        ('entry at FL330', 'cas_kt 280 at FL200')
+    """
 
     entry_fl: float | None
     cas_kt: BySpeed | None

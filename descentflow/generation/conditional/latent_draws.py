@@ -42,7 +42,20 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Drawn:
-    """n draws: latent numbers (n, D), entry (n,), what they fly, log weights (n,)."""
+    """n draws of D latent numbers.
+
+    Attributes:
+        u: (n, D) latent numbers.
+        entry: (n,) index of the level of entry.
+        flown: What they fly.
+        log_weight: (n,) log weights, up to a constant; minus infinity where a draw cannot be.
+
+    Example:
+        >>> flown = Flown(*(np.zeros((2, 3)) for _ in range(6)))
+        >>> drawn = Drawn(np.zeros((2, 4)), np.zeros(2, int), flown, np.log([1.0, 3.0]))
+        >>> resampled(drawn.log_weight[None], np.array([0.3]))[0]  # the second has three quarters of the weight
+        array([1])
+    """
 
     u: Array
     entry: np.ndarray
@@ -51,7 +64,20 @@ class Drawn:
 
 
 class Target(Protocol):
-    """What draws are made of: uniform numbers (n, ``width``) in (0, 1) make n draws."""
+    """What draws are made of: uniform numbers (n, ``width``) in (0, 1) make n draws.
+
+    Example:
+        >>> class Normal:
+        ...     width = 2
+        ...
+        ...     def draw(self, uniform):
+        ...         flown = Flown(*(np.zeros((len(uniform), 1)) for _ in range(6)))
+        ...         return Drawn(ndtri(uniform), np.zeros(len(uniform), int), flown, np.zeros(len(uniform)))
+        >>> target: Target = Normal()
+        >>> u = target.draw(Numbers(seed=0, first=0).uniform(10_000, target.width, stream=0)).u
+        >>> bool(abs(u.mean()) < 0.03 and abs(u.std() - 1) < 0.03)  # four standard errors
+        True
+    """
 
     width: int
 
@@ -60,7 +86,31 @@ class Target(Protocol):
 
 
 class ConditionedTarget:
-    """Gaussians given speeds and perhaps a point; ``entry`` (C,) and ``component`` (C,) say what each of them is."""
+    """Gaussians given speeds and perhaps a point.
+
+    Args:
+        parts: The density as K Gaussians.
+        grid: Of the decoder.
+        component: (C,) which of the K each conditioned Gaussian is of.
+        entry: (C,) index of its level of entry.
+        speeds: The C Gaussians given the speeds.
+        point: The same given a time or a distance; None if none is asked.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.generation.conditional.latent_parts import parts_of
+        >>> from descentflow.generation.conditional.speed_conditions import Rows, conditions
+        >>> model = load_model("best.ckpt")
+        >>> grid = FlownProfiles(model.representation.decoder)
+        >>> parts, level, cas_mps = parts_of(model, grid, None), grid.nearest(200), np.array([[145.0]])
+        >>> centre = parts.cas.of(parts.means)[:, [level]]
+        >>> rows = Rows(parts.cas.loadings[None, None, :, level], centre, cas_mps, cas_mps)
+        >>> speeds = conditions(parts.log_probs, parts.means, parts.roots, rows)
+        >>> target = ConditionedTarget(parts, grid, np.array([0]), np.array([grid.nearest(330)]), speeds, None)
+        >>> drawn = target.draw(Numbers(seed=0, first=0).uniform(100, target.width, stream=0))
+        >>> target.in_closed_form, np.allclose(drawn.flown.cas[:, level], 145.0, rtol=0, atol=1e-9)  # m/s
+        (True, True)
+    """
 
     def __init__(
         self,

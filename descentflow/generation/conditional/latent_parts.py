@@ -59,7 +59,23 @@ class LatentParts:
 
 
 def parts_of(density: Density, grid: FlownProfiles, context: Tensor | None, seed: int = 0) -> LatentParts:
-    """The density before anything was flown, at a context (1, c) if it takes one."""
+    """The density before anything was flown.
+
+    Args:
+        density: A mixture, or one that Gaussians stand in for.
+        grid: Of its decoder.
+        context: (1, c) if it takes one.
+        seed: Of the draws to which Gaussians are fitted that stand in for a density that is no mixture.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> decoder = model.representation.decoder
+        >>> parts, d, n_white = parts_of(model, FlownProfiles(decoder), None), decoder.dimension, len(decoder.residual)
+        >>> root = model.mixture.scale_trils[0].detach().numpy()  # of the weights
+        >>> bool((parts.roots[0, :d, :d] == root).all()), bool((parts.roots[0, d:, d:] == np.eye(n_white)).all())
+        (True, True)
+    """
     decoder = density.representation.decoder
     prior = prior_of(density, seed, context)
     n_weights, n_white = decoder.dimension, len(decoder.residual)

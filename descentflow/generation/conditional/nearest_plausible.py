@@ -34,6 +34,20 @@ def implausible(
         draws: Of requests.
         levels_fl: Of the grid.
         metres: Distance (n, L) of descents, in the way of :meth:`FlownProfiles.metres`.
+
+    Returns:
+        The error, with the name of what cannot be met and the nearest value, in its own units.
+
+    Example:
+        >>> from descentflow.core.units import KT_MPS
+        >>> from descentflow.generation.conditional.point_condition import Flown
+        >>> def draws(request, n):  # three descents, with 250, 270 and 280 kt at the lowest of two levels
+        ...     cas = KT_MPS * np.array([[250.0, 260.0], [270.0, 260.0], [280.0, 260.0]])
+        ...     return Drawn(np.zeros((3, 1)), np.ones(3, int), Flown(cas, cas, cas, cas, cas, cas), np.zeros(3))
+        >>> speed = SpeedAsked("cas_kt", 0, 300.0, 310.0)
+        >>> error = implausible(Request(1, (speed,)), speed, draws, [200.0, 330.0], lambda tas, rate, seconds: seconds)
+        >>> error.constraint, round(error.nearest, 6), error.got
+        ('cas_kt', 280.0, 'cas_kt 300 to 310 at FL200, which no descent of the model has with entry at FL330')
     """
     rest = replace(request, speeds=tuple(one for one in request.speeds if one is not culprit))
     if culprit is None:

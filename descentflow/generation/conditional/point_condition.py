@@ -34,7 +34,19 @@ LEAST_SPREAD = 1e-6
 
 @dataclass(frozen=True)
 class Line:
-    """Draws on a line through latent space, and what they fly: ``drag`` and ``cas`` (n, W) at s = 0, and by s."""
+    """n draws on a line through latent space, and what they fly along it.
+
+    Attributes:
+        drag: (n, W) N, at s = 0.
+        cas: (n, W) m/s, at s = 0.
+        drag_by_s: (n, W) N for each unit of s.
+        cas_by_s: (n, W) m/s for each unit of s.
+
+    Example:
+        >>> line = Line(np.array([[9000.0]]), np.array([[140.0]]), np.array([[200.0]]), np.array([[0.5]]))
+        >>> line.drag + 2 * line.drag_by_s, line.cas + 2 * line.cas_by_s
+        (array([[9400.]]), array([[141.]]))
+    """
 
     drag: Array
     cas: Array
@@ -44,7 +56,24 @@ class Line:
 
 @dataclass(frozen=True)
 class Flown:
-    """n descents in columns of the grid, with the seconds (n, L) of :meth:`FlownProfiles.seconds`."""
+    """n descents in the W columns of the grid, and their time at its L levels.
+
+    Attributes:
+        drag: (n, W) N.
+        cas: (n, W) m/s.
+        mach: (n, W).
+        tas: (n, W) m/s.
+        rate: (n, W) m/s, negative in descent.
+        seconds: (n, L) of :meth:`FlownProfiles.seconds`: zero at the lowest level.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> decoder = load_model("best.ckpt").representation.decoder
+        >>> grid, mean = FlownProfiles(decoder), torch.zeros(1, decoder.dimension).double()
+        >>> flown = Flown.of(grid, *(grid.columns(values.numpy()) for values in decoder.curves(mean)))
+        >>> np.allclose(flown.mach[:, : grid.n_levels], decoder(mean).mach.numpy(), rtol=1e-12)
+        True
+    """
 
     drag: Array
     cas: Array
@@ -55,7 +84,7 @@ class Flown:
 
     @classmethod
     def of(cls, grid: FlownProfiles, drag: Array, cas: Array) -> "Flown":
-        """Fly profiles (n, W)."""
+        """Fly profiles (n, W) of drag (N) and CAS (m/s)."""
         mach, tas, rate, slowness = grid.fly(drag, cas)
         return cls(drag, cas, mach, tas, rate, grid.seconds(slowness))
 
@@ -65,6 +94,27 @@ class PointCondition:
 
     ``log_probs`` (C,) are the shares of the Gaussians given the rows and, as far as the slope says, the point;
     ``tail`` is how probable what is asked is then.
+
+    Args:
+        asked: The time or the distance.
+        parts: The C Gaussians.
+        grid: Of the decoder.
+        entry: Index of the level where the descents start.
+        speeds: What else is asked.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.generation.conditional.latent_parts import parts_of
+        >>> from descentflow.generation.conditional.speed_conditions import Rows, conditions
+        >>> model = load_model("best.ckpt")
+        >>> grid = FlownProfiles(model.representation.decoder)
+        >>> parts, entry, level = parts_of(model, grid, None), grid.nearest(330), grid.nearest(100)
+        >>> u = np.zeros((1, parts.means.shape[1]))
+        >>> free = conditions(parts.log_probs, parts.means, parts.roots, Rows(u[:, None][:, :0], *[u[:, :0]] * 3))
+        >>> point = PointCondition(PointAsked("time_s", 700.0, 700.0, (100.0, 100.0)), parts, grid, entry, free)
+        >>> _, flown, log_weight = point.meet(np.array([0]), u, np.array([0.5]))
+        >>> round(float(flown.seconds[0, level] - flown.seconds[0, entry]), 2), bool(np.isfinite(log_weight[0]))  # s
+        (700.0, True)
     """
 
     def __init__(

@@ -114,6 +114,12 @@ def conditions(log_probs: Array, means: Array, roots: Array, rows: Rows) -> Cond
         means: (C, D); only their number counts, for rows know their own centres.
         roots: (C, D, D) of the covariances.
         rows: What is asked of each.
+
+    Example:
+        >>> ones, means, value = np.ones((2, 1, 1)), np.array([[0.0], [2.0]]), np.full((2, 1), 2.0)
+        >>> given = conditions(np.zeros(2), means, ones, Rows(ones, means, value, value))  # N(0, 1), N(2, 1): both at 2
+        >>> np.allclose(given.log_probs[1] - given.log_probs[0], 2.0)  # of the log likelihoods, 0 and -2**2 / 2
+        True
     """
     n_cells, n_rows = len(means), rows.n_rows
     is_band = tuple(bool((rows.low[:, j] < rows.high[:, j]).any()) for j in range(n_rows))

@@ -72,7 +72,19 @@ class RemoveFailedRun(Callback):
 
 
 class WholeConfig(SaveConfigCallback):
-    """Writes a run's `config.yaml` whole; one that is there already is that of another run."""
+    """Writes a run's `config.yaml` whole; one that is there already is that of another run.
+
+    Example:
+        >>> from jsonargparse import ArgumentParser, Namespace
+        >>> parser, trainer = ArgumentParser(), Trainer(default_root_dir="of_a_run", logger=False, accelerator="cpu")
+        >>> _ = parser.add_argument("--seed", type=int)
+        >>> WholeConfig(parser, Namespace(seed=3)).setup(trainer, None, "fit")
+        >>> Path("of_a_run/config.yaml").read_text().split()
+        ['seed:', '3']
+        >>> WholeConfig(parser, Namespace(seed=4)).setup(trainer, None, "fit")
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: of_a_run/config.yaml of another run; expected ...; to mend it, ...
+    """
 
     def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
         """Write the settings, once.

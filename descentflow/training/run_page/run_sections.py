@@ -77,7 +77,16 @@ def loss_section(history: RunHistory, monitor: str) -> list[str]:
 
 
 def epochs_section(history: RunHistory) -> list[str]:
-    """Scores of validation flights by epoch, beside their noise floors; nothing where none were logged."""
+    """Scores of validation flights by epoch, beside their noise floors; nothing where none were logged.
+
+    Example:
+        >>> import numpy as np
+        >>> logged = {f"val/score/cas_below_transition/ks_{name}": value
+        ...           for name, value in (("equal_size", 0.2), ("floor", 0.1))}
+        >>> history = RunHistory({name: (np.array([1.0]), np.array([value])) for name, value in logged.items()})
+        >>> "in the last one 1 of 1 scores are above their floor" in epochs_section(history)[0]
+        True
+    """
     if not history.scored():
         return []
     pairs = {
@@ -97,7 +106,17 @@ def epochs_section(history: RunHistory) -> list[str]:
 
 
 def scores_section(folder: Path) -> list[Html]:
-    """Scores beside their noise floors, from ``scores.csv``; those above the floor are marked and said to be."""
+    """Scores beside their noise floors, from ``scores.csv``; those above the floor are marked and said to be.
+
+    Example:
+        >>> row = {"quantity": "cas_below_transition", "statistic": "ks", "unit": "1", "score": 0.31, "nominal": 0.9}
+        >>> row |= {"equal_size": 0.3, "floor": 0.1, "floor_high": 0.2, "note": ""}
+        >>> folder = Path("scored")
+        >>> folder.mkdir(exist_ok=True)
+        >>> pl.DataFrame([row]).write_csv(folder / "scores.csv")
+        >>> "above the floor" in scores_section(folder)[1]
+        True
+    """
     labels = {(part.name, one.name): (part.label, one.label) for part, one in score_rows(costly=True)}
     shown = []
     for row in pl.read_csv(folder / "scores.csv", infer_schema_length=None).iter_rows(named=True):
@@ -149,7 +168,17 @@ def _with_range(row: dict[str, Any], unit: str) -> Cell:
 
 
 def rejections_section(folder: Path) -> list[Html]:
-    """What became of the draws, from ``rejections.json``."""
+    """What became of the draws, from ``rejections.json``.
+
+    Example:
+        >>> found = {"drawn": 200, "accepted": 150, "acceptance": 0.75, "broken": {"cas_above_bound": 50}}
+        >>> folder = Path("scored")
+        >>> folder.mkdir(exist_ok=True)
+        >>> _ = (folder / "rejections.json").write_text(json.dumps(found))
+        >>> text, rules = rejections_section(folder)
+        >>> "150 samples from 200 draws" in text, "CAS above bound" in rules, "25.0 %" in rules
+        (True, True, True)
+    """
     found = json.loads((folder / "rejections.json").read_text())
     drawn = max(int(found["drawn"]), 1)
     rows = [
@@ -164,7 +193,17 @@ def rejections_section(folder: Path) -> list[Html]:
 
 
 def pictures(folder: Path, names: tuple[str, ...]) -> list[Html]:
-    """Figures that `descentflow test` wrote, those of these names that are there."""
+    """Figures that `descentflow test` wrote, those of these names that are there.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> folder = Path("scored")
+        >>> folder.mkdir(exist_ok=True)
+        >>> Figure(figsize=(1, 1)).savefig(folder / "cuts.png")
+        >>> shown = pictures(folder, ("profiles", "cuts"))
+        >>> len(shown), PICTURES["cuts"][0] in shown[0]
+        (1, True)
+    """
     return [
         figure(path, f"{PICTURES[name][0]}.", PICTURES[name][1])
         for name in names
@@ -173,7 +212,16 @@ def pictures(folder: Path, names: tuple[str, ...]) -> list[Html]:
 
 
 def settings_section(run: Run) -> list[Html]:
-    """Hyper-parameters of the model and the data as a table, and the whole file folded."""
+    """Hyper-parameters of the model and the data as a table, and the whole file folded.
+
+    Example:
+        >>> folder = Path("with_settings")
+        >>> folder.mkdir(exist_ok=True)
+        >>> _ = (folder / SETTINGS).write_text("seed_everything: 7")
+        >>> rows, whole = settings_section(Run(folder, Path("best.ckpt"), {"seed_everything": 7}))
+        >>> "seed" in rows, "seed_everything: 7" in whole
+        (True, True)
+    """
     model = run.settings.get("model") or {}
     rows = [["model", "class", str(model.get("class_path", "-")).rpartition(".")[2]]]
     for section, options in (("model", model.get("init_args") or {}), ("data", run.settings.get("data") or {})):

@@ -1,7 +1,9 @@
 """Samples as a trajectory file of the CF conventions 1.11 (NetCDF-4): an array of trajectories and their points."""
 
+import shutil
 from datetime import UTC, datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -42,31 +44,40 @@ def write(request: ExportRequest) -> list[Path]:
         ('trajectory', ('trajectory', 'obs'))
     """
     netcdf = optional_library("netCDF4", extra="wind")
+    with whole_file(request.path) as temporary, TemporaryDirectory() as folder:
+        # HDF5 locks the files that it writes, and a file that is to be written whole is locked already.
+        written = Path(folder) / "flights.nc"
+        with netcdf.Dataset(written, "w", format="NETCDF4") as file:
+            _fill_file(file, request)
+        shutil.copyfile(written, temporary)
+    return [request.path]
+
+
+def _fill_file(file: Any, request: ExportRequest) -> None:
+    """Dimensions, attributes and variables."""
     table = request.flights()
     number = table["sample_id"].to_numpy()
     starts = np.flatnonzero(np.diff(number, prepend=-1))
     place = number, np.arange(len(number)) - starts[number]
-    with whole_file(request.path) as temporary, netcdf.Dataset(temporary, "w", format="NETCDF4") as file:
-        file.createDimension("trajectory", request.n)
-        file.createDimension("obs", int(place[1].max()) + 1)
-        _describe(file, request)
-        names = file.createVariable("flight_id", str, ("trajectory",))
-        names.cf_role, names.long_name = "trajectory_id", "identifier of the sample"
-        names[:] = table["flight_id"].to_numpy()[starts].astype(object)
-        for column, (name, axis) in COORDINATES.items():
-            variable = _variable(file, name, column)
-            variable.axis = axis
-            if column == "altitude_ft":
-                variable.positive = "up"
-            if column == "timestamp":
-                variable.units, variable.calendar = "seconds since 1970-01-01T00:00:00Z", "standard"
-                variable.units_metadata = "leap_seconds: none"
-            _fill(variable, place, _numbers(table, column))
-        for column in DATA:
-            variable = _variable(file, column, column)
-            variable.coordinates = "time lat lon altitude"
-            _fill(variable, place, _numbers(table, column))
-    return [request.path]
+    file.createDimension("trajectory", request.n)
+    file.createDimension("obs", int(place[1].max()) + 1)
+    _describe(file, request)
+    names = file.createVariable("flight_id", str, ("trajectory",))
+    names.cf_role, names.long_name = "trajectory_id", "identifier of the sample"
+    names[:] = table["flight_id"].to_numpy()[starts].astype(object)
+    for column, (name, axis) in COORDINATES.items():
+        variable = _variable(file, name, column)
+        variable.axis = axis
+        if column == "altitude_ft":
+            variable.positive = "up"
+        if column == "timestamp":
+            variable.units, variable.calendar = "seconds since 1970-01-01T00:00:00Z", "standard"
+            variable.units_metadata = "leap_seconds: none"
+        _fill(variable, place, _numbers(table, column))
+    for column in DATA:
+        variable = _variable(file, column, column)
+        variable.coordinates = "time lat lon altitude"
+        _fill(variable, place, _numbers(table, column))
 
 
 def _variable(file: Any, name: str, column: str) -> Any:

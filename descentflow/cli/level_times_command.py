@@ -5,9 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-ONLY_REPORTED = ("airspeed_bias", "vertical_rate_lag", "measurement_noise")
-"""Effects on what is reported of a flight, not on how long it takes."""
-
 
 def run(
     real: Path, simulator: Any, args: argparse.Namespace, unused: Sequence[str], *, names_causes: bool = False
@@ -38,7 +35,8 @@ def run(
             expected="a simulator, and no option that needs airspeeds",
             mend="name the simulator, or leave the option out; or pass rows with airspeeds",
         )
-    alike = [one.label or name.replace("_", " ") for name, one in EFFECTS.items() if name not in ONLY_REPORTED]
+    # Those on what is reported of a flight alone do not change how long it takes.
+    alike = [one.label or name.replace("_", " ") for name, one in EFFECTS.items() if not one.sensor]
     with stage("comparing times") as shown:
         found = compare_times(
             real,

@@ -91,7 +91,7 @@ def level_table(
 
 
 def level_rate(table: LevelTable, drag_n: Tensor, cas_mps: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Mach, true airspeed, rate and slowness as :func:`fused_rate` has them, without in-place steps, to be traced.
+    """Mach, true airspeed, rate and slowness as :func:`fused_rate` (manual 3.1-23, 3.2-7 to 3.2-11), to be traced.
 
     Args:
         table: Constants of the L levels.

@@ -126,7 +126,9 @@ def test_no_command_scores_random_weights(command: str, capsys: pytest.CaptureFi
 def test_a_killed_fit_resumes_from_its_last_checkpoint(tmp_path: Path, descents: Path) -> None:
     """Three epochs, then three more from last.ckpt: counters and the optimizer's schedule go on where they were."""
     stop = "--trainer.callbacks=[{class_path: toys.StopAfterThree}]"
-    part = fit(tmp_path, descents, "gmm_svi", "--trainer.max_epochs=6", stop)
+    with pytest.raises(SystemExit):
+        fit(tmp_path, descents, "gmm_svi", "--trainer.max_epochs=6", stop)
+    part = next((tmp_path / "runs" / "gmm_svi").iterdir())
     last = part / "checkpoints" / "last.ckpt"
     before = torch.load(last, weights_only=True)
     assert before["epoch"] == 2

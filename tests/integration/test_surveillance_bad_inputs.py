@@ -185,7 +185,7 @@ def test_types_that_do_not_fit_are_refused(good: pl.DataFrame, prepare: Prepared
     types.write_text("address,type\n4ca000,A320\n")
     prepare.refuses(untyped, "--types", types, saying="types table without icao24, typecode")
     types.write_text("icao24,typecode\nffffff,A320\n")
-    prepare.refuses(untyped, "--types", types, saying="rows without any typecode")
+    prepare.refuses(untyped, "--types", types, saying="a types table that names the type of no row")
     prepare.refuses(untyped, "--types", prepare.folder / "absent.csv", saying="absent.csv")
     prepare.refuses(rows, "--typecode", "B738", saying="no row of type B738; expected one of A320")
 

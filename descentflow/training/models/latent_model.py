@@ -107,6 +107,12 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         """End at once if the fit that is resumed had stopped: another epoch would be one too many."""
         if self._had_stopped:
             self.trainer.should_stop = True
+            warnings.warn(
+                "the fit that is resumed had ended by itself: nothing is trained any more; to train on, begin a new "
+                "fit with other settings of stopping",
+                DescentflowWarning,
+                stacklevel=2,
+            )
 
     def save(self, path: str | Path) -> None:
         """Write a checkpoint, whole or not at all; :func:`descentflow.densities.checkpoint.load_model` reads it.

@@ -197,7 +197,7 @@ def pictures(folder: Path, names: tuple[str, ...]) -> list[Html]:
 
     Example:
         >>> from matplotlib.figure import Figure
-        >>> folder = Path("scored")
+        >>> folder = Path("with_cuts")
         >>> folder.mkdir(exist_ok=True)
         >>> Figure(figsize=(1, 1)).savefig(folder / "cuts.png")
         >>> shown = pictures(folder, ("profiles", "cuts"))

@@ -68,7 +68,7 @@ def test_the_plugin_flies_the_samples(a320: Path, tmp_path: Path) -> None:
 
 
 def test_the_scenario_flies_the_samples_to_their_end_point(a320: Path, tmp_path: Path) -> None:
-    """Commands every 4 s: times within the aim of 2 s and 8 s, places within 1 NM after some 60 NM in a wind."""
+    """Commands every 4 s: times within the aim of 2 s and 8 s, places within 2 NM after some 60 NM in a wind."""
     (source,) = export(a320, "bluesky", tmp_path / "descents.scn", n=N, seed=2, every_s=20.0, **PLACES)
     samples = df.sample(a320, N, seed=2).placed(**PLACES).to_polars()
     states = flown(source)
@@ -84,7 +84,7 @@ def test_the_scenario_flies_the_samples_to_their_end_point(a320: Path, tmp_path:
         at = [passed(state, 15_050.0, column=k) for k in (3, 2)]
         off.append(Geod(ellps="WGS84").inv(*at, own["longitude"], own["latitude"])[2] / 1852)
     assert np.median(off) < 0.2
-    assert max(off) < 1
+    assert max(off) < 2
 
 
 def test_commands_stay_within_what_bluesky_flies() -> None:

@@ -21,7 +21,7 @@ CAS_RIDGE = 0.05
 FLIGHTS_BESIDE = 40
 """About so many real flights say how a mean shift answers to other coefficients: speeds differ little between them."""
 KEPT = 16
-"""Shifts and sensitivities that are kept, for one fit starts where another ended; 40 MB each at 2,000 flights."""
+"""Shifts and sensitivities that are kept, for one fit starts where another ended; n p k numbers of eight bytes each."""
 
 
 class EffectShifts:
@@ -89,11 +89,11 @@ class EffectShifts:
 
     def real_shift(self, name: str, theta: Tensor) -> Tensor:
         """Shift (r, p) that an effect makes in every real flight; do not write into it."""
-        return self._shifts.get(_key(name, theta), lambda: self.shift_seen(name, theta, self.real_state))
+        return self._shifts.get(by_size(name, theta), lambda: self.shift_seen(name, theta, self.real_state))
 
     def real_jacobian(self, name: str, theta: Tensor) -> Tensor:
         """Sensitivity (r, p, k) of every real flight to one effect's parameters; do not write into it."""
-        return self._jacobians.get(_key(name, theta), lambda: self._jacobian_of(self.real_state, name, theta))
+        return self._jacobians.get(by_size(name, theta), lambda: self._jacobian_of(self.real_state, name, theta))
 
     def shift(self, theta: Mapping[str, Tensor]) -> Tensor:
         """Shift (n, p) of effects together, zero for the simulator's flights."""
@@ -135,7 +135,13 @@ class EffectShifts:
         return vector + torch.einsum("ij,nj...->ni...", self.cas_to_rate, vector)
 
 
-def _key(name: str, theta: Tensor) -> tuple[str, tuple[float, ...]]:
+def by_size(name: str, theta: Tensor) -> tuple[str, tuple[float, ...]]:
+    """What shifts and sensitivities of an effect are kept by.
+
+    Example:
+        >>> by_size("temperature", torch.tensor([10.0]))
+        ('temperature', (10.0,))
+    """
     return name, tuple(theta.tolist())
 
 

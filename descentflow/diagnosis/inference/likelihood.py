@@ -16,7 +16,7 @@ from torch import Tensor
 
 from descentflow.core.recent import Recent
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS, by_aircraft, folds_of
-from descentflow.diagnosis.inference.effect_shifts import KEPT, EffectShifts
+from descentflow.diagnosis.inference.effect_shifts import KEPT, EffectShifts, by_size
 from descentflow.diagnosis.inference.fold_sums import FoldSums, solved
 from descentflow.diagnosis.inference.linear_algebra import Common, Design, Moments, solve
 from descentflow.diagnosis.inference.signature_columns import signature_columns
@@ -176,8 +176,9 @@ class EffectsLikelihood(EffectShifts):
 
     def _weighted_jacobian(self, name: str, theta: Tensor) -> Tensor:
         """Precision times the sensitivity (r, p, k) of the real flights."""
-        key = name, tuple(theta.tolist())
-        return self._products.get(key, lambda: self.sums.of_real.apply(self.real_jacobian(name, theta)))
+        return self._products.get(
+            by_size(name, theta), lambda: self.sums.of_real.apply(self.real_jacobian(name, theta))
+        )
 
     def with_common(self, own: Tensor, prior: Tensor | None = None) -> Design:
         """Columns (n, p, k) of the real flights beside those of all flights, with their prior precision (k,) if any."""

@@ -8,7 +8,7 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from typing import Any
 
 TASKS_PER_PROCESS = 25
-"""After which a process is replaced by a fresh one: what a diagnosis leaves in memory does not add up."""
+"""After which processes are replaced by fresh ones: what a diagnosis leaves in memory does not add up."""
 
 
 def pace(begun: float, done: int, total: int) -> str:
@@ -50,16 +50,16 @@ def spread(work: Sequence[tuple[Any, ...]], processes: int, count: Callable[[int
             function(*arguments)
             count(done)
         return
-    # Spawned, for a forked process inherits torch's threads in whatever state they are.
-    context = multiprocessing.get_context("spawn")
-    bounded = ProcessPoolExecutor(
-        processes, mp_context=context, initializer=_alone, max_tasks_per_child=TASKS_PER_PROCESS
-    )
-    with bounded as pool:
-        futures: list[Future[Any]] = [pool.submit(function, *arguments) for function, *arguments in work]
-        for done, future in enumerate(_finished(futures), start=1):
-            future.result()
-            count(done)
+    # Spawned, for a forked process inherits torch's threads in whatever state they are. A pool for each share of the
+    # work: one that replaces its own processes (max_tasks_per_child) stops for ever if all end at once (Python 3.11).
+    context, share, done = multiprocessing.get_context("spawn"), processes * TASKS_PER_PROCESS, 0
+    for begin in range(0, len(work), share):
+        with ProcessPoolExecutor(processes, mp_context=context, initializer=_alone) as pool:
+            futures = [pool.submit(function, *arguments) for function, *arguments in work[begin : begin + share]]
+            for future in _finished(futures):
+                future.result()
+                done += 1
+                count(done)
 
 
 def _finished(futures: list[Future[Any]]) -> Iterable[Future[Any]]:

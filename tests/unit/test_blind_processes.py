@@ -1,0 +1,28 @@
+"""Work of the sealed study spread over processes."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from descentflow.studies.blind_diagnosis import processes
+
+
+def test_more_work_than_processes_are_kept_for_is_all_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All processes of a share end at the same time; the study of 980 files stood still after the first fifty."""
+    monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 2)
+    monkeypatch.setattr(processes, "_alone", time.monotonic)  # nothing of torch is needed
+    files, counted = [tmp_path / str(k) for k in range(9)], []
+    processes.spread([(Path.touch, file) for file in files], 2, counted.append)
+    assert all(file.exists() for file in files)
+    assert counted == list(range(1, 10))
+
+
+def test_the_first_error_ends_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What failed is told, and nothing further is begun."""
+    monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 1)
+    monkeypatch.setattr(processes, "_alone", time.monotonic)
+    work = [(Path.rmdir, tmp_path / "absent"), *[(Path.touch, tmp_path / str(k)) for k in range(8)]]
+    with pytest.raises(FileNotFoundError):
+        processes.spread(work, 2, lambda done: None)
+    assert len(list(tmp_path.iterdir())) <= 1

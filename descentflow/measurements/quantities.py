@@ -14,6 +14,7 @@ from torch import Tensor
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.measurements.along_track import drift_cosine, level_part_kt
 from descentflow.measurements.level_channels import LevelGrid, gaps_of, short_scale_noise
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
@@ -207,7 +208,7 @@ def measured(grid: LevelGrid) -> Quantities:
         standard = mach_to_tas_mps(seen["Mach"], grid.altitude_m) / KT_MPS
         values["tas"] = bands.mean((seen["TAS"] / standard).log())
     if "TAS" in seen and "groundspeed" in seen:
-        tailwind = bands.mean(seen["groundspeed"] - _level_part_kt(seen) * _drift_cosine(seen)) * KT_MPS
+        tailwind = bands.mean(seen["groundspeed"] - level_part_kt(seen) * drift_cosine(seen)) * KT_MPS
         values["wind"] = _centred(tailwind)
     if "geoaltitude" in seen:
         values["height"] = _centred(bands.mean(seen["geoaltitude"] * FT_M - grid.altitude_m))
@@ -267,20 +268,6 @@ def of_some_aircraft(frame: pl.DataFrame, among: Sequence[str] | None = None, mo
     place = pl.Series(np.random.default_rng(0).permutation(len(aircraft)))
     drawn = flights.join(pl.DataFrame({"icao24": aircraft, "place": place}), on="icao24").sort("place", "flight_id")
     return frame.filter(pl.col("flight_id").is_in(drawn["flight_id"].head(most).implode()))
-
-
-def _level_part_kt(seen: dict[str, Tensor]) -> Tensor:
-    """Horizontal part of the true airspeed: a steeper descent must not pass for wind."""
-    fall_kt = seen["vertical_rate"] * FPM_MPS / KT_MPS
-    return (seen["TAS"] ** 2 - fall_kt**2).clamp(min=0.0).sqrt()
-
-
-def _drift_cosine(seen: dict[str, Tensor]) -> Tensor:
-    """Cosine of the angle between heading and track; one where they are not reported."""
-    if "track" not in seen or "heading" not in seen:
-        return torch.ones_like(seen["TAS"])
-    cosine = torch.cos(torch.deg2rad(seen["heading"] - seen["track"]))
-    return torch.where(cosine.isfinite(), cosine, 1.0)
 
 
 def _centred(values: Tensor) -> Tensor:

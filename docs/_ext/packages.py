@@ -9,7 +9,7 @@ PACKAGE = ROOT / "descentflow"
 LAYERS = {
     "Ground": ("core", "configs", "reporting"),
     "Aircraft and physics": ("aircraft_types", "physics"),
-    "Data": ("surveillance", "measurements"),
+    "Data": ("surveillance", "measurements", "air"),
     "Model": ("representation", "densities", "training", "positions", "generation", "evaluation", "exports"),
     "Diagnosis": ("effects", "diagnosis"),
     "Worlds and studies": ("simulation", "studies"),

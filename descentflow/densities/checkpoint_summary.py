@@ -56,7 +56,7 @@ class CheckpointSummary:
             "score": self._score(),
             "written by": f"descentflow {self.version}",
         }
-        sizes = f"{decoder.drag_basis.n_components} of drag, {decoder.cas_basis.n_components} of CAS"
+        sizes = decoder.sizes
         head = f"{type(self.density).__name__} of {decoder.dimension} weights ({sizes})"
         return "\n".join([head, *(f"{name}: {text}" for name, text in lines.items())])
 

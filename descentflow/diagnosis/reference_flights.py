@@ -17,7 +17,7 @@ from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantities import Quantities, checked, grid_of, measured, of_some_aircraft
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
-from descentflow.representation.profiles import Profiles, infer_drag_n
+from descentflow.representation.profiles import observed_profiles
 
 SAMPLES = 1000
 """Drawn where a checkpoint keeps no flights: means to a thirtieth of the spread between flights."""
@@ -159,12 +159,11 @@ def _check_aircraft(found: Quantities, whose: str) -> None:
 def _by_components(decoder: DescentDecoder, grid: LevelGrid, real: Quantities) -> Quantities:
     """Real flights with the speeds and rates of their own components; all else as measured."""
     seen = grid.mask
-    altitude = grid.altitude_m
     cas = torch.where(seen, grid.values["IAS"], 250.0) * KT_MPS
     rate = torch.where(seen, grid.values["vertical_rate"], -1500.0) * FPM_MPS
-    drag = torch.where(seen, infer_drag_n(decoder.aircraft, cas, rate, altitude), 0.0)
-    blank = torch.zeros_like(cas)
-    profiles = Profiles(grid.flight_ids, grid.levels_fl, blank, cas, rate, drag, seen)
+    profiles = observed_profiles(
+        decoder.aircraft, grid.flight_ids, grid.levels_fl, torch.zeros_like(cas), cas, rate, seen, speed=decoder.speed
+    )
     with torch.no_grad():
         flown = decoder(decoder.encode(profiles), profiles.entry_level)
     smooth = measured(_shown(grid, flown, seen, grid.airframe, grid.flight_ids))

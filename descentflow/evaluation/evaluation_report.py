@@ -80,7 +80,9 @@ class Evaluation:
             "cuts": cuts_figure(self.real, {self.name: self.samples}, self.nominal, self._cut_fl()),
             "distance_by_level": level_scores_figure(self.scores, decoder.transition_fl),
             "rejections": acceptance_figure(self.rejections),
-            "components": components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl),
+            "components": components_figure(
+                decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.mach_basis
+            ),
             **told,
         }
 

@@ -49,8 +49,8 @@ class DescentGraph(nn.Module):
 
     @property
     def n_residual(self) -> int:
-        """Standard normals r that a descent takes for the drag beyond the components; may be zero."""
-        return 0 if self.decoder.residual is None else len(self.decoder.residual)
+        """Standard normals r that a descent takes for what lies beyond the components; may be zero."""
+        return self.decoder.n_white
 
     def entry(self, entry_fl: Tensor) -> Tensor:
         """Indices (n,) of the levels nearest to flight levels (n,)."""

@@ -140,7 +140,7 @@ def sample_descents(
         entries = draws.entries(plausibility, wanted, generator).to(tries.device)
         # What was kept of the last batch was copied, so a batch of the same size may take its arrays.
         reused = flown if flown is not None and len(flown) == size else None
-        white = torch.randn(size, len(decoder.residual), generator=generator, dtype=torch.float64).to(tries)
+        white = torch.randn(size, decoder.n_white, generator=generator, dtype=torch.float64).to(tries)
         numbers = DrawNumbers(seed, drawn)
         flown = decoder(tries, entries, out=reused, compiled=compiled, draws=numbers, white=white)
         rules = plausibility.broken_rules(flown)

@@ -48,6 +48,8 @@ TENSORS = (
     *(f"{basis}.{name}" for basis in DICTIONARIES[1:] for name in ("mean", "components")),
 )
 """Places of the representation that are dictionaries, and tensors."""
+OF_MACH = "mach_basis"
+"""What a decoder has as well whose speed is a Mach number and a CAS, together with ``speed_residual``."""
 MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "low", "high")
 MAY_HAVE_GAPS = "reference"
 """What flights measured: not a number where they showed no level."""
@@ -84,7 +86,12 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
         if unknown:
             raise _wrong(f"a context column has {', '.join(map(repr, unknown))}", ", ".join(OF_A_CONTEXT_COLUMN))
     bounds = tuple(f"plausibility.{name}" for name in representation["plausibility"])
-    for places, kind, name in ((DICTIONARIES, dict, "dictionary"), ((*TENSORS, *bounds), Tensor, "tensor")):
+    dictionaries: tuple[str, ...] = DICTIONARIES
+    tensors: tuple[str, ...] = TENSORS
+    if isinstance(representation["decoder"], dict) and OF_MACH in representation["decoder"]:
+        dictionaries = (*DICTIONARIES, f"decoder.{OF_MACH}")
+        tensors = (*TENSORS, *(f"decoder.{OF_MACH}.{one}" for one in ("mean", "components")), "decoder.speed_residual")
+    for places, kind, name in ((dictionaries, dict, "dictionary"), ((*tensors, *bounds), Tensor, "tensor")):
         for place in places:
             found = _at(representation, place)
             if not isinstance(found, kind):
@@ -117,6 +124,8 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
         raise _wrong("decoder.weight_scale is not positive", "standard deviations of the training flights' weights")
     if decoder.residual.dim() != 2 or decoder.residual.shape[1] != len(levels):
         raise _wrong("decoder.residual is not on the grid", f"(number of parts, {len(levels)}) drag in N")
+    if decoder.speed_residual.dim() != 2 or decoder.speed_residual.shape[1] != 2 * len(levels):
+        raise _wrong("decoder.speed_residual is not on the grid", f"(number of parts, {2 * len(levels)}) Mach and CAS")
     mean = torch.zeros(1, decoder.dimension, dtype=torch.float64)
     with torch.no_grad():
         flown = decoder(mean)

@@ -77,7 +77,7 @@ def encode_flights(
     encoder, decoder = representation.context, representation.decoder
     table = context_of(descents, [] if encoder is None else list(encoder.names), context_table)
     bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
-    profiles = with_levels(profiles_from_frame(descents, decoder.aircraft, bottom, top), say)
+    profiles = with_levels(profiles_from_frame(descents, decoder.aircraft, bottom, top, speed=decoder.speed), say)
     split = rest_is_test(profiles.flight_ids, representation.split)
     return encode_parts(profiles, split, decoder, table, encoder, say)
 
@@ -155,7 +155,6 @@ def summary_of(parts: dict[Part, EncodedFlights], representation: Representation
     decoder = representation.decoder
     counts = ", ".join(f"{len(parts[part])} {part}" for part in PARTS)
     return (
-        f"flights: {counts}; grid FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}; components: "
-        f"{decoder.drag_basis.n_components} of drag, {decoder.cas_basis.n_components} of CAS"
+        f"flights: {counts}; grid FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}; components: {decoder.sizes}"
         + ("" if representation.context is None else f"; context: {representation.context.describe()}")
     )

@@ -1,4 +1,4 @@
-"""Drag and CAS as linear functions of weights and residual components: what observed levels say of both."""
+"""Profiles as linear functions of weights and residual components: what observed levels say of both."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,8 +9,8 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.evidence import Evidence
-from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.ppca import group_masks
+from descentflow.representation.observed_channels import Observed
 from descentflow.representation.profiles import Profiles
 
 Gaps = Literal["marginal", "filled"]
@@ -54,7 +54,10 @@ class Information:
 
 @dataclass(frozen=True)
 class LinearCurves:
-    r"""``(drag, CAS) = offset + loadings u + noise`` with ``u = (w, r)``: weights, then residual components.
+    r"""``profiles = offset + loadings u + noise`` with ``u = (w, r)``: weights, then residual components.
+
+    The profiles are drag and CAS, or drag, Mach and CAS, of which a flight shows one or the other: what
+    :meth:`~descentflow.representation.decoder.descent_decoder.DescentDecoder.observed` gives, c of them.
 
     The d weights w are those of the density. The residual components r, standard normal a priori and independent of
     w, are the directions of the probabilistic PCA that the explained-variance cut left out of the weights: without them
@@ -66,14 +69,15 @@ class LinearCurves:
     left has the covariance $N - (1 - \epsilon)\,\Phi (\Phi^T N^{-1} \Phi)^{-1} \Phi^T$. A flight that shows every level
     then has the weights that it is encoded to, to within a small $\epsilon$.
 
-    Shapes: ``offset`` and ``noise_variance`` (2 L,), ``loadings`` (2 L, d + r); drag stands before CAS.
+    Shapes: ``offset`` and ``noise_variance`` (c L,), ``loadings`` (c L, d + r), profile after profile.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> curves = linear_curves(load_representation("best.ckpt").decoder)
         >>> at_mean = torch.zeros(1, curves.loadings.shape[1], dtype=torch.float64)
-        >>> drag_n, cas_mps = curves.profiles(at_mean)
-        >>> found = curves.information(drag_n, cas_mps, torch.ones_like(drag_n, dtype=torch.bool))
+        >>> mean = curves.profiles(at_mean)
+        >>> seen = tuple(torch.ones_like(one, dtype=torch.bool) for one in mean)
+        >>> found = curves.information(Observed(mean, seen))
         >>> bool((found.shift.abs() < 1e-3).all())  # an observed mean profile does not move the weights
         True
     """
@@ -82,33 +86,32 @@ class LinearCurves:
     loadings: Tensor
     noise_variance: Tensor
     n_weights: int
+    n_profiles: int = 2
 
     @property
     def n_residual(self) -> int:
         """Number of residual components."""
         return self.loadings.shape[1] - self.n_weights
 
-    def information(self, drag_n: Tensor, cas_mps: Tensor, mask: Tensor) -> Information:
+    def information(self, observed: Observed) -> Information:
         """What observed levels say of u.
 
         Args:
-            drag_n: (n, L).
-            cas_mps: (n, L).
-            mask: (n, L) observed; masked values are ignored.
+            observed: Of n flights; masked values are ignored.
         """
-        d, n_levels = self.n_weights, mask.shape[1]
-        groups = group_masks(mask)
+        d, total = self.n_weights, self.loadings.shape[1]
         scaled = self.loadings / self.noise_variance[:, None]
-        # Drag and CAS are observed on the same levels, so their products are added up level by level.
-        upper, lower = (
-            torch.einsum("lu,lv->luv", scaled[part], self.loadings[part])
-            for part in (slice(0, n_levels), slice(n_levels, None))
-        )
-        by_level = (upper + lower).flatten(1)
-        total = self.loadings.shape[1]
+        products = torch.einsum("lu,lv->luv", scaled, self.loadings).flatten(1)
+        mask = torch.cat(observed.masks, 1)
+        if all(torch.equal(one, observed.masks[0]) for one in observed.masks):
+            # Observed on the same levels, so their products are added up level by level.
+            groups = group_masks(observed.masks[0])
+            by_level = torch.stack(products.chunk(self.n_profiles)).sum(0)
+        else:
+            groups, by_level = group_masks(mask), products
         white = torch.cat([masks @ by_level for masks in torch.split(groups.masks, BLOCK)]).reshape(-1, total, total)
-        both = torch.cat([drag_n, cas_mps], 1).to(self.offset) - self.offset
-        shift = torch.where(torch.cat([mask, mask], 1), both, 0.0) @ scaled
+        both = torch.cat(observed.values, 1).to(self.offset) - self.offset
+        shift = torch.where(mask, both, 0.0) @ scaled
         # The noise left is that of the class's docstring: its inverse by Woodbury.
         whole = by_level.sum(0).reshape(total, total)[:d, :d]
         gap = torch.linalg.cholesky(whole / (1 - KEPT_NOISE) - white[:, :d, :d])
@@ -120,11 +123,9 @@ class LinearCurves:
         precisions = white + white[:, :d].mT @ gain
         return Information((precisions + precisions.mT) / 2, shift + torch.cat(moved), groups.group)
 
-    def profiles(self, u: Tensor) -> tuple[Tensor, Tensor]:
-        """Drag and CAS (n, L) of (n, D)."""
-        both = self.offset + u @ self.loadings.T
-        drag, cas = both.chunk(2, dim=1)
-        return drag, cas
+    def profiles(self, u: Tensor) -> tuple[Tensor, ...]:
+        """The profiles, each (n, L), of (n, D)."""
+        return (self.offset + u @ self.loadings.T).chunk(self.n_profiles, dim=1)
 
 
 def linear_curves(decoder: DescentDecoder) -> LinearCurves:
@@ -145,17 +146,17 @@ def linear_curves(decoder: DescentDecoder) -> LinearCurves:
             expected="probabilistic PCA, which says how far flights stray from the components",
             mend="fit again with data.fpca: ppca",
         )
-    bases = (decoder.drag_basis, decoder.cas_basis)
-    n_drag = decoder.drag_basis.n_components
-    parts = (slice(0, n_drag), slice(n_drag, None))
+    bases = list(decoder.bases.values())
+    sizes = [basis.n_components for basis in bases]
+    means, scales = (torch.split(values, sizes) for values in (decoder.weight_mean, decoder.weight_scale))
     kept = [basis.components.T for basis in bases]
-    offsets = [basis.mean + k @ decoder.weight_mean[part] for basis, k, part in zip(bases, kept, parts, strict=True)]
-    kept = [k * decoder.weight_scale[part] for k, part in zip(kept, parts, strict=True)]
+    offsets = [basis.mean + k @ mean for basis, k, mean in zip(bases, kept, means, strict=True)]
+    kept = [k * scale for k, scale in zip(kept, scales, strict=True)]
     # Levels whose noise is alike tell together as much as one: the same as each with so many times the variance.
     noise = [(basis.noise_variance * basis.noise_length).expand(len(basis.mean)) for basis in bases]
-    rest = [residual_loadings(basis) for basis in bases]
-    loadings = torch.cat([_two_blocks(*kept), _two_blocks(*rest)], 1)
-    return LinearCurves(torch.cat(offsets), loadings, torch.cat(noise), decoder.dimension)
+    rest = [basis.left_out() for basis in bases]
+    loadings = torch.cat([_blocks(kept), _blocks(rest)], 1)
+    return LinearCurves(torch.cat(offsets), loadings, torch.cat(noise), decoder.dimension, len(bases))
 
 
 def has_noise_model(decoder: DescentDecoder) -> bool:
@@ -166,7 +167,7 @@ def has_noise_model(decoder: DescentDecoder) -> bool:
         >>> has_noise_model(load_representation("best.ckpt").decoder)
         True
     """
-    return all(basis.loadings.shape[1] > 0 for basis in (decoder.drag_basis, decoder.cas_basis))
+    return all(basis.loadings.shape[1] > 0 for basis in decoder.bases.values())
 
 
 def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "marginal") -> Evidence:
@@ -193,25 +194,11 @@ def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "margin
     if gaps == "filled" or not has_noise_model(decoder):
         return Evidence.of_weights(decoder.encode(flights))
     curves = linear_curves(decoder)
-    found = curves.information(flights.drag_n, flights.cas_mps, flights.mask)
+    found = curves.information(decoder.observed(flights))
     return Evidence.of_information(*found.marginal(curves.n_weights), found.group)
 
 
-def residual_loadings(basis: FunctionalBasis) -> Tensor:
-    """Loadings (L, q - k) of the directions of a probabilistic PCA beyond the kept components.
-
-    Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> basis = load_representation("best.ckpt").decoder.drag_basis
-        >>> bool((basis.components @ residual_loadings(basis)).abs().max() < 1e-6 * basis.loadings.norm())
-        True
-    """
-    left, singular, _ = torch.linalg.svd(basis.loadings, full_matrices=False)
-    rest: Tensor = left[:, basis.n_components :] * singular[basis.n_components :]
-    return rest
-
-
-def _two_blocks(upper: Tensor, lower: Tensor) -> Tensor:
-    """Block-diagonal matrix of two."""
-    blocks: Tensor = torch.block_diag(upper, lower)  # type: ignore[no-untyped-call]
+def _blocks(parts: list[Tensor]) -> Tensor:
+    """Block-diagonal matrix."""
+    blocks: Tensor = torch.block_diag(*parts)  # type: ignore[no-untyped-call]
     return blocks

@@ -12,11 +12,14 @@ from descentflow.core.units import FL_M
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.fpca.constant_basis import fit_constant
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
 from descentflow.representation.linear_curves import Gaps
+from descentflow.representation.observed_channels import observed_channels
 from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
-from descentflow.representation.profiles import Profiles
-from descentflow.representation.residual import residual_drag
+from descentflow.representation.profiles import Profiles, Speed
+from descentflow.representation.residual import residual_drag, residual_speed
 from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -143,11 +146,11 @@ def fit_representation(
     """Fit bases, scaler and bounds to training flights (paper, sections 2.2 to 2.4).
 
     Args:
-        train: Training flights on their grid.
+        train: Training flights on their grid; with crossovers, speed is a Mach number and a CAS, else one CAS profile.
         aircraft: Coefficients that inferred their drag.
         split: The split that ``train`` comes from, to be recorded.
         explained_variance: Share of variance that the components of drag, and of CAS, explain.
-        method: Gappy fPCA algorithm.
+        method: Gappy fPCA algorithm, of drag, and of a CAS profile.
         margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
         residual: Whether samples have the drag that the components leave out, with its own variance; never with
             ``iterative``, which does not know it.
@@ -167,9 +170,9 @@ def fit_representation(
         >>> parts.decoder.encode(train).std(0).round(decimals=6).unique()  # standardised
         tensor([1.], dtype=torch.float64)
     """
-    drag = GappyFPCA(explained_variance, method).fit(train.drag_n, train.mask, FL_M).basis_
-    cas = GappyFPCA(explained_variance, method).fit(train.cas_mps, train.mask, FL_M).basis_
-    raw = torch.cat([drag.encode(train.drag_n, train.mask), cas.encode(train.cas_mps, train.mask)], 1)
+    bases = _fitted_bases(train, explained_variance, method)
+    parts = zip(bases, *observed_channels(train, _speed(train)), strict=True)
+    raw = torch.cat([basis.encode(values, mask) for basis, values, mask in parts], 1)
     scale = raw.std(0)
     if not bool((scale > 0).all()):
         raise DataError(
@@ -177,7 +180,24 @@ def fit_representation(
             expected="weights that vary between flights",
             mend="prepare more descents, or lower data.explained_variance",
         )
-    decoder = DescentDecoder(aircraft, train.levels_fl, drag, cas, raw.mean(0), scale, mass_kg)
+    drag, *of_mach, cas = bases
+    decoder = DescentDecoder(
+        aircraft, train.levels_fl, drag, cas, raw.mean(0), scale, mass_kg, mach_basis=of_mach[0] if of_mach else None
+    )
     if residual and method == "ppca":
-        decoder.keep_residual(residual_drag(decoder, train))
+        decoder.keep_residual(residual_drag(decoder, train), residual_speed(*of_mach, cas) if of_mach else None)
     return Representation(decoder, Plausibility.from_profiles(train, margin, bounds), split, provenance or {})
+
+
+def _speed(flights: Profiles) -> Speed:
+    return "cas" if flights.crossovers is None else "mach_cas"
+
+
+def _fitted_bases(train: Profiles, explained_variance: float, method: Method) -> list[FunctionalBasis]:
+    """Bases of drag and of speed, in the order of the weights."""
+    drag, *speeds = zip(*observed_channels(train, _speed(train)), strict=True)
+    fitted = [GappyFPCA(explained_variance, method).fit(*drag, FL_M).basis_]
+    if train.crossovers is None:
+        return [*fitted, *(GappyFPCA(explained_variance, method).fit(*one, FL_M).basis_ for one in speeds)]
+    named = zip(speeds, ("Mach number", "CAS"), strict=True)
+    return [*fitted, *(fit_constant(*one, FL_M, name) for one, name in named)]

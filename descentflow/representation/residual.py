@@ -1,11 +1,11 @@
-"""What the kept components leave of the training flights' drag: it comes back in samples, with its own variance."""
+"""What the kept components leave of the training flights: it comes back in samples, with its own variance."""
 
 import torch
 from torch import Tensor
 
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.roughness import smoother
-from descentflow.representation.linear_curves import residual_loadings
 from descentflow.representation.profiles import Profiles
 
 ROUGHNESS_WEIGHT = 1e5
@@ -17,8 +17,9 @@ def residual_drag(decoder: DescentDecoder, train: Profiles) -> Tensor:
 
     They are the directions of the probabilistic PCA beyond the kept components, which are smooth, made smaller where
     their spread is above that of what flights show less their kept components: where few flights show a level, as at
-    the top, the model's is half as large again. Those of CAS stay away: CAS, of one component mostly, came out
-    farther from flights with independent normals added.
+    the top, the model's is half as large again. Those of a CAS profile stay away: CAS, of one component mostly, came
+    out farther from flights with independent normals added. A Mach number and a CAS that are constants have them, see
+    :func:`residual_speed`.
 
     Args:
         decoder: With the components kept, of a probabilistic PCA.
@@ -35,9 +36,28 @@ def residual_drag(decoder: DescentDecoder, train: Profiles) -> Tensor:
         >>> bool((spread < train.drag_n[:, 0].std()).all())  # less than of the flights
         True
     """
-    curves = residual_loadings(decoder.drag_basis).T
+    curves = decoder.drag_basis.left_out().T
     kept, _ = decoder.curves(decoder.encode(train))
     count = train.mask.sum(0).to(kept)
     left = (torch.where(train.mask, train.drag_n - kept, 0.0).square().sum(0) / count).sqrt()
     ratio = left / curves.square().sum(0).sqrt().clamp(min=1e-9)
     return (curves * (smoother(count, ROUGHNESS_WEIGHT) @ ratio.clamp(max=1.0)).clamp(0.0, 1.0)).contiguous()
+
+
+def residual_speed(mach_basis: FunctionalBasis, cas_basis: FunctionalBasis) -> Tensor:
+    """Deviations (s, 2 L) of the Mach number, then of the CAS in m/s, each times a standard normal in samples.
+
+    Args:
+        mach_basis: Of constants.
+        cas_basis: Likewise.
+
+    Example:
+        >>> from descentflow.representation.fpca.constant_basis import fit_constant
+        >>> seen = torch.ones(40, 20, dtype=torch.bool)
+        >>> held = fit_constant(torch.randn(40, 1).double() + 0.1 * torch.randn(40, 20).double(), seen, 30.48)
+        >>> residual_speed(held, held).shape  # three shapes each
+        torch.Size([6, 40])
+    """
+    bases = (mach_basis, cas_basis)
+    blocks: Tensor = torch.block_diag(*(basis.left_out().T for basis in bases))  # type: ignore[no-untyped-call]
+    return blocks

@@ -31,7 +31,7 @@ from descentflow.representation.flight_parts import Part, parts_of, top_level, w
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
 from descentflow.representation.plausibility import MARGIN, Bounds
-from descentflow.representation.profiles import Profiles, profiles_from_frame
+from descentflow.representation.profiles import Profiles, Speed, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation, Split, fit_representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -81,6 +81,7 @@ class DescentDataModule(LightningDataModule):
         gaps: Gaps = "marginal",
         bounds: Bounds = "expected",
         residual: bool = True,
+        speed: Speed = "cas",
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -115,6 +116,8 @@ class DescentDataModule(LightningDataModule):
             bounds: What samples are held to: ``expected``, extremes as of 3,000 training flights or more, and changes
                 from level to level; or ``paper``, extremes as observed.
             residual: Whether samples have the drag beyond the components, as independent normals.
+            speed: How speed is held: ``cas``, one CAS profile and the type's transition altitude, as in the paper; or
+                ``mach_cas``, a Mach number above each flight's own crossover and a CAS below it.
         """
         super().__init__()
         if seed < 0:
@@ -126,7 +129,7 @@ class DescentDataModule(LightningDataModule):
         self.explained_variance, self.fpca, self.margin = explained_variance, fpca, margin
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
-        self.gaps, self.bounds, self.residual = gaps, bounds, residual
+        self.gaps, self.bounds, self.residual, self.speed = gaps, bounds, residual, speed
         self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
         self._parts: dict[Part, EncodedFlights] = {}
@@ -262,7 +265,7 @@ class DescentDataModule(LightningDataModule):
     def _fresh(self, frame: pl.DataFrame, source: Descents) -> tuple[Profiles, Split]:
         """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
         bottom = self.bottom_fl if self.bottom_fl is not None else source.bottom_fl
-        profiles = profiles_from_frame(frame, self._aircraft(frame), bottom, mass_kg=self.mass_kg)
+        profiles = profiles_from_frame(frame, self._aircraft(frame), bottom, mass_kg=self.mass_kg, speed=self.speed)
         owner = dict(frame.select("flight_id", "icao24").unique("flight_id").iter_rows())
         groups = profiles.flight_ids if self.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
         split = split_flights(

@@ -24,6 +24,7 @@ from descentflow.generation.prediction.summary import (
 )
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.linear_curves import KEPT_NOISE, LinearCurves, linear_curves
+from descentflow.representation.observed_channels import Observed
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:
@@ -37,7 +38,7 @@ def linear(n_weights: int = 3, n_residual: int = 2, n_levels: int = 6) -> Linear
 
 def seen_of(curves: LinearCurves, drag: Tensor, cas: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
     """Precision and shift of one flight."""
-    found = curves.information(drag[None], cas[None], mask[None])
+    found = curves.information(Observed((drag[None], cas[None]), (mask[None], mask[None])))
     return found.precisions[0], found.shift[0]
 
 

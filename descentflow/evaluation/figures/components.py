@@ -13,7 +13,12 @@ MAX_COMPONENTS = 4
 """Components drawn of each basis; the bars show all."""
 
 
-def components_figure(drag_basis: FunctionalBasis, cas_basis: FunctionalBasis, levels_fl: Tensor) -> Figure:
+def components_figure(
+    drag_basis: FunctionalBasis,
+    cas_basis: FunctionalBasis,
+    levels_fl: Tensor,
+    mach_basis: FunctionalBasis | None = None,
+) -> Figure:
     """Mean function plus and minus each component, and the shares of variance explained.
 
     Components are drawn two standard deviations of their weight to either side. The paper's mode-by-mode basis does not
@@ -23,9 +28,10 @@ def components_figure(drag_basis: FunctionalBasis, cas_basis: FunctionalBasis, l
         drag_basis: Basis of drag.
         cas_basis: Basis of CAS on the same levels.
         levels_fl: (L,) ascending grid.
+        mach_basis: Basis of the Mach number, of a model that has one.
 
     Returns:
-        A figure of two rows (drag, CAS): a panel for each component up to four, then the shares.
+        A figure of two or three rows (drag, Mach, CAS): a panel for each component up to four, then the shares.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
@@ -35,10 +41,11 @@ def components_figure(drag_basis: FunctionalBasis, cas_basis: FunctionalBasis, l
         'Drag (kN)'
     """
     levels_fl = levels_fl.detach().cpu()
-    bases = ("Drag (kN)", 1000.0, drag_basis), ("CAS (kt)", KT_MPS, cas_basis)
+    of_mach = () if mach_basis is None else (("Mach number", 1.0, mach_basis),)
+    bases = ("Drag (kN)", 1000.0, drag_basis), *of_mach, ("CAS (kt)", KT_MPS, cas_basis)
     n_panels = min(MAX_COMPONENTS, max(basis.n_components for _, _, basis in bases))
-    figure = Figure(figsize=(2.6 * n_panels + 3.4, 7.0), layout="constrained")
-    axes = figure.subplots(2, n_panels + 1, squeeze=False)
+    figure = Figure(figsize=(2.6 * n_panels + 3.4, 3.5 * len(bases)), layout="constrained")
+    axes = figure.subplots(len(bases), n_panels + 1, squeeze=False)
     for row, (name, scale, basis) in zip(axes, bases, strict=True):
         tidy(row)
         for k, ax in enumerate(row[:-1]):

@@ -8,10 +8,10 @@ import polars as pl
 import torch
 
 from descentflow.core.errors import DataError
-from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.generation.prediction.predictor import MIN_LEVELS
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
-from descentflow.representation.profiles import Profiles, infer_drag_n
+from descentflow.representation.profiles import Profiles, observed_profiles
 
 FlownSoFar = pl.DataFrame | Mapping[str, Sequence[float]]
 """Columns ``level_fl``, ``CAS`` (kt; or ``IAS``) and ``vertical_rate`` (ft/min, negative), a row for each level."""
@@ -60,10 +60,8 @@ def flown_so_far(decoder: DescentDecoder, flown: FlownSoFar) -> Profiles:
     cas, rate = np.full((1, len(grid)), 250.0), np.full((1, len(grid)), -1500.0)
     cas[0, index], rate[0, index] = cas_kt[on], rate_fpm[on]
     cas_mps, rate_mps = torch.from_numpy(cas * KT_MPS), torch.from_numpy(rate * FPM_MPS)
-    drag_n = infer_drag_n(decoder.aircraft, cas_mps, rate_mps, decoder.levels_fl.cpu() * FL_M)
-    seen = torch.from_numpy(mask)
-    time_s = torch.zeros_like(cas_mps)
-    return Profiles(("flown",), decoder.levels_fl.cpu(), time_s, cas_mps, rate_mps, drag_n, seen)
+    seen, levels, time_s = torch.from_numpy(mask), decoder.levels_fl.cpu(), torch.zeros_like(cas_mps)
+    return observed_profiles(decoder.aircraft, ("flown",), levels, time_s, cas_mps, rate_mps, seen, speed=decoder.speed)
 
 
 def _column(values: Any, name: str) -> np.ndarray:

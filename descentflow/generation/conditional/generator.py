@@ -72,6 +72,7 @@ class Generator:
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
+        ConfigError: If the speed of its flights is a Mach number and a CAS, the lower of which is flown.
 
     Example:
         >>> generator = Generator("best.ckpt", seed=0)
@@ -84,6 +85,7 @@ class Generator:
     def __init__(self, model: object, *, seed: int = 0, first: int = 0, noise_multiple: float = 1.0) -> None:
         """Compute once what no draw changes."""
         density = as_density(model)
+        _check_speed(density)
         if density.device.type != "cpu":
             density = deepcopy(density).cpu()
             density.attach(deepcopy(density.representation).cpu())
@@ -286,3 +288,13 @@ class Generator:
         """With a lock of its own."""
         self.__dict__.update(state)
         self._lock = threading.RLock()
+
+
+def _check_speed(density: Density) -> None:
+    """Refuse a model whose CAS is not linear in its weights: conditions on it have no closed form (ConfigError)."""
+    if density.representation.decoder.speed != "cas":
+        raise ConfigError(
+            "a model of speed as a Mach number and a CAS (data.speed: mach_cas), the lower of which is flown",
+            expected="a model of one CAS profile (data.speed: cas), on which conditions have a closed form",
+            mend="fit with --data.speed cas, or draw samples (descentflow sample) and keep those that meet them",
+        )

@@ -16,6 +16,7 @@ from descentflow.generation.conditional.flown_profiles import Array, FlownProfil
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.linear_curves import LinearCurves
+from descentflow.representation.observed_channels import Observed
 from descentflow.representation.profiles import Profiles
 
 
@@ -114,7 +115,7 @@ def parts_after(
         True
     """
     noisier = replace(curves, noise_variance=noise_multiple * curves.noise_variance)
-    seen = noisier.information(flown.drag_n, flown.cas_mps, flown.mask)
+    seen = noisier.information(Observed((flown.drag_n, flown.cas_mps), (flown.mask, flown.mask)))
     posterior = posterior_of(prior, seen.precisions[0], seen.shift[0])
     # Precision L L': the transposed inverse of L is a root of the covariance.
     roots = torch.linalg.inv(posterior.precision_trils).mT

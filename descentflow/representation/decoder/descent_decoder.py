@@ -14,9 +14,12 @@ from descentflow.core.units import FL_M
 from descentflow.physics.transition import transition_altitude_m
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 from descentflow.representation.decoder.fused import is_plain
+from descentflow.representation.decoder.speed_schedule import FlownCurves, lower_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.profiles import Profiles
+from descentflow.representation.fpca.constant_basis import ConstantBasis
+from descentflow.representation.observed_channels import Observed, observed_channels
+from descentflow.representation.profiles import Profiles, Speed
 
 
 class FlownCorrection(Protocol):
@@ -48,7 +51,8 @@ class DescentDecoder(nn.Module):
     """Map standardised weights to descents, and descents to standardised weights.
 
     A weight vector holds the weights of drag first, then those of CAS (paper, section 2.3), each minus its mean and
-    divided by its standard deviation over the training flights.
+    divided by its standard deviation over the training flights. With speed as a Mach number and a CAS, the weight of
+    the Mach number stands between them, and the lower of both speeds is flown.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -67,7 +71,9 @@ class DescentDecoder(nn.Module):
     weight_scale: Tensor
     drag_basis: FunctionalBasis
     cas_basis: FunctionalBasis
+    mach_basis: FunctionalBasis | None
     residual: Tensor
+    speed_residual: Tensor
 
     def __init__(
         self,
@@ -80,6 +86,8 @@ class DescentDecoder(nn.Module):
         mass_kg: float | None = None,
         correction: FlownCorrection | None = None,
         residual: Tensor | None = None,
+        mach_basis: FunctionalBasis | None = None,
+        speed_residual: Tensor | None = None,
     ) -> None:
         """Build from fitted parts.
 
@@ -94,13 +102,16 @@ class DescentDecoder(nn.Module):
             correction: Applied to the flown descents, for instance effects that a diagnosis found.
             residual: (r, L) drag that samples have beyond the components, each row times a standard normal of its own
                 (:func:`descentflow.representation.residual.residual_drag`); none if absent.
+            mach_basis: Basis of the Mach number that is held above each flight's crossover; speed is one CAS profile
+                if absent.
+            speed_residual: (s, 2 L) deviations of the Mach number and of the CAS (m/s) that samples have, likewise.
         """
         super().__init__()
         self.correction = correction
         self.aircraft = aircraft if mass_kg is None else replace(aircraft, mass_reference_kg=mass_kg)
-        self.drag_basis, self.cas_basis = drag_basis, cas_basis
+        self.drag_basis, self.cas_basis, self.mach_basis = drag_basis, cas_basis, mach_basis
         self.register_buffer("levels_fl", levels_fl.to(torch.float64), persistent=False)
-        self.keep_residual(levels_fl.new_zeros(0, len(levels_fl)) if residual is None else residual)
+        self.keep_residual(levels_fl.new_zeros(0, len(levels_fl)) if residual is None else residual, speed_residual)
         self.register_buffer("weight_mean", weight_mean.to(torch.float64), persistent=False)
         self.register_buffer("weight_scale", weight_scale.to(torch.float64), persistent=False)
         self._grids: dict[tuple[torch.dtype, torch.device], tuple[Aircraft, FlightGrid | None]] = {}
@@ -119,36 +130,95 @@ class DescentDecoder(nn.Module):
         aircraft, found = self._grids.get(key, (None, None))
         if aircraft is not self.aircraft:
             plain = is_plain(self.levels_fl, self.levels_fl, *self.aircraft.numbers())
-            found = flight_grid(self.aircraft, (self.levels_fl * FL_M).to(like)) if plain else None
+            altitude_m, nominal = (self.levels_fl * FL_M).to(like), self.speed == "cas"
+            found = flight_grid(self.aircraft, altitude_m, at_transition=nominal) if plain else None
             self._grids[key] = (self.aircraft, found)
         return found
 
     @property
     def dimension(self) -> int:
         """Number of weights d."""
-        return self.drag_basis.n_components + self.cas_basis.n_components
+        return sum(basis.n_components for basis in self.bases.values())
+
+    @property
+    def speed(self) -> Speed:
+        """How the speed of a flight is held."""
+        return "cas" if self.mach_basis is None else "mach_cas"
+
+    @property
+    def bases(self) -> dict[str, FunctionalBasis]:
+        """Basis of each profile by its name, in the order of the weights."""
+        of_mach = {} if self.mach_basis is None else {"Mach": self.mach_basis}
+        return {"drag": self.drag_basis, **of_mach, "CAS": self.cas_basis}
+
+    @property
+    def sizes(self) -> str:
+        """Number of weights of each profile, for a line of text: ``3 of drag, 1 of CAS``."""
+        return ", ".join(f"{basis.n_components} of {name}" for name, basis in self.bases.items())
+
+    @property
+    def n_white(self) -> int:
+        """Standard normals that a sample takes beyond its weights: of drag, then of the deviations of speed."""
+        return len(self.residual) + len(self.speed_residual)
 
     @property
     def transition_fl(self) -> float:
         """Flight level where nominal BADA hands over from Mach to CAS; infinite where the type has no Mach leg."""
         return float(transition_altitude_m(self.aircraft)) / FL_M
 
-    def keep_residual(self, residual: Tensor) -> None:
-        """Fly samples with drag (r, L) beyond the components, as the constructor has it."""
+    def keep_residual(self, residual: Tensor, speed_residual: Tensor | None = None) -> None:
+        """Fly samples with drag (r, L) and deviations of speed (s, 2 L) beyond the components, as the constructor."""
+        speed = residual.new_zeros(0, 2 * len(self.levels_fl)) if speed_residual is None else speed_residual
         self.register_buffer("residual", residual.to(torch.float64), persistent=False)
+        self.register_buffer("speed_residual", speed.to(torch.float64), persistent=False)
+
+    def observed(self, flights: Profiles) -> Observed:
+        """What flights show of each profile: of Mach and CAS only where it is known which of them they held.
+
+        Raises:
+            ConfigError: If the drag of the flights was inferred in other regimes than this decoder flies.
+        """
+        return observed_channels(flights, self.speed)
 
     def encode(self, profiles: Profiles) -> Tensor:
         """Standardised weights (n, d) of observed profiles on this decoder's grid, gaps allowed."""
-        drag = self.drag_basis.encode(profiles.drag_n, profiles.mask)
-        cas = self.cas_basis.encode(profiles.cas_mps, profiles.mask)
-        standardised: Tensor = (torch.cat([drag, cas], 1) - self.weight_mean) / self.weight_scale
+        found = self.observed(profiles)
+        parts = zip(self.bases.values(), found.values, found.masks, strict=True)
+        raw = torch.cat([basis.encode(values, mask) for basis, values, mask in parts], 1)
+        standardised: Tensor = (raw - self.weight_mean) / self.weight_scale
         return standardised
 
     def curves(self, weights: Tensor) -> tuple[Tensor, Tensor]:
         """Drag (n, L) in N and CAS (n, L) in m/s of standardised weights (n, d) (paper, equation 4)."""
+        found = self.flown_curves(weights)
+        return found.drag_n, found.cas_mps
+
+    def flown_curves(self, weights: Tensor, white: Tensor | None = None) -> FlownCurves:
+        """Drag, CAS and crossovers of standardised weights (n, d).
+
+        Args:
+            weights: (n, d).
+            white: (n, r + s) standard normals for what lies beyond the components, see :attr:`n_white`.
+        """
         raw = weights * self.weight_scale.to(weights) + self.weight_mean.to(weights)
-        n_drag = self.drag_basis.n_components
-        return self.drag_basis.decode(raw[:, :n_drag]), self.cas_basis.decode(raw[:, n_drag:])
+        sizes = [basis.n_components for basis in self.bases.values()]
+        parts = zip(self.bases.values(), torch.split(raw, sizes, 1), strict=True)
+        values = [basis.decode(part) for basis, part in parts]
+        if white is not None:
+            of_drag, of_speed = torch.split(white.to(weights), [len(self.residual), len(self.speed_residual)], 1)
+            values[0] = values[0] + of_drag @ self.residual.to(weights)
+            if self.mach_basis is not None:
+                extra = (of_speed @ self.speed_residual.to(weights)).chunk(2, 1)
+                values[1:] = [value + part for value, part in zip(values[1:], extra, strict=True)]
+        return self.flown(*values)
+
+    def flown(self, *values: Tensor) -> FlownCurves:
+        """What is flown of profiles (n, L) in the order of the weights."""
+        if self.mach_basis is None:
+            return FlownCurves(*values)
+        drag, mach, cas = values
+        schedule = lower_of(mach, cas, (self.levels_fl * FL_M).to(drag))
+        return FlownCurves(drag, schedule.cas_mps, schedule.ahead_mps)
 
     def forward(
         self,
@@ -179,11 +249,10 @@ class DescentDecoder(nn.Module):
             out: Descents of the same shape whose arrays may take the result.
             compiled: Fuse the arithmetic by ``torch.compile``: pays from millions of descents on.
             draws: Seed and numbers of these draws, which determine the flights that a partial effect changes.
-            white: (n, r) standard normals for the drag beyond the components; without them the components fly alone.
+            white: (n, r + s) standard normals for what lies beyond the components, see :attr:`n_white`; without them
+                the components fly alone.
         """
-        drag_n, cas_mps = self.curves(weights)
-        if white is not None:
-            drag_n = drag_n + white.to(weights) @ self.residual.to(weights)
+        curves = self.flown_curves(weights, white)
         if entry is None:
             entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
         own = aircraft is None and mass_kg is None and not isinstance(deviation_k, Tensor) and deviation_k == 0.0
@@ -194,11 +263,12 @@ class DescentDecoder(nn.Module):
             flown,
             self.levels_fl,
             altitude_m,
-            drag_n,
-            cas_mps,
+            curves.drag_n,
+            curves.cas_mps,
             entry,
             mass_kg,
             deviation_k,
+            ahead_mps=curves.ahead_mps,
             wind_mps=wind_mps,
             exact_energy_share=exact_energy_share,
             out=out,
@@ -219,6 +289,9 @@ class DescentDecoder(nn.Module):
         }
         if len(self.residual):
             state["residual"] = self.residual.cpu()
+        if self.mach_basis is not None:
+            state["mach_basis"] = self.mach_basis.to_state()
+            state["speed_residual"] = self.speed_residual.cpu()
         return state if self.correction is None else {**state, "correction": self.correction.to_state()}
 
     @classmethod
@@ -238,13 +311,16 @@ class DescentDecoder(nn.Module):
                 expected="the correction that the state describes, and no other",
                 mend="rebuild it by descentflow.representation.representation.Representation.from_state",
             )
+        of_speed = ConstantBasis if "mach_basis" in state else FunctionalBasis
         return cls(
             Aircraft.from_state(state["aircraft"]),
             state["levels_fl"],
             FunctionalBasis.from_state(state["drag_basis"]),
-            FunctionalBasis.from_state(state["cas_basis"]),
+            of_speed.from_state(state["cas_basis"]),
             state["weight_mean"],
             state["weight_scale"],
             correction=correction,
             residual=state.get("residual"),
+            mach_basis=ConstantBasis.from_state(state["mach_basis"]) if "mach_basis" in state else None,
+            speed_residual=state.get("speed_residual"),
         )

@@ -32,7 +32,12 @@ class FlightGrid(NamedTuple):
 
 
 def flight_grid(
-    aircraft: Aircraft, altitude_m: Tensor, mass_kg: Number | None = None, deviation_k: Number = 0.0
+    aircraft: Aircraft,
+    altitude_m: Tensor,
+    mass_kg: Number | None = None,
+    deviation_k: Number = 0.0,
+    *,
+    at_transition: bool = True,
 ) -> FlightGrid:
     """Tabulate a grid (L,) in its precision and on its device.
 
@@ -41,6 +46,7 @@ def flight_grid(
         altitude_m: (L,) ascending pressure altitudes.
         mass_kg: Mass; the reference mass if absent.
         deviation_k: ISA temperature deviation.
+        at_transition: Whether the rate jumps at the type's transition, see :func:`~.rate_jumps.rate_breaks`.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -48,6 +54,6 @@ def flight_grid(
         >>> len(grid.levels.thrust_n), len(grid.sides.thrust_n)  # one jump, two sides
         (201, 2)
     """
-    breaks = rate_breaks(aircraft, altitude_m)
+    breaks = rate_breaks(aircraft, altitude_m, at_transition=at_transition)
     levels, sides = (level_table(aircraft, h, mass_kg, deviation_k) for h in (altitude_m, breaks.altitude_m))
     return FlightGrid(altitude_m, (altitude_m.double().diff() / 2).to(altitude_m), levels, breaks, sides)

@@ -1,6 +1,7 @@
 """The decoder without gradients: fused arithmetic in chunks that the processor's caches hold."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import torch
@@ -8,6 +9,7 @@ from torch import Tensor
 
 from descentflow.physics.fused_table import LevelTable, fused_rate
 from descentflow.representation.decoder.flight_grid import FlightGrid
+from descentflow.representation.decoder.speed_schedule import with_crossovers
 
 CHUNK_VALUES = 1 << 17
 """Values of a quantity in one chunk for each thread of the CPU: the handful of arrays in use stay in the caches."""
@@ -46,6 +48,7 @@ def integrate_fast(
     cas_mps: Tensor,
     entry: Tensor,
     *,
+    ahead_mps: Tensor | None = None,
     out: tuple[Tensor, ...] | None = None,
     compiled: bool = False,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -56,6 +59,8 @@ def integrate_fast(
         drag_n: (n, L).
         cas_mps: (n, L).
         entry: (n,) index of the entry level.
+        ahead_mps: (n, L) where each flight holds a Mach number of its own, see
+            :class:`~descentflow.representation.decoder.speed_schedule.SpeedSchedule`; the type's transition if absent.
         out: Arrays for the result, in its order; new ones if absent. On the CPU the system may take longer to hand
             out new memory than the descents take to compute.
         compiled: Fuse the arithmetic by ``torch.compile``.
@@ -74,22 +79,31 @@ def integrate_fast(
     kernel = _compiled_kernel() if compiled else fused_rate
     size = max(values // drag_n.shape[1], 1)
     with torch.no_grad():
-        extra = _extra_slowness(grid, drag_n, cas_mps)
+        extra = _extra_slowness(grid, drag_n, cas_mps, ahead_mps)
         for start in range(0, len(drag_n), size):
             part = slice(start, start + size)
             here = (mach[part], tas_mps[part], rate_mps[part], time_s[part])
-            kernel(grid.levels, drag_n[part], cas_mps[part], here)
+            ahead = None if ahead_mps is None else ahead_mps[part]
+            kernel(_own_regime(grid.levels, ahead), drag_n[part], cas_mps[part], here)
             # Seconds gained on the way up are negative here: the rate is.
             legs = grid.breaks.leg_times(here[3], extra[part], grid.half_step_m)
+            if ahead is not None:
+                legs = with_crossovers(legs, here[3], ahead, grid.half_step_m)
             _time_from_entry(legs, entry[part], here[3])
     return time_s, mach, tas_mps, rate_mps
 
 
-def _extra_slowness(grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor) -> Tensor:
+def _own_regime(table: LevelTable, ahead_mps: Tensor | None) -> LevelTable:
+    """The table with the energy share factor of each flight's own regime."""
+    return table if ahead_mps is None else replace(table, compression=(ahead_mps >= 0).to(ahead_mps))
+
+
+def _extra_slowness(grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, ahead_mps: Tensor | None) -> Tensor:
     """Slowness (n, b) at both sides of the jumps."""
     out = tuple(drag_n.new_empty(len(drag_n), len(grid.breaks.base)) for _ in range(4))
     if len(grid.breaks.base):
-        fused_rate(grid.sides, grid.breaks.continued(drag_n), grid.breaks.continued(cas_mps), out)
+        sides = _own_regime(grid.sides, None if ahead_mps is None else grid.breaks.continued(ahead_mps))
+        fused_rate(sides, grid.breaks.continued(drag_n), grid.breaks.continued(cas_mps), out)
     return out[3]
 
 

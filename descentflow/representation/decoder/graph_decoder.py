@@ -1,5 +1,7 @@
 """The decoder as one expression of its inputs, without in-place steps or numbers read out of tensors: for export."""
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor, nn
 
@@ -7,6 +9,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.physics.fused_table import LevelTable, level_rate
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.flight_grid import FlightGrid
+from descentflow.representation.decoder.speed_schedule import SpeedSchedule, lower_of, with_crossovers
 from descentflow.representation.decoder.trajectories import Trajectories
 
 TABLE = tuple(LevelTable.__dataclass_fields__)
@@ -15,8 +18,9 @@ TABLE = tuple(LevelTable.__dataclass_fields__)
 class GraphDecoder(nn.Module):
     """Weights to descents, as :class:`~.descent_decoder.DescentDecoder` does, to rounding.
 
-    Drag and CAS are linear in the weights, so one product gives them at the L levels and at the b sides of the jumps;
-    the time between two levels is linear in the slowness at these places. All of it is in float64.
+    Drag and CAS are linear in the weights, so one product gives them at the L levels and at the b sides of the jumps (a
+    Mach number and a CAS at the levels, where the lower of them is taken); the time between two levels is linear in the
+    slowness at these places. All of it is in float64.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -35,6 +39,12 @@ class GraphDecoder(nn.Module):
     at_upper: Tensor
     residual: Tensor | None
     at_sides: Tensor | None
+    mach_mean: Tensor
+    mach_loadings: Tensor
+    altitude_m: Tensor
+    half_step_m: Tensor
+    to_sides: Tensor | None
+    speed_residual: Tensor | None
 
     def __init__(self, decoder: DescentDecoder) -> None:
         """Take a fitted decoder apart.
@@ -54,6 +64,7 @@ class GraphDecoder(nn.Module):
             raise ConfigError(
                 "coefficients that are tensors", expected="one number each", mend="replace them by their values"
             )
+        self.n_white = decoder.n_white
         self.register_buffer("levels_fl", decoder.levels_fl.clone())
         self._keep_curves(decoder, grid)
         self._keep_quadrature(grid)
@@ -67,16 +78,24 @@ class GraphDecoder(nn.Module):
         def everywhere(curves: Tensor) -> Tensor:
             return torch.cat([curves, grid.breaks.continued(curves)], -1)
 
-        zero = torch.zeros_like(decoder.weight_mean)[None]
-        n_drag, scale = decoder.drag_basis.n_components, decoder.weight_scale[:, None]
-        drag_mean, cas_mean = decoder.curves(zero)
-        loadings = (decoder.drag_basis.components * scale[:n_drag], decoder.cas_basis.components * scale[n_drag:])
-        self.register_buffer("drag_mean", everywhere(drag_mean)[0])
-        self.register_buffer("cas_mean", everywhere(cas_mean)[0])
-        self.register_buffer("drag_loadings", everywhere(loadings[0]))
-        self.register_buffer("cas_loadings", everywhere(loadings[1]))
+        sizes = [basis.n_components for basis in decoder.bases.values()]
+        means, scales = (torch.split(values, sizes) for values in (decoder.weight_mean, decoder.weight_scale))
+        for (name, basis), mean, scale in zip(decoder.bases.items(), means, scales, strict=True):
+            # The lower of Mach and CAS is not linear: it is continued to the sides once it is known.
+            placed = everywhere if name == "drag" or decoder.speed == "cas" else torch.clone
+            self.register_buffer(f"{name.lower()}_mean", placed(basis.decode(mean[None]))[0])
+            self.register_buffer(f"{name.lower()}_loadings", placed(basis.components * scale[:, None]))
         # Absent and not empty where there is none: empty tensors cannot be saved with a program.
         self.register_buffer("residual", everywhere(decoder.residual) if len(decoder.residual) else None)
+        self.mach_sizes = decoder.mach_basis.n_components if decoder.mach_basis is not None else 0
+        if decoder.speed == "mach_cas":
+            n_levels = len(decoder.levels_fl)
+            self.register_buffer("altitude_m", grid.altitude_m.clone())
+            self.register_buffer("half_step_m", grid.half_step_m.clone())
+            to_sides = grid.breaks.continued(torch.eye(n_levels).to(grid.altitude_m))
+            self.register_buffer("to_sides", to_sides if to_sides.shape[1] else None)
+            extra = decoder.speed_residual
+            self.register_buffer("speed_residual", extra.clone() if len(extra) else None)
 
     def _keep_quadrature(self, grid: FlightGrid) -> None:
         """Metres by which the slowness at the lower level, the upper level and the sides enters each cell's time."""
@@ -96,21 +115,44 @@ class GraphDecoder(nn.Module):
         Args:
             weights: (n, d) standardised weights.
             entry: (n,) indices.
-            residual_noise: (n, r) standard normals for the drag beyond the components; without them there is none.
+            residual_noise: (n, r) standard normals for what lies beyond the components; without them there is nothing.
         """
         n_levels = len(self.levels_fl)
         double, n_drag = weights.double(), len(self.drag_loadings)
+        white = None if residual_noise is None else residual_noise.double()
+        n_white = 0 if self.residual is None else len(self.residual)
         drag_n = self.drag_mean + double[:, :n_drag] @ self.drag_loadings
-        if residual_noise is not None and self.residual is not None:
-            drag_n = drag_n + residual_noise.double() @ self.residual
-        cas_mps = self.cas_mean + double[:, n_drag:] @ self.cas_loadings
+        if white is not None and self.residual is not None:
+            drag_n = drag_n + white[:, :n_white] @ self.residual
         table = LevelTable(*(getattr(self, f"table_{name}") for name in TABLE))
+        ahead_mps = None
+        if self.mach_sizes:
+            schedule = self._schedule(double[:, n_drag:], None if white is None else white[:, n_white:])
+            cas_mps, ahead_mps = self._at_sides(schedule.cas_mps), schedule.ahead_mps
+            table = replace(table, compression=(self._at_sides(ahead_mps) >= 0).double())
+        else:
+            cas_mps = self.cas_mean + double[:, n_drag:] @ self.cas_loadings
         mach, tas_mps, rate_mps, slowness = level_rate(table, drag_n, cas_mps)
         legs = slowness[:, : n_levels - 1] * self.at_lower + slowness[:, 1:n_levels] * self.at_upper
         if self.at_sides is not None:
             legs = legs + slowness[:, n_levels:] @ self.at_sides
+        if ahead_mps is not None:
+            legs = with_crossovers(legs, slowness[:, :n_levels], ahead_mps, self.half_step_m)
         # Seconds gained on the way up are negative: the rate is.
         climbed = nn.functional.pad(legs.cumsum(1), (1, 0))
         time_s = climbed - climbed.gather(1, entry[:, None])
         profiles = (values[:, :n_levels] for values in (cas_mps, mach, tas_mps, rate_mps, drag_n))
         return Trajectories(self.levels_fl, entry, time_s, *profiles)
+
+    def _schedule(self, weights: Tensor, white: Tensor | None) -> SpeedSchedule:
+        """The lower of Mach and CAS, of their weights and of standard normals for their deviations."""
+        of_mach, of_cas = weights[:, : self.mach_sizes], weights[:, self.mach_sizes :]
+        mach, cas = self.mach_mean + of_mach @ self.mach_loadings, self.cas_mean + of_cas @ self.cas_loadings
+        if white is not None and self.speed_residual is not None:
+            mach_extra, cas_extra = (white @ self.speed_residual).chunk(2, 1)
+            mach, cas = mach + mach_extra, cas + cas_extra
+        return lower_of(mach, cas, self.altitude_m)
+
+    def _at_sides(self, values: Tensor) -> Tensor:
+        """Values (n, L) of the levels, with those continued to the sides of the jumps."""
+        return values if self.to_sides is None else torch.cat([values, values @ self.to_sides], 1)

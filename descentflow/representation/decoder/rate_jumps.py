@@ -65,7 +65,7 @@ class Breaks(NamedTuple):
         return legs
 
 
-def rate_breaks(aircraft: Aircraft, altitude_m: Tensor) -> Breaks:
+def rate_breaks(aircraft: Aircraft, altitude_m: Tensor, *, at_transition: bool = True) -> Breaks:
     """Find the jumps of idle thrust and energy share factor inside a grid.
 
     They are BADA's own: transition altitude, tropopause and H_p,des. A trapezoid across the transition, where the
@@ -74,6 +74,8 @@ def rate_breaks(aircraft: Aircraft, altitude_m: Tensor) -> Breaks:
     Args:
         aircraft: Coefficients; of tensor coefficients the first entry places the jumps, and gets their gradient.
         altitude_m: (L,) ascending altitudes.
+        at_transition: Whether the energy share factor jumps at the type's transition; it does not where every flight
+            has a crossover of its own (:mod:`descentflow.representation.decoder.speed_schedule`).
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -81,7 +83,9 @@ def rate_breaks(aircraft: Aircraft, altitude_m: Tensor) -> Breaks:
         >>> [round(float(h)) for h in breaks.altitude_m[::2] / 30.48]  # H_p,des is below, the tropopause above
         [318]
     """
-    places = (transition_altitude_m(aircraft), TROPOPAUSE_M, descent_thrust_floor_ft(aircraft) * FT_M)
+    places: tuple[Number, ...] = (TROPOPAUSE_M, descent_thrust_floor_ft(aircraft) * FT_M)
+    if at_transition:
+        places = (transition_altitude_m(aircraft), *places)
     # Placed in float64: in float32 the two sides of a jump at 10 km would be one number.
     jumps = [torch.as_tensor(place).reshape(-1)[0].to("cpu", torch.float64) for place in places]
     levels = altitude_m.detach().to("cpu", torch.float64).contiguous()

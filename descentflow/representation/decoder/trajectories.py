@@ -13,6 +13,7 @@ from descentflow.physics.idle_state import idle_state
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 from descentflow.representation.decoder.fused import integrate_fast, is_plain
 from descentflow.representation.decoder.rate_jumps import Breaks, rate_breaks
+from descentflow.representation.decoder.speed_schedule import with_crossovers
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,7 @@ def integrate(
     out: Trajectories | None = None,
     compiled: bool = False,
     grid: FlightGrid | None = None,
+    ahead_mps: Tensor | None = None,
 ) -> Trajectories:
     """Fly drag and CAS profiles down the grid.
 
@@ -112,6 +114,9 @@ def integrate(
             energy share are asked for.
         grid: What was tabulated of the levels for the same coefficients, mass and deviation, in the profiles'
             precision; computed here if absent.
+        ahead_mps: (n, L) where each flight holds a Mach number of its own, see
+            :class:`~descentflow.representation.decoder.speed_schedule.SpeedSchedule`; the energy share factor is then
+            that of the flight's own regime, and the jump of the rate is at the flight's own crossover.
 
     Returns:
         The trajectories. A rate that is not negative gives times that are not finite or not increasing; the
@@ -128,19 +133,22 @@ def integrate(
     # Whoever has tabulated the levels has looked at the coefficients.
     parameters = (*aircraft.numbers(), mass_kg, deviation_k) if grid is None else ()
     if is_plain(drag_n, cas_mps, *parameters) and wind_mps is None and not exact_energy_share:
-        known = flight_grid(aircraft, altitude_m, mass_kg, deviation_k) if grid is None else grid
+        known = grid or flight_grid(aircraft, altitude_m, mass_kg, deviation_k, at_transition=ahead_mps is None)
         arrays = None if out is None else (out.time_s, out.mach, out.tas_mps, out.rate_mps)
-        time_s, mach, tas_mps, rate_mps = integrate_fast(known, drag_n, cas_mps, entry, out=arrays, compiled=compiled)
+        time_s, mach, tas_mps, rate_mps = integrate_fast(
+            known, drag_n, cas_mps, entry, ahead_mps=ahead_mps, out=arrays, compiled=compiled
+        )
         return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
     slopes = Slopes(
         0.0 if wind_mps is None else slope_per_m(wind_mps, altitude_m),
         slope_per_m(cas_mps, altitude_m) if exact_energy_share else None,
+        ahead_mps,
     )
     return integrate_plain(aircraft, levels_fl, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k, slopes)
 
 
 class Slopes(NamedTuple):
-    """Slopes (1/s) of the profiles that enter the energy share factor: of wind, and of CAS if it is exact.
+    """What the energy share factor depends on: slopes (1/s) of wind, and of CAS if it is exact, and the own regime.
 
     Example:
         >>> Slopes(wind=-0.002).cas is None  # the energy share factor is BADA's
@@ -149,11 +157,13 @@ class Slopes(NamedTuple):
 
     wind: Number = 0.0
     cas: Tensor | None = None
+    ahead_mps: Tensor | None = None
 
     def continued(self, breaks: Breaks) -> "Slopes":
         """At both sides of the jumps."""
         wind = breaks.continued(self.wind) if isinstance(self.wind, Tensor) else self.wind
-        return Slopes(wind, None if self.cas is None else breaks.continued(self.cas))
+        cas, ahead = (None if one is None else breaks.continued(one) for one in (self.cas, self.ahead_mps))
+        return Slopes(wind, cas, ahead)
 
 
 def integrate_plain(
@@ -179,7 +189,8 @@ def integrate_plain(
         >>> bool((drag_n.grad < 0).all())  # more drag is less time
         True
     """
-    breaks, slopes = rate_breaks(aircraft, altitude_m), slopes or Slopes()
+    slopes = slopes or Slopes()
+    breaks = rate_breaks(aircraft, altitude_m, at_transition=slopes.ahead_mps is None)
     mach, tas_mps, rate_mps = _fly(aircraft, altitude_m, drag_n, cas_mps, mass_kg, deviation_k, slopes)
     extra_rate = _fly(
         aircraft,
@@ -190,7 +201,10 @@ def integrate_plain(
         deviation_k,
         slopes.continued(breaks),
     )[2]
-    leg_s = breaks.leg_times(-1 / rate_mps, -1 / extra_rate, altitude_m.diff() / 2)
+    half_step_m = altitude_m.diff() / 2
+    leg_s = breaks.leg_times(-1 / rate_mps, -1 / extra_rate, half_step_m)
+    if slopes.ahead_mps is not None:
+        leg_s = with_crossovers(leg_s, -1 / rate_mps, slopes.ahead_mps, half_step_m)
     # Seconds since entry: the integral of slowness from the bottom to the entry, minus the part below the level.
     climbed_s = torch.nn.functional.pad(leg_s.cumsum(1), (1, 0))
     time_s = climbed_s.gather(1, entry[:, None]) - climbed_s
@@ -208,7 +222,13 @@ def _fly(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Mach, TAS and rate at some altitudes, each (n, number of altitudes)."""
     state = idle_state(
-        aircraft, cas_mps, altitude_m, deviation_k, wind_gradient_per_s=slopes.wind, cas_gradient_per_s=slopes.cas
+        aircraft,
+        cas_mps,
+        altitude_m,
+        deviation_k,
+        wind_gradient_per_s=slopes.wind,
+        cas_gradient_per_s=slopes.cas,
+        at_mach=None if slopes.ahead_mps is None else slopes.ahead_mps < 0,
     )
     rate_mps = descent_rate_mps(
         aircraft, drag_n, state.thrust_n, state.tas_mps, state.energy_share, altitude_m, deviation_k, mass_kg

@@ -1,7 +1,7 @@
 """A fitted functional basis as torch buffers: encodes gappy profiles to weights and decodes weights to profiles."""
 
 from math import sqrt
-from typing import Any
+from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
@@ -96,6 +96,19 @@ class FunctionalBasis(nn.Module):
         weights: Tensor = (values - self.mean) @ self.components.T * self.spacing_m
         return weights
 
+    def left_out(self) -> Tensor:
+        """Loadings (L, q - k) of the directions of the probabilistic PCA beyond the kept components.
+
+        Example:
+            >>> from descentflow.representation.read_checkpoint import load_representation
+            >>> basis = load_representation("best.ckpt").decoder.drag_basis
+            >>> bool((basis.components @ basis.left_out()).abs().max() < 1e-6 * basis.loadings.norm())
+            True
+        """
+        left, singular, _ = torch.linalg.svd(self.loadings, full_matrices=False)
+        rest: Tensor = left[:, self.n_components :] * singular[self.n_components :]
+        return rest
+
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the basis."""
         return {
@@ -104,6 +117,6 @@ class FunctionalBasis(nn.Module):
         }
 
     @classmethod
-    def from_state(cls, state: dict[str, Any]) -> "FunctionalBasis":
+    def from_state(cls, state: dict[str, Any]) -> Self:
         """Rebuild from :meth:`to_state`."""
         return cls(**state)

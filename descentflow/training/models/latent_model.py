@@ -146,9 +146,8 @@ class LatentModel(LightningModule, ABC, Generic[D]):
             return f"{type(self).__name__}, not fitted yet"
         parts, decoder = self.representation, self.representation.decoder
         lines = [
-            f"{type(self).__name__} of {decoder.dimension} weights ({decoder.drag_basis.n_components} of drag, "
-            f"{decoder.cas_basis.n_components} of CAS) on FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}, "
-            f"{decoder.aircraft.typecode}",
+            f"{type(self).__name__} of {decoder.dimension} weights ({decoder.sizes}) on "
+            f"FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}, {decoder.aircraft.typecode}",
             f"{len(parts.split.train)} flights trained it, {len(parts.split.validation)} validated it"
             + (f": {self.outcome}" if self.outcome else ""),
         ]

@@ -1,0 +1,59 @@
+"""What flights show of the profiles that their weights explain: the one place that says which they are."""
+
+from typing import NamedTuple
+
+from torch import Tensor
+
+from descentflow.core.errors import ConfigError
+from descentflow.physics.airspeed import cas_to_mach
+from descentflow.representation.profiles import Profiles, Speed
+
+
+class Observed(NamedTuple):
+    """The profiles of n flights that their weights explain, in the order of the weights: each (n, L) with its mask.
+
+    Example:
+        >>> import polars as pl
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> known = load_representation("best.ckpt")
+        >>> flights = encode_flights(pl.read_parquet("descents.parquet"), known)["test"].profiles
+        >>> len(known.decoder.observed(flights).values)  # drag and CAS
+        2
+    """
+
+    values: tuple[Tensor, ...]
+    masks: tuple[Tensor, ...]
+
+
+def observed_channels(flights: Profiles, speed: Speed) -> Observed:
+    """What flights show of each profile, in the order of the weights.
+
+    Args:
+        flights: With crossovers where speed is held as Mach and CAS, and without where it is one CAS profile.
+        speed: How it is held.
+
+    Raises:
+        ConfigError: If the flights are of the other way.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> import polars as pl
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> flights = profiles_from_frame(frame, aircraft("A320"), 150, 330, speed="mach_cas")
+        >>> drag, mach, cas = observed_channels(flights, "mach_cas").masks
+        >>> bool((mach & cas).any()), bool(mach.any()), bool((drag == flights.mask).all())
+        (False, True, True)
+    """
+    if (flights.crossovers is None) is (speed == "mach_cas"):
+        raise ConfigError(
+            f"flights whose speed is {'one CAS profile' if speed == 'mach_cas' else 'a Mach number and a CAS'}",
+            expected=f"flights of speed={speed!r}, as the model has it",
+            mend=f"make their profiles with speed={speed!r}",
+        )
+    if flights.crossovers is None:
+        return Observed((flights.drag_n, flights.cas_mps), (flights.mask, flights.mask))
+    seen, at_mach = flights.mask & flights.crossovers.sure, flights.crossovers.holds_mach
+    mach = cas_to_mach(flights.cas_mps, flights.altitude_m)
+    return Observed((flights.drag_n, mach, flights.cas_mps), (flights.mask, seen & at_mach, seen & ~at_mach))

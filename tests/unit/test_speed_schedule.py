@@ -213,6 +213,10 @@ def test_flights_of_one_way_are_refused_by_the_other(parts: Representation) -> N
         parts.decoder.encode(toys.flights(3))
 
 
+def test_no_flights_have_no_weights(parts: Representation, flights: Profiles) -> None:
+    assert parts.decoder.encode(flights.subset([])).shape == (0, parts.decoder.dimension)
+
+
 def test_too_few_flights_at_a_mach_number_are_refused() -> None:
     cas, seen, _ = schedules(5, seed=8)
     with pytest.raises(DataError, match=r"data\.speed: cas"):

@@ -43,6 +43,8 @@ class ConstantBasis(FunctionalBasis):
 
     def encode(self, values: Tensor, mask: Tensor) -> Tensor:
         """Weights (n, 1) of gappy profiles (n, L): what is expected of the constant given the observed levels."""
+        if not len(values):
+            return self.mean.new_zeros(0, 1)
         centred = torch.where(mask, values.to(torch.float64) - self.mean, 0.0)
         noise = self.noise_variance * self.noise_length
         latent, _, _ = ppca.posterior(centred, ppca.group_masks(mask), self.loadings, noise)

@@ -213,6 +213,19 @@ def test_flights_of_one_way_are_refused_by_the_other(parts: Representation) -> N
         parts.decoder.encode(toys.flights(3))
 
 
+def test_deviations_are_not_taken_from_who_shows_a_level() -> None:
+    """Slow flights alone hold CAS high up: two knots of deviation stay two knots there, of means 30 kt apart."""
+    generator = torch.Generator().manual_seed(12)
+    slow = torch.rand((400, 1), generator=generator) < 0.5
+    cas = torch.where(slow, 120.0, 136.0) + 2 * torch.randn((400, 1), generator=generator)
+    held = (cas + 0.4 * torch.randn((400, 221), generator=generator)).double()
+    seen = torch.where(slow, 210, 150) > torch.arange(221)
+    basis = fit_constant(held, seen, FL_M)
+    assert float(basis.left_out().square().sum(1).sqrt().max()) < 0.5
+    assert float(basis.mean[:200].max() - basis.mean[:200].min()) < 0.3
+    assert float(basis.mean.mean()) == pytest.approx(float(cas.mean()), abs=0.3)
+
+
 def test_no_flights_have_no_weights(parts: Representation, flights: Profiles) -> None:
     assert parts.decoder.encode(flights.subset([])).shape == (0, parts.decoder.dimension)
 

@@ -91,8 +91,7 @@ def fit_constant(
     inner, seen = values[:, part].to(torch.float64), mask[:, part]
     used = seen.any(1)
     inner, seen = torch.where(seen, inner, 0.0)[used], seen[used]
-    # A level between others that few show: its mean would be theirs.
-    mean = _filled(ppca.observed_mean(inner, seen), seen.sum(0))
+    mean, _ = level_and_flight(inner, seen)
     scale = torch.where(seen, inner - mean, 0.0).square().sum().div(seen.sum()).sqrt()
     centred = torch.where(seen, (inner - mean) / scale, 0.0)
     q = min(deviations, len(centred) - 2, centred.shape[1] - 2)
@@ -117,6 +116,31 @@ def fit_constant(
         power[:1] / power.sum(),
         spacing_m,
     )
+
+
+def level_and_flight(values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    """Least squares of profiles by a number for each level (L,) and one for each flight (n,), of mean zero.
+
+    The mean of a level that slow flights alone show is then that of all: other levels tell how slow they are.
+
+    Args:
+        values: (n, L); masked values are ignored.
+        mask: (n, L) observed; every flight shows a level.
+
+    Example:
+        >>> slow_and_fast = torch.tensor([[1.0, 1.5], [3.0, 0.0]]).double()  # the fast one shows no upper level
+        >>> level_and_flight(slow_and_fast, torch.tensor([[True, True], [True, False]]))
+        (tensor([2.0000, 2.5000], dtype=torch.float64), tensor([-1.,  1.], dtype=torch.float64))
+    """
+    seen = mask.to(torch.float64)
+    shown = torch.where(mask, values, 0.0).to(torch.float64)
+    count = seen.sum(1, keepdim=True)
+    # The flights' numbers eliminated: what is left are equations for the levels, up to a constant of all of them.
+    left = torch.diag(seen.sum(0)) - seen.T @ (seen / count)
+    right = (shown - seen * shown.sum(1, keepdim=True) / count).sum(0)
+    levels = torch.linalg.pinv(left, hermitian=True) @ right
+    own = ((shown - seen * levels).sum(1, keepdim=True) / count)[:, 0]
+    return levels + own.mean(), own - own.mean()
 
 
 @dataclass(frozen=True)
@@ -147,10 +171,10 @@ def constant_em(centred: Tensor, mask: Tensor, q: int) -> ppca.PPCA:
     """
     groups = ppca.group_masks(mask)
     counts = mask.sum(0).to(centred)
-    own = centred.sum(1, keepdim=True) / mask.sum(1, keepdim=True).clamp(min=1)
-    free, noise = ppca.closed_form(ppca.pairwise_covariance(torch.where(mask, centred - own, 0.0), mask), q)
+    shift, own = level_and_flight(centred, mask)
+    left = torch.where(mask, centred - shift - own[:, None], 0.0)
+    free, noise = ppca.closed_form(ppca.pairwise_covariance(left, mask), q)
     loadings = torch.cat([own.std().expand(len(counts), 1), free], 1)
-    shift = centred.new_zeros(len(counts))
     fits: list[float] = []
     total, n_observed = centred.square().sum(), mask.sum()
     for _ in range(MAX_ITERATIONS):
@@ -192,12 +216,6 @@ def _maximised(
     loadings = whole[:, :-1]
     noise = (left / n_observed).clamp(min=1e-10 * float(total / n_observed))
     return loadings, noise, whole[:, -1] + loadings @ of_latent
-
-
-def _filled(mean: Tensor, counts: Tensor) -> Tensor:
-    """Means of levels that no flight shows, from the nearest below that some do."""
-    last = torch.where(counts > 0, torch.arange(len(counts)), 0).cummax(0).values
-    return mean[last]
 
 
 def _held(curves: Tensor, ends: tuple[int, int]) -> Tensor:

@@ -185,7 +185,7 @@ def fit_representation(
         aircraft, train.levels_fl, drag, cas, raw.mean(0), scale, mass_kg, mach_basis=of_mach[0] if of_mach else None
     )
     if residual and method == "ppca":
-        decoder.keep_residual(residual_drag(decoder, train), residual_speed(*of_mach, cas) if of_mach else None)
+        decoder.keep_residual(residual_drag(decoder, train), residual_speed(of_mach[0], cas) if of_mach else None)
     return Representation(decoder, Plausibility.from_profiles(train, margin, bounds), split, provenance or {})
 
 

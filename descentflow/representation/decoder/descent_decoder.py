@@ -14,7 +14,7 @@ from descentflow.core.units import FL_M
 from descentflow.physics.transition import transition_altitude_m
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 from descentflow.representation.decoder.fused import is_plain
-from descentflow.representation.decoder.speed_schedule import FlownCurves, lower_of
+from descentflow.representation.decoder.lower_speed import FlownCurves, lower_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.constant_basis import ConstantBasis

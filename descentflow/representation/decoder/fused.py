@@ -9,7 +9,7 @@ from torch import Tensor
 
 from descentflow.physics.fused_table import LevelTable, fused_rate
 from descentflow.representation.decoder.flight_grid import FlightGrid
-from descentflow.representation.decoder.speed_schedule import with_crossovers
+from descentflow.representation.decoder.lower_speed import with_crossovers
 
 CHUNK_VALUES = 1 << 17
 """Values of a quantity in one chunk for each thread of the CPU: the handful of arrays in use stay in the caches."""
@@ -60,7 +60,7 @@ def integrate_fast(
         cas_mps: (n, L).
         entry: (n,) index of the entry level.
         ahead_mps: (n, L) where each flight holds a Mach number of its own, see
-            :class:`~descentflow.representation.decoder.speed_schedule.SpeedSchedule`; the type's transition if absent.
+            :class:`~descentflow.representation.decoder.lower_speed.LowerSpeed`; the type's transition if absent.
         out: Arrays for the result, in its order; new ones if absent. On the CPU the system may take longer to hand
             out new memory than the descents take to compute.
         compiled: Fuse the arithmetic by ``torch.compile``.

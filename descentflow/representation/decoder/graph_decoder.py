@@ -9,7 +9,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.physics.fused_table import LevelTable, level_rate
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.flight_grid import FlightGrid
-from descentflow.representation.decoder.speed_schedule import SpeedSchedule, lower_of, with_crossovers
+from descentflow.representation.decoder.lower_speed import LowerSpeed, lower_of, with_crossovers
 from descentflow.representation.decoder.trajectories import Trajectories
 
 TABLE = tuple(LevelTable.__dataclass_fields__)
@@ -144,7 +144,7 @@ class GraphDecoder(nn.Module):
         profiles = (values[:, :n_levels] for values in (cas_mps, mach, tas_mps, rate_mps, drag_n))
         return Trajectories(self.levels_fl, entry, time_s, *profiles)
 
-    def _schedule(self, weights: Tensor, white: Tensor | None) -> SpeedSchedule:
+    def _schedule(self, weights: Tensor, white: Tensor | None) -> LowerSpeed:
         """The lower of Mach and CAS, of their weights and of standard normals for their deviations."""
         of_mach, of_cas = weights[:, : self.mach_sizes], weights[:, self.mach_sizes :]
         mach, cas = self.mach_mean + of_mach @ self.mach_loadings, self.cas_mean + of_cas @ self.cas_loadings

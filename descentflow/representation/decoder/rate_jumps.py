@@ -75,7 +75,7 @@ def rate_breaks(aircraft: Aircraft, altitude_m: Tensor, *, at_transition: bool =
         aircraft: Coefficients; of tensor coefficients the first entry places the jumps, and gets their gradient.
         altitude_m: (L,) ascending altitudes.
         at_transition: Whether the energy share factor jumps at the type's transition; it does not where every flight
-            has a crossover of its own (:mod:`descentflow.representation.decoder.speed_schedule`).
+            has a crossover of its own (:mod:`descentflow.representation.decoder.lower_speed`).
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft

@@ -12,8 +12,8 @@ from descentflow.physics.energy import descent_rate_mps, slope_per_m
 from descentflow.physics.idle_state import idle_state
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 from descentflow.representation.decoder.fused import integrate_fast, is_plain
+from descentflow.representation.decoder.lower_speed import with_crossovers
 from descentflow.representation.decoder.rate_jumps import Breaks, rate_breaks
-from descentflow.representation.decoder.speed_schedule import with_crossovers
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def integrate(
         grid: What was tabulated of the levels for the same coefficients, mass and deviation, in the profiles'
             precision; computed here if absent.
         ahead_mps: (n, L) where each flight holds a Mach number of its own, see
-            :class:`~descentflow.representation.decoder.speed_schedule.SpeedSchedule`; the energy share factor is then
+            :class:`~descentflow.representation.decoder.lower_speed.LowerSpeed`; the energy share factor is then
             that of the flight's own regime, and the jump of the rate is at the flight's own crossover.
 
     Returns:

@@ -12,7 +12,7 @@ from torch import Tensor
 from descentflow.physics.airspeed import mach_to_cas_mps
 
 
-class SpeedSchedule(NamedTuple):
+class LowerSpeed(NamedTuple):
     """What n flights fly on L levels.
 
     Attributes:
@@ -41,7 +41,7 @@ class FlownCurves(NamedTuple):
     Attributes:
         drag_n: (n, L).
         cas_mps: (n, L).
-        ahead_mps: (n, L) as :class:`SpeedSchedule` has it; None where
+        ahead_mps: (n, L) as :class:`LowerSpeed` has it; None where
             speed is one CAS profile, so that the type's transition holds.
 
     Example:
@@ -54,7 +54,7 @@ class FlownCurves(NamedTuple):
     ahead_mps: Tensor | None = None
 
 
-def lower_of(mach: Tensor, cas_mps: Tensor, altitude_m: Tensor) -> SpeedSchedule:
+def lower_of(mach: Tensor, cas_mps: Tensor, altitude_m: Tensor) -> LowerSpeed:
     """The schedule of a Mach number (n, L) and a CAS (n, L) on altitudes (L,).
 
     Example:
@@ -62,7 +62,7 @@ def lower_of(mach: Tensor, cas_mps: Tensor, altitude_m: Tensor) -> SpeedSchedule
         tensor([[140.]])
     """
     by_mach = mach_to_cas_mps(mach, altitude_m)
-    return SpeedSchedule(torch.minimum(by_mach, cas_mps), by_mach - cas_mps)
+    return LowerSpeed(torch.minimum(by_mach, cas_mps), by_mach - cas_mps)
 
 
 def with_crossovers(legs: Tensor, slowness: Tensor, ahead_mps: Tensor, half_step_m: Tensor) -> Tensor:
@@ -75,7 +75,7 @@ def with_crossovers(legs: Tensor, slowness: Tensor, ahead_mps: Tensor, half_step
     Args:
         legs: (n, L - 1) times as if there were none.
         slowness: (n, L) seconds per metre.
-        ahead_mps: (n, L), see :class:`SpeedSchedule`.
+        ahead_mps: (n, L), see :class:`LowerSpeed`.
         half_step_m: (L - 1,) half the distance of neighbouring levels.
 
     Example:

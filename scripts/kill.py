@@ -4,6 +4,9 @@ python scripts/kill.py FOLDER --times 100      # of each command and signal; res
 python scripts/kill.py FOLDER --times 5 --commands "sample;fit flow, resumed" --signals KILL
 python scripts/kill.py FOLDER --minutes 60
 
+Nine of ten trials begin in a process that has loaded torch and Lightning already: the instants fall on the work. In
+the tenth, which begins a new interpreter, they fall on imports too.
+
 After a kill nothing may lie under a final name that is not whole; after the same command again (`fit` also resumed from
 its last checkpoint) the content must be that of an undisturbed run to the bit, and no temporary file may be left. Of
 "study, a Dask worker" a process that the study began is killed, and the study must end well by itself. Exit status 1 if
@@ -22,6 +25,8 @@ import time
 from pathlib import Path
 
 FINE = ("same", "ended before")
+ANEW = 10
+"""Of so many trials, one begins a new interpreter."""
 
 
 def main() -> int:
@@ -34,6 +39,8 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, help="begin no trial after this time")
     args = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    # A shell that begins this in the background has Ctrl-C ignored, which all that is begun here would inherit.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     args.folder = args.folder.resolve()
     path = args.folder / f"kills-{args.seed}.jsonl"
     args.folder.mkdir(parents=True, exist_ok=True)
@@ -45,7 +52,8 @@ def run(args: argparse.Namespace, path: Path) -> None:
     """Do the trials that are not in the file yet, and add their outcomes to it."""
     from fuzzing.good_files import make
     from killing.jobs import jobs
-    from killing.trial import trial, undisturbed
+    from killing.trial import Whole, trial, undisturbed
+    from killing.warm import Warm
 
     make(args.folder / "good")
     path.touch()
@@ -53,21 +61,26 @@ def run(args: argparse.Namespace, path: Path) -> None:
     every = jobs(args.folder / "good")
     chosen = args.commands.split(";") if args.commands else list(every)
     until = None if args.minutes is None else time.time() + 60 * args.minutes
-    whole: dict[str, object] = {}
+    whole: dict[tuple[str, bool], Whole] = {}
+    loaded = Warm()
     for number in range(args.times):  # all commands once, then all once more: an hour says something of each
         for name in chosen:
             for sent in args.signals.split(",") if not every[name].spares_parent else ["KILL"]:
                 if (name, sent, number) in done or (until is not None and time.time() > until):
                     continue
                 place = args.folder / "work"
-                if name not in whole:
+                anew = number % ANEW == ANEW - 1 or every[name].always_anew
+                warm = None if anew else loaded
+                if (name, anew) not in whole:
                     shutil.rmtree(place, ignore_errors=True)
-                    whole[name] = undisturbed(every[name], place)
+                    whole[name, anew] = undisturbed(every[name], place, warm)
+                    if (name, not anew) in whole and whole[name, anew].contents != whole[name, not anew].contents:
+                        raise RuntimeError(f"{name}: a new interpreter writes something else")
                 shutil.rmtree(place, ignore_errors=True)
                 place.mkdir()
                 rng = random.Random(f"{args.seed}-{name}-{sent}-{number}")
-                verdict, instant = trial(every[name], whole[name], signal.Signals[f"SIG{sent}"], place, rng)
-                told = {"command": name, "signal": sent, "number": number, "after_s": round(instant, 3)}
+                verdict, instant = trial(every[name], whole[name, anew], signal.Signals[f"SIG{sent}"], place, rng, warm)
+                told = {"command": name, "signal": sent, "number": number, "after_s": round(instant, 3), "anew": anew}
                 with path.open("a") as file:
                     file.write(json.dumps({**told, "verdict": verdict}) + "\n")
                 if verdict not in FINE:

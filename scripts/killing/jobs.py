@@ -19,12 +19,14 @@ class Job:
         products: Patterns of the files that it writes and that must be the same.
         again: Words with which it is run again after it was killed, of the folder; the same words if absent.
         spares_parent: Whether a process that the command began is killed in its place; it must end well by itself then.
+        always_anew: Whether it begins processes that import what it is, so that it may not be forked.
     """
 
     words: tuple[str, ...]
     products: tuple[str, ...]
     again: Callable[["Job", Path], tuple[str, ...]] | None = None
     spares_parent: bool = False
+    always_anew: bool = False
 
 
 def jobs(good: Path) -> dict[str, Job]:
@@ -65,8 +67,10 @@ def jobs(good: Path) -> dict[str, Job]:
         "diagnose": Job((*command, "diagnose", "--simulator", model, "--real", real, "--out", "out"), ("out/*",)),
         **exports,
         "study": Job(study, STUDY),
-        "study, two processes": Job((*study, "--workers", "2"), STUDY),
-        "study, a Dask worker": Job((*study, "--engine", "dask", "--workers", "2"), STUDY, spares_parent=True),
+        "study, two processes": Job((*study, "--workers", "2"), STUDY, always_anew=True),
+        "study, a Dask worker": Job(
+            (*study, "--engine", "dask", "--workers", "2"), STUDY, spares_parent=True, always_anew=True
+        ),
     }
 
 

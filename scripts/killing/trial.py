@@ -2,6 +2,7 @@
 
 import os
 import random
+import re
 import signal
 import subprocess
 import time
@@ -10,11 +11,13 @@ from pathlib import Path
 
 from killing.content import contents, temporary
 from killing.jobs import Job
+from killing.warm import Forked, Warm
 
 PATIENCE_S = 600
 """Seconds after which a command that is run again is taken to hang."""
-
-
+OWN_FILE = re.compile(r'File "([^"]*/descentflow/[^"]+)"')
+BEFORE = re.compile(r"/descentflow/(__init__|__main__|cli/\w+|core/\w+)\.py$")
+"""Files of the package, and those of them that are loaded before a command begins."""
 SAID = "said.txt"
 """What the command printed."""
 
@@ -32,8 +35,13 @@ class Whole:
     contents: dict[str, str]
 
 
-def undisturbed(job: Job, folder: Path) -> Whole:
+def undisturbed(job: Job, folder: Path, warm: Warm | None) -> Whole:
     """Run a job to its end, twice: the first time other programs' caches are filled, and both must agree.
+
+    Args:
+        job: What is run.
+        folder: For what it writes.
+        warm: What begins it; a new interpreter if absent.
 
     Raises:
         RuntimeError: If it fails, writes nothing, or gives something else the second time.
@@ -43,7 +51,7 @@ def undisturbed(job: Job, folder: Path) -> Whole:
         own = folder / str(number)
         own.mkdir(parents=True)
         begun = time.monotonic()
-        status, said = _finished(_begin(job.words, own), own)
+        status, said = _finished(_begin(job.words, own, warm), own)
         seconds = time.monotonic() - begun
         if status != 0:
             raise RuntimeError(f"{' '.join(job.words)}: status {status}\n{said[-2000:]}")
@@ -54,7 +62,9 @@ def undisturbed(job: Job, folder: Path) -> Whole:
     return both[1]
 
 
-def trial(job: Job, whole: Whole, sent: signal.Signals, folder: Path, rng: random.Random) -> tuple[str, float]:
+def trial(
+    job: Job, whole: Whole, sent: signal.Signals, folder: Path, rng: random.Random, warm: Warm | None
+) -> tuple[str, float]:
     """Kill a job once.
 
     Args:
@@ -63,12 +73,13 @@ def trial(job: Job, whole: Whole, sent: signal.Signals, folder: Path, rng: rando
         sent: The signal.
         folder: An empty one.
         rng: Of the instant.
+        warm: What begins the command, both times; a new interpreter if absent.
 
     Returns:
         ``same``, ``ended before``, or what is wrong; and the instant in seconds.
     """
     instant = rng.uniform(0.0, whole.seconds)
-    process = _begin(job.words, folder)
+    process = _begin(job.words, folder, warm)
     time.sleep(instant)
     ended = process.poll() is not None
     if not ended:
@@ -76,16 +87,24 @@ def trial(job: Job, whole: Whole, sent: signal.Signals, folder: Path, rng: rando
     status, said = _finished(process, folder)
     if job.spares_parent:
         return (_compared(job, whole, folder) if status == 0 else f"status {status}: {said[-500:]}"), instant
-    if "Traceback" in said:
+    if _is_traceback(said):
         return f"traceback: {said[-500:]}", instant
     if not ended and (wrong := _half_written(job, whole, folder)):
         return wrong, instant
     words = job.again(job, folder) if job.again else job.words
-    status, said = _finished(_begin(words, folder), folder)
+    status, said = _finished(_begin(words, folder, warm), folder)
     if status != 0:
         return f"run again: status {status}: {said[-500:]}", instant
     found = _compared(job, whole, folder)
     return ("ended before" if ended and found == "same" else found), instant
+
+
+def _is_traceback(said: str) -> bool:
+    """Whether there is a traceback, other than Python's own of a Ctrl-C before the command began."""
+    if "Traceback" not in said:
+        return False
+    own = [place for place in OWN_FILE.findall(said) if not BEFORE.search(place)]
+    return bool(own) or ", in main" in said or "KeyboardInterrupt" not in said
 
 
 def _half_written(job: Job, whole: Whole, folder: Path) -> str:
@@ -109,13 +128,15 @@ def _compared(job: Job, whole: Whole, folder: Path) -> str:
     return f"left over: {', '.join(left)}" if left else "same"
 
 
-def _begin(words: tuple[str, ...], folder: Path) -> subprocess.Popen[str]:
-    """Begin a command in a session of its own, so that Ctrl-C reaches it and what it began, as in a terminal."""
+def _begin(words: tuple[str, ...], folder: Path, warm: Warm | None) -> subprocess.Popen[str] | Forked:
+    """Begin a command in a group of its own, so that Ctrl-C reaches it and what it began, as in a terminal."""
+    if warm is not None:
+        return warm.begin(words, folder, folder / SAID)
     with (folder / SAID).open("w") as said:
-        return subprocess.Popen(words, cwd=folder, stdout=said, stderr=said, text=True, start_new_session=True)
+        return subprocess.Popen(words, cwd=folder, stdout=said, stderr=said, text=True, process_group=0)
 
 
-def _finished(process: subprocess.Popen[str], folder: Path) -> tuple[int, str]:
+def _finished(process: subprocess.Popen[str] | Forked, folder: Path) -> tuple[int, str]:
     """Exit status, and what was printed."""
     try:
         status = process.wait(PATIENCE_S)
@@ -125,7 +146,7 @@ def _finished(process: subprocess.Popen[str], folder: Path) -> tuple[int, str]:
     return status, (folder / SAID).read_text(errors="replace")
 
 
-def _send(process: subprocess.Popen[str], sent: signal.Signals, to_a_child: bool, rng: random.Random) -> None:
+def _send(process: subprocess.Popen[str] | Forked, sent: signal.Signals, to_a_child: bool, rng: random.Random) -> None:
     """Send a signal: Ctrl-C to all processes of the terminal, another to the command or to one that it began."""
     if sent == signal.SIGINT:
         os.killpg(process.pid, sent)

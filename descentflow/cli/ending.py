@@ -4,7 +4,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -51,6 +51,8 @@ def ended_in_order(name: str) -> Iterator[None]:
     """
     in_main_thread = threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGTERM, _terminate) if in_main_thread else None
+    usual = threading.excepthook
+    threading.excepthook = lambda of_a_thread: _say_of_a_thread(name, of_a_thread, usual)
     try:
         yield
     except KeyboardInterrupt:
@@ -68,8 +70,17 @@ def ended_in_order(name: str) -> Iterator[None]:
             mend="choose another file or folder, or change its permissions",
         ) from error
     finally:
+        threading.excepthook = usual
         if in_main_thread:
             signal.signal(signal.SIGTERM, before)
+
+
+def _say_of_a_thread(name: str, failed: threading.ExceptHookArgs, usual: Callable[..., object]) -> None:
+    """A line of what the system refuses to a library's own thread: TensorBoard writes its log in one."""
+    if not isinstance(failed.exc_value, OSError):
+        usual(failed)
+        return
+    print(f"descentflow {name}: warning: a log is not whole: {failed.exc_value}", file=sys.stderr)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:

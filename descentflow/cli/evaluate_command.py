@@ -38,16 +38,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Evaluate, write and print."""
-    from descentflow.core.files import whole_file
+    from descentflow.core.files import check_folder, whole_file
     from descentflow.core.progress import stage
     from descentflow.evaluation.evaluate import N_SPLITS, evaluate
+    from descentflow.evaluation.evaluation_report import FILES
     from descentflow.evaluation.metrics.scores import n_comparisons
-    from descentflow.exports.model_card import fill_in_scores
+    from descentflow.exports.model_card import check_card, fill_in_scores
     from descentflow.surveillance.point_profiles.read_points import holds_points
 
     if holds_points(args.real):
         level_times_command.run(args.real, args.checkpoint, args, ("context_table", "resamples", "card", "draw_budget"))
         return
+    check_folder(args.out, *FILES, "intervals.csv")
+    if args.card is not None:
+        check_card(args.card)
     with stage("reading descents") as shown:
         found = evaluate(
             args.checkpoint,

@@ -22,9 +22,10 @@ def run(
         ConfigError: If an option without meaning is given, or there is no simulator.
     """
     from descentflow.core.errors import ConfigError
+    from descentflow.core.files import check_folder
     from descentflow.core.progress import stage
     from descentflow.diagnosis.level_times.compare_times import compare_times
-    from descentflow.diagnosis.level_times.times_page import write_times
+    from descentflow.diagnosis.level_times.times_page import FILES, write_times
     from descentflow.effects import EFFECTS
 
     given = [name for name in unused if getattr(args, name, None) is not None]
@@ -35,6 +36,7 @@ def run(
             expected="a simulator, and no option that needs airspeeds",
             mend="name the simulator, or leave the option out; or pass rows with airspeeds",
         )
+    check_folder(args.out, *FILES)
     # Those on what is reported of a flight alone do not change how long it takes.
     alike = [one.label or name.replace("_", " ") for name, one in EFFECTS.items() if not one.sensor]
     with stage("comparing times") as shown:

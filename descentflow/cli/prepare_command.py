@@ -151,7 +151,7 @@ def run(args: argparse.Namespace) -> None:
 def _check(args: argparse.Namespace) -> None:
     """Refuse options that cannot work before anything is read."""
     from descentflow.core.errors import ConfigError
-    from descentflow.core.files import check_output
+    from descentflow.core.files import check_folder, check_output
     from descentflow.surveillance.out_of_core.spill import LEAST_BYTES
 
     if not args.rows and not args.embedded:
@@ -170,8 +170,10 @@ def _check(args: argparse.Namespace) -> None:
     for output in outputs:
         if output is args.report or output.suffix == ".parquet":
             check_output(output)
+        else:
+            check_folder(output)
     if args.figures:
-        check_output(args.figures / "index.html" if args.figures.is_dir() else args.figures)
+        check_folder(args.figures, "index.html")
     taken = {path.resolve() for path in (*args.rows, *([args.types] if args.types else []))}
     if taken & {path.resolve() for path in outputs} or len({path.resolve() for path in outputs}) < len(outputs):
         raise ConfigError(

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import DataError, DescentflowError
 
 LONGEST_NAME = 255
 """Bytes of the longest name of a file that the usual file systems take."""
@@ -125,9 +125,12 @@ def _told(target: Path) -> Iterator[None]:
     """Say of which output the system's answer is."""
     try:
         yield
-    except OSError as error:
-        own = error.filename is None or Path(error.filename).parent == target.parent
-        number = _number(error)
+    except DescentflowError:
+        raise
+    except Exception as error:  # libraries written in Rust have errors of their own
+        place = getattr(error, "filename", None)
+        own = not isinstance(place, str) or Path(place).parent == target.parent
+        number = system_number(error)
         if number not in OF_THE_DISK or not own:
             raise
         raise DataError(
@@ -137,10 +140,15 @@ def _told(target: Path) -> Iterator[None]:
         ) from error
 
 
-def _number(error: OSError) -> int:
-    """The system's number of an error, which Polars gives in the text only."""
+def system_number(error: BaseException) -> int:
+    """The system's number of an error, which Polars gives in the text only, and not always as an `OSError`; else 0.
+
+    Example:
+        >>> system_number(ValueError("parquet: No space left on device (os error 28)"))
+        28
+    """
     named = OF_RUST.search(str(error))
-    return error.errno or (int(named[1]) if named else 0)
+    return (isinstance(error, OSError) and error.errno) or (int(named[1]) if named else 0)
 
 
 def check_output(path: str | Path) -> Path:
@@ -178,11 +186,16 @@ def check_output(path: str | Path) -> Path:
     return target
 
 
-def check_folder(path: str | Path) -> Path:
+def check_folder(path: str | Path, *names: str) -> Path:
     """Refuse a folder of outputs that cannot be made or written, before minutes of work go into it.
 
+    Args:
+        path: Of the folder, which need not exist.
+        names: Of the files that will be written into it.
+
     Raises:
-        DataError: If it, or the folder that it is to be made in, is a file or may not be written.
+        DataError: If it, or the folder that it is to be made in, is a file or may not be written; or if a file of one
+            of these names is there that may not.
 
     Example:
         >>> check_folder("rows.parquet")
@@ -201,6 +214,8 @@ def check_folder(path: str | Path) -> Path:
             expected="permission to write there",
             mend="change its permissions or choose another output",
         )
+    for name in names if target.is_dir() else ():
+        check_output(target / name)
     return target
 
 

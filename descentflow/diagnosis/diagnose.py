@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.files import check_folder
 from descentflow.diagnosis.correction.previous_round import previous_round
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.procedure import run
-from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.diagnosis.report.gap_report import FILES, GapReport
 from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
 from descentflow.effects.user_catalogue import effects_of_file
@@ -68,7 +69,8 @@ def diagnose(
         CheckpointError: If the checkpoint cannot be read.
         ConfigError: If no simulator is named, the catalogue cannot be used, or a channel does not exist.
         DataError: If the flights of either side cannot be used, are too few, or both have no type, no level or no
-            needed channel in common; or if the earlier diagnosis is of other flights, another type or version.
+            needed channel in common; if the earlier diagnosis is of other flights, another type or version; or if the
+            folder cannot be written, which is told at once.
 
     Warns:
         DescentflowWarning: If prepared descents were cleaned with other settings than the simulator's, or the settings
@@ -91,6 +93,8 @@ def diagnose(
             expected="at least one of them",
             mend="pass a checkpoint, a model or a simulator's flights, or the designator of a type for nominal BADA",
         )
+    if out is not None:
+        check_folder(out, *FILES)
     wanted = _channels(channels)
     effects, user_files = _catalogue(catalogue, say)
     source = SignatureSource(typecode, bada_dir, nearest_type)

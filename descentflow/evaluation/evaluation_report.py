@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 from matplotlib.figure import Figure
 
-from descentflow.core.files import whole_file
+from descentflow.core.files import check_folder, whole_file
 from descentflow.core.tabular import to_pandas
 from descentflow.evaluation.figures.acceptance import acceptance_figure
 from descentflow.evaluation.figures.classifier_looks import classifier_figure
@@ -23,6 +23,9 @@ from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.generation.samples import RejectionReport
 from descentflow.representation.representation import Representation
+
+FILES = ("scores.csv", "classifier.csv", "rejections.json")
+"""What is written besides figures."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -120,7 +123,7 @@ class Evaluation:
 
     def write(self, folder: str | Path, *, figures: bool = True) -> None:
         """Write `scores.csv`, `classifier.csv`, `rejections.json` and, unless they are not wanted, figures as PNG."""
-        folder = Path(folder)
+        folder = check_folder(folder, *FILES)
         folder.mkdir(parents=True, exist_ok=True)
         self.scores.write_csv(folder / "scores.csv")
         with whole_file(folder / "classifier.csv") as temporary:

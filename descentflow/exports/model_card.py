@@ -5,7 +5,7 @@ from math import isfinite
 from pathlib import Path
 
 from descentflow.core.errors import DataError
-from descentflow.core.files import whole_file
+from descentflow.core.files import check_output, whole_file
 from descentflow.core.version import __version__
 from descentflow.densities.density import Density
 from descentflow.evaluation.metrics.score_table import Score
@@ -91,17 +91,7 @@ def fill_in_scores(card: str | Path, rows: Iterable[Score], flights: int, real: 
         >>> "Not evaluated yet" in Path("card.md").read_text()
         False
     """
-    try:
-        before, _, rest = Path(card).read_text(encoding="utf-8").partition(BEGIN)
-    except OSError as error:
-        raise DataError(f"card {card}: {error.strerror}", expected="a model card", mend="check the path") from error
-    _, found, after = rest.partition(END)
-    if not found:
-        raise DataError(
-            f"card {card} without {BEGIN} and {END}",
-            expected="a card that `descentflow export --to safetensors` wrote",
-            mend="put the two lines where the scores belong",
-        )
+    before, after = check_card(card)
     lines = [
         f"| {row.quantity} | {row.statistic} | {row.unit} | {row.equal_size:.3g} | {row.floor:.3g} | "
         f"{row.floor_high:.3g} |"
@@ -123,3 +113,35 @@ def fill_in_scores(card: str | Path, rows: Iterable[Score], flights: int, real: 
     )
     with whole_file(card) as temporary:
         temporary.write_text(before + text + after, encoding="utf-8")
+
+
+def check_card(card: str | Path) -> tuple[str, str]:
+    """Refuse a card that scores cannot be filled into, before minutes of work go into them.
+
+    Returns:
+        What stands before the scores, and what after them.
+
+    Raises:
+        DataError: As :func:`fill_in_scores`.
+
+    Example:
+        >>> check_card("rows.parquet")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: card rows.parquet is no text; expected a model card; ...
+    """
+    try:
+        before, _, rest = Path(card).read_text(encoding="utf-8").partition(BEGIN)
+    except OSError as error:
+        raise DataError(f"card {card}: {error.strerror}", expected="a model card", mend="check the path") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"card {card} is no text", expected="a model card", mend="check the path") from error
+    _, found, after = rest.partition(END)
+    if not found:
+        raise DataError(
+            f"card {card} without {BEGIN} and {END}",
+            expected="a card that `descentflow export --to safetensors` wrote",
+            mend="put the two lines where the scores belong",
+        )
+    check_output(card)
+    return before, after

@@ -6,7 +6,7 @@ from pathlib import Path
 import polars as pl
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import whole_file
+from descentflow.core.files import check_output, whole_file
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,8 @@ class WorldFiles:
             truth: Of the truth; ``NAME_truth.parquet`` if not given.
 
         Raises:
-            ConfigError: If a name does not end in .parquet, two are the same, or a folder does not exist.
+            ConfigError: If a name does not end in .parquet, or two are the same.
+            DataError: If one cannot be written.
 
         Example:
             >>> WorldFiles.named("rows.parquet").flights.name
@@ -43,10 +44,7 @@ class WorldFiles:
                 mend="choose other names for --out and --truth",
             )
         for path in paths:
-            if not path.parent.is_dir():
-                raise ConfigError(
-                    f"output {path} in a folder that does not exist", expected="a folder", mend="create the folder"
-                )
+            check_output(path)
         return files
 
     def write(self, rows: pl.DataFrame, truth: pl.DataFrame, flights: pl.DataFrame) -> None:

@@ -12,6 +12,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.utilities.seed import isolate_rng
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.files import check_output
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -59,7 +60,7 @@ def fit(
         The fitted LightningModule. It prints what it was trained on, and ``save(path)`` writes its checkpoint.
 
     Raises:
-        DataError: If the descents cannot be read or are too few.
+        DataError: If the descents cannot be read or are too few, or the output cannot be written.
         ConfigError: If there is no such model, or the options contradict the descents.
 
     Example:
@@ -70,6 +71,8 @@ def fit(
     """
     if max_epochs is not None and max_epochs < 1:
         raise ConfigError(f"max_epochs {max_epochs}", expected="1 or more", mend="pass another number")
+    if out is not None:
+        check_output(out)
     quiet()
     settings = settings_of(model) if isinstance(model, LatentModel) else training_settings(model)
     options = {"aircraft": aircraft, "context": None if context is None else list(context), **data_options}

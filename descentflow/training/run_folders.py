@@ -7,6 +7,7 @@ from lightning.pytorch import Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.files import check_folder
 
 UNNAMED = "default"
 """Stands for the model's name in the folder of a run."""
@@ -19,6 +20,9 @@ def name_run(config: Any) -> None:
 
     Args:
         config: Settings of the command, changed in place.
+
+    Raises:
+        DataError: If the folder cannot be written.
 
     Example:
         >>> from types import SimpleNamespace as Settings
@@ -35,6 +39,7 @@ def name_run(config: Any) -> None:
         options["name"] = config.model.class_path.rsplit(".", 1)[-1]
     if options.get("save_dir") == USUAL_FOLDER and config.trainer.default_root_dir is not None:
         options["save_dir"] = str(config.trainer.default_root_dir)
+    check_folder(options["save_dir"])
     _without_false_score(config)
 
 
@@ -46,6 +51,9 @@ def write_into_run(config: Any, command: str, run: Path) -> None:
         command: Which.
         run: Folder of the run.
 
+    Raises:
+        DataError: If that folder cannot be written.
+
     Example:
         >>> from types import SimpleNamespace as Settings
         >>> logger = Settings(class_path="TensorBoardLogger", init_args={"save_dir": "runs", "name": "gaussian"})
@@ -56,6 +64,7 @@ def write_into_run(config: Any, command: str, run: Path) -> None:
     if command == "validate":
         config.trainer.logger = False
         return
+    check_folder(run / command)
     options = _logger_options(config)
     if options is None:
         config.trainer.default_root_dir = str(run / command)

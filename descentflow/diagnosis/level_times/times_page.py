@@ -15,6 +15,9 @@ from descentflow.reporting.html_page import HtmlPage
 from descentflow.reporting.number_text import number
 from descentflow.reporting.svg_figures import drawn_for_both
 
+FILES = ("level_times.csv", "level_times.json", "level_times.html")
+"""What is written."""
+
 
 def write_times(found: TimesFound, folder: str | Path) -> None:
     """Write `level_times.csv`, `level_times.json` and `level_times.html`, each whole or not at all.

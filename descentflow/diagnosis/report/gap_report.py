@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 FLIGHTS = "corrected.parquet"
 """Name of the flights with the causes in them."""
+FILES = ("gap.json", "gap.html", FLIGHTS, "corrected.ckpt")
+"""What may be written."""
 KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name != "details"))
 """Keys of `gap.json` that readers may rely on; `details` holds the rest."""
 

@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.core.files import check_output
+from descentflow.core.files import OF_THE_DISK, check_output, system_number
 from descentflow.core.workers import Engine
 from descentflow.surveillance.cleaning.drop_reasons import some_flights
 from descentflow.surveillance.cleaning.flights import check_left
@@ -81,7 +81,9 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
             )
             cleaned = _cleaned(intake, request, folder, memory, engine, progress)
             return _written(out, cleaned, request, facts, folder, progress)
-    except OSError as error:
+    except Exception as error:
+        if not isinstance(error, OSError) and system_number(error) not in OF_THE_DISK:
+            raise
         raise DataError(
             f"{out}: {error}", expected="room and permission to write", mend="free or choose a disk"
         ) from error

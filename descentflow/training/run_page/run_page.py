@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from descentflow.core.files import check_output
 from descentflow.core.progress import stage
 from descentflow.densities.checkpoint_summary import CheckpointSummary, checkpoint_summary
 from descentflow.evaluation.evaluate import N_SPLITS, evaluate
@@ -42,7 +43,7 @@ def write_run_page(path: str | Path, *, n: int = SAMPLES, seed: int = 0) -> Path
     Raises:
         CheckpointError: If the checkpoint cannot be used.
         ConfigError: If there is no run.
-        DataError: If the run's files cannot be read.
+        DataError: If the run's files cannot be read, or its page cannot be written.
 
     Example:
         >>> write_run_page("descents.parquet")
@@ -50,6 +51,7 @@ def write_run_page(path: str | Path, *, n: int = SAMPLES, seed: int = 0) -> Path
         descentflow.core.errors.ConfigError: no run at descents.parquet; expected ...
     """
     run = find_run(path)
+    check_output(run.page)
     with stage("reading the run"):
         summary = checkpoint_summary(run.checkpoint)
         history = run_history(run.folder)

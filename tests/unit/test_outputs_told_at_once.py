@@ -1,0 +1,111 @@
+"""An output that cannot be written is told before the work, and what the system refuses in the middle in a line."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+import descentflow as df
+from descentflow.cli.ending import ended_in_order
+from descentflow.cli.entry import main
+from descentflow.core.errors import DataError
+from descentflow.core.files import check_folder, system_number, whole_file
+from descentflow.exports.model_card import check_card
+from descentflow.simulation.world_files import WorldFiles
+
+NO_MODEL = "no.ckpt"
+"""It is not there: who tells of the output first has not read it."""
+
+
+@pytest.fixture
+def taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A file where a folder is wanted."""
+    monkeypatch.chdir(tmp_path)
+    Path("rows.csv").write_text("icao24,time\n")
+    Path("taken").write_text("mine")
+    return "taken"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("evaluate", NO_MODEL, "--real", "rows.csv", "--out"),
+        ("diagnose", "--simulator", NO_MODEL, "--real", "rows.csv", "--out"),
+        ("prepare", "rows.csv", "--out"),
+        ("prepare", "rows.csv", "--out", "p.parquet", "--figures"),
+    ],
+)
+def test_a_folder_that_is_a_file_is_told_first(
+    taken: str, words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*words, taken]) == 2
+    assert "output taken is a file; expected a folder" in capsys.readouterr().err
+    assert Path(taken).read_text() == "mine"
+
+
+def test_a_fit_tells_its_folder_before_it_reads_descents(taken: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["fit", "--model", "Gaussian", "--data.descents", "none.parquet", "--trainer.default_root_dir", taken]
+    assert main(words) == 2
+    assert "output taken is a file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda out: df.fit("none.parquet", "gaussian", out=out),
+        lambda out: df.simulate("A320", 1, out=f"{out}.parquet"),
+    ],
+)
+def test_a_call_tells_its_output_first(taken: str, call: Callable[[str], object]) -> None:
+    Path("folder").mkdir()
+    Path("folder.parquet").mkdir()
+    with pytest.raises(DataError, match="is a folder"):
+        call("folder")
+
+
+def test_the_files_of_a_folder_are_looked_at_too(tmp_path: Path) -> None:
+    (tmp_path / "scores.csv").mkdir()
+    assert check_folder(tmp_path, "other.csv") == tmp_path
+    with pytest.raises(DataError, match=r"scores\.csv is a folder"):
+        check_folder(tmp_path, "scores.csv")
+
+
+def test_a_card_without_its_marks_is_told_first(tmp_path: Path) -> None:
+    card = tmp_path / "card.md"
+    card.write_bytes(b"\xff\xfe")
+    with pytest.raises(DataError, match="is no text"):
+        check_card(card)
+
+
+def test_the_truth_of_a_world_may_not_be_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "w_truth.parquet").mkdir()
+    with pytest.raises(DataError, match="is a folder"):
+        WorldFiles.named(tmp_path / "w.parquet")
+
+
+def test_what_polars_tells_of_a_full_disk_is_told_as_the_system_does(tmp_path: Path) -> None:
+    refused = pl.exceptions.ComputeError("parquet: underlying IO error: File too large (os error 27)")
+    assert system_number(refused) == 27
+
+    def fail() -> None:
+        with whole_file(tmp_path / "out.parquet"):
+            raise refused
+
+    with pytest.raises(DataError, match="cannot be written: File too large"):
+        fail()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_what_the_system_refuses_to_a_thread_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    def write() -> None:
+        raise OSError(28, "No space left on device")
+
+    with ended_in_order("fit"):
+        thread = threading.Thread(target=write)
+        thread.start()
+        thread.join()
+    said = capsys.readouterr().err
+    assert said == "descentflow fit: warning: a log is not whole: [Errno 28] No space left on device\n"

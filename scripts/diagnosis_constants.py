@@ -37,6 +37,10 @@ SETS: dict[str, dict[str, dict[str, float]]] = {
     "warm": {"temperature": {"deviation_k": 6.0}},
     "brakes": {"speed_brake": {"factor": 1.5, "share": 0.5, "low_fl": 220.0, "high_fl": 270.0}},
     "warm and drag": {"temperature": {"deviation_k": 6.0}, "drag_polar": {"factor": 1.1}},
+    "brakes in own air": {
+        "speed_brake": {"factor": 1.5, "share": 0.5, "spread_fl": 15.0},
+        "temperature": {"deviation_k": 6.0, "spread_k": 3.0},
+    },
 }
 """What is planted in the flights that stand for the real ones, by set."""
 
@@ -79,8 +83,9 @@ def constants() -> list[Constant]:
         Constant("inference.set_search", "LOG_PRIOR_ODDS", -1.25, -5.0),
         Constant("inference.set_search", "SCREENED_GAP", 4.0, 16.0),
         Constant("inference.set_search", "FIRST", 2, 8),
-        Constant("inference.set_search", "REFITTED", 4, 16),
         Constant("inference.set_search", "WITH_DISCREPANCY", 3, 12),
+        Constant("inference.own_air", "FALSELY_WIDER", 0.0005, 0.002),
+        Constant("inference.own_air", "MOST_ERROR", 2.0, 8.0),
         Constant("inference.model_weights", "ODD", 0.005, 0.02),
         Constant("inference.signature_columns", "MISFIT", 0.015, 0.06),
         Constant("inference.signature_columns", "MISFIT_OF_RATE", 0.25, 1.0),
@@ -132,7 +137,7 @@ def main() -> None:
         ready = {one: diagnosis_of(Path(name), one, args.flights, args.seed) for one in args.sets}
 
         def answers() -> dict[str, str]:
-            return {one: says(d, select(d.likelihood, d.discrepancy, lambda _: None)) for one, d in ready.items()}
+            return {one: says(d, select(d.searched, d.discrepancy, lambda _: None)) for one, d in ready.items()}
 
         usual = answers()
         for one, answer in usual.items():

@@ -27,6 +27,7 @@ from descentflow.diagnosis.inference.left_over import LeftOver, least_left
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.naming_rule import least_shifts, named_alone
 from descentflow.diagnosis.inference.normal_flights import is_narrow, normal_flights
+from descentflow.diagnosis.inference.own_air import in_mean_air
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
 from descentflow.diagnosis.inference.two_sides import Compared, compare
@@ -115,15 +116,14 @@ class Diagnosis:
         """
         self.compared, self.settings, self.source = compared, settings, source
         settings.progress("estimating the spread between flights")
-        weights = whiten(
-            compared.y,
-            compared.real,
-            compared.airframe,
-            compared.nugget(),
-            compared.of_flight(),
-            learn=normal_flights(compared),
-        )
-        self.likelihood = EffectsLikelihood(compared, weights, settings.catalogue, settings.seed)
+        learn, catalogue = normal_flights(compared), settings.catalogue
+        apart, groups = compared.of_flight(), compared.airframe
+        weights = whiten(compared.y, compared.real, groups, compared.nugget(), apart, learn=learn)
+        self.likelihood = self.searched = EffectsLikelihood(compared, weights, catalogue, settings.seed)
+        if learn is not None and not bool((learn & compared.real).any()):
+            mean = in_mean_air(compared, weights, catalogue)
+            if mean is not compared:
+                self.searched = EffectsLikelihood(mean, weights, catalogue, settings.seed)
         self.discrepancy, _ = discrepancy_columns(compared)
 
     def report(self, counts: Mapping[str, int], frame: pl.DataFrame) -> GapReport:
@@ -137,7 +137,7 @@ class Diagnosis:
         test = self._null_test()
         progress("asking where it lies")
         cells, affected = where(likelihood, settings.transition_fl, settings.seed)
-        chosen = select(likelihood, self.discrepancy, progress)
+        chosen = select(self.searched, self.discrepancy, progress)
         verdict = self.verdict(test.p_value, chosen)
         small = [] if verdict == "none" else self._below_rounding(cells)
         if small:

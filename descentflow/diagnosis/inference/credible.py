@@ -5,6 +5,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.inference.heterogeneity import spreads_as_claimed
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
+from descentflow.diagnosis.inference.mixed_fit import differs_by_flight
 
 MIN_MEAN_SHIFT = 1.5
 """Mean shift, in negligible shifts of its quantity, below which no effect is named however sure it is.
@@ -25,6 +26,9 @@ def is_credible(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bool:
     """
     theta = fit.theta[name]
     if not likelihood.catalogue[name].plausible(likelihood.compared.state, theta):
+        return False
+    if differs_by_flight(likelihood, name) and name not in fit.per_flight:
+        # A cause that all flights have alike may imitate the mean of it; that flights have it shows in each of them.
         return False
     return mean_shift(likelihood, name, theta) >= MIN_MEAN_SHIFT and spreads_as_claimed(likelihood, fit, name)
 

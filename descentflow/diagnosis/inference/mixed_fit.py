@@ -37,7 +37,7 @@ def with_flight_laws(likelihood: EffectsLikelihood, fit: Fit) -> Fit:
         {}
     """
     able = {n: e for n in fit.theta if isinstance(e := likelihood.catalogue[n], DiffersByFlight)}
-    if not able or not likelihood.has_reference or not len(likelihood.compared.columns("rate")):
+    if not any(differs_by_flight(likelihood, name) for name in able):
         return fit
     state, best = likelihood.compared.state, fit
     for laws in product(*[effect.law_starts(state, fit.theta[name]) for name, effect in able.items()]):
@@ -47,6 +47,20 @@ def with_flight_laws(likelihood: EffectsLikelihood, fit: Fit) -> Fit:
                 break
             best = tried
     return best
+
+
+def differs_by_flight(likelihood: EffectsLikelihood, name: str) -> bool:
+    """Whether flights have an effect each in their own way, and what is compared would show it.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> [differs_by_flight(likelihood, name) for name in ("speed_brake", "temperature")]
+        [True, False]
+    """
+    able = isinstance(likelihood.catalogue[name], DiffersByFlight)
+    return able and likelihood.has_reference and len(likelihood.compared.columns("rate")) > 0
 
 
 def _rounds(likelihood: EffectsLikelihood, fit: Fit, laws: Laws) -> Iterator[Fit]:

@@ -1,4 +1,4 @@
-"""The search among sets of effects: all of up to four are screened, the best refitted, larger ones grown from them."""
+"""The search among sets of effects: all of up to four are screened, the best fitted, and others grown from them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +13,8 @@ from descentflow.diagnosis.inference.inclusion import Names, WeightedSet, inclus
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mixed_fit import without_laws
 from descentflow.diagnosis.inference.model_weights import weights_of
-from descentflow.diagnosis.inference.search import first_guess, fit_effects, score_test_gain
+from descentflow.diagnosis.inference.search import first_guess, fit_effects
+from descentflow.diagnosis.inference.set_growth import others_beside, promised_beside
 from descentflow.diagnosis.inference.single_effects import Candidate
 from descentflow.diagnosis.inference.subset_screening import MAX_EFFECTS, Member, Screening, member_of, sets_of
 from descentflow.effects.flight_law import DiffersByFlight
@@ -21,9 +22,7 @@ from descentflow.effects.flight_law import DiffersByFlight
 LOG_PRIOR_ODDS = -2.5
 """Of each effect, and of a shift that none of them makes: one of the thirteen is expected where there is a gap."""
 FIRST = 4
-"""Sets that are fitted at most for the one about which others are screened..."""
-REFITTED = 8
-"""...and then, those that promise most first."""
+"""Screened sets that are fitted at most, those that promise most first; from the best of them sets grow."""
 WITH_DISCREPANCY = 6
 """Sets that are tried with a discrepancy beside them at most."""
 SCREENED_GAP = 8.0
@@ -31,7 +30,7 @@ SCREENED_GAP = 8.0
 
 
 class SetSearch:
-    """Sets of effects: screened, refitted, weighted.
+    """Sets of effects: screened, fitted, grown, weighted.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
@@ -64,15 +63,19 @@ class SetSearch:
             self.fits[frozenset([name])] = fit
         self.start = {name: single.fit.theta[name] for name, single in singles.items()}
         self.credible: dict[tuple[Names, str], bool] = {}
+        self.promised: dict[Names, dict[str, float]] = {}
+        self.lack: dict[str, float] = {}
         self.scores: dict[tuple[tuple[Member, ...], Names, bool], dict[Names, float]] = {}
 
     def weighted(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
         """Sets that were refitted, with weights: with and without a discrepancy beside each, and without one alone."""
         self.progress("screening sets of effects")
         members = [member_of(self.likelihood, name, theta) for name, theta in self.start.items()]
-        beside = self._first_law() or self._explored(members, self.fit(()), at_most=FIRST)
+        law = self._first_law()
+        beside = law or self._explored(members, self.fit(()), at_most=FIRST)
         members += self._beside(beside)
-        self._explored(members, self._explored(members, beside, at_most=FIRST), at_most=REFITTED)
+        if law is not None:
+            self._explored(members, law, at_most=FIRST)
         while True:
             sets, alone = self._weighed()
             best = inclusion(sets, alone).best
@@ -100,14 +103,23 @@ class SetSearch:
         return found
 
     def _with_another(self, heaviest: Names) -> list[Names]:
-        """A set of as many effects as are screened, or more, with one more of those that its flights ask for most."""
-        if len(heaviest) < MAX_EFFECTS:
-            return []
-        catalogue = self.likelihood.catalogue
-        scaled = {member for name in heaviest if (group := catalogue[name].scale_group) for member in group.members}
-        gain = score_test_gain(self.likelihood, self.fit(heaviest).shift)
-        asked = [name for name in gain if name not in {*heaviest, *scaled} and gain[name] > -LOG_PRIOR_ODDS]
-        return [(*heaviest, name) for name in sorted(asked, key=lambda name: -gain[name])]
+        """The best set with one more effect, where that promises more than it costs; what promises most first.
+
+        Beside another set an effect promised something too; what of that it did not keep is taken off.
+        """
+        fit = self.fit(heaviest)
+        if heaviest not in self.promised:
+            others = others_beside(self.likelihood, fit, self.start)
+            self.start |= others
+            self.promised[heaviest] = promised_beside(self.likelihood, self.discrepancy, fit, others, LOG_PRIOR_ODDS)
+        promised = self.promised[heaviest]
+        for name, nats in promised.items():
+            tried = self.fits.get(frozenset((*heaviest, name)))
+            if tried is not None:
+                kept = self._score(tried) - self._score(fit) if self._credible_part(tried) is tried else 0.0
+                self.lack[name] = nats - min(kept, nats)
+        left = {name: nats - self.lack.get(name, 0.0) for name, nats in promised.items()}
+        return [(*heaviest, name) for name in sorted(left, key=lambda name: -left[name]) if left[name] > 0]
 
     def _weighed(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
         """All that were fitted and are credible, with their weights."""

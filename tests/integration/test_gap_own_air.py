@@ -24,9 +24,7 @@ def test_air_of_each_flights_own_is_not_taken_for_brakes(tmp_path: Path) -> None
     """Were the air not looked at, flights would differ from each other by more than any brakes explain."""
     brakes: Values = {"factor": 1.6, "share": 0.5, "spread_fl": 15.0}
     plant = {"temperature": {"deviation_k": 8.0, "spread_k": 3.0}, "speed_brake": brakes}
-    report = diagnose(
-        descents(tmp_path, "real", 6, plant), descents(tmp_path, "simulated", 5), typecode="A320", seed=0
-    )
+    report = diagnose(descents(tmp_path, "real", 6, plant), descents(tmp_path, "simulated", 5), typecode="A320", seed=0)
     found = {cause.effect: cause for cause in report.causes}
     assert sorted(found) == ["speed_brake", "temperature"]
     assert report.verdict == "effect"

@@ -27,8 +27,9 @@ def is_credible(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bool:
     theta = fit.theta[name]
     if not likelihood.catalogue[name].plausible(likelihood.compared.state, theta):
         return False
-    if differs_by_flight(likelihood, name) and name not in fit.per_flight:
-        # A cause that all flights have alike may imitate the mean of it; that flights have it shows in each of them.
+    share, _ = likelihood.catalogue[name].mixture(theta)
+    if share < 1 and differs_by_flight(likelihood, name) and name not in fit.per_flight:
+        # What some flights have shows in them one by one; a cause that all have alike may imitate the mean of it.
         return False
     return mean_shift(likelihood, name, theta) >= MIN_MEAN_SHIFT and spreads_as_claimed(likelihood, fit, name)
 

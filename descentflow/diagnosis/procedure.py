@@ -25,9 +25,9 @@ from descentflow.diagnosis.inference.held_out import held_out_shifts
 from descentflow.diagnosis.inference.heterogeneity import together
 from descentflow.diagnosis.inference.left_over import LeftOver, least_left
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
+from descentflow.diagnosis.inference.mean_air import in_mean_air
 from descentflow.diagnosis.inference.naming_rule import least_shifts, named_alone
 from descentflow.diagnosis.inference.normal_flights import is_narrow, normal_flights
-from descentflow.diagnosis.inference.own_air import in_mean_air
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
 from descentflow.diagnosis.inference.two_sides import Compared, compare

@@ -8,7 +8,7 @@ from flight_toys import BRAKES, steady_sides, with_own_windows
 from torch import Tensor
 
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
-from descentflow.diagnosis.inference.own_air import in_mean_air
+from descentflow.diagnosis.inference.mean_air import in_mean_air
 from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.whitening import Whitening, whiten

@@ -1,4 +1,4 @@
-"""Time and memory of one diagnosis over the number of flights."""
+"""Time and memory of diagnoses over the number of flights and what is in them, the slowest named."""
 
 import argparse
 import os
@@ -9,42 +9,52 @@ import polars as pl
 
 from benchmarks.timing import measured, print_row
 
-LEARNT_FROM = 400
+CASES: dict[str, dict[str, dict[str, float]]] = {
+    "nothing": {},
+    "warmer air": {"temperature": {"deviation_k": 10.0}},
+    "brakes and drag": {"speed_brake": {"share": 0.5, "spread_fl": 15.0}, "drag_polar": {"factor": 1.08}},
+    "paths": {"geometric_path": {"share": 0.6, "of_idle": 0.9, "of_idle_range": 0.05}},
+    "four effects": {
+        "speed_brake": {"share": 0.5, "spread_fl": 15.0},
+        "drag_polar": {"factor": 1.08},
+        "temperature": {"deviation_k": 8.0, "spread_k": 3.0},
+        "wind_gradient": {"slope_kt_per_kft": 1.5, "spread_kt_per_kft": 1.0},
+    },
+}
+"""What is planted in the real flights."""
+WIDTH = 17
+"""Of a column."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the part's options."""
-    parser.add_argument("--flights", type=int, nargs="+", default=[250, 500, 1000, 2000], help="default: %(default)s")
+    parser.add_argument("--flights", type=int, nargs="+", default=[400, 2000], help="a side (default: %(default)s)")
+    names = list(CASES)
+    parser.add_argument("--cases", nargs="+", default=names, choices=names, metavar="CASE", help=f"of {names}")
 
 
 def run(args: argparse.Namespace) -> None:
-    """Fit a Gaussian to simulated flights, and diagnose others in warmer air with all effects."""
+    """Diagnose simulated flights against others of the same world, with all effects and channels."""
     print(f"descentflow diagnose, all effects and channels, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    print_row(["flights", "planted", "wall s", "CPU s", "peak MB"], width=WIDTH)
     with tempfile.TemporaryDirectory(prefix="descentflow-benchmark-") as name:
-        folder = Path(name)
-        descents = _descents(folder, LEARNT_FROM, seed=1, warmer=False)
-        runs = ["--trainer.logger", "lightning.pytorch.loggers.CSVLogger"]
-        runs += ["--trainer.logger.init_args.save_dir", str(folder / "runs")]
-        measured("fit", "--model", "Gaussian", "--data.descents", str(descents), *runs)
-        checkpoint = next(folder.rglob("best.ckpt"))
-        print_row(["flights", "wall s", "CPU s", "ms a flight", "peak MB"])
         for number in args.flights:
-            real = _descents(folder, number, seed=2, warmer=True)
-            words = ("diagnose", "--real", str(real), "--simulator", str(checkpoint), "--out", str(folder / "gap"))
-            wall, cpu, peak = measured(*words)
-            flights = pl.read_parquet(real, columns=["flight_id"])["flight_id"].n_unique()
-            print_row(
-                [f"{flights:,}", f"{wall:.1f}", f"{cpu:.1f}", f"{1000 * wall / flights:.1f}", f"{peak / 1e6:,.0f}"]
-            )
+            slowest = (0.0, "")
+            simulator = _descents(Path(name), number, 1, {})
+            for case in args.cases:
+                real = _descents(Path(name), number, 2, CASES[case])
+                words = ("--real", str(real), "--simulator", str(simulator), "--typecode", "A320", "--quiet")
+                wall, cpu, peak = measured("diagnose", *words, "--out", str(Path(name) / "gap"))
+                flights = pl.read_parquet(real, columns=["flight_id"])["flight_id"].n_unique()
+                print_row([f"{flights:,}", case, f"{wall:.1f}", f"{cpu:.1f}", f"{peak / 1e6:,.0f}"], width=WIDTH)
+                slowest = max(slowest, (wall, case))
+            print(f"slowest of some {number:,} flights a side: {slowest[1]}, {slowest[0]:.1f} s")
 
 
-def _descents(folder: Path, number: int, seed: int, warmer: bool) -> Path:
-    from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+def _descents(folder: Path, number: int, seed: int, plant: dict[str, dict[str, float]]) -> Path:
     from descentflow.simulation.world import simulate
-    from descentflow.simulation.world_config import WorldConfig
 
-    config = WorldConfig(deviation_mean_k=10.0) if warmer else None
-    rows, out = folder / f"rows-{number}-{seed}.parquet", folder / f"descents-{number}-{seed}.parquet"
-    simulate(open_aircraft("A320"), number, seed, config).rows.write_parquet(rows)
+    rows, out = folder / f"rows-{seed}.parquet", folder / f"descents-{seed}.parquet"
+    simulate("A320", number, seed, plant=plant).rows.write_parquet(rows)
     measured("prepare", str(rows), "--out", str(out))
     return out

@@ -130,6 +130,8 @@ def broken(kind: str, folder: Path) -> Path:
         "incomplete": lambda c: c["descentflow"]["representation"].pop("decoder"),
         "parameters": lambda c: c["state_dict"].pop("_density.loc"),
         "aircraft": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].pop("ct1"),
+        "counts": lambda c: c["descentflow"]["representation"]["plausibility"]["entry_counts"].unsqueeze_(0),
+        "coefficient": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].update(ct2=-1e30),
         "range": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "low": "zero"}]),
         "column": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "code": "x"}]),
     }
@@ -152,6 +154,8 @@ def broken(kind: str, folder: Path) -> Path:
         ("incomplete", "decoder"),
         ("parameters", "state_dict"),
         ("aircraft", "ct1"),
+        ("counts", "entry_counts is not on the grid"),
+        ("coefficient", "aircraft.ct2 of -1e\\+30; expected a number from"),
         ("range", "low of the context column is of type str"),
         ("column", "a context column has 'code'"),
     ],

@@ -28,6 +28,12 @@ BAND_LEVELS = 5
 """Levels whose reports are averaged to one observation: 500 ft, less than air changes in and more than one report."""
 MIN_IN_BAND = 2
 """Levels that must be reported there."""
+MOST_K, MOST_MPS = 40.0, 130.0
+"""Temperature deviation and wind beyond which a report is wrong: air on earth has neither."""
+WINDOW = 3
+"""Bands on either side whose median a band is held against..."""
+OUTLIER = 4.0
+"""...and how many robust standard deviations it may be away: one of 16,000 normal ones (Hampel's identifier)."""
 Part = tuple[Tensor, float, Tensor]
 """Values (n, L) of a channel, the step of its reports, and the weight (n, L) of its error in what is observed."""
 
@@ -41,6 +47,8 @@ class AirReports:
         values: (n, B), zero where not seen.
         seen: (n, B).
         rounding: (n, B, B) covariance of the errors that rounding leaves in them.
+        scatter: Robust standard deviation of a band about the median of the six around, which errs too: some 12 % more
+            than of a band itself.
 
     Example:
         >>> from descentflow.measurements.quantities import grid_of
@@ -56,6 +64,7 @@ class AirReports:
     values: Tensor
     seen: Tensor
     rounding: Tensor
+    scatter: float
 
 
 def temperature_reports(grid: LevelGrid) -> AirReports | None:
@@ -87,7 +96,7 @@ def temperature_reports(grid: LevelGrid) -> AirReports | None:
         (reported, STEPS["Mach"], torch.where(has_mach, of_mach, 0.0)),
         (cas, STEPS["IAS"], torch.where(has_mach, 0.0, of_mach * mach_per_kt)),
     ]
-    return _banded(grid, temperature - isa_temperature_k(grid.altitude_m), parts)
+    return _banded(grid, _possible(temperature - isa_temperature_k(grid.altitude_m), MOST_K), parts)
 
 
 def tailwind_reports(grid: LevelGrid) -> AirReports | None:
@@ -109,7 +118,7 @@ def tailwind_reports(grid: LevelGrid) -> AirReports | None:
     along = level_part_kt(grid.values) * drift_cosine(grid.values)
     weight = torch.full_like(tas, KT_MPS)
     parts: list[Part] = [(tas, STEPS["TAS"], -weight), (groundspeed, STEPS["groundspeed"], weight)]
-    return _banded(grid, (groundspeed - along) * KT_MPS, parts)
+    return _banded(grid, _possible((groundspeed - along) * KT_MPS, MOST_MPS), parts)
 
 
 def _banded(grid: LevelGrid, values: Tensor, parts: list[Part]) -> AirReports:
@@ -119,9 +128,9 @@ def _banded(grid: LevelGrid, values: Tensor, parts: list[Part]) -> AirReports:
     inside = torch.nn.functional.one_hot(torch.arange(n_levels) // BAND_LEVELS, count).double()
     shown = values.isfinite()
     number = shown.double() @ inside
-    seen = number >= MIN_IN_BAND
     mean_of = inside.T * shown[:, None, :] / number.clamp(min=1)[:, :, None]
     mean = (mean_of @ values.nan_to_num(0.0)[:, :, None])[:, :, 0]
+    seen, scatter = _without_outliers(mean, number >= MIN_IN_BAND)
     rounding = torch.zeros(n, count, count, dtype=torch.float64)
     for reported, step, weight in parts:
         run, variance = _runs(reported, step)
@@ -129,7 +138,22 @@ def _banded(grid: LevelGrid, values: Tensor, parts: list[Part]) -> AirReports:
         in_runs = (mean_of * weight.nan_to_num(0.0)[:, None, :]) @ member
         rounding += (in_runs * variance[:, None, :]) @ in_runs.transpose(1, 2)
     middle = grid.altitude_m @ inside / inside.sum(0)
-    return AirReports(middle, torch.where(seen, mean, 0.0), seen, rounding)
+    return AirReports(middle, torch.where(seen, mean, 0.0), seen, rounding, scatter)
+
+
+def _possible(values: Tensor, most: float) -> Tensor:
+    return torch.where(values.abs() <= most, values, torch.nan)
+
+
+def _without_outliers(values: Tensor, seen: Tensor) -> tuple[Tensor, float]:
+    """Which bands (n, B) stay, and their scatter: what a receiver keeps of different instants strays far."""
+    shown = torch.where(seen, values, torch.nan)
+    around = torch.nn.functional.pad(shown, (WINDOW, WINDOW), value=torch.nan).unfold(1, 2 * WINDOW + 1, 1).clone()
+    around[:, :, WINDOW] = torch.nan
+    left = (shown - around.nanmedian(-1).values).abs()
+    # 1.4826 times the median absolute deviation is the standard deviation of normal numbers.
+    spread = 1.4826 * float(left[seen].nanmedian()) if bool(seen.any()) else 0.0
+    return seen & (left <= OUTLIER * max(spread, 1e-3)), spread
 
 
 def _runs(reported: Tensor, step: float) -> tuple[Tensor, Tensor]:

@@ -1,21 +1,24 @@
 """The air of flights as their own reports have it."""
 
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.air.air_reports import AirReports, tailwind_reports, temperature_reports
-from descentflow.air.air_smoother import AirSmoother
+from descentflow.air.air_reports import tailwind_reports, temperature_reports
+from descentflow.air.air_smoother import DEPARTURE_K, DEPARTURE_MPS, AirSmoother
 from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import DataError
 from descentflow.measurements.level_channels import LevelGrid
 
 CHANNELS = ("IAS", "vertical_rate", "TAS", "Mach", "groundspeed", "track", "heading")
 """What of the reports says something of the air, or is needed to place it."""
+MAX_ERROR_K = 10.0
+"""Standard error beyond which a temperature is not known: 2.5 % of the rate of descent, as one report of it errs."""
+MAX_GROWTH_ERROR_PER_S = 0.0017
+"""The same of the wind's growth, 1 kt for each 1,000 ft: 2.5 to 4 % of the rate."""
 
 
 @dataclass(frozen=True)
@@ -25,120 +28,80 @@ class FlightAirs:
     Attributes:
         flight_ids: (m,) identifiers.
         air: (m, L) on the levels asked for.
+        known: (m, L) where it is known well enough to infer drag in it; elsewhere it is held.
         deviation_error_k: (m, L) standard error of the temperature.
         growth_error_per_s: (m, L) standard error of the wind's growth with height, m/s per m.
         without: Flights of which nothing is known.
+        wind: Whether the wind is known; still air if not.
 
     Example:
         >>> frame = pl.read_parquet("descents.parquet")
-        >>> airs = measured_airs(frame, torch.arange(150, 341), learnt_air(frame, 150, 340))
+        >>> airs = measured_airs(frame, torch.arange(150, 341))
         >>> len(airs.flight_ids), airs.without, airs.air.deviation_k.shape
         (120, 0, torch.Size([120, 191]))
     """
 
     flight_ids: tuple[str, ...]
     air: LevelAir
+    known: Tensor
     deviation_error_k: Tensor
     growth_error_per_s: Tensor
     without: int
+    wind: bool = True
 
 
-@dataclass(frozen=True)
-class MeasuredAir:
-    """How reports become profiles of the air: spreads learnt from training flights.
-
-    Attributes:
-        temperature: Of the temperature deviation, K.
-        wind: Of the wind along the track, m/s; None where no flight reported its groundspeed: still air.
-
-    Example:
-        >>> found = learnt_air(pl.read_parquet("descents.parquet"), 150, 340)
-        >>> MeasuredAir.from_state(found.to_state()) == found
-        True
-    """
-
-    temperature: AirSmoother
-    wind: AirSmoother | None
-
-    def to_state(self) -> dict[str, dict[str, float]]:
-        """Numbers for a checkpoint."""
-        state = {"temperature": asdict(self.temperature)}
-        return state if self.wind is None else {**state, "wind": asdict(self.wind)}
-
-    @classmethod
-    def from_state(cls, state: dict[str, Any]) -> "MeasuredAir":
-        """Rebuild from :meth:`to_state`; KeyError if a number is not there."""
-        names = [field.name for field in fields(AirSmoother)]
-        wind = state.get("wind")
-        parts = [None if one is None else AirSmoother(*(float(one[n]) for n in names))
-                 for one in (state["temperature"], wind)]  # fmt: skip
-        assert parts[0] is not None
-        return cls(parts[0], parts[1])
-
-
-def learnt_air(frame: pl.DataFrame, low_fl: float, high_fl: float) -> MeasuredAir:
-    """Learn how the air changes along flights, from their reports.
-
-    Args:
-        frame: Prepared descents, the training flights alone.
-        low_fl: Lowest level.
-        high_fl: Highest.
-
-    Raises:
-        DataError: If no flight reports true airspeed.
-
-    Example:
-        >>> learnt_air(pl.read_parquet("descents.parquet"), 150, 340).temperature.noise < 3.0  # K, of 500 ft
-        True
-    """
-    grid = _grid(frame, low_fl, high_fl)
-    temperature, wind = (None, None) if grid is None else (temperature_reports(grid), tailwind_reports(grid))
-    if temperature is None:
-        raise DataError(
-            "descents without true airspeed (TAS)",
-            expected="reports of TAS, with a Mach number or IAS, for an air as it was measured",
-            mend="prepare rows with Mode S reports, name a weather file, or use data.air=standard",
-        )
-    return MeasuredAir(AirSmoother.learnt(temperature), None if wind is None else AirSmoother.learnt(wind))
-
-
-def measured_airs(frame: pl.DataFrame, levels_fl: Tensor, known: MeasuredAir) -> FlightAirs:
+def measured_airs(frame: pl.DataFrame, levels_fl: Tensor, *, wind: bool | None = None) -> FlightAirs:
     """The air of each flight on levels, by its own reports; flights that do not report it are counted.
 
+    Outside of the levels where it is known well enough, it is held.
+
     Args:
-        frame: Prepared descents.
+        frame: Prepared descents; how far their reports scatter is learnt from them.
         levels_fl: (L,) ascending whole flight levels.
-        known: How the air changes along flights.
+        wind: Whether flights must report the wind; if absent, where any of them does. If not, the air is still.
+
+    Raises:
+        DataError: If no flight reports its air.
 
     Example:
         >>> frame = pl.read_parquet("descents.parquet")
-        >>> known = learnt_air(frame, 150, 340)
         >>> silent = frame.with_columns(TAS=pl.when(pl.col("flight_id") != "A320-0-00003").then("TAS"))
-        >>> measured_airs(silent, torch.arange(150, 341), known).without
+        >>> measured_airs(silent, torch.arange(150, 341)).without
         1
     """
     grid = _grid(frame, float(levels_fl[0]), float(levels_fl[-1]))
-    none = torch.zeros(0, len(levels_fl), dtype=torch.float64)
-    if grid is None:
-        return FlightAirs((), LevelAir(none, none), none, none, 0)
-    altitude_m, n = grid.altitude_m, len(grid.flight_ids)
-    parts: list[tuple[AirSmoother, AirReports | None]] = [(known.temperature, temperature_reports(grid))]
-    if known.wind is not None:
-        parts.append((known.wind, tailwind_reports(grid)))
-    if any(reports is None for _, reports in parts):
-        return FlightAirs((), LevelAir(none, none), none, none, n)
-    found = [smoother.smooth(reports, altitude_m) for smoother, reports in parts if reports is not None]
-    told = found[0].flights
-    for one in found[1:]:
-        told = told[torch.isin(told, one.flights)]
-    temperature, *wind = [(one, torch.isin(one.flights, told)) for one in found]
-    still = torch.zeros(len(told), len(levels_fl), dtype=torch.float64)
-    tailwind = wind[0][0].values[wind[0][1]] if wind else still
-    growth_error = wind[0][0].slope_error_per_m[wind[0][1]] if wind else still
+    temperature, tailwind = (None, None) if grid is None else (temperature_reports(grid), tailwind_reports(grid))
+    if grid is None or temperature is None or (wind and tailwind is None):
+        raise DataError(
+            f"descents without true airspeed (TAS){' and groundspeed' if wind else ''}",
+            expected="reports of TAS, with a Mach number or IAS, and of groundspeed, for an air as it was measured",
+            mend="prepare rows with Mode S reports, or fit with data.air=standard",
+        )
+    warm = AirSmoother.learnt(temperature, DEPARTURE_K).smooth(temperature, grid.altitude_m)
+    blown = None
+    if tailwind is not None and wind is not False:
+        blown = AirSmoother.learnt(tailwind, DEPARTURE_MPS).smooth(tailwind, grid.altitude_m)
+    told = warm.flights if blown is None else warm.flights[torch.isin(warm.flights, blown.flights)]
+    warm = warm.of(told)
+    known = warm.error <= MAX_ERROR_K
+    tail, growth_error = torch.zeros_like(warm.values), torch.zeros_like(warm.values)
+    if blown is not None:
+        blown = blown.of(told)
+        known &= blown.slope_error_per_m <= MAX_GROWTH_ERROR_PER_S
+        tail, growth_error = blown.values, blown.slope_error_per_m
     names = tuple(grid.flight_ids[i] for i in told.tolist())
-    deviation, chosen = temperature
-    air = LevelAir(deviation.values[chosen], tailwind)
-    return FlightAirs(names, air, deviation.error[chosen], growth_error, n - len(told))
+    air = LevelAir(_held(warm.values, known), _held(tail, known))
+    return FlightAirs(names, air, known, warm.error, growth_error, len(grid.flight_ids) - len(told), blown is not None)
+
+
+def _held(values: Tensor, known: Tensor) -> Tensor:
+    """Values (n, L) with those that are not known replaced by the nearest that is; zero where none is."""
+    number = torch.arange(values.shape[1]).expand(values.shape)
+    below = torch.where(known, number, -1).cummax(1).values
+    above = torch.where(known, number, values.shape[1]).flip(1).cummin(1).values.flip(1)
+    nearest = torch.where((below < 0) | ((above - number < number - below) & (above < values.shape[1])), above, below)
+    found = values.gather(1, nearest.clamp(0, values.shape[1] - 1))
+    return torch.where(known.any(1, keepdim=True), found, 0.0)
 
 
 def _grid(frame: pl.DataFrame, low_fl: float, high_fl: float) -> LevelGrid | None:

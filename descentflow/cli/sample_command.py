@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from descentflow.cli import context_arguments, position_arguments
+from descentflow.cli import air_arguments, context_arguments, position_arguments
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="also draw CAS (kt), vertical rate (ft/min) and time (min) against flight level: .png or .svg",
     )
     context_arguments.add_arguments(parser)
+    air_arguments.add_arguments(parser)
     position_arguments.add_arguments(parser)
     parser.add_argument(
         "--draw-budget", type=int, help="most draws before giving up (default: 100 for each descent wanted)"
@@ -56,6 +57,7 @@ def run(args: argparse.Namespace) -> None:
             args.number,
             seed=args.seed,
             context=context_arguments.context_of(args),
+            air=air_arguments.air_of(args),
             draw_budget=args.draw_budget,
             compiled=args.compile,
             progress=drawn.advance,

@@ -51,6 +51,7 @@ class CheckpointSummary:
             "flights": f"{len(split.train):,} train, {len(split.validation):,} validation, {len(split.test):,} test",
             "descents": f"{made.get('descents', 'unknown')} ({types})",
             "context": "none" if parts.context is None else parts.context.describe(),
+            "air": "standard" if parts.air is None else parts.air.describe(),
             "effects added": ", ".join(added.effects) if isinstance(added, Correction) else "none",
             "cleaning": _cleaning(parts.cleaning),
             "score": self._score(),

@@ -20,6 +20,7 @@ from descentflow.diagnosis.simulator_flights import (
     simulator_of_flights,
 )
 from descentflow.diagnosis.simulator_kind import kind_of, name_of
+from descentflow.diagnosis.weather_taken_out import without_weather
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.correction import Correction
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -85,7 +86,8 @@ def open_both(
         DataError: If flights cannot be read, or both sides are of different types.
 
     Warns:
-        DescentflowWarning: If flights of other types are left out, or a checkpoint is corrected already.
+        DescentflowWarning: If flights of other types are left out, a checkpoint is corrected already, or it knows the
+            air of its flights, which is then taken out of both sides.
 
     Example:
         >>> opened = open_both("rows.parquet", "descents.parquet", SignatureSource())
@@ -117,6 +119,16 @@ def open_both(
         left_out = ", ".join(f"{number:,} of {name.rpartition('_')[2]}" for name, number in others.items())
         warnings.warn(
             f"flights of other types are left out: {left_out}; --any-type (any_type=True) takes them too",
+            DescentflowWarning,
+            stacklevel=3,
+        )
+    if parts is not None and parts.air is not None:
+        frame, unknown = without_weather(frame, parts)
+        others |= {"flights_of_unknown_air": unknown} if unknown else {}
+        warnings.warn(
+            f"{found.name} knows the air of its flights: both sides are compared in standard air, each flight brought "
+            "there by its own temperature and wind, so that the weather is none of the causes"
+            + (f"; {unknown:,} real flights do not report their air and are left out" if unknown else ""),
             DescentflowWarning,
             stacklevel=3,
         )

@@ -31,6 +31,8 @@ SHOWS = {"Mach": "mismatch", "TAS": "tas", "groundspeed": "wind", "geoaltitude":
 """Channel -> a quantity that cannot be measured without it."""
 REAL, SIMULATED = "real", "simulator"
 """What the sides are called where one lacks a channel."""
+AIR_NOISE = ("noise_tas", "noise_groundspeed")
+"""Noise of channels that a flight brought to standard air does not have as it would have been reported there."""
 SAMPLED = ("cas",)
 """Quantities besides the rate that samples say something about; the rest is what physics claims."""
 
@@ -95,6 +97,9 @@ def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str
     parts = simulator.representation
     if parts is None or simulator.sampler is None:
         return BothSides(None, real, "physics")
+    if parts.air is not None:
+        # Reports are rounded in the air as it was: what it does to them does not go with the wind.
+        real = replace(real, values={name: value for name, value in real.values.items() if name not in AIR_NOISE})
     if parts.reference is None:
         samples = _samples(simulator, grid, seed)
         real = _by_components(parts.decoder, grid, real)

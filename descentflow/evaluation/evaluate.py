@@ -105,7 +105,7 @@ def evaluate_profiles(
     """:func:`evaluate` for flights that are on the model's grid already, all of which count as held out.
 
     Entry levels are drawn from those of the flights (paper, section 4.2); with a context, each sample has the entry
-    level and the context of one flight.
+    level and the context of one flight. Of drag in measured air, each sample has the entry level and the air of one.
 
     Args:
         model: Whatever draws standardised weights.
@@ -149,6 +149,7 @@ def evaluate_profiles(
         seed,
         context=context,
         entry=real.entry_level,
+        air=real.air,
         draw_budget=draw_budget,
         progress=progress,
     )

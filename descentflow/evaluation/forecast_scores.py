@@ -65,7 +65,14 @@ def forecast_scores(
     own = weights.new_zeros(n, 1) if context is None else context
     model = _WithoutContext(density) if context is None else density
     samples = sample_descents(
-        model, parts.decoder, parts.plausibility, n * n_draws, seed, context=own, entry=flights.entry_level
+        model,
+        parts.decoder,
+        parts.plausibility,
+        n * n_draws,
+        seed,
+        context=own,
+        entry=flights.entry_level,
+        air=flights.air,
     )
 
     def by_flight(values: Tensor) -> Tensor:

@@ -11,6 +11,7 @@ from descentflow.exports.exact_constants import ExactConstants
 from descentflow.exports.weight_draws import MixtureDraw, weight_draw
 from descentflow.representation.decoder.graph_decoder import GraphDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.plausibility import RULES, Plausibility
 from descentflow.representation.representation import Representation
 
@@ -43,6 +44,7 @@ class DescentGraph(nn.Module):
             ConfigError: If the decoder cannot be exported.
         """
         super().__init__()
+        check_standard_air(representation, "an exported program")
         self.dtype = PRECISIONS[precision]
         self.decoder = GraphDecoder(representation.decoder)
         self.plausibility = Plausibility.from_state(representation.plausibility.to_state())

@@ -11,11 +11,13 @@ from typing import ClassVar, Protocol, runtime_checkable
 import torch
 from torch import Tensor
 
+from descentflow.air.level_air import LevelAir
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import SamplingError
 from descentflow.densities.entry_gate import EntryGate
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.decoder.flown_air import flown_in
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.plausibility import RULES, Plausibility
 
@@ -83,6 +85,7 @@ def sample_descents(
     *,
     context: Tensor | None = None,
     entry: Tensor | None = None,
+    air: LevelAir | None = None,
     draw_budget: int | None = None,
     compiled: bool = False,
     progress: Callable[[int], None] | None = None,
@@ -104,6 +107,9 @@ def sample_descents(
         entry: (m,) indices of entry levels. With contexts, one for each of them; without, the levels to draw from
             with replacement, for instance those of the test flights (paper, section 4.2). If absent, they are drawn
             as the training flights entered.
+        air: Airs (k, L) that descents are flown in; standard air if absent. Each sample keeps its own until it is
+            plausible. It is that of its context where there are as many airs as contexts, that of the flight of its
+            entry level where there are as many airs as entry levels, else drawn.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
         compiled: Decode by compiled arithmetic, see :func:`descentflow.representation.decoder.trajectories.integrate`.
         progress: Progress callback: called with the number of descents newly accepted.
@@ -122,11 +128,14 @@ def sample_descents(
     """
     budget = max(100 * n, 10_000) if draw_budget is None else draw_budget
     generator = torch.Generator().manual_seed(seed)
-    draws: _Interchangeable | _OfContexts | _OfEntries
+    draws: _Interchangeable | _OfContexts | _OfEntries | _OfSamples
+    airs = None if air is None else _OwnAirs(air, n, seed, context, entry)
     if context is not None:
         draws = _OfContexts(context, entry)
     elif isinstance(model, GatedSampler) and model.entry_gate is not None:
-        draws = _OfEntries(model.entry_gate, _Interchangeable(entry).entries(plausibility, torch.arange(n), generator))
+        draws = _OfEntries(model.entry_gate, _entries(entry, airs, plausibility, n, generator))
+    elif airs is not None:
+        draws = _OfSamples(_entries(entry, airs, plausibility, n, generator))
     else:
         draws = _Interchangeable(entry)
     pending, drawn, plausible = torch.arange(n), 0, 0
@@ -143,6 +152,8 @@ def sample_descents(
         white = torch.randn(size, decoder.n_white, generator=generator, dtype=torch.float64).to(tries)
         numbers = DrawNumbers(seed, drawn)
         flown = decoder(tries, entries, out=reused, compiled=compiled, draws=numbers, white=white)
+        if airs is not None:
+            flown = flown_in(decoder.aircraft, flown, airs.of(wanted))
         rules = plausibility.broken_rules(flown)
         good = torch.nonzero(~rules.any(1).cpu())[:, 0]
         drawn, plausible, broken = drawn + size, plausible + len(good), broken + rules.sum(0).cpu()
@@ -159,7 +170,34 @@ def sample_descents(
     if len(pending):
         raise SamplingError(f"only {report}", expected=f"{n} plausible descents within {budget} draws", mend=draws.mend)
     order = torch.cat(owners).argsort()
-    return Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report)
+    own_air = None if airs is None else airs.of(torch.arange(n))
+    return Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report, air=own_air)
+
+
+class _OwnAirs:
+    """The air of each sample: that of its context or of the flight of its entry level, or drawn."""
+
+    def __init__(self, air: LevelAir, n: int, seed: int, context: Tensor | None, entry: Tensor | None) -> None:
+        """Choose by a generator of its own, so that weights and entries are those of the seed in any air."""
+        self.air, count = air, len(air)
+        drawn = torch.randint(count, (n,), generator=torch.Generator().manual_seed(seed))
+        of_context = context is not None and count == len(context)
+        self.row = torch.arange(n) % count if of_context else drawn
+        self.of_entry = context is None and entry is not None and len(entry) == count
+
+    def of(self, samples: Tensor) -> LevelAir:
+        """The airs of samples."""
+        return self.air.rows(self.row[samples])
+
+
+def _entries(
+    entry: Tensor | None, airs: _OwnAirs | None, plausibility: Plausibility, n: int, generator: torch.Generator
+) -> Tensor:
+    """Indices (n,) of the samples' levels of entry."""
+    if airs is not None and airs.of_entry:
+        assert entry is not None
+        return entry[airs.row]
+    return _Interchangeable(entry).entries(plausibility, torch.arange(n), generator)
 
 
 @dataclass(frozen=True)
@@ -224,19 +262,40 @@ class _OfContexts:
         return kept, wanted[kept]
 
 
-class _OfEntries:
-    """With a gate a draw is for one sample, which keeps entry level and component until it is plausible."""
+class _OfSamples:
+    """A draw is for one sample, which keeps its entry level and its air until it is plausible."""
 
     mend = _Interchangeable.mend
 
-    def __init__(self, gate: EntryGate, entry: Tensor) -> None:
-        """Take the samples' levels of entry (n,), indices of the grid; components are drawn when they are wanted."""
-        self.gate, self.entry = gate, entry
-        self.component, self.tries = torch.zeros_like(entry), torch.full_like(entry, MAX_TRIES)
+    def __init__(self, entry: Tensor) -> None:
+        """Take the samples' levels of entry (n,), indices of the grid."""
+        self.entry = entry
 
     def wanted(self, pending: Tensor, drawn: int, plausible: int) -> Tensor:
         """Which sample each draw of the next batch is for: every pending one."""
         return pending[:BATCH]
+
+    def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
+        """The weights of a batch."""
+        return model.sample(len(wanted), seed)
+
+    def entries(self, plausibility: Plausibility, wanted: Tensor, generator: torch.Generator) -> Tensor:
+        """Indices of the levels where the descents of a batch start."""
+        return self.entry[wanted]
+
+    def match(self, good: Tensor, wanted: Tensor, pending: Tensor) -> tuple[Tensor, Tensor]:
+        """Positions of the plausible draws, and the samples that they become."""
+        return good, wanted[good]
+
+
+class _OfEntries(_OfSamples):
+    """With a gate a draw is for one sample, which keeps entry level and component until it is plausible."""
+
+    def __init__(self, gate: EntryGate, entry: Tensor) -> None:
+        """Take the samples' levels of entry (n,), indices of the grid; components are drawn when they are wanted."""
+        super().__init__(entry)
+        self.gate = gate
+        self.component, self.tries = torch.zeros_like(entry), torch.full_like(entry, MAX_TRIES)
 
     def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
         """The weights of a batch, each of its sample's component: another one after so many tries in vain."""
@@ -246,11 +305,3 @@ class _OfEntries:
         self.tries[wanted] += 1
         assert isinstance(model, GatedSampler)
         return model.sample_of(self.component[wanted], seed)
-
-    def entries(self, plausibility: Plausibility, wanted: Tensor, generator: torch.Generator) -> Tensor:
-        """Indices of the levels where the descents of a batch start."""
-        return self.entry[wanted]
-
-    def match(self, good: Tensor, wanted: Tensor, pending: Tensor) -> tuple[Tensor, Tensor]:
-        """Positions of the plausible draws, and the samples that they become."""
-        return good, wanted[good]

@@ -6,6 +6,7 @@ from dataclasses import replace
 from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import as_density
 from descentflow.generation.rejection import sample_descents
+from descentflow.generation.sample_airs import Airs, airs_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
 from descentflow.generation.samples import Samples
 
@@ -17,6 +18,7 @@ def sample(
     seed: int = 0,
     context: Contexts | None = None,
     entry_fl: float | Sequence[float] | None = None,
+    air: Airs | None = None,
     draw_budget: int | None = None,
     compiled: bool = False,
     progress: Callable[[int], None] | None = None,
@@ -31,6 +33,9 @@ def sample(
             row for each context; sample i has row i, beginning again after the last.
         entry_fl: Flight level where the descents start: one, several to draw from, or one for each row of
             ``context``. If absent, the context's ``entry_fl`` where it has one, else as the training flights entered.
+        air: Air that they are flown in, see :func:`~.sample_airs.airs_of`: ``standard``, ``{"deviation_k": 10}``, a
+            table by level, or ``training``: drawn from the training flights' own, which a model of drag in measured air
+            does if nothing is asked.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
         compiled: Decode by compiled arithmetic: pays from millions of descents.
         progress: Progress callback: called with the number of descents newly accepted.
@@ -40,7 +45,7 @@ def sample(
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
-        ConfigError: If ``n`` is not positive, or the context or the entry levels do not fit the model.
+        ConfigError: If ``n`` is not positive, or the context, the entry levels or the air do not fit the model.
         SamplingError: If too few draws are plausible.
 
     Example:
@@ -65,6 +70,7 @@ def sample(
         seed,
         context=encoded,
         entry=entry_levels(representation, contexts, entry_fl),
+        air=airs_of(air, representation),
         draw_budget=draw_budget,
         compiled=compiled,
         progress=progress,

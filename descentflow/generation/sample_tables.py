@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library, safe_in_spreadsheets
@@ -22,6 +23,8 @@ UNITS = {
     "TAS": "kt",
     "vertical_rate": "ft/min",
     "drag_n": "N",
+    "deviation_k": "K",
+    "tailwind": "kt",
     "distance_nm": "NM",
     "distance_to_go_nm": "NM",
     "top_of_descent_nm": "NM",
@@ -31,11 +34,12 @@ UNITS = {
     "track": "degrees",
     "unix_s": "s",
 }
-"""Column of a sample -> unit. The last four are there if a path or a time was given; a table has the time as
+"""Column of a sample -> unit. `deviation_k` and `tailwind` (along the track) are there if they are flown in an
+air of their own, the last four if a path or a time was given; a table has the time as
 ``timestamp`` in place of ``unix_s``, seconds since 1970."""
 
 
-def _quantities(flown: Trajectories, positions: Positions | None) -> dict[str, np.ndarray]:
+def _quantities(flown: Trajectories, positions: Positions | None, air: LevelAir | None) -> dict[str, np.ndarray]:
     """Each quantity of :data:`UNITS` as (n, L) float64, on ascending levels."""
     altitude_ft = (flown.levels_fl * 100).expand(flown.time_s.shape)
     tensors = {
@@ -48,7 +52,10 @@ def _quantities(flown: Trajectories, positions: Positions | None) -> dict[str, n
         "drag_n": flown.drag_n,
     }
     found = {name: tensor.detach().cpu().double().numpy() for name, tensor in tensors.items()}
-    return found | _over_ground(place(flown) if positions is None else positions)
+    if air is not None:
+        found |= {"deviation_k": air.deviation_k.numpy(), "tailwind": air.tailwind_mps.numpy() / KT_MPS}
+    tailwind = None if air is None else air.tailwind_mps
+    return found | _over_ground(place(flown, tailwind_mps=tailwind) if positions is None else positions)
 
 
 def _over_ground(positions: Positions) -> dict[str, np.ndarray]:
@@ -64,7 +71,10 @@ def _over_ground(positions: Positions) -> dict[str, np.ndarray]:
 
 
 def to_frame(
-    flown: Trajectories, context: pl.DataFrame | None = None, positions: Positions | None = None
+    flown: Trajectories,
+    context: pl.DataFrame | None = None,
+    positions: Positions | None = None,
+    air: LevelAir | None = None,
 ) -> pl.DataFrame:
     """Long table: one row for each sample and level, from the entry level downwards.
 
@@ -72,6 +82,7 @@ def to_frame(
         flown: n descents.
         context: Contexts in the order of the samples: sample i has row i, beginning again after the last.
         positions: Where they are flown; distances in still air, and no places, if absent.
+        air: Air (n, L) of each; in standard air if absent.
 
     Returns:
         Columns ``sample_id level_fl`` and those of :data:`UNITS`; then the sample's context, its columns called
@@ -90,7 +101,7 @@ def to_frame(
     sample_id = np.broadcast_to(np.arange(n, dtype=np.int32)[:, None], (n, n_levels))[keep]
     levels = flown.levels_fl.cpu().numpy().astype(np.int32)[::-1]
     level_fl = np.broadcast_to(levels, (n, n_levels))[keep]
-    columns = {name: values[:, ::-1][keep] for name, values in _quantities(flown, positions).items()}
+    columns = {name: values[:, ::-1][keep] for name, values in _quantities(flown, positions, air).items()}
     table = pl.DataFrame({"sample_id": sample_id, "level_fl": level_fl, **columns})
     if "unix_s" in columns:
         stamps = (1e6 * pl.col("unix_s")).round().cast(pl.Int64).cast(TIMESTAMP)
@@ -101,13 +112,19 @@ def to_frame(
     return table.with_columns([rows[name].alias(f"given_{name}") for name in context.columns])
 
 
-def to_dataset(flown: Trajectories, context: pl.DataFrame | None = None, positions: Positions | None = None) -> Any:
+def to_dataset(
+    flown: Trajectories,
+    context: pl.DataFrame | None = None,
+    positions: Positions | None = None,
+    air: LevelAir | None = None,
+) -> Any:
     """The descents as an `xarray.Dataset`: dimensions sample and level, NaN above a sample's entry level.
 
     Args:
         flown: n descents.
         context: Contexts of the samples as in :func:`to_frame`: coordinates ``given_...`` of each sample.
         positions: As in :func:`to_frame`.
+        air: As in :func:`to_frame`.
 
     Raises:
         ConfigError: If xarray is not installed.
@@ -122,7 +139,7 @@ def to_dataset(flown: Trajectories, context: pl.DataFrame | None = None, positio
     mask = flown.mask.cpu().numpy()
     variables = {
         name: (("sample", "level"), np.where(mask, values, np.nan), {"units": UNITS[name]})
-        for name, values in _quantities(flown, positions).items()
+        for name, values in _quantities(flown, positions, air).items()
     }
     coordinates: dict[str, Any] = {"level_fl": ("level", flown.levels_fl.cpu().numpy().astype(np.int32))}
     if context is not None:
@@ -132,7 +149,11 @@ def to_dataset(flown: Trajectories, context: pl.DataFrame | None = None, positio
 
 
 def write_samples(
-    flown: Trajectories, path: Path, context: pl.DataFrame | None = None, positions: Positions | None = None
+    flown: Trajectories,
+    path: Path,
+    context: pl.DataFrame | None = None,
+    positions: Positions | None = None,
+    air: LevelAir | None = None,
 ) -> None:
     """Write a table (``.parquet``, ``.csv``) or a NetCDF-3 file (``.nc``), whole or not at all.
 
@@ -141,6 +162,7 @@ def write_samples(
         path: The file.
         context: Contexts of the samples: a table holds them as :func:`to_frame` does, a NetCDF file holds their row.
         positions: As in :func:`to_frame`.
+        air: As in :func:`to_frame`.
 
     Raises:
         ConfigError: If the extension is none of these.
@@ -159,18 +181,24 @@ def write_samples(
             f"output {path.name}", expected=f"an extension among {', '.join(writers)}", mend="rename the output"
         )
     with whole_file(path) as temporary:
-        writers[path.suffix](flown, temporary, context, positions)
+        writers[path.suffix](flown, temporary, context, positions, air)
 
 
-def _write_parquet(flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None) -> None:
-    to_frame(flown, context, positions).write_parquet(path)
+def _write_parquet(
+    flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None, air: LevelAir | None
+) -> None:
+    to_frame(flown, context, positions, air).write_parquet(path)
 
 
-def _write_csv(flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None) -> None:
-    safe_in_spreadsheets(to_frame(flown, context, positions)).write_csv(path)
+def _write_csv(
+    flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None, air: LevelAir | None
+) -> None:
+    safe_in_spreadsheets(to_frame(flown, context, positions, air)).write_csv(path)
 
 
-def _write_netcdf(flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None) -> None:
+def _write_netcdf(
+    flown: Trajectories, path: Path, context: pl.DataFrame | None, positions: Positions | None, air: LevelAir | None
+) -> None:
     """Dimensions sample and level (ascending); NaN above a sample's entry level."""
     from scipy.io import netcdf_file  # here: whatever draws samples would pay for it otherwise
 
@@ -185,7 +213,7 @@ def _write_netcdf(flown: Trajectories, path: Path, context: pl.DataFrame | None,
             row = file.createVariable("given_row", "i4", ("sample",))
             row[:] = np.arange(n, dtype=np.int32) % len(context)
         mask = flown.mask.cpu().numpy()
-        for name, values in _quantities(flown, positions).items():
+        for name, values in _quantities(flown, positions, air).items():
             variable = file.createVariable(name, "f8", ("sample", "level"))
             variable.units = UNITS[name]
             variable[:] = np.where(mask, values, np.nan)

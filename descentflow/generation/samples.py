@@ -11,6 +11,7 @@ import polars as pl
 import torch
 from torch import Tensor
 
+from descentflow.air.level_air import LevelAir
 from descentflow.core.tabular import to_pandas
 from descentflow.generation.sample_tables import to_dataset, to_frame, write_samples
 from descentflow.positions.ground_path import Point
@@ -68,6 +69,7 @@ class Samples:
         context: The contexts that they were drawn for, a row for each: sample i has row i, beginning again after the
             last. None for a model without context.
         plan: Where they are flown; in still air and at no place unless :meth:`placed`.
+        air: The air (n, L) of each; None for standard air.
 
     Example:
         >>> from descentflow.generation.sample import sample
@@ -85,6 +87,7 @@ class Samples:
     report: RejectionReport
     context: pl.DataFrame | None = None
     plan: GroundPlan = NOWHERE
+    air: LevelAir | None = None
 
     def __len__(self) -> int:
         """Number of descents."""
@@ -123,11 +126,11 @@ class Samples:
             ConfigError: If the wind is stronger than the airspeed.
             DataError: If a field of wind does not hold a place or a time.
         """
-        return self.plan.place(self.trajectories)
+        return self.plan.place(self.trajectories, None if self.air is None else self.air.tailwind_mps)
 
     def to_polars(self) -> pl.DataFrame:
         """The long table: one row for each sample and level, see :func:`~.sample_tables.to_frame`."""
-        return to_frame(self.trajectories, self.context, self.positions)
+        return to_frame(self.trajectories, self.context, self.positions, self.air)
 
     def to_pandas(self) -> Any:
         """The long table as a `pandas.DataFrame`.
@@ -143,7 +146,7 @@ class Samples:
         Raises:
             ConfigError: If xarray is not installed.
         """
-        return to_dataset(self.trajectories, self.context, self.positions)
+        return to_dataset(self.trajectories, self.context, self.positions, self.air)
 
     def write(self, path: str | Path) -> None:
         """Write a table (``.parquet``, ``.csv``) or a NetCDF file (``.nc``), whole or not at all.
@@ -152,7 +155,7 @@ class Samples:
             ConfigError: If the extension is none of these.
             DataError: If the folder does not exist.
         """
-        write_samples(self.trajectories, Path(path), self.context, self.positions)
+        write_samples(self.trajectories, Path(path), self.context, self.positions, self.air)
 
     def figure(self, *, title: str = "") -> "Figure":
         """CAS, vertical rate and time left against flight level, see :func:`~.figures.sampled_profiles.samples_figure`.

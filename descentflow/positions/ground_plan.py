@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
+from torch import Tensor
+
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M
 from descentflow.positions.ground_path import GroundPath, Point, path_along, path_to
@@ -37,9 +39,11 @@ class GroundPlan:
     to_go_nm: float = 0.0
     end_time: datetime | None = None
 
-    def place(self, flown: Trajectories) -> Positions:
+    def place(self, flown: Trajectories, tailwind_mps: Tensor | None = None) -> Positions:
         """Distances, groundspeeds and, with a path, places of descents, see :func:`~.placing.place`."""
-        return place(flown, self.path, self.wind, to_go_m=self.to_go_nm * NM_M, end_time=self.end_time)
+        return place(
+            flown, self.path, self.wind, to_go_m=self.to_go_nm * NM_M, end_time=self.end_time, tailwind_mps=tailwind_mps
+        )
 
 
 NOWHERE = GroundPlan()

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
@@ -55,6 +56,7 @@ def place(
     *,
     to_go_m: float = 0.0,
     end_time: datetime | None = None,
+    tailwind_mps: Tensor | None = None,
 ) -> Positions:
     r"""Integrate groundspeed over time, from the lowest level up to the entry level.
 
@@ -69,9 +71,10 @@ def place(
         wind: Still air if absent; without a path it is of no use.
         to_go_m: Distance left to the end point at the lowest level of the grid.
         end_time: When the lowest level is passed; with a time zone, or UTC.
+        tailwind_mps: (n, L) wind along the track in which the descents were flown, where ``wind`` is absent.
 
     Raises:
-        ConfigError: If the wind is stronger than the airspeed.
+        ConfigError: If the wind is stronger than the airspeed, or there are two winds.
         DataError: If a field of wind does not hold a place or a time.
 
     Example:
@@ -85,8 +88,14 @@ def place(
         True
     """
     air = _Air.of(flown, end_time)
+    if wind is not None and tailwind_mps is not None and bool(tailwind_mps.any()):
+        raise ConfigError(
+            "a wind over the ground beside descents that were flown in a wind of their own",
+            expected="one of them",
+            mend="leave the wind out, or fly in an air without wind",
+        )
     if path is None or wind is None:
-        to_go, groundspeed = _still(air, to_go_m)
+        to_go, groundspeed = _along(air, to_go_m, None if tailwind_mps is None else tailwind_mps.numpy())
     else:
         to_go, groundspeed = _blown(air, path, wind, to_go_m)
     top = to_go[np.arange(len(flown)), flown.entry.cpu().numpy()]
@@ -119,10 +128,11 @@ def _unix(time: datetime) -> float:
     return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
 
 
-def _still(air: _Air, to_go_m: float) -> tuple[Array, Array]:
-    """Distance to go and groundspeed without a wind."""
-    legs = 0.5 * (air.speed_mps[:, 1:] + air.speed_mps[:, :-1]) * air.leg_s
-    return np.pad(legs.cumsum(1), ((0, 0), (1, 0))) + to_go_m, air.speed_mps
+def _along(air: _Air, to_go_m: float, tailwind_mps: Array | None) -> tuple[Array, Array]:
+    """Distance to go and groundspeed in still air, or in a wind along the track."""
+    speed = air.speed_mps if tailwind_mps is None else air.speed_mps + tailwind_mps
+    legs = 0.5 * (speed[:, 1:] + speed[:, :-1]) * air.leg_s
+    return np.pad(legs.cumsum(1), ((0, 0), (1, 0))) + to_go_m, speed
 
 
 def _blown(air: _Air, path: GroundPath, wind: Wind, to_go_m: float) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from descentflow.representation.context_columns import flight_context, read_cont
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.flight_contexts import contexts_of, with_context
 from descentflow.representation.flight_parts import PARTS, Part, parts_of, rest_is_test, with_levels
+from descentflow.representation.own_air import airs_as_kept, with_own_air
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.representation import Representation, Split
 
@@ -60,8 +61,8 @@ def encode_flights(
         representation: The model's.
         context_table: Table, or path of a CSV or Parquet table, with ``flight_id`` and columns of context, where the
             descents do not have them.
-        say: Called with a line for each reason why flights are left out: fewer than two levels on the grid, or a
-            context that cannot be encoded.
+        say: Called with a line for each reason why flights are left out: fewer than two levels on the grid, a context
+            that cannot be encoded, or an air of which nothing is known, for a model of drag in measured air.
 
     Raises:
         DataError: If no flight is on the grid, or the table cannot be read.
@@ -78,6 +79,9 @@ def encode_flights(
     table = context_of(descents, [] if encoder is None else list(encoder.names), context_table)
     bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
     profiles = with_levels(profiles_from_frame(descents, decoder.aircraft, bottom, top, speed=decoder.speed), say)
+    if representation.air is not None:
+        airs = airs_as_kept(descents, decoder.levels_fl, representation.air)
+        profiles = with_own_air(profiles, decoder.aircraft, airs, say)
     split = rest_is_test(profiles.flight_ids, representation.split)
     return encode_parts(profiles, split, decoder, table, encoder, say)
 

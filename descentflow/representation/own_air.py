@@ -3,19 +3,24 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import polars as pl
 import torch
+from torch import Tensor
 
 from descentflow.air.energy_in_air import drag_in_air
-from descentflow.air.level_air import LevelAir
-from descentflow.air.measured_air import FlightAirs
+from descentflow.air.kept_air import KeptAir
+from descentflow.air.measured_air import FlightAirs, measured_airs
 from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.errors import ConfigError
 from descentflow.representation.profiles import Profiles
+from descentflow.representation.representation import Representation, Split
+
+MIN_LEVELS = 2
+"""Levels that a flight must keep, as everywhere."""
 
 
-def with_own_air(
-    profiles: Profiles, aircraft: Aircraft, airs: FlightAirs, say: Callable[[str], None]
-) -> tuple[Profiles, LevelAir]:
-    """The flights whose air is known, with their drag in it, and their airs in their order.
+def with_own_air(profiles: Profiles, aircraft: Aircraft, airs: FlightAirs, say: Callable[[str], None]) -> Profiles:
+    """The flights whose air is known, with their drag in it.
 
     Args:
         profiles: Flights whose drag was inferred in standard air.
@@ -25,22 +30,114 @@ def with_own_air(
 
     Example:
         >>> import polars as pl
-        >>> from descentflow.air.measured_air import learnt_air, measured_airs
+        >>> from descentflow.air.measured_air import measured_airs
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> from descentflow.representation.profiles import profiles_from_frame
         >>> frame, a320 = pl.read_parquet("descents.parquet"), aircraft("A320")
         >>> profiles = profiles_from_frame(frame, a320, bottom_fl=150, top_fl=340)
-        >>> airs = measured_airs(frame, profiles.levels_fl, learnt_air(frame, 150, 340))
-        >>> found, air = with_own_air(profiles, a320, airs, print)
+        >>> airs = measured_airs(frame, profiles.levels_fl)
+        >>> found = with_own_air(profiles, a320, airs, print)
+        left out 10 of 19,124 levels at which the air is not known
         >>> ratio = (found.drag_n / profiles.drag_n)[found.mask]  # the example's flights flew in standard air
-        >>> bool((ratio.median() - 1).abs() < 0.005), air.deviation_k.shape
+        >>> bool((ratio.median() - 1).abs() < 0.005), found.air.deviation_k.shape
         (True, torch.Size([120, 191]))
     """
     place = {flight: i for i, flight in enumerate(airs.flight_ids)}
-    known = [i for i, flight in enumerate(profiles.flight_ids) if flight in place]
-    if len(known) < len(profiles):
-        say(f"left out {len(profiles) - len(known)} of {len(profiles)} flight(s) of whose air nothing is known")
-    chosen = profiles.subset(known)
-    air = airs.air.rows([place[flight] for flight in chosen.flight_ids]).levels(0, len(profiles.levels_fl))
+    named = [i for i, flight in enumerate(profiles.flight_ids) if flight in place]
+    chosen = profiles.subset(named)
+    row, n_levels = [place[flight] for flight in chosen.flight_ids], len(profiles.levels_fl)
+    air, known = airs.air.rows(row).levels(0, n_levels), airs.known[row][:, :n_levels]
     drag_n = drag_in_air(aircraft, chosen.cas_mps, chosen.rate_mps, chosen.drag_n, chosen.altitude_m, air)
-    return replace(chosen, drag_n=torch.where(chosen.mask, drag_n, 0.0)), air
+    mask = chosen.mask & known
+    levels_left = int(chosen.mask.sum() - mask.sum())
+    found = replace(chosen, drag_n=torch.where(mask, drag_n, 0.0), mask=mask, air=air)
+    found = found.subset(torch.nonzero(mask.sum(1) >= MIN_LEVELS)[:, 0])
+    if len(found) < len(profiles):
+        say(f"left out {len(profiles) - len(found)} of {len(profiles)} flight(s) of whose air nothing is known")
+    if levels_left:
+        say(f"left out {levels_left:,} of {int(chosen.mask.sum()):,} levels at which the air is not known")
+    return found
+
+
+def in_air_asked(
+    profiles: Profiles, frame: pl.DataFrame, aircraft: Aircraft, split: Split, air: str, say: Callable[[str], None]
+) -> tuple[Profiles, KeptAir | None]:
+    """Training flights with their drag in the air that was asked for, and what a model keeps of it.
+
+    Args:
+        profiles: Flights whose drag was inferred in standard air.
+        frame: The prepared descents that they are of.
+        aircraft: Coefficients that inferred it, at the mass that did.
+        split: Whose training flights' airs are kept.
+        air: ``standard`` or ``measured``.
+        say: Called with a count of the flights of whose air nothing is known.
+
+    Raises:
+        ConfigError: If there is no such air.
+        DataError: If the flights do not report their air.
+
+    Example:
+        >>> import polars as pl
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> frame, a320 = pl.read_parquet("descents.parquet"), aircraft("A320")
+        >>> profiles = profiles_from_frame(frame, a320, bottom_fl=150, top_fl=340)
+        >>> split = Split(profiles.flight_ids, (), ())
+        >>> found, kept = in_air_asked(profiles, frame, a320, split, "measured", print)
+        left out 10 of 19,124 levels at which the air is not known
+        >>> kept.source, len(kept.training) == len(found)
+        ('measured', True)
+    """
+    if air == "standard":
+        return profiles, None
+    if air != "measured":
+        raise ConfigError(f"data.air = {air!r}", expected="standard or measured", mend="choose one of these")
+    airs = measured_airs(frame, profiles.levels_fl)
+    found, train = with_own_air(profiles, aircraft, airs, say), set(split.train)
+    trained = [i for i, flight in enumerate(found.flight_ids) if flight in train]
+    if not airs.wind:
+        say("no flight reports its groundspeed: drag is inferred in still air of the measured temperature")
+    assert found.air is not None
+    return found, KeptAir("measured", airs.wind, found.air.rows(trained))
+
+
+def airs_as_kept(frame: pl.DataFrame, levels_fl: Tensor, kept: KeptAir) -> FlightAirs:
+    """The airs of other flights, found as those of a model's training flights were.
+
+    Raises:
+        ConfigError: If that was a weather file, which a model does not keep.
+
+    Example:
+        >>> import polars as pl
+        >>> from descentflow.air.level_air import LevelAir
+        >>> frame, levels_fl = pl.read_parquet("descents.parquet"), torch.arange(150, 341)
+        >>> kept = KeptAir("measured", True, LevelAir.uniform(levels_fl))
+        >>> len(airs_as_kept(frame, levels_fl, kept).flight_ids)
+        120
+    """
+    if kept.source != "measured":
+        raise ConfigError(
+            "flights beside a model whose air came from a weather file",
+            expected="a model of air as flights measured it",
+            mend="fit with data.air=measured or standard",
+        )
+    return measured_airs(frame, levels_fl, wind=kept.wind)
+
+
+def check_standard_air(representation: Representation, what: str) -> None:
+    """Refuse a model of drag in measured air where flights are flown in standard air alone (ConfigError).
+
+    Args:
+        representation: The model's.
+        what: Who refuses, for the message.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> check_standard_air(load_representation("best.ckpt"), "a program for a simulator")
+    """
+    if representation.air is not None:
+        raise ConfigError(
+            f"{what}, of a model whose drag was inferred in measured air",
+            expected="a model that was fitted with data.air=standard: it flies in standard air alone",
+            mend="fit such a model, or draw its descents with `descentflow sample`, in any air",
+        )

@@ -9,6 +9,7 @@ import polars as pl
 import torch
 from torch import Tensor
 
+from descentflow.air.level_air import LevelAir
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
 from descentflow.core.tensors import Number
@@ -29,7 +30,8 @@ class Profiles:
     """CAS, rate and drag of n flights on L ascending levels; values where ``mask`` is false have no meaning.
 
     Shapes: ``levels_fl`` (L,), all else (n, L); float64. With ``crossovers`` the drag was inferred in each flight's own
-    regime of speed, without them in the type's.
+    regime of speed, without them in the type's; with ``air`` it was in each flight's own air,
+    without it in standard air.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -46,6 +48,7 @@ class Profiles:
     drag_n: Tensor
     mask: Tensor
     crossovers: Crossovers | None = None
+    air: LevelAir | None = None
 
     def __len__(self) -> int:
         """Number of flights."""
@@ -74,6 +77,7 @@ class Profiles:
             self.drag_n[chosen],
             self.mask[chosen],
             crossovers=None if self.crossovers is None else self.crossovers.rows(chosen),
+            air=None if self.air is None else self.air.rows(chosen),
         )
 
     def up_to(self, top_fl: int) -> "Profiles":
@@ -88,6 +92,7 @@ class Profiles:
             self.drag_n[:, :n],
             self.mask[:, :n],
             None if self.crossovers is None else self.crossovers.up_to(n),
+            None if self.air is None else self.air.levels(0, n),
         )
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import torch
 from torch import nn
 
+from descentflow.air.kept_air import KeptAir
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
@@ -67,6 +68,7 @@ class Representation(nn.Module):
         context: ContextEncoder | None = None,
         cleaning: Cleaning | None = None,
         gaps: Gaps | None = "marginal",
+        air: KeptAir | None = None,
     ) -> None:
         """Hold the parts.
 
@@ -83,11 +85,13 @@ class Representation(nn.Module):
                 model is held against; None if they are unknown.
             gaps: What the density is fitted to, see :func:`~descentflow.representation.linear_curves.evidence_of`; None
                 for a checkpoint of before there was a choice, which is fitted to filled gaps.
+            air: In which air drag was inferred, and the training flights' own; None for standard air.
         """
         super().__init__()
         self.decoder, self.plausibility = decoder, plausibility
         self.split, self.provenance = split, provenance
         self.reference, self.context, self.cleaning, self.gaps = reference, context, cleaning, gaps
+        self.air = air
 
     @property
     def n_context(self) -> int:
@@ -104,6 +108,8 @@ class Representation(nn.Module):
         }
         if self.gaps is not None:
             state["gaps"] = self.gaps
+        if self.air is not None:
+            state["air"] = self.air.to_state()
         if self.reference is not None:
             state["reference"] = self.reference
         if self.context is not None:
@@ -127,6 +133,7 @@ class Representation(nn.Module):
             ContextEncoder.from_state(state["context"]) if "context" in state else None,
             cleaning,
             state.get("gaps"),
+            None if state.get("air") is None else KeptAir.from_state(state["air"], len(state["decoder"]["levels_fl"])),
         )
 
 

@@ -1,6 +1,7 @@
 """The one DataModule: splits by flight, fits the representation on the train part, serves what flights show."""
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from lightning.pytorch.utilities import rank_zero_info
 from torch import Tensor
 from torch.utils.data import DataLoader
 
+from descentflow.air.standard_air import in_standard_air
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
@@ -30,6 +32,7 @@ from descentflow.representation.flight_contexts import without_missing
 from descentflow.representation.flight_parts import Part, parts_of, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
+from descentflow.representation.own_air import airs_as_kept, in_air_asked
 from descentflow.representation.plausibility import MARGIN, Bounds
 from descentflow.representation.profiles import Profiles, Speed, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
@@ -82,6 +85,7 @@ class DescentDataModule(LightningDataModule):
         bounds: Bounds = "expected",
         residual: bool = True,
         speed: Speed = "cas",
+        air: str = "standard",
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -118,6 +122,8 @@ class DescentDataModule(LightningDataModule):
             residual: Whether samples have the drag beyond the components, as independent normals.
             speed: How speed is held: ``cas``, one CAS profile and the type's transition altitude, as in the paper; or
                 ``mach_cas``, a Mach number above each flight's own crossover and a CAS below it.
+            air: In which air drag is inferred: ``standard``, or ``measured``: temperature and wind along the track by
+                the flights' own reports (TAS, Mach, groundspeed); that of the checkpoint where one is given.
         """
         super().__init__()
         if seed < 0:
@@ -130,6 +136,7 @@ class DescentDataModule(LightningDataModule):
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
         self.gaps, self.bounds, self.residual, self.speed = gaps, bounds, residual, speed
+        self.air = air
         self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
         self._parts: dict[Part, EncodedFlights] = {}
@@ -155,10 +162,15 @@ class DescentDataModule(LightningDataModule):
                 table = context_of(frame, self.context or [], self.context_table)
                 frame = without_missing(frame, table, self.missing_context, rank_zero_info)
                 profiles, split = self._fresh(frame, source)
+                flown_by = self._flown_by(frame)
+                profiles, kept_air = in_air_asked(profiles, frame, flown_by, split, self.air, rank_zero_info)
                 done.say("fitting components")
                 representation = self._fit(profiles, split, source)
                 levels, seen = profiles.levels_fl, [*split.train, *split.validation]
                 shown = frame.drop(source.computed, strict=False)
+                representation.air = kept_air
+                if kept_air is not None:
+                    shown = in_standard_air(shown, flown_by, airs_as_kept(shown, levels, kept_air), levels)
                 representation.reference = reference_state(shown, float(levels[0]), float(levels[-1]), seen)
                 representation.context = self._encoder(table, split)
                 representation.cleaning = self._cleaning(source)
@@ -261,6 +273,11 @@ class DescentDataModule(LightningDataModule):
                 mend="set data.aircraft (pooling) or data.typecodes (choosing)",
             )
         return find_aircraft(types[0], self.bada_dir)
+
+    def _flown_by(self, frame: pl.DataFrame) -> Aircraft:
+        """The aircraft at the mass that infers its drag."""
+        found = self._aircraft(frame)
+        return found if self.mass_kg is None else replace(found, mass_reference_kg=self.mass_kg)
 
     def _fresh(self, frame: pl.DataFrame, source: Descents) -> tuple[Profiles, Split]:
         """Profiles up to the level that a quarter of the training flights reach, and the split made before."""

@@ -1,7 +1,5 @@
 """The air by aircraft's own reports, with its errors, and drag that does not hold the weather."""
 
-from dataclasses import replace
-
 import polars as pl
 import pytest
 import torch
@@ -12,7 +10,7 @@ import descentflow as df
 from descentflow.air.air_reports import temperature_reports
 from descentflow.air.energy_in_air import drag_in_air, in_air, rate_in_air
 from descentflow.air.level_air import LevelAir
-from descentflow.air.measured_air import FlightAirs, learnt_air, measured_airs
+from descentflow.air.measured_air import FlightAirs, measured_airs
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M, KT_MPS
@@ -50,7 +48,7 @@ def frame(world: World) -> pl.DataFrame:
 
 @pytest.fixture(scope="module")
 def airs(frame: pl.DataFrame) -> FlightAirs:
-    return measured_airs(frame, LEVELS, learnt_air(frame, 150, 340))
+    return measured_airs(frame, LEVELS)
 
 
 def test_a_rate_in_an_air_is_that_of_the_energy_balance_itself() -> None:
@@ -123,7 +121,7 @@ def test_drag_of_warm_windy_days_is_that_of_cold_still_ones(frame: pl.DataFrame,
     still = df.prepare(df.simulate("A320", 100, seed=4).rows, typecode="A320").frame
     a320 = df.aircraft("A320")
     here, there = (profiles_from_frame(one, a320, 150, 340) for one in (frame, still))
-    measured, _ = with_own_air(here, a320, airs, print)
+    measured = with_own_air(here, a320, airs, print)
     both = sorted(set(measured.flight_ids) & set(there.flight_ids))
 
     def ratio(flights: object) -> float:
@@ -151,21 +149,43 @@ def test_rounding_that_stays_is_one_error_of_the_whole_run() -> None:
 def test_flights_that_report_no_airspeed_are_counted(frame: pl.DataFrame) -> None:
     silent = frame["flight_id"].unique().sort()[:7].to_list()
     frame = frame.with_columns(TAS=pl.when(~pl.col("flight_id").is_in(silent)).then("TAS"))
-    found = measured_airs(frame, LEVELS, learnt_air(frame, 150, 340))
+    found = measured_airs(frame, LEVELS)
     assert found.without == 7
     assert not set(silent) & set(found.flight_ids)
     lines: list[str] = []
     profiles = profiles_from_frame(frame, toys.AIRCRAFT, 150, 340)
-    kept, air = with_own_air(profiles, toys.AIRCRAFT, found, lines.append)
-    assert len(kept) == len(air) == len(profiles) - 7
+    kept = with_own_air(profiles, toys.AIRCRAFT, found, lines.append)
+    assert kept.air is not None
+    assert len(kept) == len(kept.air) == len(profiles) - 7
     assert lines == [f"left out 7 of {len(profiles)} flight(s) of whose air nothing is known"]
     with pytest.raises(DataError, match="without true airspeed"):
-        learnt_air(frame.drop("TAS"), 150, 340)
+        measured_airs(frame.drop("TAS"), LEVELS)
 
 
 def test_without_groundspeed_the_air_is_still(frame: pl.DataFrame) -> None:
-    known = learnt_air(frame.drop("groundspeed"), 150, 340)
-    assert known.wind is None
-    assert not bool(measured_airs(frame, LEVELS, known).air.tailwind_mps.any())
-    both = replace(known, wind=learnt_air(frame, 150, 340).wind)
-    assert not measured_airs(frame.drop("groundspeed"), LEVELS, both).flight_ids, "a wind that nobody knows"
+    found = measured_airs(frame.drop("groundspeed"), LEVELS)
+    assert not found.wind
+    assert not bool(found.air.tailwind_mps.any())
+    assert not bool(measured_airs(frame, LEVELS, wind=False).air.tailwind_mps.any())
+    with pytest.raises(DataError, match=r"without true airspeed \(TAS\) and groundspeed"):
+        measured_airs(frame.drop("groundspeed"), LEVELS, wind=True)
+
+
+def test_cold_days_say_nothing_of_warm_ones(frame: pl.DataFrame, airs: FlightAirs) -> None:
+    # Warm flights among three times as many in standard air, which a learnt spread would pull there.
+    still = df.prepare(df.simulate("A320", 300, seed=9).rows, typecode="A320").frame.select(frame.columns)
+    together = measured_airs(pl.concat([frame, still]), LEVELS)
+    row = [together.flight_ids.index(flight) for flight in airs.flight_ids]
+    apart = (together.air.deviation_k[row] - airs.air.deviation_k)[together.known[row] & airs.known]
+    assert float(apart.abs().mean()) < 0.1, "K"
+
+
+def test_where_the_air_is_not_known_it_is_held_and_no_drag_is_inferred(frame: pl.DataFrame) -> None:
+    low = frame.with_columns(TAS=pl.when(pl.col("level_fl") < 200).then("TAS"))
+    found = measured_airs(low, LEVELS)
+    assert bool(found.known[:, 25].any()) and not bool(found.known[:, -1].any())  # noqa: PT018
+    assert torch.equal(found.air.deviation_k[:, -1], found.air.deviation_k[:, -20])
+    lines: list[str] = []
+    kept = with_own_air(profiles_from_frame(low, toys.AIRCRAFT, 150, 340), toys.AIRCRAFT, found, lines.append)
+    assert not bool(kept.mask[:, -1].any())
+    assert "levels at which the air is not known" in lines[-1]

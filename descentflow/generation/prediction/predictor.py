@@ -12,6 +12,7 @@ from descentflow.densities.density import Density
 from descentflow.generation.prediction.posterior import Posterior, Prior, posterior_of, prior_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
+from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.profiles import Profiles, observed_profiles
 
 MULTIPLES = (1.0, 3.0, 10.0, 30.0)
@@ -72,6 +73,7 @@ class DescentPredictor:
             density: A density with its representation.
             seed: Of the proposal mixture for a density without a closed form.
         """
+        check_standard_air(density.representation, "a prediction of the rest of a descent")
         self.representation = density.representation
         self.curves: LinearCurves = linear_curves(self.representation.decoder)
         self.density, self.seed = density, seed

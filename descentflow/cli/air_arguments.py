@@ -1,0 +1,39 @@
+"""The air of samples on the command line."""
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the argument that sets the air."""
+    parser.add_argument(
+        "--air",
+        nargs="+",
+        metavar="AIR",
+        help="air of all descents: deviation_k=10 (K from the standard atmosphere), tailwind_growth=1.5 (kt more "
+        "tailwind for each 1,000 ft), or both; a .csv or .parquet table with level_fl, deviation_k and tailwind (kt); "
+        "standard; or training, drawn from the training flights' own (default for a model fitted with "
+        "data.air=measured; standard for others)",
+    )
+
+
+def air_of(args: argparse.Namespace) -> dict[str, str] | Path | str | None:
+    """The air that the words stand for; None if there are none.
+
+    Raises:
+        ConfigError: If a word is neither NAME=VALUE nor the only one.
+    """
+    from descentflow.core.errors import ConfigError
+
+    if not args.air:
+        return None
+    pairs = [word.partition("=") for word in args.air]
+    if len(pairs) == 1 and not pairs[0][1]:
+        return str(args.air[0])
+    if any(not equals for _, equals, _ in pairs) or len({name for name, _, _ in pairs}) < len(pairs):
+        raise ConfigError(
+            f"--air {' '.join(args.air)}",
+            expected="NAME=VALUE, each name once, or one of standard, training and a table",
+            mend="write for instance --air deviation_k=10",
+        )
+    return {name: value for name, _, value in pairs}

@@ -1,0 +1,132 @@
+"""The air that samples are flown in: one for all, by level from a table, or the training flights' own."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import torch
+from torch import Tensor
+
+from descentflow.air.kept_air import STRONGEST_MPS, WARMEST_K
+from descentflow.air.level_air import LevelAir
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.units import KT_MPS
+from descentflow.representation.context_columns import read_table
+from descentflow.representation.representation import Representation
+
+Airs = str | Path | Mapping[str, Any] | pl.DataFrame | LevelAir
+"""``standard``, ``training``, values by name, or a table (in memory or as a path)."""
+STANDARD, TRAINING = "standard", "training"
+GROWTH = "tailwind_growth"
+NAMES = ("deviation_k", GROWTH)
+"""What is given for all levels: kelvins, and knots of tailwind more for each 1,000 ft."""
+COLUMNS = ("deviation_k", "tailwind")
+"""What a table has beside ``level_fl``: kelvins, and knots from behind; the second may be absent."""
+TABLES = (".csv", ".parquet")
+
+
+def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | None:
+    """Airs (m, L) to fly in on a model's grid; None for standard air.
+
+    Args:
+        asked: ``standard``; ``training``: drawn from the training flights' own, for a model of drag in measured air;
+            ``{"deviation_k": 10, "tailwind_growth": 1.5}``; or a table with ``level_fl``, ``deviation_k`` and
+            ``tailwind`` (kt), linear between its levels and held outside of them. If absent, ``training`` where the
+            model knows the training flights' airs, else ``standard``.
+        representation: The model's.
+
+    Raises:
+        ConfigError: If there is no such air, or a value cannot be.
+        DataError: If the table cannot be read, or lacks a column.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> known = load_representation("best.ckpt")
+        >>> airs_of(None, known) is None  # its drag was inferred in standard air
+        True
+        >>> airs_of({"deviation_k": 10}, known).deviation_k[0, :2]
+        tensor([10., 10.], dtype=torch.float64)
+        >>> table = pl.DataFrame({"level_fl": [100, 300], "deviation_k": [10.0, 20.0]})
+        >>> bool(airs_of(table, known).deviation_k[0, 0] == 12.5)  # at FL150
+        True
+    """
+    levels_fl, kept = representation.decoder.levels_fl.cpu(), representation.air
+    if asked is None:
+        asked = STANDARD if kept is None else TRAINING
+    if isinstance(asked, LevelAir):
+        return _checked(asked, len(levels_fl))
+    if isinstance(asked, Mapping):
+        return _of_values(asked, levels_fl)
+    if isinstance(asked, pl.DataFrame) or Path(asked).suffix in TABLES:
+        return _of_table(asked if isinstance(asked, pl.DataFrame) else read_table(Path(asked)), levels_fl)
+    if asked == STANDARD:
+        return None
+    if asked == TRAINING:
+        if kept is None:
+            raise ConfigError(
+                "the training flights' own airs, of a model that does not know them",
+                expected="a model that was fitted with data.air=measured",
+                mend="fit such a model, or give an air: deviation_k=10",
+            )
+        return kept.training
+    raise ConfigError(
+        f"the air {str(asked)!r}",
+        expected=f"{STANDARD}, {TRAINING}, {' or '.join(f'{n}=VALUE' for n in NAMES)}, or a .csv or .parquet table",
+        mend="write for instance deviation_k=10",
+    )
+
+
+def _of_values(values: Mapping[str, Any], levels_fl: Tensor) -> LevelAir:
+    unknown = [name for name in values if name not in NAMES]
+    numbers: dict[str, float] = {}
+    for name, value in values.items():
+        try:
+            numbers[name] = float(value)
+        except (TypeError, ValueError):
+            unknown.append(f"{name}={value}")
+    if unknown or not numbers:
+        raise ConfigError(
+            f"an air with {', '.join(unknown) or 'no value'}",
+            expected="deviation_k (K from the standard atmosphere) and tailwind_growth (kt for each 1,000 ft)",
+            mend="write for instance deviation_k=10 tailwind_growth=1.5",
+        )
+    air = LevelAir.uniform(levels_fl, numbers.get("deviation_k", 0.0))
+    # No wind at the lowest level: what it is there does not change how a descent is flown.
+    growth = numbers.get(GROWTH, 0.0) * KT_MPS * (levels_fl - levels_fl[0]).double() / 10
+    return _checked(LevelAir(air.deviation_k, growth[None]), len(levels_fl))
+
+
+def _of_table(table: pl.DataFrame, levels_fl: Tensor) -> LevelAir:
+    kept = table.select(name for name in ("level_fl", *COLUMNS) if name in table.columns)
+    numeric = all(kept[name].dtype.is_numeric() for name in kept.columns)
+    if not {"level_fl", "deviation_k"} <= set(kept.columns) or kept.is_empty() or not numeric:
+        raise DataError(
+            f"a table of air with {', '.join(table.columns)} and {len(table)} rows",
+            expected="for each level numbers: level_fl, deviation_k (K) and, if there is wind, tailwind (kt)",
+            mend="add the columns",
+        )
+    kept = kept.with_columns(pl.all().cast(pl.Float64)).sort("level_fl")
+    if kept["level_fl"].n_unique() < len(kept):
+        raise DataError("a table of air with a level twice", expected="one row for each level", mend="keep one of each")
+    at = levels_fl.numpy()
+    parts = [
+        np.interp(at, kept["level_fl"], kept[name]) if name in kept.columns else np.zeros(len(at)) for name in COLUMNS
+    ]
+    deviation, tailwind = (torch.from_numpy(part)[None] for part in parts)
+    return _checked(LevelAir(deviation, tailwind * KT_MPS), len(levels_fl))
+
+
+def _checked(air: LevelAir, n_levels: int) -> LevelAir:
+    """Refuse what no air on earth is."""
+    warmest, strongest = float(air.deviation_k.abs().max()), float(air.tailwind_mps.abs().max())
+    shapes = air.deviation_k.shape[1:], air.tailwind_mps.shape[1:]
+    if shapes != ((n_levels,), (n_levels,)) or not (warmest <= WARMEST_K and strongest <= STRONGEST_MPS):
+        raise ConfigError(
+            f"an air of up to {warmest:g} K from the standard atmosphere and {strongest / KT_MPS:.0f} kt, on "
+            f"{shapes[0][0]} levels",
+            expected=f"up to {WARMEST_K:g} K and {STRONGEST_MPS / KT_MPS:.0f} kt, on the model's {n_levels} levels",
+            mend="check the units",
+        )
+    return air

@@ -1,0 +1,177 @@
+"""Models of drag in measured air: what they keep, what they fly in, and what refuses them."""
+
+import warnings
+from pathlib import Path
+
+import polars as pl
+import pytest
+import torch
+
+import descentflow as df
+from descentflow.air.kept_air import KeptAir
+from descentflow.air.level_air import LevelAir
+from descentflow.air.measured_air import measured_airs
+from descentflow.air.standard_air import in_standard_air
+from descentflow.core.errors import CheckpointError, ConfigError, DataError
+from descentflow.core.units import KT_MPS
+from descentflow.generation.rejection import sample_descents
+from descentflow.generation.sample_airs import airs_of
+from descentflow.representation.decoder.flown_air import flown_in
+from descentflow.representation.read_checkpoint import load_representation
+from descentflow.simulation.world_config import WorldConfig
+from descentflow.surveillance.descents.prepared_descents import Descents
+from descentflow.training.datamodule import DescentDataModule
+
+DAYS = WorldConfig(deviation_mean_k=5.0, deviation_spread_k=4.0, wind_slope_spread_per_s=0.001)
+
+
+@pytest.fixture(scope="module")
+def descents() -> Descents:
+    return df.prepare(df.simulate("A320", 120, seed=6, scenario=DAYS).rows, typecode="A320")
+
+
+@pytest.fixture(scope="module")
+def checkpoint(descents: Descents, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("air") / "measured.ckpt"
+    df.fit(DescentDataModule(descents, air="measured"), model="gaussian", out=path)
+    return path
+
+
+def test_samples_are_flown_in_the_training_flights_airs_unless_another_is_asked(checkpoint: Path) -> None:
+    kept = load_representation(checkpoint).air
+    assert kept is not None and kept.wind  # noqa: PT018
+    drawn = df.sample(checkpoint, 300, seed=1)
+    assert drawn.air is not None
+    # A quarter of the spread of the mean of 300 draws, four sigma: never in a fixed seed.
+    spread = float(kept.training.deviation_k.mean(1).std())
+    assert abs(float(drawn.air.deviation_k.mean() - kept.training.deviation_k.mean())) < 4 * spread / 300**0.5
+    assert {"deviation_k", "tailwind"} < set(drawn.to_polars().columns)
+    warm = df.sample(checkpoint, 300, seed=1, air={"deviation_k": 20})
+    assert warm.to_polars()["deviation_k"].unique().to_list() == [20.0]
+    still = df.sample(checkpoint, 300, seed=1, air="standard")
+    assert still.air is None
+    assert "deviation_k" not in still.to_polars().columns
+    # Some 0.22 % slower for each kelvin (the energy equation at constant CAS and Mach number).
+    slower = float(warm.trajectories.time_s[:, 0].mean() / still.trajectories.time_s[:, 0].mean()) - 1
+    assert 0.03 < slower < 0.06
+
+
+def test_one_air_flies_as_the_decoder_does_with_it(checkpoint: Path) -> None:
+    parts = load_representation(checkpoint)
+    density = df.load(checkpoint)
+    weights, levels = density.sample(20, seed=3), parts.decoder.levels_fl
+    flown = parts.decoder(weights)
+    wind = torch.linspace(0, 30, len(levels), dtype=torch.float64)[None]
+    air = LevelAir(LevelAir.uniform(levels, deviation_k=12.0).deviation_k, wind)
+    found = flown_in(parts.decoder.aircraft, flown, air)
+    directly = parts.decoder(weights, deviation_k=12.0, wind_mps=wind)
+    torch.testing.assert_close(found.rate_mps, directly.rate_mps, rtol=1e-9, atol=0)
+    torch.testing.assert_close(found.tas_mps, directly.tas_mps, rtol=1e-12, atol=0)
+    # Between levels the ratio of both rates is taken as linear, also in the cell of the transition.
+    assert float((found.time_s - directly.time_s).abs().max()) < 0.05
+
+
+def test_a_table_by_level_and_the_wind_over_the_ground(checkpoint: Path, tmp_path: Path) -> None:
+    table = pl.DataFrame({"level_fl": [150, 350], "deviation_k": [0, 20], "tailwind": [10.0, 50.0]})
+    table.write_csv(tmp_path / "air.csv")
+    samples = df.sample(checkpoint, 20, seed=0, air=tmp_path / "air.csv", entry_fl=300)
+    row = samples.to_polars().filter(level_fl=250).row(0, named=True)
+    assert (row["deviation_k"], row["tailwind"]) == pytest.approx((10.0, 30.0))
+    fall = row["vertical_rate"] * 0.3048 / 60 / KT_MPS
+    assert row["groundspeed"] == pytest.approx((row["TAS"] ** 2 - fall**2) ** 0.5 + 30, rel=1e-6)
+    placed = samples.placed(end=(52.0, 4.0), track=90.0, wind="270/30")
+    with pytest.raises(ConfigError, match="in a wind of their own"):
+        placed.to_polars()
+
+
+def test_airs_that_cannot_be_are_refused(checkpoint: Path) -> None:
+    parts = load_representation(checkpoint)
+    with pytest.raises(ConfigError, match="expected standard, training"):
+        airs_of("hot", parts)
+    with pytest.raises(ConfigError, match="an air with wind"):
+        airs_of({"wind": 3}, parts)
+    with pytest.raises(ConfigError, match="up to 300 K"):
+        airs_of({"deviation_k": 300}, parts)
+    with pytest.raises(ConfigError, match="up to nan K"):
+        airs_of({"deviation_k": "nan"}, parts)
+    with pytest.raises(DataError, match="a level twice"):
+        airs_of(pl.DataFrame({"level_fl": [1, 1], "deviation_k": [1, 2]}), parts)
+
+
+def test_each_flight_is_held_against_samples_in_its_own_air(checkpoint: Path, descents: Descents) -> None:
+    parts, density = load_representation(checkpoint), df.load(checkpoint)
+    n_levels, top = len(parts.decoder.levels_fl), len(parts.decoder.levels_fl) - 1
+    airs = LevelAir(torch.tensor([[0.0], [30.0]]).double().expand(2, n_levels), torch.zeros(2, n_levels).double())
+    entry = torch.tensor([top - 10, top])
+    found = sample_descents(density, parts.decoder, parts.plausibility, 50, 0, entry=entry, air=airs)
+    assert found.air is not None
+    warm = found.air.deviation_k[:, 0] == 30
+    assert torch.equal(found.trajectories.entry == top, warm), "an entry level comes with the air of its flight"
+    assert df.evaluate(checkpoint, descents, n=200, n_splits=2).rejections.accepted == 200
+
+
+def test_what_flies_in_standard_air_alone_refuses_such_a_model(
+    checkpoint: Path, descents: Descents, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match="a generator of single descents"):
+        df.Generator(checkpoint)
+    with pytest.raises(ConfigError, match="a prediction of the rest"):
+        df.predict(checkpoint, descents, from_fl=250, n=10)
+    with pytest.raises(ConfigError, match="an exported program"):
+        df.export(checkpoint, "onnx", tmp_path / "model.onnx")
+
+
+def test_a_checkpoint_with_another_air_is_refused(checkpoint: Path, tmp_path: Path) -> None:
+    for number, (name, value) in enumerate(
+        (("source", "guessed"), ("deviation_k", torch.zeros(3, 7)), ("tailwind_mps", torch.tensor([[torch.nan]])))
+    ):
+        content = torch.load(checkpoint, weights_only=True)
+        content["descentflow"]["representation"]["air"][name] = value
+        path = tmp_path / f"{number}.ckpt"
+        torch.save(content, path)
+        with pytest.raises(CheckpointError):
+            df.load(path)
+    with pytest.raises(CheckpointError):
+        KeptAir.from_state({}, 3)
+
+
+def test_the_air_is_named_where_a_model_is_told(checkpoint: Path, descents: Descents) -> None:
+    from descentflow.densities.checkpoint_summary import checkpoint_summary
+
+    assert "air: as flights measured it: temperature ISA +" in str(checkpoint_summary(checkpoint))
+    with pytest.raises(ConfigError, match=r"data\.air = 'warm'"):
+        DescentDataModule(descents, air="warm").setup()
+
+
+@pytest.mark.slow
+def test_a_diagnosis_does_not_name_the_weather_that_the_model_knows(tmp_path: Path) -> None:
+    # Aircraft of cold still days, and others on days of ISA + 12 K with 2.4 kt more tailwind for each 1,000 ft.
+    learnt = df.prepare(df.simulate("A320", 200, seed=1).rows, typecode="A320")
+    weather = WorldConfig(deviation_mean_k=12.0, deviation_spread_k=3.0, wind_slope_mean_per_s=0.004)
+    warm = df.prepare(df.simulate("A320", 200, seed=2, scenario=weather).rows, typecode="A320")
+    for air, weather_is_named in (("standard", True), ("measured", False)):
+        df.fit(DescentDataModule(learnt, air=air), model="gaussian", out=tmp_path / f"{air}.ckpt")
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            found = df.diagnose(warm, tmp_path / f"{air}.ckpt")
+        named = {cause.effect for cause in found.causes}
+        assert bool(named & {"temperature", "wind_gradient"}) is weather_is_named
+        assert any("compared in standard air" in str(one.message) for one in said) is not weather_is_named
+
+
+def test_flights_are_the_same_in_standard_air_whatever_air_they_flew_in() -> None:
+    # One seed is the same aircraft, mass and speed in both worlds.
+    a320, levels_fl = df.aircraft("A320"), torch.arange(150, 331).double()
+    tables = []
+    for world in (WorldConfig(), DAYS):
+        frame = df.prepare(df.simulate("A320", 60, seed=8, scenario=world).rows, typecode="A320").frame
+        still = in_standard_air(frame, a320, measured_airs(frame, levels_fl), levels_fl)
+        took = still.group_by("flight_id").agg(seconds=pl.max("time_s") - pl.min("time_s"), levels=pl.len())
+        tables.append(
+            still.group_by("flight_id").agg(pl.mean("vertical_rate", "TAS", "groundspeed")).join(took, on="flight_id")
+        )
+    both = tables[0].join(tables[1], on="flight_id", suffix="_there").filter(pl.col("levels") == pl.col("levels_there"))
+    assert len(both) > 10
+    for name, allowed in (("vertical_rate", 0.01), ("TAS", 0.002), ("groundspeed", 0.004), ("seconds", 0.01)):
+        apart = both[f"{name}_there"] / both[name] - 1
+        assert abs(float(apart.median())) < allowed, name  # type: ignore[arg-type]

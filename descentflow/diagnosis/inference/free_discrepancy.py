@@ -74,7 +74,7 @@ class FreeDiscrepancy:
         for own in fit.per_flight.values():
             shift = shift + own.shift
         theta = {name: alike.get(name, fit.theta[name]) for name in fit.theta}
-        return replace(fit, theta=theta, shift=shift, design=design, log_score=beside.log_score)
+        return replace(fit, theta=theta, shift=shift, kept=lambda: design, log_score=beside.log_score)
 
     def _left_to_it(self, fit: Fit, design: Design) -> tuple[Tensor, Tensor]:
         """Information (e, e) and gradient (e,) of a discrepancy once all else has explained what it can."""

@@ -7,7 +7,7 @@ variance can never name a mechanism; the mean is estimated along with the effect
 log score.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -31,6 +31,10 @@ SHOWN_SPREAD = 1e-9
 """Sensitivities that vary by less between flights are alike for all of them, and the free mean contains them."""
 
 
+DESIGNS = 4
+"""Designs of fits that are kept."""
+
+
 @dataclass(frozen=True)
 class FlightShares:
     """What each flight has of an effect that flights have each in their own way.
@@ -52,9 +56,9 @@ class FlightShares:
 class Fit:
     """Some effects, fitted together.
 
-    ``theta`` by effect; ``shift`` (n, p) that is expected of each flight, zero for the simulator's flights; ``design``
-    what else is linear; ``log_score`` (n,) of each flight, held out, up to a constant that all fits share;
-    ``per_flight`` what each flight has of the effects that differ by flight.
+    ``theta`` by effect; ``shift`` (n, p) that is expected of each flight, zero for the simulator's flights; ``kept``
+    gives what else is linear, see :meth:`EffectsLikelihood.kept`; ``log_score`` (n,) of each flight, held out, up to a
+    constant that all fits share; ``per_flight`` what each flight has of the effects that differ by flight.
 
     Example:
         >>> from descentflow.diagnosis.inference.search import fit_effects
@@ -69,9 +73,14 @@ class Fit:
     effects: tuple[str, ...]
     theta: dict[str, Tensor]
     shift: Tensor
-    design: Design
+    kept: Callable[[], Design]
     log_score: Tensor
     per_flight: Mapping[str, FlightShares] = field(default_factory=dict)
+
+    @property
+    def design(self) -> Design:
+        """What is linear about the fit."""
+        return self.kept()
 
 
 class EffectsLikelihood(EffectShifts):
@@ -109,6 +118,7 @@ class EffectsLikelihood(EffectShifts):
         self.fold = folds_of(compared.airframe, compared.real, seed)
         self.qy = whitening.apply(self.y)
         self._products, self._beside = Recent[Tensor](KEPT), Recent[tuple[Tensor, Tensor]](1)
+        self._designs = Recent[Design](DESIGNS)
         if nuisance is not None:
             self.common = Common(
                 nuisance, whitening.apply(nuisance), torch.zeros(nuisance.shape[2], dtype=self.y.dtype)
@@ -128,18 +138,12 @@ class EffectsLikelihood(EffectShifts):
         """Precision of each flight by itself, without what is negligible for means."""
         return self.whitening.of_single_flights(self.compared.y.isfinite())
 
-    @cached_property
-    def starts(self) -> dict[str, Design]:
-        """Sensitivities of every effect where its fits start; of windowed ones, those in every band."""
-        found = {}
-        for name in self.catalogue:
-            windowed = self.windowed(name)
-            if windowed is None:
-                own = self.jacobian(name, self.start_of(name))
-            else:
-                own = band_columns(self, windowed, FIRST_SIZE)
-            found[name] = self.with_common(own)
-        return found
+    def at_start(self, name: str) -> Design:
+        """Sensitivities of an effect where its fits start; of a windowed one, those in every band."""
+        windowed = self.windowed(name)
+        if windowed is None:
+            return self.with_common(self.jacobian(name, self.start_of(name)))
+        return self.with_common(band_columns(self, windowed, FIRST_SIZE))
 
     def _habits(self) -> Common:
         """Sensitivities that tell flights of one side apart, for all flights alike, with a weak prior."""
@@ -173,6 +177,21 @@ class EffectsLikelihood(EffectShifts):
         prior, k = found.own_ridge.clone(), found.n_parameters - e
         prior[k : k + e] = ridge
         return replace(found, own_ridge=prior, n_parameters=k)
+
+    def kept(self, make: Callable[[], Design]) -> Callable[[], Design]:
+        """A design that is kept for a while, and made again when it is asked for later.
+
+        Those of all fits of a search would be some gigabytes at 2,000 flights.
+
+        Example:
+            >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+            >>> likelihood = example_likelihood()
+            >>> design = likelihood.kept(lambda: likelihood.design({}))
+            >>> design() is design()
+            True
+        """
+        key = object()
+        return lambda: self._designs.get(key, make)
 
     def _weighted_jacobian(self, name: str, theta: Tensor) -> Tensor:
         """Precision times the sensitivity (r, p, k) of the real flights."""

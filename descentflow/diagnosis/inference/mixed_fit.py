@@ -86,15 +86,22 @@ def _mixed(
     theta = {name: flights.laws[name] if name in flights.laws else alike[name] for name in fit.theta}
     signatures = signature_columns(likelihood, theta)
     held = _held_entries(likelihood, flights)[likelihood.real][:, :, None]
-    own = {name: likelihood.real_jacobian(name, value) for name, value in theta.items()}
-    moved = [torch.where(held & (name in alike), 0.0, columns) for name, columns in own.items()]
-    design = cleaned.joined([own[name] for name in alike] + [own[next(iter(own))][:, :, :0]], signatures)
+
+    def design() -> Design:
+        own = {name: likelihood.real_jacobian(name, value) for name, value in theta.items()}
+        moved = [torch.where(held & (name in alike), 0.0, columns) for name, columns in own.items()]
+        return likelihood.joined(moved, signatures)
+
+    of_alike = [likelihood.real_jacobian(name, theta[name]) for name in alike]
+    none = likelihood.real_jacobian(next(iter(theta)), theta[next(iter(theta))])[:, :, :0]
     return Fit(
         fit.effects,
         theta,
         likelihood.shift(alike) + flights.shift(),
-        likelihood.joined(moved, signatures),
-        _log_score(likelihood, cleaned, flights, likelihood.shift(alike), design),
+        likelihood.kept(design),
+        _log_score(
+            likelihood, cleaned, flights, likelihood.shift(alike), cleaned.joined([*of_alike, none], signatures)
+        ),
         flights.shares(),
     )
 

@@ -50,8 +50,8 @@ def fit_effects(
     learnt = with_heterogeneity(likelihood, theta)
     if learnt is not None:
         theta = ascend(likelihood, learnt)
-    shift, design = likelihood.shift(theta), likelihood.design(theta)
-    return with_flight_laws(likelihood, Fit(tuple(effects), theta, shift, design, likelihood.log_score(shift, design)))
+    shift, kept = likelihood.shift(theta), likelihood.kept(lambda: likelihood.design(theta))
+    return with_flight_laws(likelihood, Fit(tuple(effects), theta, shift, kept, likelihood.log_score(shift, kept())))
 
 
 def score_test_gain(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, float]:
@@ -68,7 +68,8 @@ def score_test_gain(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, f
         'temperature'
     """
     rest, found = likelihood.weighted_rest(shift), {}
-    for name, design in likelihood.starts.items():
+    for name in likelihood.catalogue:
+        design = likelihood.at_start(name)
         moments, windowed = likelihood.moments(rest, design), likelihood.windowed(name)
         if windowed is not None:
             n_bands = design.own.shape[2]

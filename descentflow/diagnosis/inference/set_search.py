@@ -58,11 +58,12 @@ class SetSearch:
         self.likelihood, self.progress = likelihood, progress
         self.discrepancy = FreeDiscrepancy(likelihood, discrepancy)
         self.fits: dict[frozenset[str], Fit] = {frozenset(): null}
-        fitted = {name: single.fit for name, single in singles.items() if single.fit.design is not null.design}
+        fitted = {name: single.fit for name, single in singles.items() if single.fit.kept is not null.kept}
         for name, fit in fitted.items():
             self.fits[frozenset([name])] = fit
         self.start = {name: single.fit.theta[name] for name, single in singles.items()}
         self.credible: dict[tuple[Names, str], bool] = {}
+        self.costs: dict[Names, float] = {}
         self.promised: dict[Names, dict[str, float]] = {}
         self.lack: dict[str, float] = {}
         self.scores: dict[tuple[tuple[Member, ...], Names, bool], dict[Names, float]] = {}
@@ -166,7 +167,7 @@ class SetSearch:
         """What the search holds against each other: held-out log score with priors, the better of with and without."""
         prior = LOG_PRIOR_ODDS * len(fit.effects)
         beside = self.discrepancy.beside(fit)
-        plain = float(fit.log_score.sum()) - self.likelihood.improbability(fit.shift, fit.design)
+        plain = float(fit.log_score.sum()) - self._cost(fit, free=False)
         return prior + max(plain, float(beside.log_score.sum()) - beside.cost + LOG_PRIOR_ODDS)
 
     def _credible_part(self, fit: Fit) -> Fit:
@@ -196,7 +197,11 @@ class SetSearch:
 
     def _cost(self, fit: Fit, free: bool) -> float:
         """Nats by which what a set says of its signatures, and of a discrepancy, is improbable."""
-        return self.discrepancy.beside(fit).cost if free else self.likelihood.improbability(fit.shift, fit.design)
+        if free:
+            return self.discrepancy.beside(fit).cost
+        if fit.effects not in self.costs:
+            self.costs[fit.effects] = self.likelihood.improbability(fit.shift, fit.design)
+        return self.costs[fit.effects]
 
     def _screened(self, members: Sequence[Member], beside: Fit) -> list[Names]:
         """Sets that none of their effects could be taken out of without loss, best first.
@@ -243,8 +248,8 @@ class SetSearch:
                 flights = without_laws(self.likelihood, beside)
                 more = Screening(flights, others, *extra).scores(sets_of(others, MAX_EFFECTS - len(laws)))
                 known = self.discrepancy.beside(beside).log_score if free else beside.log_score
-                cost = self.likelihood.improbability(beside.shift, beside.design)
-                offset = float(known.sum()) - cost - more[tuple(sorted(set(beside.effects) - laws))]
+                of_beside = float(known.sum()) - self._cost(beside, free=False)
+                offset = of_beside - more[tuple(sorted(set(beside.effects) - laws))]
                 found = {names: score for names, score in found.items() if not laws <= set(names)}
                 found |= {tuple(sorted({*names, *laws})): score + offset for names, score in more.items()}
             self.scores[key] = found
@@ -288,4 +293,4 @@ def _is_whole(names: Names, scores: Mapping[Names, float]) -> bool:
 def _reordered(likelihood: EffectsLikelihood, fit: Fit, names: Names) -> Fit:
     """The same fit with its effects in another order."""
     theta = {name: fit.theta[name] for name in names}
-    return replace(fit, effects=names, theta=theta, design=likelihood.design(theta))
+    return replace(fit, effects=names, theta=theta, kept=likelihood.kept(lambda: likelihood.design(theta)))

@@ -80,7 +80,7 @@ def best_window(shifts: EffectShifts, effect: WindowedEffect, moments: Moments, 
         >>> from descentflow.effects import EFFECTS
         >>> brakes = EFFECTS["speed_brake"]
         >>> likelihood = example_likelihood(brakes, [0.3, 200, 240, 1, 0, 0, 0, 0])
-        >>> moments = likelihood.moments(likelihood.qy, likelihood.starts["speed_brake"])
+        >>> moments = likelihood.moments(likelihood.qy, likelihood.at_start("speed_brake"))
         >>> found = best_window(likelihood, brakes, moments, 11, 0.3)
         >>> round(found.low_fl), round(found.high_fl)
         (200, 240)

@@ -8,7 +8,7 @@ import argparse
 import importlib
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,13 +97,14 @@ def constants() -> list[Constant]:
     ]
 
 
-def diagnosis_of(folder: Path, name: str, flights: int, seed: int) -> Diagnosis:
-    """A set made ready for the selection."""
+def ready_to_diagnose(folder: Path, name: str, flights: int, seed: int) -> Callable[[], Diagnosis]:
+    """A set that is measured; a diagnosis of it begins with the constants of its time."""
     simulator = descents(folder, "simulator", {}, flights, seed)
     opened = open_both(descents(folder, name, SETS[name], flights, seed + 1), simulator, SignatureSource("A320"))
     asked = Settings(opened.simulator, EFFECTS, CHANNELS, 0, lambda _: None)
     sides = both_sides(asked.simulator, opened.frame, asked.channels, 0)
-    return Diagnosis(compare(sides.reference, sides.real, asked.simulator.aircraft), asked, sides.source)
+    compared = compare(sides.reference, sides.real, asked.simulator.aircraft)
+    return lambda: Diagnosis(compared, asked, sides.source)
 
 
 def descents(folder: Path, name: str, plant: dict[str, dict[str, float]], flights: int, seed: int) -> Path:
@@ -122,6 +123,10 @@ def says(diagnosis: Diagnosis, chosen: Chosen) -> str:
     return f"{', '.join(parts) or 'nothing'} ({diagnosis.verdict(0.0, chosen)})"
 
 
+def _answer(diagnosis: Diagnosis) -> str:
+    return says(diagnosis, select(diagnosis.searched, diagnosis.discrepancy, lambda _: None))
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -134,10 +139,10 @@ def main() -> None:
     torch.set_num_threads(1)
     warnings.simplefilter("ignore", DescentflowWarning)
     with tempfile.TemporaryDirectory() as name:
-        ready = {one: diagnosis_of(Path(name), one, args.flights, args.seed) for one in args.sets}
+        ready = {one: ready_to_diagnose(Path(name), one, args.flights, args.seed) for one in args.sets}
 
         def answers() -> dict[str, str]:
-            return {one: says(d, select(d.searched, d.discrepancy, lambda _: None)) for one, d in ready.items()}
+            return {one: _answer(begin()) for one, begin in ready.items()}
 
         usual = answers()
         for one, answer in usual.items():

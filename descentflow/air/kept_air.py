@@ -19,18 +19,18 @@ class KeptAir:
     """How drag was inferred in the air of each flight, and the airs that samples are drawn with.
 
     Attributes:
-        source: ``measured`` by the flights' own reports, or ``field``: looked up in a weather file.
+        source: ``measured`` by the flights' own reports.
         wind: Whether the wind was known; still air if not.
         training: (m, L) airs of the training flights, on the decoder's grid.
 
     Example:
         >>> levels_fl = torch.arange(150, 341)
-        >>> kept = KeptAir("field", False, LevelAir.uniform(levels_fl, deviation_k=10.0))
+        >>> kept = KeptAir("measured", False, LevelAir.uniform(levels_fl, deviation_k=10.0))
         >>> KeptAir.from_state(kept.to_state(), len(levels_fl)).training.deviation_k.shape
         torch.Size([1, 191])
     """
 
-    source: Literal["measured", "field"]
+    source: Literal["measured"]
     wind: bool
     training: LevelAir
 
@@ -64,14 +64,14 @@ class KeptAir:
             and len(deviation) > 0
             and bool((deviation.abs() <= WARMEST_K).all() and (tailwind.abs() <= STRONGEST_MPS).all())
         )
-        if not whole or source not in ("measured", "field") or not isinstance(wind, bool):
+        if not whole or source != "measured" or not isinstance(wind, bool):
             raise CheckpointError(
                 f"the air of source {source!r}",
                 expected=f"temperature deviation and wind of training flights on {n_levels} levels",
                 mend="take the file as `descentflow fit` wrote it, or fit again",
             )
         assert isinstance(deviation, torch.Tensor) and isinstance(tailwind, torch.Tensor)  # noqa: PT018 - for mypy
-        return cls("field" if source == "field" else "measured", wind, LevelAir(deviation.double(), tailwind.double()))
+        return cls("measured", wind, LevelAir(deviation.double(), tailwind.double()))
 
     def describe(self) -> str:
         """One line: where it comes from, and what the training flights' air was."""

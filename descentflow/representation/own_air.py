@@ -104,9 +104,6 @@ def in_air_asked(
 def airs_as_kept(frame: pl.DataFrame, levels_fl: Tensor, kept: KeptAir) -> FlightAirs:
     """The airs of other flights, found as those of a model's training flights were.
 
-    Raises:
-        ConfigError: If that was a weather file, which a model does not keep.
-
     Example:
         >>> import polars as pl
         >>> from descentflow.air.level_air import LevelAir
@@ -115,12 +112,6 @@ def airs_as_kept(frame: pl.DataFrame, levels_fl: Tensor, kept: KeptAir) -> Fligh
         >>> len(airs_as_kept(frame, levels_fl, kept).flight_ids)
         120
     """
-    if kept.source != "measured":
-        raise ConfigError(
-            "flights beside a model whose air came from a weather file",
-            expected="a model of air as flights measured it",
-            mend="fit with data.air=measured or standard",
-        )
     return measured_airs(frame, levels_fl, wind=kept.wind)
 
 

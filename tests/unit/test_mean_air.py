@@ -28,7 +28,7 @@ def in_own_air(sides: Compared, deviation_k: Tensor) -> Compared:
     y, at = sides.y.clone(), torch.nonzero(sides.real)[:, 0]
     for flight, kelvin in zip(at.tolist(), deviation_k, strict=True):
         state = sides.state.rows(torch.tensor([flight]))
-        y[flight] += replace(sides, entries=sides.entries).vector(WARM.shift(state, kelvin[None]))[0]
+        y[flight] += sides.vector(WARM.shift(state, kelvin[None]))[0]
     return replace(sides, y=y)
 
 

@@ -7,12 +7,13 @@ from pathlib import Path
 
 from torch import Tensor
 
+from descentflow.air.weather_file import SUFFIXES
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M
 from descentflow.positions.ground_path import GroundPath, Point, path_along, path_to
 from descentflow.positions.placing import Positions, place
 from descentflow.positions.wind_by_level import Wind, wind_of_text
-from descentflow.positions.wind_field import SUFFIXES, read_wind_field
+from descentflow.positions.wind_field import read_wind_field
 from descentflow.representation.decoder.trajectories import Trajectories
 
 

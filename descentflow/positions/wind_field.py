@@ -2,28 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import torch
-from numpy.typing import NDArray
 
+from descentflow.air.weather_field import EAST, NORTH
+from descentflow.air.weather_file import VARIABLES, Array, WeatherFile, opened, unusable
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.core.tabular import optional_library
-from descentflow.core.units import FL_M
-from descentflow.physics.atmosphere import pressure_altitude_m
-
-Array = NDArray[np.float64]
-GRIB = (".grib", ".grb", ".grib2", ".grb2")
-SUFFIXES = (".nc", ".nc4", *GRIB)
-_NAMES = {
-    "time": ("time", "valid_time"),
-    "pressure": ("isobaricInhPa", "pressure_level", "level", "plev", "isobaric"),
-    "latitude": ("latitude", "lat"),
-    "longitude": ("longitude", "lon"),
-}
-_WINDS = {"eastward_wind": ("u", "ua"), "northward_wind": ("v", "va")}
-_PER_HPA = {"hPa": 1.0, "mb": 1.0, "mbar": 1.0, "millibar": 1.0, "millibars": 1.0, "Pa": 0.01}
 
 
 @dataclass(frozen=True)
@@ -111,11 +95,11 @@ def _shown(name: str, value: float) -> str:
 
 
 def read_wind_field(path: str | Path) -> WindField:
-    """Read a field of wind on pressure levels.
+    """Read a field of wind on pressure levels, all of it.
 
     Args:
-        path: NetCDF (``.nc``) with xarray and netCDF4 or h5netcdf, or GRIB (``.grib``, ``.grib2``) with cfgrib. The
-            variables are found by their standard name (``eastward_wind``, ``northward_wind``) or as ``u`` and ``v``.
+        path: NetCDF or GRIB, see :func:`descentflow.air.weather_file.opened`. The variables are found by their standard
+            name (``eastward_wind``, ``northward_wind``) or as ``u`` and ``v``.
 
     Raises:
         ConfigError: If a library is missing.
@@ -129,95 +113,29 @@ def read_wind_field(path: str | Path) -> WindField:
         >>> read_wind_field("wind.nc").levels_fl.round()
         array([183., 340.])
     """
-    xarray = optional_library("xarray", extra="wind")
-    path = Path(path)
-    if path.suffix in GRIB:
-        optional_library("cfgrib", extra="wind")
-    try:
-        # No index beside the file: it would be left behind.
-        grib = {"engine": "cfgrib", "backend_kwargs": {"indexpath": ""}} if path.suffix in GRIB else {}
-        with xarray.open_dataset(path, **grib) as data:
-            return _field(data.load(), path)
-    except (OSError, ValueError, EOFError) as error:
-        raise DataError(
-            f"wind {path}: {str(error).splitlines()[0] if str(error) else type(error).__name__}",
-            expected="a NetCDF or GRIB file of winds on pressure levels",
-            mend="check the path and the file; reading needs: pip install 'descentflow[wind]'",
-        ) from error
+    with opened(path) as file:
+        return wind_of(file)
 
 
-def _field(data: Any, path: Path) -> WindField:
-    axes = {name: _axis(data, names, path, required=name != "time") for name, names in _NAMES.items()}
-    parts = []
-    for standard, names in _WINDS.items():
-        variable = _variable(data, standard, names, path)
-        order = [axis for axis in axes.values() if axis is not None and axis in variable.dims]
-        others = set(variable.dims) - set(order)
-        if others or not {axes["latitude"], axes["longitude"]} <= set(order):
-            raise _unusable(f"{path}: {variable.name} over {', '.join(map(str, variable.dims))}")
-        values = variable.transpose(*order).to_numpy().astype(np.float64)
-        for number, axis in enumerate(("time", "pressure")):
-            if axes[axis] not in variable.dims:
-                values = np.expand_dims(values, number)
-        parts.append(values)
-    time = np.zeros(1) if axes["time"] is None else _seconds(data[axes["time"]])
-    grid = np.stack(parts, -1)
-    places = [time, _levels(data[axes["pressure"]], path)]
-    places += [np.atleast_1d(data[axes[name]].to_numpy()).astype(np.float64) for name in ("latitude", "longitude")]
-    for number, values in enumerate(places):
-        ascending = np.argsort(values)
-        places[number], grid = values[ascending], np.take(grid, ascending, number)
-    unix_s, levels_fl, latitude, longitude = places
-    return _around(WindField(unix_s, levels_fl, latitude, longitude, grid))
+def wind_of(file: WeatherFile) -> WindField:
+    """The wind of an open file.
 
+    Raises:
+        DataError: If it has none.
 
-def _around(field: WindField) -> WindField:
-    """A field around the globe closed by its first meridian again."""
-    east = field.longitude
-    if len(east) < 2 or abs(east[-1] + (east[1] - east[0]) - east[0] - 360) > 1e-3:
-        return field
-    closed = np.concatenate([field.wind_mps, field.wind_mps[:, :, :, :1]], 3)
-    return WindField(field.unix_s, field.levels_fl, field.latitude, np.append(east, east[0] + 360), closed)
-
-
-def _axis(data: Any, names: tuple[str, ...], path: Path, *, required: bool) -> str | None:
-    found = [name for name in names if name in data.coords or name in data.dims]
-    # GRIB has the time of the forecast and the valid time: the one that is a dimension counts.
-    found.sort(key=lambda name: name not in data.dims)
-    if not found and required:
-        raise _unusable(f"{path} without a coordinate {names[0]}")
-    return found[0] if found else None
-
-
-def _variable(data: Any, standard: str, names: tuple[str, ...], path: Path) -> Any:
-    found = [each for each in data.data_vars.values() if each.attrs.get("standard_name") == standard]
-    found += [data[name] for name in names if name in data.data_vars]
-    if not found:
-        raise _unusable(f"{path} without {standard} among {', '.join(map(str, data.data_vars)) or 'no variables'}")
-    unit = str(found[0].attrs.get("units", "m/s")).replace("**", "").replace(" ", "")
-    if unit not in ("m/s", "ms-1", "m.s-1"):
-        raise _unusable(f"{path}: {found[0].name} in {unit}")
-    return found[0]
-
-
-def _levels(pressure: Any, path: Path) -> Array:
-    unit = str(pressure.attrs.get("units", "hPa"))
-    if unit not in _PER_HPA:
-        raise _unusable(f"{path}: levels in {unit}")
-    pascal = 100 * _PER_HPA[unit] * np.atleast_1d(pressure.to_numpy()).astype(np.float64)
-    found: Array = pressure_altitude_m(torch.from_numpy(pascal)).numpy() / FL_M
-    return found
-
-
-def _seconds(time: Any) -> Array:
-    stamps = np.atleast_1d(time.to_numpy()).astype("datetime64[ns]").astype(np.int64)
-    return np.asarray(stamps / 1e9)
-
-
-def _unusable(got: str) -> DataError:
-    return DataError(
-        got,
-        expected="eastward and northward wind in m/s by pressure level, latitude and longitude, and time if there are "
-        "several",
-        mend="cut such a file from the analysis, for instance ERA5's u and v on pressure levels",
-    )
+    Example:
+        >>> import xarray
+        >>> from descentflow.air.weather_file import weather_file_of
+        >>> axes = {"level": [500.0, 250.0], "latitude": [52.0, 50.0], "longitude": [4.0, 6.0]}
+        >>> winds = xarray.Dataset({name: (tuple(axes), np.full((2, 2, 2), 7.0)) for name in "uv"}, axes)
+        >>> wind_of(weather_file_of(winds, "wind.nc")).wind_mps.shape
+        (1, 2, 2, 2, 2)
+    """
+    absent = [name for name in (EAST, NORTH) if name not in file.variables]
+    if absent:
+        there = ", ".join(VARIABLES[name][0] for name in file.variables) or "no variables"
+        raise unusable(f"{file.path} without {absent[0]} among {there}")
+    unix_s = np.zeros(1) if file.unix_s is None else file.unix_s
+    order = np.argsort(unix_s)
+    parts = [np.stack([file.at_time(name, number) for number in order.tolist()]) for name in (EAST, NORTH)]
+    return WindField(unix_s[order], file.levels_fl, file.latitude, file.longitude, np.stack(parts, -1))

@@ -19,7 +19,7 @@ class KeptAir:
     """How drag was inferred in the air of each flight, and the airs that samples are drawn with.
 
     Attributes:
-        source: ``measured`` by the flights' own reports.
+        source: ``measured`` by the flights' own reports, or by a weather ``field``.
         wind: Whether the wind was known; still air if not.
         training: (m, L) airs of the training flights, on the decoder's grid.
 
@@ -30,7 +30,7 @@ class KeptAir:
         torch.Size([1, 191])
     """
 
-    source: Literal["measured"]
+    source: Literal["measured", "field"]
     wind: bool
     training: LevelAir
 
@@ -64,14 +64,14 @@ class KeptAir:
             and len(deviation) > 0
             and bool((deviation.abs() <= WARMEST_K).all() and (tailwind.abs() <= STRONGEST_MPS).all())
         )
-        if not whole or source != "measured" or not isinstance(wind, bool):
+        if not whole or source not in ("measured", "field") or not isinstance(wind, bool):
             raise CheckpointError(
                 f"the air of source {source!r}",
                 expected=f"temperature deviation and wind of training flights on {n_levels} levels",
                 mend="take the file as `descentflow fit` wrote it, or fit again",
             )
         assert isinstance(deviation, torch.Tensor) and isinstance(tailwind, torch.Tensor)  # noqa: PT018 - for mypy
-        return cls("measured", wind, LevelAir(deviation.double(), tailwind.double()))
+        return cls(source, wind, LevelAir(deviation.double(), tailwind.double()))
 
     def describe(self) -> str:
         """One line: where it comes from, and what the training flights' air was."""
@@ -79,6 +79,6 @@ class KeptAir:
         low, high = float(spread.min()), float(spread.max())
         wind = "wind along the track" if self.wind else "no wind"
         return (
-            f"{'as flights measured it' if self.source == 'measured' else 'of a weather file'}: temperature "
+            f"{'as flights measured it' if self.source == 'measured' else 'of a weather field'}: temperature "
             f"ISA {float(spread.mean()):+.1f} K (from {low:+.1f} to {high:+.1f}) and {wind}"
         )

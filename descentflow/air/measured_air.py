@@ -90,11 +90,11 @@ def measured_airs(frame: pl.DataFrame, levels_fl: Tensor, *, wind: bool | None =
         known &= blown.slope_error_per_m <= MAX_GROWTH_ERROR_PER_S
         tail, growth_error = blown.values, blown.slope_error_per_m
     names = tuple(grid.flight_ids[i] for i in told.tolist())
-    air = LevelAir(_held(warm.values, known), _held(tail, known))
+    air = LevelAir(held(warm.values, known), held(tail, known))
     return FlightAirs(names, air, known, warm.error, growth_error, len(grid.flight_ids) - len(told), blown is not None)
 
 
-def _held(values: Tensor, known: Tensor) -> Tensor:
+def held(values: Tensor, known: Tensor) -> Tensor:
     """Values (n, L) with those that are not known replaced by the nearest that is; zero where none is."""
     number = torch.arange(values.shape[1]).expand(values.shape)
     below = torch.where(known, number, -1).cummax(1).values

@@ -37,3 +37,22 @@ def air_of(args: argparse.Namespace) -> dict[str, str] | Path | str | None:
             mend="write for instance --air deviation_k=10",
         )
     return {name: value for name, _, value in pairs}
+
+
+def add_source(parser: argparse.ArgumentParser) -> None:
+    """Declare the argument that says where the air of given flights is known from."""
+    parser.add_argument(
+        "--air",
+        nargs="+",
+        metavar="AIR",
+        help="for a model that was fitted with data.air: where the air of these flights is known from: measured (their "
+        "own reports; default for a model fitted with measured), or a weather field: a NetCDF or GRIB file by pressure "
+        "level, several, or a folder of them",
+    )
+
+
+def source_of(args: argparse.Namespace) -> str | list[str] | None:
+    """Where the air of given flights is known from; None if it is not said."""
+    if not args.air:
+        return None
+    return str(args.air[0]) if len(args.air) == 1 else [str(word) for word in args.air]

@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from descentflow.cli import level_times_command
+from descentflow.cli import air_arguments, level_times_command
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--bada-dir", type=Path, help="BADA 3 files for --typecode or a simulator's flights (default: open aircraft)"
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the report")
+    air_arguments.add_source(parser)
     parser.add_argument("--channels", help="use these alone, for instance IAS,Mach,TAS,groundspeed (default: all)")
     parser.add_argument(
         "--catalogue",
@@ -74,7 +75,9 @@ def run(args: argparse.Namespace) -> None:
 
     if len(args.real) == 1 and holds_points(args.real[0]):
         simulator = _one_or_several(args.simulator) if args.simulator else args.typecode
-        level_times_command.run(args.real[0], simulator, args, ("channels", "catalogue", "previous"), names_causes=True)
+        level_times_command.run(
+            args.real[0], simulator, args, ("air", "channels", "catalogue", "previous"), names_causes=True
+        )
         return
     if args.catalogue is not None:
         print(f"descentflow diagnose: runs {args.catalogue} for the effects that it defines", file=sys.stderr)
@@ -86,6 +89,7 @@ def run(args: argparse.Namespace) -> None:
             typecode=args.typecode,
             nearest_type=args.nearest_type,
             any_type=args.any_type,
+            air=air_arguments.source_of(args),
             bada_dir=args.bada_dir,
             channels=channels,
             catalogue=args.catalogue,

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from descentflow.cli import level_times_command
+from descentflow.cli import air_arguments, level_times_command
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--context-table", type=Path, help="CSV or Parquet with flight_id and the context, for a conditional model"
     )
+    air_arguments.add_source(parser)
     parser.add_argument("--out", type=Path, required=True, help="folder for scores.csv, rejections.json and figures")
     parser.add_argument("-n", "--number", type=int, default=10_000, help="samples (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of sampling and splits (default: 0)")
@@ -47,7 +48,9 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.surveillance.point_profiles.read_points import holds_points
 
     if holds_points(args.real):
-        level_times_command.run(args.real, args.checkpoint, args, ("context_table", "resamples", "card", "draw_budget"))
+        level_times_command.run(
+            args.real, args.checkpoint, args, ("context_table", "air", "resamples", "card", "draw_budget")
+        )
         return
     check_folder(args.out, *FILES, "intervals.csv")
     if args.card is not None:
@@ -59,6 +62,7 @@ def run(args: argparse.Namespace) -> None:
             n=args.number,
             seed=args.seed,
             context_table=args.context_table,
+            air=air_arguments.source_of(args),
             draw_budget=args.draw_budget,
             progress=shown.part("drawing descents", args.number, "descents"),
             score_progress=shown.part("scoring", n_comparisons(N_SPLITS), "comparisons"),

@@ -16,6 +16,7 @@ from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
 from descentflow.effects.user_catalogue import effects_of_file
 from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.representation.own_air import AirSource
 
 
 def diagnose(
@@ -31,6 +32,7 @@ def diagnose(
     seed: int = 0,
     out: str | Path | None = None,
     any_type: bool = False,
+    air: AirSource | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> GapReport:
     """Say where a simulator and real descents differ, which unmodelled effect causes it, and how far it shrinks.
@@ -59,6 +61,8 @@ def diagnose(
         out: Folder for `gap.json`, `gap.html` and the corrected simulator; nothing is written if absent.
         any_type: Whether real flights of other types than a checkpoint's or a nominal descent's are taken too; if not,
             they are left out, counted and named.
+        air: Where the real flights' air is known from, for a model that knows the air of its own: ``measured``, or a
+            weather field; the former if absent, which a model fitted by a field refuses.
         progress: Called with what is being done.
 
     Returns:
@@ -98,7 +102,7 @@ def diagnose(
     wanted = _channels(channels)
     effects, user_files = _catalogue(catalogue, say)
     source = SignatureSource(typecode, bada_dir, nearest_type)
-    opened = open_both(real, simulator, source, say, any_type=any_type)
+    opened = open_both(real, simulator, source, say, any_type=any_type, air=air)
     made = opened.provenance({"seed": str(seed), "channels": ", ".join(wanted)})
     made = replace(made, user_files=user_files)
     settings = Settings(opened.simulator, effects, wanted, seed, say)

@@ -7,7 +7,7 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.core.errors import DescentflowWarning
+from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.core.version import __version__
 from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
 from descentflow.diagnosis.input_descriptions import input_of_flights, input_of_simulator
@@ -23,6 +23,7 @@ from descentflow.diagnosis.simulator_kind import kind_of, name_of
 from descentflow.diagnosis.weather_taken_out import without_weather
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.correction import Correction
+from descentflow.representation.own_air import AirSource
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_descents
 from descentflow.surveillance.open_pair import open_pair
@@ -68,6 +69,7 @@ def open_both(
     progress: Callable[[str], None] | None = None,
     *,
     any_type: bool = False,
+    air: AirSource | None = None,
 ) -> Opened:
     """Open real flights and the simulator that they are held against.
 
@@ -78,6 +80,7 @@ def open_both(
         progress: Called with what is being done.
         any_type: Whether real flights of other types than a checkpoint's or a nominal descent's are taken too; if not,
             they are left out and counted.
+        air: Where the real flights' air is known from, for a model that knows the air of its own.
 
     Raises:
         AircraftError: If a type has no coefficients.
@@ -98,6 +101,12 @@ def open_both(
     if simulator is None:
         simulator, source = source.typecode, SignatureSource(bada_dir=source.bada_dir, nearest=source.nearest)
     kind = kind_of(simulator)
+    if air is not None and kind != "model":
+        raise ConfigError(
+            "an air of the flights, for a simulator that is no model of drag in its flights' own air",
+            expected="a checkpoint that was fitted with data.air=measured or a weather field",
+            mend="leave the air out",
+        )
     if kind == "flights":
         return _with_flights(real, simulator, source, say)
     check_no_source(source, "a checkpoint" if kind == "model" else "a type")
@@ -122,13 +131,13 @@ def open_both(
             DescentflowWarning,
             stacklevel=3,
         )
-    if parts is not None and parts.air is not None:
-        frame, unknown = without_weather(frame, parts)
+    if parts is not None and (air is not None or parts.air is not None):
+        frame, unknown = without_weather(frame, parts, air)
         others |= {"flights_of_unknown_air": unknown} if unknown else {}
         warnings.warn(
             f"{found.name} knows the air of its flights: both sides are compared in standard air, each flight brought "
             "there by its own temperature and wind, so that the weather is none of the causes"
-            + (f"; {unknown:,} real flights do not report their air and are left out" if unknown else ""),
+            + (f"; {unknown:,} real flights of whose air nothing is known are left out" if unknown else ""),
             DescentflowWarning,
             stacklevel=3,
         )

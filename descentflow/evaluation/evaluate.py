@@ -16,6 +16,7 @@ from descentflow.generation.rejection import ConditionalSampler, sample_descents
 from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.encode_flights import encode_flights
+from descentflow.representation.own_air import AirSource
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation
 
@@ -30,6 +31,7 @@ def evaluate(
     n: int = 10_000,
     seed: int = 0,
     context_table: Path | pl.DataFrame | None = None,
+    air: AirSource | None = None,
     n_splits: int = N_SPLITS,
     draw_budget: int | None = None,
     progress: Callable[[int], None] | None = None,
@@ -44,6 +46,8 @@ def evaluate(
         n: Number of samples.
         seed: Of sampling, and of the splits behind the noise floors.
         context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model.
+        air: Where the flights' air is known from, for a model of drag in its flights' own air: ``measured``, or a
+            weather field; the former if absent, which a model fitted by a field refuses.
         n_splits: Random splits behind each noise floor.
         draw_budget: Most draws; 100 for each sample (at least 10,000) if absent.
         progress: Progress callback: called with the number of newly accepted samples.
@@ -55,7 +59,7 @@ def evaluate(
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
-        ConfigError: If the context does not fit the model.
+        ConfigError: If the context or the air does not fit the model.
         DataError: If the descents cannot be read, or the model has seen all of them.
         SamplingError: If too few draws are plausible.
 
@@ -70,7 +74,7 @@ def evaluate(
     representation = density.representation
     notes: list[str] = []
     frame = comparable_descents(real, representation).frame
-    parts = encode_flights(frame, representation, context_table, say=notes.append)
+    parts = encode_flights(frame, representation, context_table, air=air, say=notes.append)
     found = evaluate_profiles(
         density,
         representation,

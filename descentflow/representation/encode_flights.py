@@ -13,7 +13,7 @@ from descentflow.representation.context_columns import flight_context, read_cont
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.flight_contexts import contexts_of, with_context
 from descentflow.representation.flight_parts import PARTS, Part, parts_of, rest_is_test, with_levels
-from descentflow.representation.own_air import airs_as_kept, with_own_air
+from descentflow.representation.own_air import AirSource, airs_as_kept, check_air_asked, with_own_air
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.representation import Representation, Split
 
@@ -50,6 +50,7 @@ def encode_flights(
     representation: Representation,
     context_table: Path | pl.DataFrame | None = None,
     *,
+    air: AirSource | None = None,
     say: Say = lambda _: None,
 ) -> dict[Part, EncodedFlights]:
     """Encode descents with a model's representation, in parts.
@@ -61,12 +62,15 @@ def encode_flights(
         representation: The model's.
         context_table: Table, or path of a CSV or Parquet table, with ``flight_id`` and columns of context, where the
             descents do not have them.
+        air: Where the flights' air is known from, for a model of drag in its flights' own air, see
+            :func:`~descentflow.representation.own_air.airs_as_kept`.
         say: Called with a line for each reason why flights are left out: fewer than two levels on the grid, a context
             that cannot be encoded, or an air of which nothing is known, for a model of drag in measured air.
 
     Raises:
         DataError: If no flight is on the grid, or the table cannot be read.
-        ConfigError: If a column of context is missing, or a table is given to a model without context.
+        ConfigError: If a column of context is missing, a table is given to a model without context, or an air to one of
+            drag in standard air; or if the model's flights' air came from a weather field, and none is given.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
@@ -79,8 +83,9 @@ def encode_flights(
     table = context_of(descents, [] if encoder is None else list(encoder.names), context_table)
     bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
     profiles = with_levels(profiles_from_frame(descents, decoder.aircraft, bottom, top, speed=decoder.speed), say)
+    check_air_asked(representation, air)
     if representation.air is not None:
-        airs = airs_as_kept(descents, decoder.levels_fl, representation.air)
+        airs = airs_as_kept(descents, decoder.levels_fl, representation.air, air)
         profiles = with_own_air(profiles, decoder.aircraft, airs, say)
     split = rest_is_test(profiles.flight_ids, representation.split)
     return encode_parts(profiles, split, decoder, table, encoder, say)

@@ -1,15 +1,18 @@
 """Flights whose drag is inferred in the air in which they flew."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import polars as pl
 import torch
 from torch import Tensor
 
 from descentflow.air.energy_in_air import drag_in_air
+from descentflow.air.field_air import field_airs
 from descentflow.air.kept_air import KeptAir
 from descentflow.air.measured_air import FlightAirs, measured_airs
+from descentflow.air.weather_file import SUFFIXES
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.representation.profiles import Profiles
@@ -17,6 +20,9 @@ from descentflow.representation.representation import Representation, Split
 
 MIN_LEVELS = 2
 """Levels that a flight must keep, as everywhere."""
+STANDARD, MEASURED = "standard", "measured"
+AirSource = str | Path | Sequence[str | Path]
+"""``standard``, ``measured``, or a weather field: a NetCDF or GRIB file, a folder of them, or several."""
 
 
 def with_own_air(profiles: Profiles, aircraft: Aircraft, airs: FlightAirs, say: Callable[[str], None]) -> Profiles:
@@ -60,8 +66,13 @@ def with_own_air(profiles: Profiles, aircraft: Aircraft, airs: FlightAirs, say: 
 
 
 def in_air_asked(
-    profiles: Profiles, frame: pl.DataFrame, aircraft: Aircraft, split: Split, air: str, say: Callable[[str], None]
-) -> tuple[Profiles, KeptAir | None]:
+    profiles: Profiles,
+    frame: pl.DataFrame,
+    aircraft: Aircraft,
+    split: Split,
+    air: AirSource,
+    say: Callable[[str], None],
+) -> tuple[Profiles, KeptAir | None, FlightAirs | None]:
     """Training flights with their drag in the air that was asked for, and what a model keeps of it.
 
     Args:
@@ -69,12 +80,15 @@ def in_air_asked(
         frame: The prepared descents that they are of.
         aircraft: Coefficients that inferred it, at the mass that did.
         split: Whose training flights' airs are kept.
-        air: ``standard`` or ``measured``.
+        air: ``standard``, ``measured``, or a weather field.
         say: Called with a count of the flights of whose air nothing is known.
+
+    Returns:
+        The flights; what a checkpoint keeps, and the airs of all flights, both None in standard air.
 
     Raises:
         ConfigError: If there is no such air.
-        DataError: If the flights do not report their air.
+        DataError: If the flights do not report their air, or none is inside of the field.
 
     Example:
         >>> import polars as pl
@@ -83,26 +97,64 @@ def in_air_asked(
         >>> frame, a320 = pl.read_parquet("descents.parquet"), aircraft("A320")
         >>> profiles = profiles_from_frame(frame, a320, bottom_fl=150, top_fl=340)
         >>> split = Split(profiles.flight_ids, (), ())
-        >>> found, kept = in_air_asked(profiles, frame, a320, split, "measured", print)
+        >>> found, kept, _ = in_air_asked(profiles, frame, a320, split, "measured", print)
         left out 10 of 19,124 levels at which the air is not known
         >>> kept.source, len(kept.training) == len(found)
         ('measured', True)
     """
-    if air == "standard":
-        return profiles, None
-    if air != "measured":
-        raise ConfigError(f"data.air = {air!r}", expected="standard or measured", mend="choose one of these")
-    airs = measured_airs(frame, profiles.levels_fl)
+    if air == STANDARD:
+        return profiles, None, None
+    airs = airs_by(air, frame, profiles.levels_fl)
     found, train = with_own_air(profiles, aircraft, airs, say), set(split.train)
     trained = [i for i, flight in enumerate(found.flight_ids) if flight in train]
     if not airs.wind:
-        say("no flight reports its groundspeed: drag is inferred in still air of the measured temperature")
+        why = "no flight reports its groundspeed" if air == MEASURED else "the weather field has no wind"
+        say(f"{why}: drag is inferred in still air of the flights' own temperature")
     assert found.air is not None
-    return found, KeptAir("measured", airs.wind, found.air.rows(trained))
+    return found, KeptAir("measured" if air == MEASURED else "field", airs.wind, found.air.rows(trained)), airs
 
 
-def airs_as_kept(frame: pl.DataFrame, levels_fl: Tensor, kept: KeptAir) -> FlightAirs:
-    """The airs of other flights, found as those of a model's training flights were.
+def airs_by(air: AirSource, frame: pl.DataFrame, levels_fl: Tensor, *, wind: bool | None = None) -> FlightAirs:
+    """The airs of flights by their own reports, or by a weather field.
+
+    Args:
+        air: ``measured``, or a weather field.
+        frame: Prepared descents.
+        levels_fl: (L,) ascending whole flight levels.
+        wind: Whether the wind must be known; if absent, where it is.
+
+    Raises:
+        ConfigError: If there is no such air.
+        DataError: If nothing is known of the flights' air.
+
+    Example:
+        >>> airs_by("warm", pl.read_parquet("descents.parquet"), torch.arange(150, 341))
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: data.air = 'warm'; expected standard, measured, or a weather field: ...
+    """
+    if air == MEASURED:
+        return measured_airs(frame, levels_fl, wind=wind)
+    if isinstance(air, str | Path) and Path(air).suffix not in SUFFIXES and not Path(air).is_dir():
+        raise ConfigError(
+            f"data.air = {str(air)!r}",
+            expected=f"standard, measured, or a weather field: a file {', '.join(SUFFIXES)}, or a folder of them",
+            mend="choose one of these",
+        )
+    return field_airs(frame, levels_fl, air, wind=wind)
+
+
+def airs_as_kept(frame: pl.DataFrame, levels_fl: Tensor, kept: KeptAir, air: AirSource | None = None) -> FlightAirs:
+    """The airs of other flights, found as those of a model's training flights were, or by what is given.
+
+    Args:
+        frame: Prepared descents.
+        levels_fl: (L,) ascending whole flight levels.
+        kept: What the model keeps of its training flights' air.
+        air: ``measured``, or a weather field; if absent, by the flights' reports where the training flights' was.
+
+    Raises:
+        ConfigError: If the training flights' air came from a weather field and nothing is given.
+        DataError: If nothing is known of the flights' air.
 
     Example:
         >>> import polars as pl
@@ -112,7 +164,28 @@ def airs_as_kept(frame: pl.DataFrame, levels_fl: Tensor, kept: KeptAir) -> Fligh
         >>> len(airs_as_kept(frame, levels_fl, kept).flight_ids)
         120
     """
-    return measured_airs(frame, levels_fl, wind=kept.wind)
+    if air is None and kept.source == "field":
+        raise ConfigError(
+            "a model of drag in the air of a weather field, and no field of these flights",
+            expected="the field of their days and places, or measured: their own reports",
+            mend="give --air FILE or --air measured (data.air where a model is fitted or tested)",
+        )
+    return airs_by(MEASURED if air is None else air, frame, levels_fl, wind=kept.wind)
+
+
+def check_air_asked(representation: Representation, air: AirSource | None) -> None:
+    """Refuse an air of flights that are met in standard air (ConfigError).
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> check_air_asked(load_representation("best.ckpt"), None)
+    """
+    if air is not None and representation.air is None:
+        raise ConfigError(
+            "an air of the flights, for a model whose drag was inferred in standard air",
+            expected="a model that was fitted with data.air=measured or a weather field",
+            mend="fit such a model, or leave the air out",
+        )
 
 
 def check_standard_air(representation: Representation, what: str) -> None:
@@ -128,7 +201,7 @@ def check_standard_air(representation: Representation, what: str) -> None:
     """
     if representation.air is not None:
         raise ConfigError(
-            f"{what}, of a model whose drag was inferred in measured air",
+            f"{what}, of a model whose drag was inferred in the flights' own air",
             expected="a model that was fitted with data.air=standard: it flies in standard air alone",
             mend="fit such a model, or draw its descents with `descentflow sample`, in any air",
         )

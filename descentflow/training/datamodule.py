@@ -1,7 +1,5 @@
 """The one DataModule: splits by flight, fits the representation on the train part, serves what flights show."""
 
-import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +12,7 @@ from torch.utils.data import DataLoader
 
 from descentflow.air.standard_air import in_standard_air
 from descentflow.aircraft_types.aircraft import Aircraft
-from descentflow.aircraft_types.registry import aircraft as find_aircraft
-from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.core.errors import ConfigError
 from descentflow.core.progress import stage as progress_stage
 from descentflow.measurements.quantities import reference_state
 from descentflow.representation.comparable_descents import comparable_descents
@@ -32,14 +29,14 @@ from descentflow.representation.flight_contexts import without_missing
 from descentflow.representation.flight_parts import Part, parts_of, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
-from descentflow.representation.own_air import airs_as_kept, in_air_asked
+from descentflow.representation.own_air import STANDARD, airs_as_kept, in_air_asked
 from descentflow.representation.plausibility import MARGIN, Bounds
 from descentflow.representation.profiles import Profiles, Speed, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation, Split, fit_representation
-from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_prepared
+from descentflow.training.chosen_descents import aircraft_of, at_mass, cleaning_told, name_of, of_typecodes
 from descentflow.training.flight_batches import flight_batches
 from descentflow.training.splitting import SplitBy, split_flights
 
@@ -85,7 +82,7 @@ class DescentDataModule(LightningDataModule):
         bounds: Bounds = "expected",
         residual: bool = True,
         speed: Speed = "cas",
-        air: str = "standard",
+        air: str | Path = "standard",
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -122,8 +119,10 @@ class DescentDataModule(LightningDataModule):
             residual: Whether samples have the drag beyond the components, as independent normals.
             speed: How speed is held: ``cas``, one CAS profile and the type's transition altitude, as in the paper; or
                 ``mach_cas``, a Mach number above each flight's own crossover and a CAS below it.
-            air: In which air drag is inferred: ``standard``, or ``measured``: temperature and wind along the track by
-                the flights' own reports (TAS, Mach, groundspeed); that of the checkpoint where one is given.
+            air: In which air drag is inferred: ``standard``; ``measured``: temperature and wind along the track by the
+                flights' own reports (TAS, Mach, groundspeed); or a weather field by pressure level (ERA5), a NetCDF or
+                GRIB file or a folder of them, read where the flights were. With a checkpoint: where the flights' air is
+                known from, if not as its training flights' was.
         """
         super().__init__()
         if seed < 0:
@@ -153,27 +152,31 @@ class DescentDataModule(LightningDataModule):
         with progress_stage("reading descents", total=4, unit="steps") as done:
             known = None if self.checkpoint is None else load_representation(self.checkpoint)
             source = open_prepared(self.descents) if known is None else comparable_descents(self.descents, known)
-            frame = self._chosen(source)
+            frame = of_typecodes(source, self.typecodes, name_of(self.descents))
             done.say("inferring drag")
             if known is not None:
                 representation = known
-                self._parts = encode_flights(frame, representation, self.context_table, say=rank_zero_info)
+                air = None if representation.air is None or self.air == STANDARD else self.air
+                self._parts = encode_flights(frame, known, self.context_table, air=air, say=rank_zero_info)
             else:
                 table = context_of(frame, self.context or [], self.context_table)
                 frame = without_missing(frame, table, self.missing_context, rank_zero_info)
-                profiles, split = self._fresh(frame, source)
-                flown_by = self._flown_by(frame)
-                profiles, kept_air = in_air_asked(profiles, frame, flown_by, split, self.air, rank_zero_info)
+                own_type = aircraft_of(frame, self.aircraft, self.bada_dir)
+                profiles, split = self._fresh(frame, source, own_type)
+                flown_by = at_mass(own_type, self.mass_kg)
+                profiles, kept_air, airs = in_air_asked(profiles, frame, flown_by, split, self.air, rank_zero_info)
                 done.say("fitting components")
-                representation = self._fit(profiles, split, source)
+                representation = self._fit(profiles, split, source, own_type)
                 levels, seen = profiles.levels_fl, [*split.train, *split.validation]
                 shown = frame.drop(source.computed, strict=False)
                 representation.air = kept_air
-                if kept_air is not None:
-                    shown = in_standard_air(shown, flown_by, airs_as_kept(shown, levels, kept_air), levels)
+                if kept_air is not None and airs is not None:
+                    # By reports, those that were computed from others say nothing.
+                    own = airs if kept_air.source == "field" else airs_as_kept(shown, levels, kept_air)
+                    shown = in_standard_air(shown, flown_by, own, levels)
                 representation.reference = reference_state(shown, float(levels[0]), float(levels[-1]), seen)
                 representation.context = self._encoder(table, split)
-                representation.cleaning = self._cleaning(source)
+                representation.cleaning = cleaning_told(source)
                 representation.gaps = self.gaps if has_noise_model(representation.decoder) else "filled"
                 # A gigabyte for forty thousand flights, which what follows has no use for.
                 del frame, shown, source
@@ -238,51 +241,16 @@ class DescentDataModule(LightningDataModule):
         most = -(-len(evidence) // self.fewest_batches) if shuffle else self.batch_size
         return flight_batches(evidence, self.contexts(part), min(self.batch_size, most), shuffle=shuffle)
 
-    def _name(self) -> str:
-        """The descents' file in messages and checkpoints."""
-        if isinstance(self.descents, str | Path):
-            return Path(self.descents).name
-        return ", ".join(Path(one).name for one in self.descents) if isinstance(self.descents, list) else "in memory"
-
-    def _chosen(self, source: Descents) -> pl.DataFrame:
-        if self.typecodes is None:
-            return source.frame
-        frame = source.frame.filter(pl.col("typecode").is_in(self.typecodes))
-        if frame.is_empty():
-            raise DataError(
-                f"no descent of {', '.join(self.typecodes)} in {self._name()}",
-                expected=f"some of {', '.join(sorted(source.frame['typecode'].unique()))}",
-                mend="change data.typecodes",
-            )
-        return frame
-
     def _encoder(self, table: pl.DataFrame | None, split: Split) -> ContextEncoder | None:
         if table is None:
             return None
         train = table.filter(pl.col("flight_id").is_in(list(split.train)))
         return ContextEncoder.fit(train, table.columns[1:], self.missing_context)
 
-    def _aircraft(self, frame: pl.DataFrame) -> Aircraft:
-        if self.aircraft is not None:
-            return find_aircraft(self.aircraft, self.bada_dir)
-        types = sorted(frame["typecode"].unique())
-        if len(types) != 1:
-            raise ConfigError(
-                f"descents of {len(types)} types ({', '.join(types[:8])})",
-                expected="one type, or the aircraft whose coefficients stand for all of them",
-                mend="set data.aircraft (pooling) or data.typecodes (choosing)",
-            )
-        return find_aircraft(types[0], self.bada_dir)
-
-    def _flown_by(self, frame: pl.DataFrame) -> Aircraft:
-        """The aircraft at the mass that infers its drag."""
-        found = self._aircraft(frame)
-        return found if self.mass_kg is None else replace(found, mass_reference_kg=self.mass_kg)
-
-    def _fresh(self, frame: pl.DataFrame, source: Descents) -> tuple[Profiles, Split]:
+    def _fresh(self, frame: pl.DataFrame, source: Descents, own_type: Aircraft) -> tuple[Profiles, Split]:
         """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
         bottom = self.bottom_fl if self.bottom_fl is not None else source.bottom_fl
-        profiles = profiles_from_frame(frame, self._aircraft(frame), bottom, mass_kg=self.mass_kg, speed=self.speed)
+        profiles = profiles_from_frame(frame, own_type, bottom, mass_kg=self.mass_kg, speed=self.speed)
         owner = dict(frame.select("flight_id", "icao24").unique("flight_id").iter_rows())
         groups = profiles.flight_ids if self.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
         split = split_flights(
@@ -295,10 +263,10 @@ class DescentDataModule(LightningDataModule):
         top = top_level(parts_of(profiles, split)["train"])
         return with_levels(profiles.up_to(top), rank_zero_info), split
 
-    def _fit(self, profiles: Profiles, split: Split, source: Descents) -> Representation:
+    def _fit(self, profiles: Profiles, split: Split, source: Descents, own_type: Aircraft) -> Representation:
         return fit_representation(
             parts_of(profiles, split)["train"],
-            self._aircraft(self._chosen(source)),
+            own_type,
             split,
             explained_variance=self.explained_variance,
             method=self.fpca,
@@ -307,19 +275,8 @@ class DescentDataModule(LightningDataModule):
             residual=self.residual,
             mass_kg=self.mass_kg,
             provenance={
-                "descents": self._name(),
+                "descents": name_of(self.descents),
                 "typecodes": sorted(source.frame["typecode"].unique()),
                 "period": source.period,
             },
         )
-
-    @staticmethod
-    def _cleaning(source: Descents) -> Cleaning | None:
-        if source.cleaning is None:
-            warnings.warn(
-                "these descents do not say how they were cleaned, so the model's cleaning settings are unknown and "
-                "flights that it is held against may be cleaned otherwise; to mend it, prepare the rows again",
-                DescentflowWarning,
-                stacklevel=2,
-            )
-        return source.cleaning

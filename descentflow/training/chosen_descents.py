@@ -1,0 +1,102 @@
+"""Which of the prepared descents a model is fitted to, whose coefficients fly them, and how they were cleaned."""
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import polars as pl
+
+from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.registry import aircraft as find_aircraft
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.prepared_descents import Descents
+
+
+def name_of(descents: list[Path] | Path | Descents) -> str:
+    """The descents' file in messages and checkpoints.
+
+    Example:
+        >>> name_of(Path("data/descents.parquet"))
+        'descents.parquet'
+    """
+    if isinstance(descents, str | Path):
+        return Path(descents).name
+    return ", ".join(Path(one).name for one in descents) if isinstance(descents, list) else "in memory"
+
+
+def of_typecodes(source: Descents, typecodes: list[str] | None, name: str) -> pl.DataFrame:
+    """The table of some types; all if None.
+
+    Raises:
+        DataError: If there is none of them.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> of_typecodes(read_descents("descents.parquet"), ["A320"], "descents.parquet")["flight_id"].n_unique()
+        120
+    """
+    if typecodes is None:
+        return source.frame
+    frame = source.frame.filter(pl.col("typecode").is_in(typecodes))
+    if frame.is_empty():
+        raise DataError(
+            f"no descent of {', '.join(typecodes)} in {name}",
+            expected=f"some of {', '.join(sorted(source.frame['typecode'].unique()))}",
+            mend="change data.typecodes",
+        )
+    return frame
+
+
+def aircraft_of(frame: pl.DataFrame, typecode: str | None, bada_dir: Path | None) -> Aircraft:
+    """Coefficients of the type that is named, or of the only one that there is.
+
+    Raises:
+        AircraftError: If the type has none.
+        ConfigError: If none is named and there are several.
+
+    Example:
+        >>> aircraft_of(pl.read_parquet("descents.parquet"), None, None).typecode
+        'A320'
+    """
+    if typecode is not None:
+        return find_aircraft(typecode, bada_dir)
+    types = sorted(frame["typecode"].unique())
+    if len(types) != 1:
+        raise ConfigError(
+            f"descents of {len(types)} types ({', '.join(types[:8])})",
+            expected="one type, or the aircraft whose coefficients stand for all of them",
+            mend="set data.aircraft (pooling) or data.typecodes (choosing)",
+        )
+    return find_aircraft(types[0], bada_dir)
+
+
+def at_mass(aircraft: Aircraft, mass_kg: float | None) -> Aircraft:
+    """The aircraft at the mass that infers its drag; at the reference mass if None.
+
+    Example:
+        >>> at_mass(find_aircraft("A320"), 60_000.0).mass_reference_kg
+        60000.0
+    """
+    return aircraft if mass_kg is None else replace(aircraft, mass_reference_kg=mass_kg)
+
+
+def cleaning_told(source: Descents) -> Cleaning | None:
+    """Thresholds with which descents were cleaned; None, with a warning, if they do not say.
+
+    Warns:
+        DescentflowWarning: If they do not say.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> cleaning_told(read_descents("descents.parquet")).bottom_fl
+        150
+    """
+    if source.cleaning is None:
+        warnings.warn(
+            "these descents do not say how they were cleaned, so the model's cleaning settings are unknown and "
+            "flights that it is held against may be cleaned otherwise; to mend it, prepare the rows again",
+            DescentflowWarning,
+            stacklevel=3,
+        )
+    return source.cleaning

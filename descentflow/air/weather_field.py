@@ -81,6 +81,7 @@ class WeatherField:
         for file in files:
             if min(len(file.levels_fl), len(file.latitude), len(file.longitude)) < 2:
                 raise unusable(f"{file.path} of a single level, latitude or longitude")
+        self._kept: dict[str, dict[int, Array]] = {TEMPERATURE: {}, EAST: {}, NORTH: {}}
         self._steps = {name: _steps(files, name) for name in (TEMPERATURE, EAST, NORTH)}
         if not self._steps[TEMPERATURE]:
             raise unusable(f"{', '.join(file.path for file in files)} without {TEMPERATURE}")
@@ -89,6 +90,11 @@ class WeatherField:
     def wind(self) -> bool:
         """Whether it has a wind; still air if not."""
         return bool(self._steps[EAST] and self._steps[NORTH])
+
+    @property
+    def times(self) -> list[float]:
+        """Seconds since 1970 at which temperature is known; empty for a field that holds at any time."""
+        return [step.unix_s for step in self._steps[TEMPERATURE] if step.unix_s is not None]
 
     def at(self, points: Points) -> Weather:
         """Temperature deviation and wind; NaN where a point is outside of the field.
@@ -102,7 +108,7 @@ class WeatherField:
 
     def describe(self) -> str:
         """What it covers, in a line."""
-        times = [step.unix_s for step in self._steps[TEMPERATURE] if step.unix_s is not None]
+        times = self.times
         when = f"{_shown(times[0])} to {_shown(times[-1])}" if times else "any time"
         low, high = (
             [pick(float(getattr(file, name)[end]) for file in self.files) for name in _PLACES]
@@ -116,18 +122,16 @@ class WeatherField:
     def _at(self, name: str, points: Points) -> Array:
         steps, found = self._steps[name], np.full(len(points.unix_s), np.nan)
         if steps[0].unix_s is None:
-            return _interpolated(steps[0].file, self._cube(name, steps[0]), points)
+            return _interpolated(steps[0].file, self._held(name, (0,))[0], points)
         times = np.array([step.unix_s for step in steps])
         before = np.searchsorted(times, points.unix_s, side="right").clip(1, max(len(times) - 1, 1)) - 1
         after = (before + 1).clip(max=len(times) - 1)
         gap = times[after] - times[before]
         near = gap <= WIDEST_GAP * (np.median(np.diff(times)) if len(times) > 1 else 0.0)
         inside = (points.unix_s >= times[0]) & (points.unix_s <= times[-1]) & near
-        kept: dict[int, Array] = {}
         for number in np.unique(before[inside]).tolist():
             pair = (number, min(number + 1, len(times) - 1))
-            # Two times are held at once: the later one of a pair is mostly the earlier one of the next.
-            kept = {k: kept[k] if k in kept else self._cube(name, steps[k]) for k in pair}
+            kept = self._held(name, pair)
             here = inside & (before == number)
             some = points.rows(here)
             share = (some.unix_s - times[number]) / max(times[pair[1]] - times[number], 1.0)
@@ -135,6 +139,12 @@ class WeatherField:
             # A share of 0 or 1 needs one of them alone, which may be there where the other is missing.
             found[here] = np.where(share == 0, low, np.where(share == 1, high, (1 - share) * low + share * high))
         return found
+
+    def _held(self, name: str, numbers: tuple[int, ...]) -> dict[int, Array]:
+        """Fields of two times at most: the later one of a pair is mostly the earlier one of the next."""
+        before, steps = self._kept[name], self._steps[name]
+        self._kept[name] = {k: before[k] if k in before else self._cube(name, steps[k]) for k in numbers}
+        return self._kept[name]
 
     def _cube(self, name: str, step: "_Step") -> Array:
         values = step.file.at_time(name, step.number)

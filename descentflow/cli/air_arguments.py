@@ -12,8 +12,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="AIR",
         help="air of all descents: deviation_k=10 (K from the standard atmosphere), tailwind_growth=1.5 (kt more "
         "tailwind for each 1,000 ft), or both; a .csv or .parquet table with level_fl, deviation_k and tailwind (kt); "
-        "standard; or training, drawn from the training flights' own (default for a model fitted with "
-        "data.air=measured; standard for others)",
+        "a weather field on pressure levels (NetCDF or GRIB file, or a folder of them), met along the path of --end "
+        "and --track, or --route, at --time; standard; or training, drawn from the training flights' own "
+        "(default for a model fitted with data.air=measured or a weather field; standard for others)",
     )
 
 
@@ -33,7 +34,7 @@ def air_of(args: argparse.Namespace) -> dict[str, str] | Path | str | None:
     if any(not equals for _, equals, _ in pairs) or len({name for name, _, _ in pairs}) < len(pairs):
         raise ConfigError(
             f"--air {' '.join(args.air)}",
-            expected="NAME=VALUE, each name once, or one of standard, training and a table",
+            expected="NAME=VALUE, each name once, or one of standard, training, a table and a weather field",
             mend="write for instance --air deviation_k=10",
         )
     return {name: value for name, _, value in pairs}

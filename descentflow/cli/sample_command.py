@@ -40,8 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Sample, write, and say what was rejected."""
-    from dataclasses import replace
-
     from descentflow.core.files import check_output
     from descentflow.core.progress import stage
     from descentflow.generation.sample import sample
@@ -58,12 +56,13 @@ def run(args: argparse.Namespace) -> None:
             seed=args.seed,
             context=context_arguments.context_of(args),
             air=air_arguments.air_of(args),
+            plan=plan,
             draw_budget=args.draw_budget,
             compiled=args.compile,
             progress=drawn.advance,
         )
     with stage(f"writing {args.out}"):
-        replace(samples, plan=plan).write(args.out)
+        samples.write(args.out)
     if args.figure is not None:
         with stage(f"drawing {args.figure}"):
             write_figure(samples.figure(title=f"{args.checkpoint.name}: {len(samples):,} samples"), args.figure)

@@ -15,9 +15,9 @@ from descentflow.air.level_air import LevelAir
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import SamplingError
 from descentflow.densities.entry_gate import EntryGate
+from descentflow.generation.own_airs import AirWhereFlown, OwnAirs
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
-from descentflow.representation.decoder.flown_air import flown_in
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.plausibility import RULES, Plausibility
 
@@ -85,7 +85,7 @@ def sample_descents(
     *,
     context: Tensor | None = None,
     entry: Tensor | None = None,
-    air: LevelAir | None = None,
+    air: LevelAir | AirWhereFlown | None = None,
     draw_budget: int | None = None,
     compiled: bool = False,
     progress: Callable[[int], None] | None = None,
@@ -109,7 +109,8 @@ def sample_descents(
             as the training flights entered.
         air: Airs (k, L) that descents are flown in; standard air if absent. Each sample keeps its own until it is
             plausible. It is that of its context where there are as many airs as contexts, that of the flight of its
-            entry level where there are as many airs as entry levels, else drawn.
+            entry level where there are as many airs as entry levels, else drawn. Or an air that depends on where they
+            are flown; the samples then do not hold theirs.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
         compiled: Decode by compiled arithmetic, see :func:`descentflow.representation.decoder.trajectories.integrate`.
         progress: Progress callback: called with the number of descents newly accepted.
@@ -129,12 +130,12 @@ def sample_descents(
     budget = max(100 * n, 10_000) if draw_budget is None else draw_budget
     generator = torch.Generator().manual_seed(seed)
     draws: _Interchangeable | _OfContexts | _OfEntries | _OfSamples
-    airs = None if air is None else _OwnAirs(air, n, seed, context, entry)
+    airs = OwnAirs(air, n, seed, context, entry) if isinstance(air, LevelAir) else None
     if context is not None:
         draws = _OfContexts(context, entry)
     elif isinstance(model, GatedSampler) and model.entry_gate is not None:
         draws = _OfEntries(model.entry_gate, _entries(entry, airs, plausibility, n, generator))
-    elif airs is not None:
+    elif air is not None:
         draws = _OfSamples(_entries(entry, airs, plausibility, n, generator))
     else:
         draws = _Interchangeable(entry)
@@ -153,7 +154,9 @@ def sample_descents(
         numbers = DrawNumbers(seed, drawn)
         flown = decoder(tries, entries, out=reused, compiled=compiled, draws=numbers, white=white)
         if airs is not None:
-            flown = flown_in(decoder.aircraft, flown, airs.of(wanted))
+            flown = airs.fly(decoder.aircraft, flown, wanted)
+        elif air is not None and not isinstance(air, LevelAir):
+            flown = air.fly(decoder.aircraft, flown)
         rules = plausibility.broken_rules(flown)
         good = torch.nonzero(~rules.any(1).cpu())[:, 0]
         drawn, plausible, broken = drawn + size, plausible + len(good), broken + rules.sum(0).cpu()
@@ -174,24 +177,8 @@ def sample_descents(
     return Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report, air=own_air)
 
 
-class _OwnAirs:
-    """The air of each sample: that of its context or of the flight of its entry level, or drawn."""
-
-    def __init__(self, air: LevelAir, n: int, seed: int, context: Tensor | None, entry: Tensor | None) -> None:
-        """Choose by a generator of its own, so that weights and entries are those of the seed in any air."""
-        self.air, count = air, len(air)
-        drawn = torch.randint(count, (n,), generator=torch.Generator().manual_seed(seed))
-        of_context = context is not None and count == len(context)
-        self.row = torch.arange(n) % count if of_context else drawn
-        self.of_entry = context is None and entry is not None and len(entry) == count
-
-    def of(self, samples: Tensor) -> LevelAir:
-        """The airs of samples."""
-        return self.air.rows(self.row[samples])
-
-
 def _entries(
-    entry: Tensor | None, airs: _OwnAirs | None, plausibility: Plausibility, n: int, generator: torch.Generator
+    entry: Tensor | None, airs: OwnAirs | None, plausibility: Plausibility, n: int, generator: torch.Generator
 ) -> Tensor:
     """Indices (n,) of the samples' levels of entry."""
     if airs is not None and airs.of_entry:

@@ -1,14 +1,18 @@
 """Sample plausible descents from a fitted model: what `descentflow sample` calls."""
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 
+from descentflow.air.weather_field import weather_field
 from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import as_density
+from descentflow.generation.air_along_path import AirAlongPath
 from descentflow.generation.rejection import sample_descents
-from descentflow.generation.sample_airs import Airs, airs_of
+from descentflow.generation.sample_airs import Airs, airs_of, field_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
 from descentflow.generation.samples import Samples
+from descentflow.positions.ground_plan import NOWHERE, GroundPlan
 
 
 def sample(
@@ -19,6 +23,7 @@ def sample(
     context: Contexts | None = None,
     entry_fl: float | Sequence[float] | None = None,
     air: Airs | None = None,
+    plan: GroundPlan = NOWHERE,
     draw_budget: int | None = None,
     compiled: bool = False,
     progress: Callable[[int], None] | None = None,
@@ -34,8 +39,11 @@ def sample(
         entry_fl: Flight level where the descents start: one, several to draw from, or one for each row of
             ``context``. If absent, the context's ``entry_fl`` where it has one, else as the training flights entered.
         air: Air that they are flown in, see :func:`~.sample_airs.airs_of`: ``standard``, ``{"deviation_k": 10}``, a
-            table by level, or ``training``: drawn from the training flights' own, which a model of drag in measured air
-            does if nothing is asked.
+            table by level, or ``training``: drawn from the training flights' own, which a model of drag in its flights'
+            own air does if nothing is asked; or a weather field (NetCDF or GRIB file, or a folder), which is met along
+            the plan's path.
+        plan: Where they are flown, see :func:`descentflow.positions.ground_plan.ground_plan`; with a weather field it
+            needs a path, and the time of its end where the field has several.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
         compiled: Decode by compiled arithmetic: pays from millions of descents.
         progress: Progress callback: called with the number of descents newly accepted.
@@ -45,7 +53,9 @@ def sample(
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
-        ConfigError: If ``n`` is not positive, or the context, the entry levels or the air do not fit the model.
+        ConfigError: If ``n`` is not positive, or the context, the entry levels or the air do not fit the model, or the
+            plan does not fit the weather field.
+        DataError: If a table or a weather field cannot be read, or a descent leaves the field.
         SamplingError: If too few draws are plausible.
 
     Example:
@@ -62,17 +72,23 @@ def sample(
     representation = density.representation
     contexts = context_rows(context, representation.context)
     encoded = None if contexts is None or representation.context is None else representation.context.encode(contexts)
-    found = sample_descents(
-        density,
-        representation.decoder,
-        representation.plausibility,
-        n,
-        seed,
-        context=encoded,
-        entry=entry_levels(representation, contexts, entry_fl),
-        air=airs_of(air, representation),
-        draw_budget=draw_budget,
-        compiled=compiled,
-        progress=progress,
-    )
-    return replace(found, context=contexts)
+    field = field_of(air)
+    with nullcontext() if field is None else weather_field(field) as opened:
+        along = None if opened is None else AirAlongPath(opened, plan)
+        found = sample_descents(
+            density,
+            representation.decoder,
+            representation.plausibility,
+            n,
+            seed,
+            context=encoded,
+            entry=entry_levels(representation, contexts, entry_fl),
+            air=airs_of(air, representation) if along is None else along,
+            draw_budget=draw_budget,
+            compiled=compiled,
+            progress=progress,
+        )
+        if along is not None:
+            there = along.found(found.trajectories)
+            found = replace(found, air=there.air, flown_at=there.positions)
+    return replace(found, context=contexts, plan=plan)

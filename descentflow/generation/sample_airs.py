@@ -11,13 +11,14 @@ from torch import Tensor
 
 from descentflow.air.kept_air import STRONGEST_MPS, WARMEST_K
 from descentflow.air.level_air import LevelAir
+from descentflow.air.weather_file import SUFFIXES
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import KT_MPS
 from descentflow.representation.context_columns import read_table
 from descentflow.representation.representation import Representation
 
 Airs = str | Path | Mapping[str, Any] | pl.DataFrame | LevelAir
-"""``standard``, ``training``, values by name, or a table (in memory or as a path)."""
+"""``standard``, ``training``, values by name, a table (in memory or as a path), or a weather field's path."""
 STANDARD, TRAINING = "standard", "training"
 GROWTH = "tailwind_growth"
 NAMES = ("deviation_k", GROWTH)
@@ -67,15 +68,27 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
         if kept is None:
             raise ConfigError(
                 "the training flights' own airs, of a model that does not know them",
-                expected="a model that was fitted with data.air=measured",
+                expected="a model that was fitted with data.air=measured or a weather field",
                 mend="fit such a model, or give an air: deviation_k=10",
             )
         return kept.training
     raise ConfigError(
         f"the air {str(asked)!r}",
-        expected=f"{STANDARD}, {TRAINING}, {' or '.join(f'{n}=VALUE' for n in NAMES)}, or a .csv or .parquet table",
+        expected=f"{STANDARD}, {TRAINING}, {' or '.join(f'{n}=VALUE' for n in NAMES)}, a .csv or .parquet table, or a "
+        "weather field (.nc, .grib)",
         mend="write for instance deviation_k=10",
     )
+
+
+def field_of(asked: Airs | None) -> str | Path | None:
+    """The path of a weather field, if that is what was asked for.
+
+    Example:
+        >>> field_of("era5.nc"), field_of("training")
+        ('era5.nc', None)
+    """
+    named = isinstance(asked, str | Path) and (Path(asked).suffix in SUFFIXES or Path(asked).is_dir())
+    return asked if named and isinstance(asked, str | Path) else None
 
 
 def _of_values(values: Mapping[str, Any], levels_fl: Tensor) -> LevelAir:

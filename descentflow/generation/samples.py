@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
+from descentflow.core.errors import ConfigError
 from descentflow.core.tabular import to_pandas
 from descentflow.generation.sample_tables import to_dataset, to_frame, write_samples
 from descentflow.positions.ground_path import Point
@@ -70,6 +71,7 @@ class Samples:
             last. None for a model without context.
         plan: Where they are flown; in still air and at no place unless :meth:`placed`.
         air: The air (n, L) of each; None for standard air.
+        flown_at: Where each is, of those that were flown in a weather field along the plan's path.
 
     Example:
         >>> from descentflow.generation.sample import sample
@@ -88,6 +90,7 @@ class Samples:
     context: pl.DataFrame | None = None
     plan: GroundPlan = NOWHERE
     air: LevelAir | None = None
+    flown_at: Positions | None = None
 
     def __len__(self) -> int:
         """Number of descents."""
@@ -106,7 +109,8 @@ class Samples:
         """The same descents laid over the ground, see :func:`descentflow.positions.ground_plan.ground_plan`.
 
         Raises:
-            ConfigError: If the arguments contradict each other, or one of them cannot be.
+            ConfigError: If the arguments contradict each other, one of them cannot be, or the descents were flown in a
+                weather field along a path of their own.
             DataError: If a file of winds cannot be read.
 
         Example:
@@ -115,6 +119,12 @@ class Samples:
             >>> placed.to_polars().columns[-3:]
             ['latitude', 'longitude', 'track']
         """
+        if self.flown_at is not None:
+            raise ConfigError(
+                "another path for descents that were flown in a weather field along one",
+                expected="the path in whose air they were flown",
+                mend="sample along the other path",
+            )
         plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
         return replace(self, plan=plan)
 
@@ -126,6 +136,8 @@ class Samples:
             ConfigError: If the wind is stronger than the airspeed.
             DataError: If a field of wind does not hold a place or a time.
         """
+        if self.flown_at is not None:
+            return self.flown_at
         return self.plan.place(self.trajectories, None if self.air is None else self.air.tailwind_mps)
 
     def to_polars(self) -> pl.DataFrame:

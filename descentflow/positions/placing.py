@@ -120,11 +120,17 @@ class _Air(NamedTuple):
         speed = np.sqrt(np.clip(tas**2 - rate**2, 0, None))
         unix_s = None
         if end_time is not None:
-            unix_s = time_s - time_s[:, :1] + _unix(end_time)
+            unix_s = time_s - time_s[:, :1] + unix_of(end_time)
         return cls(flown.levels_fl.cpu().double().numpy(), mask, speed, leg_s, unix_s)
 
 
-def _unix(time: datetime) -> float:
+def unix_of(time: datetime) -> float:
+    """Seconds since 1970; UTC where a time has no zone.
+
+    Example:
+        >>> unix_of(datetime(1970, 1, 1, 1))  # noqa: DTZ001
+        3600.0
+    """
     return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
 
 

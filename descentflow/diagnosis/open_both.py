@@ -24,6 +24,7 @@ from descentflow.diagnosis.weather_taken_out import without_weather
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.correction import Correction
 from descentflow.representation.own_air import AirSource
+from descentflow.representation.own_mass import check_reference_mass
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_descents
 from descentflow.surveillance.open_pair import open_pair
@@ -113,6 +114,8 @@ def open_both(
     found = open_simulator(simulator, source.bada_dir)
     say("reading flights")
     parts = found.representation
+    if parts is not None:
+        check_reference_mass(parts, "a diagnosis")
     if parts is not None and isinstance(parts.decoder.correction, Correction):
         warnings.warn(
             f"{found.name} adds {', '.join(parts.decoder.correction.effects)} to its samples, and the flights that it "

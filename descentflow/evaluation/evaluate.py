@@ -45,7 +45,8 @@ def evaluate(
             validated on are left out and counted.
         n: Number of samples.
         seed: Of sampling, and of the splits behind the noise floors.
-        context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model.
+        context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model, or the
+            masses, for a model of drag at each flight's own.
         air: Where the flights' air is known from, for a model of drag in its flights' own air: ``measured``, or a
             weather field; the former if absent, which a model fitted by a field refuses.
         n_splits: Random splits behind each noise floor.
@@ -154,6 +155,7 @@ def evaluate_profiles(
         context=context,
         entry=real.entry_level,
         air=real.air,
+        mass_kg=real.mass_kg,
         draw_budget=draw_budget,
         progress=progress,
     )

@@ -4,7 +4,7 @@ The bounds themselves are in :mod:`descentflow.representation.plausibility`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import ClassVar, Protocol, runtime_checkable
 
@@ -15,7 +15,7 @@ from descentflow.air.level_air import LevelAir
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import SamplingError
 from descentflow.densities.entry_gate import EntryGate
-from descentflow.generation.own_airs import AirWhereFlown, OwnAirs
+from descentflow.generation.own_conditions import AirWhereFlown, OwnConditions
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
@@ -86,6 +86,7 @@ def sample_descents(
     context: Tensor | None = None,
     entry: Tensor | None = None,
     air: LevelAir | AirWhereFlown | None = None,
+    mass_kg: Tensor | None = None,
     draw_budget: int | None = None,
     compiled: bool = False,
     progress: Callable[[int], None] | None = None,
@@ -111,6 +112,8 @@ def sample_descents(
             plausible. It is that of its context where there are as many airs as contexts, that of the flight of its
             entry level where there are as many airs as entry levels, else drawn. Or an air that depends on where they
             are flown; the samples then do not hold theirs.
+        mass_kg: (k,) masses, likewise, and of the same flights where there are as many as airs; the mass that the
+            decoder flies if absent.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
         compiled: Decode by compiled arithmetic, see :func:`descentflow.representation.decoder.trajectories.integrate`.
         progress: Progress callback: called with the number of descents newly accepted.
@@ -130,13 +133,13 @@ def sample_descents(
     budget = max(100 * n, 10_000) if draw_budget is None else draw_budget
     generator = torch.Generator().manual_seed(seed)
     draws: _Interchangeable | _OfContexts | _OfEntries | _OfSamples
-    airs = OwnAirs(air, n, seed, context, entry) if isinstance(air, LevelAir) else None
+    own = None if air is None and mass_kg is None else OwnConditions(air, mass_kg, n, seed, context, entry)
     if context is not None:
         draws = _OfContexts(context, entry)
     elif isinstance(model, GatedSampler) and model.entry_gate is not None:
-        draws = _OfEntries(model.entry_gate, _entries(entry, airs, plausibility, n, generator))
-    elif air is not None:
-        draws = _OfSamples(_entries(entry, airs, plausibility, n, generator))
+        draws = _OfEntries(model.entry_gate, _entries(entry, own, plausibility, n, generator))
+    elif own is not None:
+        draws = _OfSamples(_entries(entry, own, plausibility, n, generator))
     else:
         draws = _Interchangeable(entry)
     pending, drawn, plausible = torch.arange(n), 0, 0
@@ -153,11 +156,11 @@ def sample_descents(
         white = torch.randn(size, decoder.n_white, generator=generator, dtype=torch.float64).to(tries)
         numbers = DrawNumbers(seed, drawn)
         flown = decoder(tries, entries, out=reused, compiled=compiled, draws=numbers, white=white)
-        if airs is not None:
-            flown = airs.fly(decoder.aircraft, flown, wanted)
-        elif air is not None and not isinstance(air, LevelAir):
-            flown = air.fly(decoder.aircraft, flown)
-        rules = plausibility.broken_rules(flown)
+        drag_n = flown.drag_n
+        if own is not None:
+            flown = own.fly(decoder.aircraft, flown, wanted)
+        # Bounds of drag are those at the mass that the decoder flies.
+        rules = plausibility.broken_rules(replace(flown, drag_n=drag_n))
         good = torch.nonzero(~rules.any(1).cpu())[:, 0]
         drawn, plausible, broken = drawn + size, plausible + len(good), broken + rules.sum(0).cpu()
         accepted, filled = draws.match(good, wanted, pending)
@@ -173,17 +176,18 @@ def sample_descents(
     if len(pending):
         raise SamplingError(f"only {report}", expected=f"{n} plausible descents within {budget} draws", mend=draws.mend)
     order = torch.cat(owners).argsort()
-    own_air = None if airs is None else airs.of(torch.arange(n))
-    return Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report, air=own_air)
+    found = Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report)
+    everyone = torch.arange(n)
+    return found if own is None else replace(found, air=own.airs(everyone), mass_kg=own.masses(everyone))
 
 
 def _entries(
-    entry: Tensor | None, airs: OwnAirs | None, plausibility: Plausibility, n: int, generator: torch.Generator
+    entry: Tensor | None, own: OwnConditions | None, plausibility: Plausibility, n: int, generator: torch.Generator
 ) -> Tensor:
     """Indices (n,) of the samples' levels of entry."""
-    if airs is not None and airs.of_entry:
+    if own is not None and own.of_entry is not None:
         assert entry is not None
-        return entry[airs.row]
+        return entry[own.of_entry]
     return _Interchangeable(entry).entries(plausibility, torch.arange(n), generator)
 
 

@@ -16,6 +16,7 @@ from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.constant_basis import fit_constant
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
+from descentflow.representation.kept_mass import KeptMass
 from descentflow.representation.linear_curves import Gaps
 from descentflow.representation.observed_channels import observed_channels
 from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
@@ -69,6 +70,7 @@ class Representation(nn.Module):
         cleaning: Cleaning | None = None,
         gaps: Gaps | None = "marginal",
         air: KeptAir | None = None,
+        mass: KeptMass | None = None,
     ) -> None:
         """Hold the parts.
 
@@ -86,12 +88,13 @@ class Representation(nn.Module):
             gaps: What the density is fitted to, see :func:`~descentflow.representation.linear_curves.evidence_of`; None
                 for a checkpoint of before there was a choice, which is fitted to filled gaps.
             air: In which air drag was inferred, and the training flights' own; None for standard air.
+            mass: The column of masses at which drag was inferred, and the training flights' own; None for one mass.
         """
         super().__init__()
         self.decoder, self.plausibility = decoder, plausibility
         self.split, self.provenance = split, provenance
         self.reference, self.context, self.cleaning, self.gaps = reference, context, cleaning, gaps
-        self.air = air
+        self.air, self.mass = air, mass
 
     @property
     def n_context(self) -> int:
@@ -110,6 +113,8 @@ class Representation(nn.Module):
             state["gaps"] = self.gaps
         if self.air is not None:
             state["air"] = self.air.to_state()
+        if self.mass is not None:
+            state["mass"] = self.mass.to_state()
         if self.reference is not None:
             state["reference"] = self.reference
         if self.context is not None:
@@ -134,6 +139,7 @@ class Representation(nn.Module):
             cleaning,
             state.get("gaps"),
             None if state.get("air") is None else KeptAir.from_state(state["air"], len(state["decoder"]["levels_fl"])),
+            None if state.get("mass") is None else KeptMass.from_state(state["mass"]),
         )
 
 

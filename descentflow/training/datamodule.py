@@ -30,6 +30,7 @@ from descentflow.representation.flight_parts import Part, parts_of, top_level, w
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
 from descentflow.representation.own_air import STANDARD, airs_as_kept, in_air_asked
+from descentflow.representation.own_mass import kept_masses, masses_of, of_known_mass, with_own_mass
 from descentflow.representation.plausibility import MARGIN, Bounds
 from descentflow.representation.profiles import Profiles, Speed, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
@@ -83,6 +84,7 @@ class DescentDataModule(LightningDataModule):
         residual: bool = True,
         speed: Speed = "cas",
         air: str | Path = "standard",
+        mass: str = "standard",
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -123,6 +125,8 @@ class DescentDataModule(LightningDataModule):
                 flights' own reports (TAS, Mach, groundspeed); or a weather field by pressure level (ERA5), a NetCDF or
                 GRIB file or a folder of them, read where the flights were. With a checkpoint: where the flights' air is
                 known from, if not as its training flights' was.
+            mass: At which mass drag is inferred: ``standard``, one for all (``mass_kg``); or the column of the descents
+                or of ``context_table`` that gives each flight's own, kg. That of the checkpoint where one is given.
         """
         super().__init__()
         if seed < 0:
@@ -135,7 +139,7 @@ class DescentDataModule(LightningDataModule):
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
         self.gaps, self.bounds, self.residual, self.speed = gaps, bounds, residual, speed
-        self.air = air
+        self.air, self.mass = air, mass
         self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
         self._parts: dict[Part, EncodedFlights] = {}
@@ -159,17 +163,22 @@ class DescentDataModule(LightningDataModule):
                 air = None if representation.air is None or self.air == STANDARD else self.air
                 self._parts = encode_flights(frame, known, self.context_table, air=air, say=rank_zero_info)
             else:
-                table = context_of(frame, self.context or [], self.context_table)
+                named = self.context or []
+                masses = None if self.mass == STANDARD else masses_of(frame, self.mass, self.context_table)
+                frame = frame if masses is None else of_known_mass(frame, masses, rank_zero_info)
+                table = context_of(frame, named, self.context_table if named or masses is None else None)
                 frame = without_missing(frame, table, self.missing_context, rank_zero_info)
                 own_type = aircraft_of(frame, self.aircraft, self.bada_dir)
                 profiles, split = self._fresh(frame, source, own_type)
                 flown_by = at_mass(own_type, self.mass_kg)
                 profiles, kept_air, airs = in_air_asked(profiles, frame, flown_by, split, self.air, rank_zero_info)
+                if masses is not None:
+                    profiles = with_own_mass(profiles, flown_by, masses, rank_zero_info)
                 done.say("fitting components")
                 representation = self._fit(profiles, split, source, own_type)
                 levels, seen = profiles.levels_fl, [*split.train, *split.validation]
                 shown = frame.drop(source.computed, strict=False)
-                representation.air = kept_air
+                representation.air, representation.mass = kept_air, kept_masses(self.mass, profiles, split)
                 if kept_air is not None and airs is not None:
                     # By reports, those that were computed from others say nothing.
                     own = airs if kept_air.source == "field" else airs_as_kept(shown, levels, kept_air)

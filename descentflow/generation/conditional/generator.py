@@ -31,6 +31,7 @@ from descentflow.generation.sample_contexts import context_rows, entry_levels
 from descentflow.generation.samples import RejectionReport
 from descentflow.representation.linear_curves import linear_curves
 from descentflow.representation.own_air import check_standard_air
+from descentflow.representation.own_mass import check_reference_mass
 
 KEPT_REQUESTS = 256
 """Requests whose conditioned density is kept: what several flights are asked alike is conditioned once."""
@@ -88,6 +89,7 @@ class Generator:
         density = as_density(model)
         _check_speed(density)
         check_standard_air(density.representation, "a generator of single descents")
+        check_reference_mass(density.representation, "a generator of single descents")
         if density.device.type != "cpu":
             density = deepcopy(density).cpu()
             density.attach(deepcopy(density.representation).cpu())

@@ -6,6 +6,8 @@ from pathlib import Path
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.parquet_pages import check_pages
+from descentflow.surveillance.unpacking.unreadable import whole_input
 
 DERIVED = {
     "entry_fl": "highest flight level of the descent",
@@ -54,12 +56,11 @@ def read_table(path: Path) -> pl.DataFrame:
         >>> read_table(Path("context.csv")).shape
         (1, 2)
     """
-    try:
-        return pl.read_csv(path) if path.suffix == ".csv" else pl.read_parquet(path)
-    except (pl.exceptions.PolarsError, OSError) as error:
-        raise DataError(
-            f"{path}: {str(error).splitlines()[0]}", expected="a CSV or Parquet table", mend="pass another table"
-        ) from error
+    with whole_input(path, "a CSV or Parquet table", "pass another table"):
+        if path.suffix == ".csv":
+            return pl.read_csv(path)
+        check_pages(path, path)
+        return pl.read_parquet(path)
 
 
 def flight_context(descents: pl.DataFrame, names: Sequence[str], table: pl.DataFrame | None = None) -> pl.DataFrame:

@@ -21,6 +21,7 @@ from descentflow.surveillance.descents.join_descents import join_descents
 from descentflow.surveillance.descents.prepared_descents import REQUIRED, Descents, read_descents, top_levels
 from descentflow.surveillance.descents.store import MANIFEST
 from descentflow.surveillance.prepare import prepare
+from descentflow.surveillance.unpacking.unreadable import whole_input
 
 Say = Callable[[str], None]
 
@@ -101,12 +102,8 @@ def is_prepared(path: Path) -> bool:
         return (path / MANIFEST).is_file()
     if path.suffix != ".parquet" or not path.is_file():
         return False
-    try:
+    with whole_input(path, "a whole Parquet file", "write it again"):
         return KEY in pl.read_parquet_metadata(path)
-    except (pl.exceptions.PolarsError, OSError) as error:
-        raise DataError(
-            f"{path}: {str(error).splitlines()[0]}", expected="a whole Parquet file", mend="write it again"
-        ) from error
 
 
 def prepared_descents(source: Any) -> Descents | None:

@@ -9,6 +9,7 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
+from descentflow.core.parquet_pages import check_pages
 from descentflow.core.tabular import to_dataset, to_pandas
 from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -256,6 +257,7 @@ def _read_file(path: str | Path) -> tuple[pl.DataFrame, dict[str, Any]]:
     if not Path(path).is_file():
         raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
     with whole_input(path, "a whole Parquet file", MEND):
+        check_pages(Path(path), path)
         description = pl.read_parquet_metadata(path).get(KEY)
         frame = pl.read_parquet(path)
     if description is None:

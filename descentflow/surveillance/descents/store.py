@@ -18,6 +18,7 @@ from polars.io.plugins import register_io_source
 
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
+from descentflow.core.parquet_pages import check_pages
 from descentflow.surveillance.descents.description import KEY, MEND, described
 from descentflow.surveillance.unpacking.unreadable import whole_input
 
@@ -162,6 +163,7 @@ def read_store(folder: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
         for file in metadata["files"]:
             path = folder / file["path"]
             with whole_input(path, "a store as it was written", MEND):
+                check_pages(path, path)
                 frame = pl.read_parquet(path, hive_partitioning=False)
             if len(frame) != file["rows"]:
                 raise DataError(f"{path}: {len(frame)} rows", expected=f"{file['rows']} rows", mend=MEND)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import polars as pl
 
 from descentflow.core.errors import DataError
+from descentflow.core.parquet_pages import check_pages
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import check_types, wanted
 from descentflow.surveillance.unpacking.streams import LARGEST_LINE, Input
@@ -18,14 +19,18 @@ def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
     """Rows of a Parquet file, a slice at a time; inside gzip or an archive it is held whole.
 
     Raises:
-        DataError: If a needed column cannot hold values of a row (a list), or the file is too large to be held whole.
+        DataError: If a needed column cannot hold values of a row (a list), the file is too large to be held whole, or
+            a page of it is damaged.
 
     Example:
         >>> with Path("rows.parquet").open("rb") as file:
         ...     print([len(part) for part in parquet(Input(file, "rows.parquet"), DropReport(), 20_000)])
         [20000, 3216]
     """
-    yield from _slices(pl.scan_parquet(source.path or io.BytesIO(source.whole())), rows, source.label, source.columns)
+    content = source.path or source.whole()
+    check_pages(content, source.label)
+    table = pl.scan_parquet(io.BytesIO(content) if isinstance(content, bytes) else content)
+    yield from _slices(table, rows, source.label, source.columns)
 
 
 def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:

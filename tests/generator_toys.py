@@ -56,6 +56,7 @@ def mixture(gated: bool = False) -> GaussianMixtureDensity:
     density.mixture = Mixture(torch.tensor([0.6, 0.4]).double(), locs, roots)
     if gated:
         density.entry_gate = EntryGate(torch.tensor([60]), torch.tensor([[0.8, 0.2], [0.3, 0.7]]).double())
+        density.residual_law = toys.residual_law(parts().decoder, 2)
     density.attach(parts())
     return density
 

@@ -41,6 +41,7 @@ def density(kind: str, parts: Representation, n_context: int = 0) -> Density:
         if not n_context:
             shares = torch.tensor([[0.6, 0.3, 0.1], [0.1, 0.4, 0.5]]).double()
             found.entry_gate = EntryGate(torch.tensor([170]), shares)
+            found.residual_law = toys.residual_law(parts.decoder, 3)
     else:
         torch.manual_seed(3)
         found = MaskedAffineFlowDensity(d, n_flows=2, n_context=n_context, whitened=kind == "whitened flow")

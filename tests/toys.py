@@ -13,10 +13,12 @@ from torch.utils.data import DataLoader
 
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.densities.residual_law import ResidualLaw
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.evidence import Evidence, as_evidence
 from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.linear_curves import residual_profiles
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles, infer_drag_n, observed_profiles
 from descentflow.representation.representation import Representation, Split, fit_representation
@@ -125,6 +127,15 @@ class WeightsModule(LightningDataModule):
 
     def val_dataloader(self) -> DataLoader:
         return flight_batches(self.evidence("validation"), self.contexts("validation"), 4096)
+
+
+def residual_law(decoder: DescentDecoder, n_components: int) -> ResidualLaw:
+    """What lies beyond the components of a decoder, other than standard normals: no two components are alike."""
+    n_residual, generator = len(residual_profiles(decoder)), torch.Generator().manual_seed(7)
+    offset = 0.3 * torch.randn(n_components, n_residual, generator=generator).double()
+    slope = 0.2 * torch.randn(n_residual, decoder.dimension, generator=generator).double()
+    spread = torch.linspace(0.4, 1.2, n_components).double()[:, None].expand(-1, n_residual).contiguous()
+    return ResidualLaw(offset, slope, spread)
 
 
 def fit(model: LatentModel, data: LightningDataModule, max_epochs: int, **settings: object) -> LatentModel:

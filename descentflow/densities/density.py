@@ -10,6 +10,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.importance import Estimate, estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.observed import log_observed
+from descentflow.densities.residual_law import ResidualLaw
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.representation import Representation
 
@@ -60,6 +61,8 @@ class Density(nn.Module, ABC):
         super().__init__()
         self.dimension, self.n_context = dimension, n_context
         self._representation: Representation | None = None
+        self.residual_law: ResidualLaw | None = None
+        """How what lies beyond the components goes with the weights; None where it is standard normal."""
 
     @abstractmethod
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
@@ -97,6 +100,34 @@ class Density(nn.Module, ABC):
         rows = self.rows_of_context(context, n)
         generator = torch.Generator(self.device).manual_seed(seed)
         return self.draw(n, generator) if rows is None else self.draw(n, generator, rows)
+
+    def residual(
+        self,
+        weights: Tensor,
+        white: Tensor,
+        seed: int,
+        context: Tensor | None = None,
+        components: Tensor | None = None,
+    ) -> Tensor:
+        """What lies beyond the decoder's components of flights with these weights: standard normals, unless it knows.
+
+        Args:
+            weights: (n, d) standardised.
+            white: (n, r) standard normals.
+            seed: Of what else is drawn.
+            context: (n, c) where the density is conditioned on one.
+            components: (n,) of a mixture, where they are known.
+
+        Returns:
+            (n, r) residual numbers, as the decoder takes them beside the weights.
+
+        Example:
+            >>> from descentflow.densities.checkpoint import load_model
+            >>> white = torch.randn(3, 2)
+            >>> torch.equal(load_model("best.ckpt").residual(torch.zeros(3, 4), white, seed=0), white)  # a Gaussian
+            True
+        """
+        return white
 
     @property
     def mixture(self) -> Mixture | None:

@@ -10,7 +10,7 @@ import torch
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed
-from descentflow.generation.rejection import Sampler
+from descentflow.generation.samplers import Sampler
 from descentflow.measurements.quantities import Quantities
 from descentflow.representation.representation import Representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning

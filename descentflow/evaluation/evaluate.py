@@ -12,7 +12,8 @@ from descentflow.densities.checkpoint import as_density
 from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
-from descentflow.generation.rejection import ConditionalSampler, sample_descents
+from descentflow.generation.rejection import sample_descents
+from descentflow.generation.samplers import ConditionalSampler
 from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.encode_flights import encode_flights

@@ -61,7 +61,9 @@ class DescentGraph(nn.Module):
         return (entry_fl.double()[:, None] - self.decoder.levels_fl).abs().argmin(1)
 
     def forward(self, weights: Tensor, entry_fl: Tensor, residual_noise: Tensor | None = None) -> dict[str, Tensor]:
-        """Fly weights (n, d) from flight levels (n,), with standard normals (n, r) for the drag beyond the components.
+        """Fly weights (n, d) from flight levels (n,), with residual numbers (n, r) for what lies beyond the components.
+
+        These are standard normals over all flights; :class:`SamplerGraph` makes them go with the weights.
 
         Returns:
             ``level_fl`` (L,) ascending; :data:`PROFILES` (n, L), NaN above the entry level; ``accepted`` (n,);
@@ -149,7 +151,10 @@ class SamplerGraph(nn.Module):
             As :class:`DescentGraph`, with the ``weights`` (n, d).
         """
         with ExactConstants():
-            weights = self.draw(noise, self.descents.entry(entry_fl), uniform, context)
+            entry = self.descents.entry(entry_fl)
+            weights = self.draw(noise, entry, uniform, context)
+            if residual_noise is not None:
+                residual_noise = self.draw.residual(weights, residual_noise, entry, uniform, context)
         found: dict[str, Tensor] = self.descents(weights, entry_fl, residual_noise)
         return {**found, "weights": weights.to(self.descents.dtype)}
 

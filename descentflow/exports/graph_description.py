@@ -1,6 +1,8 @@
 """What a user of an exported sampler has to know: inputs, outputs, units, bounds, and how entry levels are drawn."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
+from types import MappingProxyType
 from typing import Any
 
 from torch import Tensor
@@ -23,6 +25,11 @@ INPUTS = {
     "context": "the numbers that stand for the flight's context, see `context`",
 }
 """Meaning of each input."""
+OF_DECODER = {
+    **INPUTS,
+    "residual_noise": "what lies beyond the components, of unit variance over all flights; zeros for none",
+}
+"""The same of the decoder alone, which does not know what goes with the weights."""
 BOUNDS = {
     "drag_n": ("drag_low", "drag_high"),
     "cas_mps": ("cas_low", "cas_high"),
@@ -62,7 +69,7 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
         "levels_fl": _numbers(levels_fl),
         "inputs": {
             "sampler": _inputs(sampler.example_inputs(1), precision),
-            "decoder": _inputs(decoder_inputs(sampler, 1), precision),
+            "decoder": _inputs(decoder_inputs(sampler, 1), precision, OF_DECODER),
         },
         "outputs": _outputs(sampler, precision),
         "rules": list(ALL_RULES),
@@ -93,9 +100,11 @@ def decoder_inputs(sampler: SamplerGraph, n: int) -> dict[str, Tensor]:
     return {"weights": weights, **{name: inputs[name] for name in ("entry_fl", "residual_noise") if name in inputs}}
 
 
-def _inputs(example: dict[str, Tensor], precision: Precision) -> dict[str, Any]:
+def _inputs(
+    example: dict[str, Tensor], precision: Precision, meanings: Mapping[str, str] = MappingProxyType(INPUTS)
+) -> dict[str, Any]:
     return {
-        name: {"shape": ["n", *value.shape[1:]], "type": precision, "meaning": INPUTS[name]}
+        name: {"shape": ["n", *value.shape[1:]], "type": precision, "meaning": meanings[name]}
         for name, value in example.items()
     }
 

@@ -7,7 +7,8 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.generation.rejection import GatedSampler
+from descentflow.densities.residual_law import ResidualLaw
+from descentflow.generation.samplers import GatedSampler
 
 
 class MixtureDraw(nn.Module):
@@ -28,9 +29,14 @@ class MixtureDraw(nn.Module):
     slopes: Tensor | None
     gate: Tensor | None
     edges: Tensor | None
+    residual_offset: Tensor | None
+    residual_slope: Tensor | None
+    residual_spread: Tensor | None
 
-    def __init__(self, mixture: Mixture, entry_gate: EntryGate | None = None) -> None:
-        """Copy a mixture and its gate."""
+    def __init__(
+        self, mixture: Mixture, entry_gate: EntryGate | None = None, residual_law: ResidualLaw | None = None
+    ) -> None:
+        """Copy a mixture, its gate and its residual law."""
         super().__init__()
         self.n_components = mixture.n_components
         shares = mixture.probs[None] if entry_gate is None else entry_gate.shares
@@ -44,6 +50,9 @@ class MixtureDraw(nn.Module):
             "log_probs": mixture.probs.log(),
             "slopes": mixture.slopes,
             "gate": mixture.gate,
+            "residual_offset": None if residual_law is None else residual_law.offset,
+            "residual_slope": None if residual_law is None else residual_law.slope,
+            "residual_spread": None if residual_law is None else residual_law.spread,
         }
         for name, value in kept.items():
             self.register_buffer(name, None if value is None else _constant(value))
@@ -74,13 +83,29 @@ class MixtureDraw(nn.Module):
             shift = None if at is None else at[:, :, 0]
         return weights if shift is None else weights + shift
 
+    def residual(
+        self,
+        weights: Tensor,
+        noise: Tensor,
+        entry: Tensor,
+        uniform: Tensor | None = None,
+        context: Tensor | None = None,
+    ) -> Tensor:
+        """Residual numbers (n, r), float64, of weights that the same numbers gave and standard normals (n, r)."""
+        white = noise.double()
+        if self.residual_offset is None or self.residual_slope is None or self.residual_spread is None:
+            return white
+        law = ResidualLaw(self.residual_offset, self.residual_slope, self.residual_spread)
+        chosen = torch.zeros_like(entry) if uniform is None else self.component(entry, uniform, context)
+        return law.of(weights, white, chosen)
+
 
 def _constant(value: Tensor) -> Tensor:
     kept = value.detach().cpu().clone()
     return kept.double() if kept.is_floating_point() else kept
 
 
-def weight_draw(density: Density, dtype: torch.dtype) -> nn.Module:
+def weight_draw(density: Density, dtype: torch.dtype) -> "MixtureDraw | _Flow":
     """The module that draws a density's weights.
 
     Args:
@@ -98,7 +123,7 @@ def weight_draw(density: Density, dtype: torch.dtype) -> nn.Module:
     mixture = density.mixture
     if mixture is not None:
         gate = density.entry_gate if isinstance(density, GatedSampler) else None
-        return MixtureDraw(mixture, gate)
+        return MixtureDraw(mixture, gate, density.residual_law)
     # Here and not above: whoever exports a Gaussian need not have imported normflows.
     from descentflow.densities.flow import MaskedAffineFlowDensity
     from descentflow.densities.flow_draw import FlowDraw
@@ -124,3 +149,13 @@ class _Flow(nn.Module):
     ) -> Tensor:
         weights: Tensor = self.draw(noise, context)
         return weights
+
+    def residual(
+        self,
+        weights: Tensor,
+        noise: Tensor,
+        entry: Tensor,
+        uniform: Tensor | None = None,
+        context: Tensor | None = None,
+    ) -> Tensor:
+        return noise

@@ -4,75 +4,27 @@ The bounds themselves are in :mod:`descentflow.representation.plausibility`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from math import ceil
-from typing import ClassVar, Protocol, runtime_checkable
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
-from descentflow.core.counter_random import DrawNumbers
+from descentflow.core.counter_random import DrawNumbers, seed_of
 from descentflow.core.errors import SamplingError
-from descentflow.densities.entry_gate import EntryGate
+from descentflow.generation.draw_owners import (
+    Interchangeable,
+    OfContexts,
+    OfEntries,
+    OfSamples,
+    entry_levels_of,
+)
 from descentflow.generation.own_conditions import AirWhereFlown, OwnConditions
+from descentflow.generation.samplers import ConditionalSampler, GatedSampler, Sampler
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.plausibility import RULES, Plausibility
-
-BATCH = 10_000
-"""Draws decoded at once: 10,000 descents on 228 levels are 18 MB a quantity."""
-
-MAX_TRIES = 20
-"""Draws after which a sample is drawn of another component: one that is hardly plausible would take the budget."""
-
-
-class Sampler(Protocol):
-    """Whatever draws standardised weights repeatably.
-
-    Example:
-        >>> from descentflow.densities.checkpoint import load_model
-        >>> model: Sampler = load_model("best.ckpt")
-        >>> torch.equal(model.sample(3, seed=1), model.sample(3, seed=1))
-        True
-    """
-
-    def sample(self, n: int, seed: int) -> Tensor:
-        """Draw (n, d) weights."""
-
-
-class ConditionalSampler(Protocol):
-    """Whatever draws standardised weights repeatably, for the contexts that it is given.
-
-    Example:
-        >>> class Shifted:
-        ...     def sample(self, n: int, seed: int, context: torch.Tensor | None = None) -> torch.Tensor:
-        ...         white = torch.randn(n, 2, generator=torch.Generator().manual_seed(seed))
-        ...         return white if context is None else white + context
-        >>> model: ConditionalSampler = Shifted()
-        >>> model.sample(3, seed=0, context=torch.full((3, 1), 100.0)).mean().round(decimals=-1)
-        tensor(100.)
-    """
-
-    def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
-        """Draw (n, d) weights, row i for row i of context (n, c)."""
-
-
-@runtime_checkable
-class GatedSampler(Protocol):
-    """Whatever draws of mixture components, which it knows by the level of entry where ``entry_gate`` is not None.
-
-    Example:
-        >>> from descentflow.densities.mixture import GaussianMixtureDensity
-        >>> isinstance(GaussianMixtureDensity(dimension=2), GatedSampler)
-        True
-    """
-
-    entry_gate: EntryGate | None
-
-    def sample_of(self, components: Tensor, seed: int) -> Tensor:
-        """Draw (n, d) weights of the components (n,)."""
 
 
 @torch.no_grad()
@@ -132,16 +84,16 @@ def sample_descents(
     """
     budget = max(100 * n, 10_000) if draw_budget is None else draw_budget
     generator = torch.Generator().manual_seed(seed)
-    draws: _Interchangeable | _OfContexts | _OfEntries | _OfSamples
+    draws: Interchangeable | OfContexts | OfEntries | OfSamples
     own = None if air is None and mass_kg is None else OwnConditions(air, mass_kg, n, seed, context, entry)
     if context is not None:
-        draws = _OfContexts(context, entry)
+        draws = OfContexts(context, entry)
     elif isinstance(model, GatedSampler) and model.entry_gate is not None:
-        draws = _OfEntries(model.entry_gate, _entries(entry, own, plausibility, n, generator))
+        draws = OfEntries(model.entry_gate, entry_levels_of(entry, own, plausibility, n, generator))
     elif own is not None:
-        draws = _OfSamples(_entries(entry, own, plausibility, n, generator))
+        draws = OfSamples(entry_levels_of(entry, own, plausibility, n, generator))
     else:
-        draws = _Interchangeable(entry)
+        draws = Interchangeable(entry)
     pending, drawn, plausible = torch.arange(n), 0, 0
     broken = torch.zeros(len(RULES), dtype=torch.long)
     weights, kept, owners = [], [], []
@@ -154,6 +106,7 @@ def sample_descents(
         # What was kept of the last batch was copied, so a batch of the same size may take its arrays.
         reused = flown if flown is not None and len(flown) == size else None
         white = torch.randn(size, decoder.n_white, generator=generator, dtype=torch.float64).to(tries)
+        white = draws.residual(model, wanted, tries, white, seed_of(seed, drawn))
         numbers = DrawNumbers(seed, drawn)
         flown = decoder(tries, entries, out=reused, compiled=compiled, draws=numbers, white=white)
         drag_n = flown.drag_n
@@ -179,120 +132,3 @@ def sample_descents(
     found = Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report)
     everyone = torch.arange(n)
     return found if own is None else replace(found, air=own.airs(everyone), mass_kg=own.masses(everyone))
-
-
-def _entries(
-    entry: Tensor | None, own: OwnConditions | None, plausibility: Plausibility, n: int, generator: torch.Generator
-) -> Tensor:
-    """Indices (n,) of the samples' levels of entry."""
-    if own is not None and own.of_entry is not None:
-        assert entry is not None
-        return entry[own.of_entry]
-    return _Interchangeable(entry).entries(plausibility, torch.arange(n), generator)
-
-
-@dataclass(frozen=True)
-class _Interchangeable:
-    """Without a context any plausible draw may be the next sample."""
-
-    entry: Tensor | None
-    mend: ClassVar[str] = "train on more flights or with fewer components, or raise the draw budget"
-
-    def wanted(self, pending: Tensor, drawn: int, plausible: int) -> Tensor:
-        """The next batch: as many as should yield what is missing at the acceptance so far, and a little more."""
-        acceptance = (plausible + 1) / (drawn + 1) if drawn else 0.9
-        return torch.arange(min(int(len(pending) / acceptance * 1.05) + 16, BATCH))
-
-    def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
-        """The weights of a batch."""
-        return model.sample(len(wanted), seed)
-
-    def entries(self, plausibility: Plausibility, wanted: Tensor, generator: torch.Generator) -> Tensor:
-        """Indices of the levels where the descents of a batch start."""
-        if self.entry is None:
-            return plausibility.draw_entry(len(wanted), generator)
-        return self.entry[torch.randint(len(self.entry), (len(wanted),), generator=generator)]
-
-    def match(self, good: Tensor, wanted: Tensor, pending: Tensor) -> tuple[Tensor, Tensor]:
-        """Positions of the plausible draws that are kept, and the samples that they become: in order."""
-        kept = good[: len(pending)]
-        return kept, pending[: len(kept)]
-
-
-@dataclass(frozen=True)
-class _OfContexts:
-    """With contexts a draw is for one sample, whose context it has."""
-
-    context: Tensor
-    entry: Tensor | None
-    mend: ClassVar[str] = "give a context like those of the training flights, or raise the draw budget"
-
-    def wanted(self, pending: Tensor, drawn: int, plausible: int) -> Tensor:
-        """Which sample each draw of the next batch is for: every pending one, repeatedly if few draws are plausible."""
-        first = pending[:BATCH]
-        times = min(ceil((drawn + 1) / (plausible + 1)), BATCH // len(first))
-        return first.repeat(max(times, 1))
-
-    def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
-        """The weights of a batch, each for its sample's context."""
-        return model.sample(len(wanted), seed, self.context[wanted % len(self.context)])  # type: ignore[call-arg]
-
-    def entries(self, plausibility: Plausibility, wanted: Tensor, generator: torch.Generator) -> Tensor:
-        """Indices of the levels where the descents of a batch start."""
-        if self.entry is None:
-            return plausibility.draw_entry(len(wanted), generator)
-        return self.entry[wanted % len(self.context)]
-
-    def match(self, good: Tensor, wanted: Tensor, pending: Tensor) -> tuple[Tensor, Tensor]:
-        """Positions of the plausible draws that are kept, and the samples that they become: the first of each."""
-        samples = wanted[good]
-        order = samples.argsort(stable=True)
-        new = torch.ones(len(samples), dtype=torch.bool)
-        new[1:] = samples[order][1:] != samples[order][:-1]
-        kept = good[order[new]]
-        return kept, wanted[kept]
-
-
-class _OfSamples:
-    """A draw is for one sample, which keeps its entry level and its air until it is plausible."""
-
-    mend = _Interchangeable.mend
-
-    def __init__(self, entry: Tensor) -> None:
-        """Take the samples' levels of entry (n,), indices of the grid."""
-        self.entry = entry
-
-    def wanted(self, pending: Tensor, drawn: int, plausible: int) -> Tensor:
-        """Which sample each draw of the next batch is for: every pending one."""
-        return pending[:BATCH]
-
-    def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
-        """The weights of a batch."""
-        return model.sample(len(wanted), seed)
-
-    def entries(self, plausibility: Plausibility, wanted: Tensor, generator: torch.Generator) -> Tensor:
-        """Indices of the levels where the descents of a batch start."""
-        return self.entry[wanted]
-
-    def match(self, good: Tensor, wanted: Tensor, pending: Tensor) -> tuple[Tensor, Tensor]:
-        """Positions of the plausible draws, and the samples that they become."""
-        return good, wanted[good]
-
-
-class _OfEntries(_OfSamples):
-    """With a gate a draw is for one sample, which keeps entry level and component until it is plausible."""
-
-    def __init__(self, gate: EntryGate, entry: Tensor) -> None:
-        """Take the samples' levels of entry (n,), indices of the grid; components are drawn when they are wanted."""
-        super().__init__(entry)
-        self.gate = gate
-        self.component, self.tries = torch.zeros_like(entry), torch.full_like(entry, MAX_TRIES)
-
-    def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
-        """The weights of a batch, each of its sample's component: another one after so many tries in vain."""
-        tired = wanted[self.tries[wanted] >= MAX_TRIES]
-        self.component[tired] = self.gate.draw(self.entry[tired], torch.Generator().manual_seed(seed))
-        self.tries[tired] = 0
-        self.tries[wanted] += 1
-        assert isinstance(model, GatedSampler)
-        return model.sample_of(self.component[wanted], seed)

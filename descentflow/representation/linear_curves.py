@@ -37,6 +37,10 @@ class Information:
     shift: Tensor
     group: Tensor
 
+    def to(self, device: torch.device | str) -> "Information":
+        """The same on another device."""
+        return Information(self.precisions.to(device), self.shift.to(device), self.group.to(device))
+
     def marginal(self, n_weights: int) -> tuple[Tensor, Tensor]:
         """Precisions (U, d, d) and shift (n, d) of the first d of u, the others integrated over a standard normal."""
         d = n_weights
@@ -196,6 +200,19 @@ def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "margin
     curves = linear_curves(decoder)
     found = curves.information(decoder.observed(flights))
     return Evidence.of_information(*found.marginal(curves.n_weights), found.group)
+
+
+def residual_profiles(decoder: DescentDecoder) -> Tensor:
+    """Which profile (R,) each residual number of :func:`linear_curves` is of, in the order of the decoder's bases.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> decoder = load_representation("best.ckpt").decoder
+        >>> int((residual_profiles(decoder) == 0).sum()) == len(decoder.residual)  # of drag
+        True
+    """
+    counts = torch.tensor([basis.left_out().shape[1] for basis in decoder.bases.values()])
+    return torch.arange(len(counts)).repeat_interleave(counts)
 
 
 def _blocks(parts: list[Tensor]) -> Tensor:

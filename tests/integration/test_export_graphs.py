@@ -57,7 +57,8 @@ def ours(model: Density, sampler: SamplerGraph, inputs: dict[str, Tensor]) -> tu
         component = sampler.draw.component(entry, inputs["uniform"])
     noise, weights = weights_of(model, 5, len(entry), component)
     inputs["noise"] = noise.to(inputs["noise"])
-    return table_of(PARTS, weights, entry, inputs["residual_noise"].double()), weights
+    white = model.residual(weights, inputs["residual_noise"].double(), 0, components=component)
+    return table_of(PARTS, weights, entry, white), weights
 
 
 def compare(kind: str, precision: Precision, runs: list[Callable[..., dict[str, Tensor]]]) -> None:

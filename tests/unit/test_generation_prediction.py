@@ -13,6 +13,7 @@ from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.residual_law import ResidualLaw
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.generation.prediction.summary import (
@@ -54,18 +55,28 @@ def two_components() -> Mixture:
     return Mixture(torch.tensor([0.3, 0.7], dtype=torch.float64), torch.stack([normal(3), -normal(3)]), factors)
 
 
-def test_each_component_and_its_probability_are_those_of_the_joint_gaussian() -> None:
+def law_of_two(known: bool) -> ResidualLaw:
+    plain = ResidualLaw.standard(2, 2, 3)
+    return ResidualLaw(normal(2, 2, seed=4), normal(2, 3, seed=5), plain.spread * 0.7) if known else plain
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_each_component_and_its_probability_are_those_of_the_joint_gaussian(known: bool) -> None:
     """Condition the joint of (u, observed) by blocks, component by component: another route to the same posterior."""
-    curves, mixture = linear(), two_components()
+    curves, mixture, law = linear(), two_components(), law_of_two(known)
     mask = torch.tensor([True, False, True, True, False, False])
     seen = torch.cat([mask, mask])
     drag, cas = normal(6, seed=2), normal(6, seed=3)
-    found = posterior_of(Prior(mixture, None), *seen_of(curves, drag, cas, mask))
+    prior = Prior(mixture, None, residual_law=law if known else None)
+    found = posterior_of(prior, *seen_of(curves, drag, cas, mask))
     rows, observed = curves.loadings[seen], torch.cat([drag, cas])[seen]
     log_probs = []
     for k in range(2):
-        mean = torch.cat([mixture.locs[k], torch.zeros(2, dtype=torch.float64)])
-        covariance = torch.block_diag(mixture.scale_trils[k] @ mixture.scale_trils[k].T, torch.eye(2).double())
+        mean = torch.cat([mixture.locs[k], law.offset[k] + law.slope @ mixture.locs[k]])
+        own = mixture.scale_trils[k] @ mixture.scale_trils[k].T
+        across = law.slope @ own
+        rest = across @ law.slope.T + torch.diag(law.spread[k] ** 2)
+        covariance = torch.cat([torch.cat([own, across.T], 1), torch.cat([across, rest], 1)])
         marginal = rows @ covariance @ rows.T + noise_left(curves)[seen][:, seen]
         gain = covariance @ rows.T @ torch.linalg.inv(marginal)
         expected = mean + gain @ (observed - curves.offset[seen] - rows @ mean)

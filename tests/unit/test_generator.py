@@ -198,7 +198,7 @@ def test_what_was_flown_conditions_as_prediction_does() -> None:
     """Times to the bottom against those of the predictor; p > 1e-4 fails one right sampler in 10,000."""
     table, real = flown_table(0, 300)
     found = generator().next_batch(800, flown=table).trajectories
-    ahead = DescentPredictor(toy.mixture()).predict(real, 300.0, 800).trajectories
+    ahead = DescentPredictor(toy.mixture(True)).predict(real, 300.0, 800).trajectories
     assert set(found.entry.tolist()) == {index(300)}
     for level in (0, 20):
         own, theirs = found.time_s[:, level].numpy(), ahead.time_s[:, level].numpy()
@@ -209,7 +209,7 @@ def test_what_was_flown_conditions_as_prediction_does() -> None:
 def test_what_was_flown_and_a_time_and_a_speed_ahead() -> None:
     """The same predictions, cut to what is asked."""
     table, real = flown_table(0, 320)
-    ahead = DescentPredictor(toy.mixture()).predict(real, 320.0, 20_000).trajectories
+    ahead = DescentPredictor(toy.mixture(True)).predict(real, 320.0, 20_000).trajectories
     low, high = ahead.time_s[:, 5].quantile(torch.tensor([0.3, 0.5]).double()).tolist()
     speed = float(cas_kt(ahead, 290).median())
     kept = (ahead.time_s[:, 5] > low) & (ahead.time_s[:, 5] < high) & ((cas_kt(ahead, 290) - speed).abs() < 0.3)

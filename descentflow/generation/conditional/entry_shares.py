@@ -11,7 +11,7 @@ import torch
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
 from descentflow.generation.conditional.flown_profiles import Array
-from descentflow.generation.rejection import MAX_TRIES
+from descentflow.generation.draw_owners import MAX_TRIES
 from descentflow.representation.representation import Representation
 
 TRIED = 500
@@ -71,7 +71,7 @@ def plausible_shares(density: Density, parts: Representation, n_components: int)
         white = torch.randn(
             TRIED, len(parts.decoder.residual), generator=torch.Generator().manual_seed(k), dtype=torch.float64
         )
-        flown = parts.decoder(weights, white=white)
+        flown = parts.decoder(weights, white=density.residual(weights, white, seed=k, components=components))
         # Plausible from a level down: nothing below it is broken.
         found.append((parts.plausibility.broken_levels(flown).cumsum(1) == 0).double().mean(0))
     return torch.stack(found, 1).numpy()

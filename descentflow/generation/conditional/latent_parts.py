@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from descentflow.densities.density import Density
+from descentflow.densities.residual_law import ResidualLaw
 from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles, LinearProfile
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
@@ -81,10 +82,9 @@ def parts_of(density: Density, grid: FlownProfiles, context: Tensor | None, seed
     prior = prior_of(density, seed, context)
     n_weights, n_white = decoder.dimension, len(decoder.residual)
     mixture = prior.mixture
-    size = n_weights + n_white
-    roots = np.tile(np.eye(size), (mixture.n_components, 1, 1))
-    roots[:, :n_weights, :n_weights] = _numbers(mixture.scale_trils)
-    means = np.pad(_numbers(mixture.locs), ((0, 0), (0, n_white)))
+    known = prior.residual_law or ResidualLaw.standard(mixture.n_components, n_white, n_weights)
+    law = known.first(n_white)
+    roots, means = _numbers(law.joint_roots(mixture.scale_trils)), _numbers(law.joint_means(mixture.locs))
     drag, cas = sample_profiles(decoder, grid)
     log_probs = _numbers(mixture.probs.log())
     return LatentParts(log_probs, means, roots, drag, cas, n_weights, prior if prior.exact is not None else None)

@@ -9,6 +9,7 @@ from descentflow.core.errors import SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.residual_law import ResidualLaw
 
 PROPOSAL_DRAWS, PROPOSAL_COMPONENTS, WIDER = 4000, 4, 1.3
 """Draws of a flow to which the proposal is fitted, its mixture components, and the factor that widens them (tails)."""
@@ -31,6 +32,8 @@ class Prior:
     """None where the mixture is the density itself."""
     context: Tensor | None = None
     """What the exact density is given, (1, c)."""
+    residual_law: ResidualLaw | None = None
+    """Of the residual components given the weights; standard normals where it is None."""
 
     def log_prob(self, weights: Tensor) -> Tensor:
         """Log density (n,) of the exact density at weights (n, d)."""
@@ -54,7 +57,8 @@ def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> 
     """
     mixture = density.mixture_at(context)
     if mixture is not None:
-        return Prior(Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils))), None)
+        plain = Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils)))
+        return Prior(plain, None, residual_law=density.residual_law)
     draws = density.sample(PROPOSAL_DRAWS, seed, context)
     draws = draws[draws.isfinite().all(1)]
     fitted, _ = fit_mixture(draws, PROPOSAL_COMPONENTS, seed=seed, n_restarts=2)
@@ -120,7 +124,7 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
     """Condition a prior on evidence.
 
     Args:
-        prior: Over the d weights; the residual components are standard normal.
+        prior: Over the d weights, with the law of the residual components.
         precision: (D, D) information of the observed levels, see
             :meth:`~descentflow.representation.linear_curves.LinearCurves.information`.
         shift: (D,).
@@ -137,11 +141,8 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
     """
     mixture = prior.mixture
     n_components, n_weights = mixture.locs.shape
-    total = len(shift)
-    prior_precision = torch.eye(total, dtype=torch.float64).expand(n_components, -1, -1).clone()
-    inverse = torch.cholesky_inverse(mixture.scale_trils)
-    prior_precision[:, :n_weights, :n_weights] = inverse
-    location = torch.nn.functional.pad(mixture.locs, (0, total - n_weights))
+    law = prior.residual_law or ResidualLaw.standard(n_components, len(shift) - n_weights, n_weights)
+    prior_precision, location = law.joint_precisions(mixture.scale_trils), law.joint_means(mixture.locs)
     pulled = (prior_precision @ location[:, :, None])[:, :, 0]
     factor = torch.linalg.cholesky(prior_precision + precision)
     mean = torch.cholesky_solve((pulled + shift)[:, :, None], factor)[:, :, 0]
@@ -149,6 +150,7 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
     log_probs = (
         mixture.probs.log()
         - mixture.scale_trils.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+        - law.spread.log().sum(-1)
         - factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
         - 0.5 * (location * pulled).sum(-1)
         + 0.5 * (mean * (pulled + shift)).sum(-1)

@@ -15,7 +15,11 @@ from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, MIN_FL
 from descentflow.densities.em import best_start, fit_mixture, steps_of
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.entry_gate import learn_gate
+from descentflow.densities.learn_residual_law import learn_residual_law
 from descentflow.densities.mixture import GaussianMixtureDensity
+from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.residual_law import ResidualLaw
+from descentflow.representation.linear_curves import linear_curves, residual_profiles
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm, adam_with_cosine
 
@@ -130,23 +134,35 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             self.trainer.should_stop = True
 
     def on_train_end(self) -> None:
-        """Learn which components descend from which levels, and let the training flights go."""
-        self._learn_gate()
+        """Learn what goes with the components that were fitted, and let the training flights go."""
+        self._learn_with_components_held()
         self._steps = None
 
     @torch.no_grad()
-    def _learn_gate(self) -> None:
-        """Gate the components by the level of entry, where no context tells where flights enter."""
+    def _learn_with_components_held(self) -> None:
+        """Learn what lies beyond the components of drag and speed, and, without a context, the gate of entry levels."""
+        flights, context = training_flights(self)
+        density, mixture = self.density, self.density.mixture
+        told = None
+        if density.residual_law is None and not flights.known and self.representation.decoder.n_white:
+            density.residual_law, told = self._residual_law(mixture, context)
         entry = self.trainer.datamodule.entries("train")  # type: ignore[attr-defined]
-        if entry is None or self.density.n_context or self.density.entry_gate is not None:
+        if entry is None or density.n_context or density.entry_gate is not None:
             return
-        mixture = self.density.mixture
-        told = steps_of(*training_flights(self)).log_joint(mixture) - mixture.probs.log()
-        self.density.entry_gate = learn_gate(entry, told, mixture.probs)
+        if told is None:
+            told = steps_of(flights, context).log_joint(mixture) - mixture.probs.log()
+        density.entry_gate = learn_gate(entry, told, mixture.probs)
+
+    def _residual_law(self, mixture: Mixture, context: Tensor | None) -> tuple[ResidualLaw, Tensor]:
+        decoder = self.representation.decoder
+        flights = self.trainer.datamodule.profiles("train")  # type: ignore[attr-defined]
+        seen = linear_curves(decoder).information(decoder.observed(flights))
+        known = seen.to(mixture.locs.device)
+        return learn_residual_law(known, decoder.dimension, residual_profiles(decoder), mixture, context)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """As every model, with the gate of the components that are saved."""
-        self._learn_gate()
+        """As every model, with the gate and the residual law of the components that are saved."""
+        self._learn_with_components_held()
         super().on_save_checkpoint(checkpoint)
 
     def configure_optimizers(self) -> torch.optim.Optimizer | OptimizerLRSchedulerConfig:

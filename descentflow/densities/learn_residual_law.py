@@ -1,0 +1,149 @@
+"""The law of what the components leave out, learnt from training flights with the mixture's components held.
+
+EM: what a flight shows says how its weights and its residual numbers are distributed under each component, in closed
+form; the law that is most probable given these follows by weighted least squares.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.observed import locations, log_proportions
+from descentflow.densities.residual_law import ResidualLaw
+from descentflow.representation.linear_curves import Information
+
+STEPS, TOLERANCE = 40, 1e-3
+"""EM steps at most, and the mean gain (nats per flight) at which they end: the law has some hundred numbers, all of
+which a thousand flights know to a nat in all."""
+PRIOR_FLIGHTS = 5.0
+"""Flights of the spread of all components that each component begins with, as in the gate of entry levels."""
+RIDGE = 10.0
+"""Precision of the prior of offsets and slopes, normal about zero: they are 0.3 or so of what all flights vary by."""
+BLOCK = 2_048
+"""Flights whose matrices are held at once."""
+MOST_FLIGHTS = 4_000
+"""Flights that teach the law at most: more would not move it."""
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Over flights, by component, with x = (1, w): of x x' (k, d + 1, d + 1), x r' (k, d + 1, R), r^2 (k, R)."""
+
+    design: Tensor
+    cross: Tensor
+    square: Tensor
+
+
+def learn_residual_law(
+    information: Information, n_weights: int, groups: Tensor, mixture: Mixture, context: Tensor | None = None
+) -> tuple[ResidualLaw, Tensor]:
+    """Learn the law.
+
+    Args:
+        information: Of n training flights, about weights and residual numbers.
+        n_weights: How many of these numbers are weights: the first d.
+        groups: (R,) which profile a residual number is of; a component has one spread for each.
+        mixture: Of the weights, as it is.
+        context: (n, c) where the mixture follows one.
+
+    Returns:
+        The law, and how probable (n, k) what each flight shows is under each component, without proportions (log, up to
+        a constant of each flight).
+
+    Example:
+        >>> w, white = torch.randn(400, 1).double(), torch.randn(400, 1).double()
+        >>> seen = torch.cat([w, 0.8 * w + 0.5 * white], 1)  # to within 0.01
+        >>> exact = Information(1e4 * torch.eye(2).double()[None], 1e4 * seen, torch.zeros(400, dtype=torch.long))
+        >>> one = Mixture(torch.ones(1).double(), torch.zeros(1, 1).double(), torch.ones(1, 1, 1).double())
+        >>> law, _ = learn_residual_law(exact, 1, torch.tensor([0]), one)
+        >>> round(float(law.slope), 1), round(float(law.spread), 1)
+        (0.8, 0.5)
+    """
+    n = len(information.group)
+    if n > MOST_FLIGHTS:
+        some = torch.arange(0, n, -(-n // MOST_FLIGHTS))
+        taught = Information(information.precisions, information.shift[some], information.group[some])
+        law, _ = learn_residual_law(
+            taught, n_weights, groups, mixture, None if context is None else context[some.to(context.device)]
+        )
+        return law, _expectation(information, mixture, law, context)[0]
+    law = ResidualLaw.standard(mixture.n_components, len(groups), n_weights)
+    reached = -torch.inf
+    for _ in range(STEPS):
+        told, sums = _expectation(information, mixture, law, context)
+        value = float((told + log_proportions(mixture, context)).logsumexp(1).mean())
+        if value < reached + TOLERANCE:
+            break
+        reached, law = value, _maximised(sums, law, groups)
+    return law, told
+
+
+def _expectation(
+    information: Information, mixture: Mixture, law: ResidualLaw, context: Tensor | None
+) -> tuple[Tensor, _Sums]:
+    """How probable each flight is under each component, and the sums that the next law needs."""
+    d, group = mixture.locs.shape[1], information.group
+    precisions = law.joint_precisions(mixture.scale_trils)
+    means = law.joint_means(locations(mixture, context))
+    told, factors, pulled = [], [], []
+    for k, precision in enumerate(precisions):
+        factor = torch.linalg.cholesky(information.precisions + precision)
+        off = means[:, k] @ precision
+        mean = _solved(factor, information.shift + off, group)
+        log_det = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)[group]
+        own = mixture.scale_trils[k].diagonal().log().sum() + law.spread[k].log().sum()
+        told.append(0.5 * (mean * (information.shift + off)).sum(1) - 0.5 * (means[:, k] * off).sum(1) - log_det - own)
+        factors.append(factor)
+        pulled.append(mean)
+    found = torch.stack(told, 1)
+    shares = (found + log_proportions(mixture, context)).softmax(1)
+    return found, _sums(shares, pulled, factors, group, d)
+
+
+def _sums(shares: Tensor, means: list[Tensor], factors: list[Tensor], group: Tensor, d: int) -> _Sums:
+    parts = []
+    for share, mean, factor in zip(shares.T, means, factors, strict=True):
+        of_group = share.new_zeros(len(factor)).index_add_(0, group, share)
+        spread = torch.einsum("u,uij->ij", of_group, torch.cholesky_inverse(factor))
+        whole = (mean * share[:, None]).T @ mean + spread
+        one = share @ mean
+        design = torch.cat(
+            [torch.cat([share.sum()[None], one[:d]])[None], torch.cat([one[:d, None], whole[:d, :d]], 1)]
+        )
+        parts.append((design, torch.cat([one[None, d:], whole[:d, d:]]), whole.diagonal()[d:]))
+    return _Sums(*(torch.stack(part) for part in zip(*parts, strict=True)))
+
+
+def _maximised(sums: _Sums, law: ResidualLaw, groups: Tensor) -> ResidualLaw:
+    """The law of greatest likelihood: offsets and slope given the spreads, then the spreads."""
+    k = len(sums.design)
+    precise = law.spread.T**-2  # (R, k)
+    n, at, of = sums.design[:, 0, 0], sums.design[:, 0, 1:], sums.design[:, 1:, 1:]
+    # One system for each residual number: k offsets, then the slopes that all components share.
+    across = precise[:, :, None] * at
+    shared = torch.einsum("rk,kij->rij", precise, of)
+    whole = torch.cat([torch.cat([torch.diag_embed(precise * n), across], 2), torch.cat([across.mT, shared], 2)], 1)
+    right = torch.cat([precise * sums.cross[:, 0].T, torch.einsum("rk,kir->ri", precise, sums.cross[:, 1:])], 1)
+    found = torch.linalg.solve(whole + RIDGE * torch.eye(whole.shape[1]).to(whole), right)
+    offset, slope = found[:, :k].T, found[:, k:]
+    lines = torch.cat([offset[:, :, None], slope.expand(k, -1, -1)], 2)  # (k, R, d + 1)
+    left = (
+        sums.square
+        - 2 * torch.einsum("kri,kir->kr", lines, sums.cross)
+        + torch.einsum("kri,kij,krj->kr", lines, sums.design, lines)
+    ).clamp(min=0.0)
+    spread = torch.ones_like(law.spread)
+    for one in groups.unique().tolist():  # type: ignore[no-untyped-call]
+        mine = groups == one
+        own, every = left[:, mine].mean(1), left[:, mine].mean(1).sum() / n.sum()
+        spread[:, mine] = ((own + PRIOR_FLIGHTS * every) / (n + PRIOR_FLIGHTS)).sqrt()[:, None]
+    return ResidualLaw(offset, slope, spread)
+
+
+def _solved(factors: Tensor, right: Tensor, group: Tensor) -> Tensor:
+    """Each right side (n, D) solved by the matrix of its group, whose Cholesky factors (U, D, D) are given."""
+    covariances = torch.cholesky_inverse(factors)
+    blocks = zip(torch.split(group, BLOCK), torch.split(right, BLOCK), strict=True)
+    return torch.cat([(covariances[g] @ one[:, :, None])[:, :, 0] for g, one in blocks])

@@ -240,3 +240,19 @@ def test_a_set_grows_beyond_what_was_screened(monkeypatch: pytest.MonkeyPatch) -
     columns, _ = discrepancy_columns(sides)
     sets, _ = SetSearch(likelihood, columns, null, singles, lambda stage: None).weighted()
     assert set(max(sets, key=lambda one: one.weight).effects) == {"temperature", "airspeed_bias"}
+
+
+def test_a_part_that_is_fitted_late_is_weighed_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A set with an effect that is not credible stands for the rest of it, which is fitted when sets are weighed."""
+    likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+    null = fit_effects(likelihood, ())
+    singles = every_single(likelihood, null, lambda stage: None)
+    columns, _ = discrepancy_columns(likelihood.compared)
+    search = SetSearch(likelihood, columns, null, singles, lambda stage: None)
+    del search.fits[frozenset(["temperature"])]
+    both = ("temperature", "airspeed_bias")
+    search.fits[frozenset(both)] = fit_effects(likelihood, both, search.start)
+    monkeypatch.setattr(set_search, "is_credible", lambda likelihood, fit, name: name != "airspeed_bias")
+    sets, _ = search._weighed()
+    assert ("temperature",) in {one.effects for one in sets}
+    assert not any("airspeed_bias" in one.effects for one in sets)

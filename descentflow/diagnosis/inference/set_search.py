@@ -124,7 +124,7 @@ class SetSearch:
 
     def _weighed(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
         """All that were fitted and are credible, with their weights."""
-        usable = [fit for fit in self.fits.values() if self._credible_part(fit) is fit]
+        usable = self._credible_fits()
         usable.sort(key=lambda f: -float(f.log_score.sum()) - LOG_PRIOR_ODDS * len(f.effects))
         alone = [(f, False) for f in usable]
         beside = [(f, True) for at, f in enumerate(usable) if at < WITH_DISCREPANCY or not f.effects]
@@ -147,8 +147,7 @@ class SetSearch:
             if names is None:
                 break
             self._credible_part(self.fit(self._first_part(names, set(beside.per_flight))))
-        credible = [fit for fit in self.fits.values() if self._credible_part(fit) is fit]
-        return max(credible, key=self._score)
+        return max(self._credible_fits(), key=self._score)
 
     def _first_part(self, names: Names, laws: set[str]) -> Names:
         """A set, or the part of it that is to be fitted first: a core, and the core with one effect more.
@@ -169,6 +168,12 @@ class SetSearch:
         beside = self.discrepancy.beside(fit)
         plain = float(fit.log_score.sum()) - self._cost(fit, free=False)
         return prior + max(plain, float(beside.log_score.sum()) - beside.cost + LOG_PRIOR_ODDS)
+
+    def _credible_fits(self) -> list[Fit]:
+        """All that are credible, the credible parts of the others among them."""
+        for fit in list(self.fits.values()):
+            self._credible_part(fit)
+        return [fit for fit in self.fits.values() if self._credible_part(fit) is fit]
 
     def _credible_part(self, fit: Fit) -> Fit:
         """The fit without effects that cannot be what they say, fitted again until all can."""
@@ -214,7 +219,7 @@ class SetSearch:
         part = self._with_prior(self._scores(members, beside, free=True), of_one)
         found = {names: max(found[names], part[names]) for names in found}
         short: dict[frozenset[str], float] = {}
-        for fitted, fit in self.fits.items():
+        for fitted, fit in list(self.fits.items()):
             promised = found.get(tuple(sorted(fitted)))
             if promised is not None and len(fitted) > 1:
                 credible = self._credible_part(fit) is fit
@@ -228,7 +233,7 @@ class SetSearch:
 
     def _first_law(self) -> Fit | None:
         """The effect that explains most by itself, if flights have it each in their own way: others show beside it."""
-        alone = [fit for fit in self.fits.values() if len(fit.effects) == 1 and self._credible_part(fit) is fit]
+        alone = [fit for fit in self._credible_fits() if len(fit.effects) == 1]
         best = max(alone, key=lambda fit: float(fit.log_score.sum()), default=None)
         return best if best is not None and best.per_flight else None
 

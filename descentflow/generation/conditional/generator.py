@@ -25,13 +25,12 @@ from descentflow.generation.conditional.judged_draws import DrawnDescents
 from descentflow.generation.conditional.latent_draws import ConditionedTarget, Drawn, Numbers
 from descentflow.generation.conditional.latent_parts import LatentParts, parts_after, parts_of, sample_profiles
 from descentflow.generation.conditional.nearest_plausible import implausible
+from descentflow.generation.conditional.refused_models import check_generates
 from descentflow.generation.conditional.requests import Request
 from descentflow.generation.prediction.posterior import prior_of
 from descentflow.generation.sample_contexts import context_rows, entry_levels
 from descentflow.generation.samples import RejectionReport
 from descentflow.representation.linear_curves import linear_curves
-from descentflow.representation.own_air import check_standard_air
-from descentflow.representation.own_mass import check_reference_mass
 
 KEPT_REQUESTS = 256
 """Requests whose conditioned density is kept: what several flights are asked alike is conditioned once."""
@@ -74,7 +73,8 @@ class Generator:
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
-        ConfigError: If the speed of its flights is a Mach number and a CAS, the lower of which is flown.
+        ConfigError: If the speed of its flights is a Mach number and a CAS, the lower of which is flown; or if drag was
+            inferred in its flights' own air or at their own mass.
 
     Example:
         >>> generator = Generator("best.ckpt", seed=0)
@@ -87,9 +87,7 @@ class Generator:
     def __init__(self, model: object, *, seed: int = 0, first: int = 0, noise_multiple: float = 1.0) -> None:
         """Compute once what no draw changes."""
         density = as_density(model)
-        _check_speed(density)
-        check_standard_air(density.representation, "a generator of single descents")
-        check_reference_mass(density.representation, "a generator of single descents")
+        check_generates(density.representation)
         if density.device.type != "cpu":
             density = deepcopy(density).cpu()
             density.attach(deepcopy(density.representation).cpu())
@@ -292,13 +290,3 @@ class Generator:
         """With a lock of its own."""
         self.__dict__.update(state)
         self._lock = threading.RLock()
-
-
-def _check_speed(density: Density) -> None:
-    """Refuse a model whose CAS is not linear in its weights: conditions on it have no closed form (ConfigError)."""
-    if density.representation.decoder.speed != "cas":
-        raise ConfigError(
-            "a model of speed as a Mach number and a CAS (data.speed: mach_cas), the lower of which is flown",
-            expected="a model of one CAS profile (data.speed: cas), on which conditions have a closed form",
-            mend="fit with --data.speed cas, or draw samples (descentflow sample) and keep those that meet them",
-        )

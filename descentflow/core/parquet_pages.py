@@ -6,8 +6,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from descentflow.core.errors import DataError
-
 MAGIC = b"PAR1"
 TAIL = 8
 """Bytes behind the footer: its length (4) and the magic word."""
@@ -23,7 +21,7 @@ Bytes = bytes | mmap.mmap
 Fields = dict[int, Any]
 
 
-def check_pages(source: Path | bytes, label: object) -> None:
+def check_pages(source: Path | bytes) -> None:
     """Refuse a Parquet file in which a page has a negative number of values or bytes.
 
     Polars takes such a number for one near 2^64, asks for so much memory and ends the process by a signal, which no
@@ -32,48 +30,48 @@ def check_pages(source: Path | bytes, label: object) -> None:
 
     Args:
         source: The file, or its content.
-        label: What it is called in the message.
 
     Raises:
-        DataError: If the file is damaged there, or is no Parquet file.
-        OSError: If it cannot be opened.
+        DamagedParquetError: If the file is damaged there, or is no Parquet file; as an OSError, which
+            :func:`~descentflow.surveillance.unpacking.unreadable.whole_input` makes a message of.
 
     Example:
-        >>> check_pages(Path("rows.parquet"), "rows.parquet")
-        >>> check_pages(Path("rows.parquet").read_bytes()[:1000], "cut.parquet")
+        >>> check_pages(Path("rows.parquet"))
+        >>> check_pages(Path("rows.parquet").read_bytes()[:1000])
         Traceback (most recent call last):
         ...
-        descentflow.core.errors.DataError: cut.parquet: Parquet without its end; expected a whole, readable file; ...
+        descentflow.core.parquet_pages.DamagedParquetError: Parquet without its end
     """
-    with _content(source, label) as content:
+    with _content(source) as content:
         if len(content) < len(MAGIC) + TAIL or content[-len(MAGIC) :] != MAGIC:
-            raise _damaged(label, "Parquet without its end")
+            raise DamagedParquetError("Parquet without its end")
         footer = len(content) - TAIL - int.from_bytes(content[-TAIL : -len(MAGIC)], "little")
         try:
             for column in _columns(content, footer):
                 _check_column(content, column)
-        except _DamagedPageError as error:
-            raise _damaged(label, str(error)) from error
-        except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
-            raise _damaged(label, "a part of it that describes its pages cannot be read") from error
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
+            raise DamagedParquetError("a part of it that describes its pages cannot be read") from error
 
 
-class _DamagedPageError(Exception):
-    """A number that no page has."""
+class DamagedParquetError(OSError):
+    """A Parquet file that cannot be read as one.
 
-
-def _damaged(label: object, what: str) -> DataError:
-    return DataError(f"{label}: {what}", expected="a whole, readable file", mend="copy it again, or write it again")
+    Example:
+        >>> check_pages(b"PAR1")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.parquet_pages.DamagedParquetError: Parquet without its end
+    """
 
 
 @contextmanager
-def _content(source: Path | bytes, label: object) -> Iterator[Bytes]:
+def _content(source: Path | bytes) -> Iterator[Bytes]:
     if isinstance(source, bytes):
         yield source
         return
     with source.open("rb") as file:
         if source.stat().st_size == 0:
-            raise _damaged(label, "an empty file")
+            raise DamagedParquetError("an empty file")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
             yield content
 
@@ -81,7 +79,7 @@ def _content(source: Path | bytes, label: object) -> Iterator[Bytes]:
 def _columns(content: Bytes, footer: int) -> Iterator[Fields]:
     """Description of each column of each group of rows."""
     if footer < len(MAGIC):
-        raise _DamagedPageError("a footer longer than the file")
+        raise DamagedParquetError("a footer longer than the file")
     about, _ = _struct(content, footer)
     for group in about[4]:
         for chunk in group[1]:
@@ -94,7 +92,7 @@ def _check_column(content: Bytes, column: Fields) -> None:
     values, size = column[5], column[7]
     places = [place for place in (column[9], column.get(11, 0)) if place > 0]
     if values < 0 or size < 0 or not places:
-        raise _DamagedPageError("a column with a negative number of values or bytes")
+        raise DamagedParquetError("a column with a negative number of values or bytes")
     place = min(places)
     end, seen = place + size, 0
     while seen < values and place < end:
@@ -103,7 +101,7 @@ def _check_column(content: Bytes, column: Fields) -> None:
             (header[kind][field]) for kind, fields in COUNTS_OF_A_PAGE.items() if kind in header for field in fields
         ]
         if min((*counts, *(header[field] for field in SIZES_OF_A_PAGE))) < 0:
-            raise _DamagedPageError(f"the page at byte {place} has a negative number of values or bytes")
+            raise DamagedParquetError(f"the page at byte {place} has a negative number of values or bytes")
         seen += sum(header[kind][1] for kind in (5, 8) if kind in header)
         place = behind + header[3]
 

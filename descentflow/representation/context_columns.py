@@ -59,7 +59,7 @@ def read_table(path: Path) -> pl.DataFrame:
     with whole_input(path, "a CSV or Parquet table", "pass another table"):
         if path.suffix == ".csv":
             return pl.read_csv(path)
-        check_pages(path, path)
+        check_pages(path)
         return pl.read_parquet(path)
 
 

@@ -257,7 +257,7 @@ def _read_file(path: str | Path) -> tuple[pl.DataFrame, dict[str, Any]]:
     if not Path(path).is_file():
         raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
     with whole_input(path, "a whole Parquet file", MEND):
-        check_pages(Path(path), path)
+        check_pages(Path(path))
         description = pl.read_parquet_metadata(path).get(KEY)
         frame = pl.read_parquet(path)
     if description is None:

@@ -163,7 +163,7 @@ def read_store(folder: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
         for file in metadata["files"]:
             path = folder / file["path"]
             with whole_input(path, "a store as it was written", MEND):
-                check_pages(path, path)
+                check_pages(path)
                 frame = pl.read_parquet(path, hive_partitioning=False)
             if len(frame) != file["rows"]:
                 raise DataError(f"{path}: {len(frame)} rows", expected=f"{file['rows']} rows", mend=MEND)

@@ -19,8 +19,8 @@ def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
     """Rows of a Parquet file, a slice at a time; inside gzip or an archive it is held whole.
 
     Raises:
-        DataError: If a needed column cannot hold values of a row (a list), the file is too large to be held whole, or
-            a page of it is damaged.
+        DataError: If a needed column cannot hold values of a row (a list), or the file is too large to be held whole.
+        DamagedParquetError: If a page is damaged.
 
     Example:
         >>> with Path("rows.parquet").open("rb") as file:
@@ -28,7 +28,7 @@ def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
         [20000, 3216]
     """
     content = source.path or source.whole()
-    check_pages(content, source.label)
+    check_pages(content)
     table = pl.scan_parquet(io.BytesIO(content) if isinstance(content, bytes) else content)
     yield from _slices(table, rows, source.label, source.columns)
 

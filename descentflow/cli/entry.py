@@ -1,6 +1,7 @@
 """The command line. Nothing heavy is imported before a command needs it, so `descentflow --help` answers at once."""
 
 import argparse
+import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -86,8 +87,17 @@ def _check_words(words: Sequence[str]) -> None:
     for word in words:
         if not word.isascii() and any("\ud800" <= letter <= "\udfff" for letter in word):
             raise ConfigError(
-                f"the word {word!a}", expected="words and names of files in UTF-8", mend="rename the file"
+                f"the word {word!a}", expected="words and names of files in UTF-8", mend=_mend_of_word(word)
             )
+
+
+def _mend_of_word(word: str) -> str:
+    """A locale that knows UTF-8 if the word's bytes are UTF-8 that Python did not take for it, else another name."""
+    try:
+        os.fsencode(word).decode()
+    except UnicodeError:
+        return "rename the file"
+    return "set the environment variable LC_ALL=C.UTF-8 or PYTHONUTF8=1: the locale has no such letters"
 
 
 @contextmanager

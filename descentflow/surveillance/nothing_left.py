@@ -5,6 +5,7 @@ from dataclasses import asdict
 from descentflow.core.errors import DataError
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.drop_report import DropReport, Step
+from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
 
 REASONS: dict[str, tuple[str, str]] = {
     "missing_value": (
@@ -14,7 +15,11 @@ REASONS: dict[str, tuple[str, str]] = {
     ),
     "impossible_": (
         "hold a value that no airliner has",
-        "check the unit of that column: altitude in ft, IAS in kt, vertical_rate in ft/min",
+        "check the unit of that column: altitude in ft, IAS in kt, Mach as 0.78, vertical_rate in ft/min",
+    ),
+    "duplicate": (
+        "have the address and the time of another row",
+        "check that rows of different aircraft have different icao24, and that each row has its own time",
     ),
     "spike_": ("leap between neighbours", "check that rows of different aircraft have different icao24"),
     "stale_": ("repeat the same values", "give each row the time at which its values were measured"),
@@ -60,8 +65,14 @@ def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
         no free descent is left: 9 of 9 rows do not descend at 500 ft/min or more (not_descending); expected ...
     """
     read = report.steps[0].rows_left + report.steps[0].rows_dropped if report.steps else 0
+    if not read:
+        nothing = f"no row in what was given\n{report}"
+        return DataError(nothing, expected="surveillance rows", mend="pass other files")
     most = max(report.steps, key=lambda step: step.rows_dropped, default=Step("read", 0, None, 0, None))
     why, mend = _reason(most.step, cleaning)
+    empty = [f"{name} in {report.notes[WITHOUT + name]:,}" for name in REQUIRED if WITHOUT + name in report.notes]
+    if empty and most.step == "missing_value":
+        why = f"lack a value ({', '.join(empty)})"
     return DataError(
         f"no free descent is left: {most.rows_dropped:,} of {read:,} rows {why} ({most.step})",
         expected=f"descents of airliners over {cleaning.fewest_levels} levels above FL{cleaning.bottom_fl}, with IAS, "
@@ -71,6 +82,10 @@ def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
 
 
 def _reason(step: str, cleaning: Cleaning) -> tuple[str, str]:
+    column = step.removeprefix("impossible_")
+    if step != column and column in POSSIBLE:
+        low, high = POSSIBLE[column]
+        return f"hold a value of {column} outside {low:g} to {high:g}", REASONS["impossible_"][1]
     for name, (why, mend) in REASONS.items():
         if step == name or (name.endswith("_") and step.startswith(name)):
             return why.format(**asdict(cleaning)), mend

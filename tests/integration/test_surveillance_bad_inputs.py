@@ -78,6 +78,12 @@ REFUSED_TABLES: dict[str, tuple[Change, str]] = {
         lambda f: f.with_columns(temperature=15 - pl.col("altitude") * 0.00198),
         "temperature seems to be in degrees Celsius",
     ),
+    "rate in hundreds": (
+        lambda f: f.with_columns(pl.col("vertical_rate") / 100),
+        "vertical_rate seems to be in hundreds of ft/min",
+    ),
+    "Mach in percent": (lambda f: f.with_columns(pl.col("Mach") * 100), "a value of Mach outside"),
+    "all of one time": (lambda f: f.with_columns(pl.col("timestamp").first()), "the time of another row"),
     "rate in m/s": (lambda f: f.with_columns(pl.col("vertical_rate") * 0.00508), "vertical_rate seems to be in m/s"),
     "sink rate": (lambda f: f.with_columns(-pl.col("vertical_rate")), "sign of a sink rate"),
     "no IAS": (lambda f: f.drop("IAS"), "no column IAS"),
@@ -92,9 +98,9 @@ REFUSED_TABLES: dict[str, tuple[Change, str]] = {
     "no types": (lambda f: f.drop("typecode"), "rows without any typecode"),
     "text for every number": (lambda f: f.with_columns(IAS=pl.lit("fast")), "values of IAS cannot be read"),
     "text for every time": (lambda f: f.with_columns(timestamp=pl.lit("noon")), "values of timestamp cannot be read"),
-    "all airspeeds NaN": (lambda f: f.with_columns(IAS=pl.lit(float("nan"))), "no row with a time"),
-    "all airspeeds infinite": (lambda f: f.with_columns(IAS=pl.lit(float("inf"))), "no row with a time"),
-    "huge altitudes": (lambda f: f.with_columns(altitude=pl.lit(1e308)), "no row with a time"),
+    "all airspeeds NaN": (lambda f: f.with_columns(IAS=pl.lit(float("nan"))), "rows lack a value (IAS in"),
+    "all airspeeds infinite": (lambda f: f.with_columns(IAS=pl.lit(float("inf"))), "rows lack a value (IAS in"),
+    "huge altitudes": (lambda f: f.with_columns(altitude=pl.lit(1e308)), "a value of altitude outside"),
     "huge times": (lambda f: f.with_columns(timestamp=pl.lit(1e300)), "values of timestamp cannot be read"),
 }
 

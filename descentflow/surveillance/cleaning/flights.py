@@ -9,7 +9,7 @@ from descentflow.core.errors import DataError
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.windows import Index
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED
+from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
 
 MADE_NAME = r"^([0-9a-f]{6})_\d{8}T\d{6}$"
 """:func:`name_flights` makes such names of addresses."""
@@ -28,6 +28,8 @@ def usable(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
         (0, 'impossible_Mach')
     """
     report.count("read", rows, rows)
+    for name in REQUIRED:
+        report.note(WITHOUT + name, rows[name].null_count())
     complete = report.count("missing_value", rows, rows.drop_nulls(list(REQUIRED)))
     for name in REQUIRED:
         if name in POSSIBLE:
@@ -221,7 +223,8 @@ def check_left(
         untyped: Number of rows per address, where it names none of them.
 
     Raises:
-        DataError: If no row was usable, or of known type, or of a wanted type.
+        DataError: If no row is of known type, or of a wanted type. If none was usable before that, nothing is said:
+            :func:`~descentflow.surveillance.nothing_left.nothing_left` has the words for it.
 
     Example:
         >>> report = DropReport()
@@ -233,13 +236,7 @@ def check_left(
         descentflow.core.errors.DataError: no row of type B738...
     """
     if not report.left("duplicate"):
-        raise DataError(
-            f"no row with a time, an address and possible altitude, IAS and Mach\n{report}",
-            expected=", ".join(
-                f"{name} in {low:g}..{high:g}" for name, (low, high) in POSSIBLE.items() if name in REQUIRED
-            ),
-            mend="see which step dropped the rows, and check that column's unit",
-        )
+        return
     if not report.left("unknown_type") and types is not None and untyped:
         raise _no_address_named(types, untyped)
     if not report.left("unknown_type"):

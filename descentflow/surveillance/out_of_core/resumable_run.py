@@ -11,7 +11,6 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.files import OF_THE_DISK, check_output, system_number
 from descentflow.core.workers import Engine
 from descentflow.surveillance.cleaning.drop_reasons import some_flights
-from descentflow.surveillance.cleaning.flights import check_left
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.surveillance.nothing_left import nothing_left
@@ -98,7 +97,7 @@ def _cleaned(
         dropped_rows = [] if outcome.dropped_rows is None else [outcome.dropped_rows]
         return Cleaned([outcome.levels.lazy()], intake.report, dropped_rows)
     if not intake.report.steps[-1].rows_left:
-        check_left(intake.report, request.typecodes, {})
+        raise nothing_left(intake.report, request.cleaning)
     return clean_partitions(request, intake, folder, memory, engine, progress)
 
 

@@ -22,6 +22,9 @@ MIN_AIRCRAFT = 3
 """Aircraft below which groundspeed is not checked: one in 160 kt of headwind looks as if it were in m/s."""
 
 
+HUNDREDS = 100.0
+RATE_UNITS = {"m/s": 1 / FPM_MPS, "hundreds of ft/min": HUNDREDS}
+"""Unit that a vertical rate is met in -> what it is multiplied by to be in ft/min."""
 OTHER_UNITS = {
     "TAS": ("m/s", KT_MPS, 0.15, "kt"),
     "groundspeed": ("m/s", KT_MPS, 0.25, "kt"),
@@ -165,11 +168,12 @@ def check_rate_units(rows: pl.DataFrame, source: str) -> None:
     if len(steady) < MIN_VALUES:
         return
     ratio = float(np.median(steady["reported"].to_numpy() / steady["differenced"].to_numpy()))
-    if 0.5 < ratio * (1 / FPM_MPS) < 2.0:
+    if 0.5 * FPM_MPS < abs(ratio) < 2.0 / HUNDREDS:
+        unit, factor = min(RATE_UNITS.items(), key=lambda known: abs(np.log(abs(ratio) * known[1])))
         raise DataError(
-            f"{source}: vertical_rate seems to be in m/s: it is {ratio:.4f} of the altitude's change in ft/min",
-            expected="vertical_rate in ft/min",
-            mend="multiply the column by 196.85 before passing the rows",
+            f"{source}: vertical_rate seems to be in {unit}: it is {ratio:.4f} of the altitude's change in ft/min",
+            expected="vertical_rate in ft/min, negative in descent",
+            mend=f"multiply the column by {np.copysign(factor, ratio):.5g} before passing the rows",
         )
     if ratio < 0:
         raise DataError(

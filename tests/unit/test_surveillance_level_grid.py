@@ -84,6 +84,13 @@ def test_angles_go_the_short_way_round() -> None:
     assert levels["roll"].to_list() == pytest.approx([-10.0, 0.0, 10.0])
 
 
+def test_longitudes_go_across_the_date_line() -> None:
+    levels = grid(
+        rows_at([0.0, 10.0, 20.0], altitude=[20_000.0, 19_800.0, 19_600.0], longitude=[179.8, -179.8, -179.0])
+    )
+    assert levels["longitude"].to_list() == pytest.approx([179.8, -180.0, -179.8, -179.4, -179.0])
+
+
 def test_the_top_is_the_highest_level_of_a_quarter_of_the_flights() -> None:
     tops = [390, 380, 370, 360, 350]
     frame = pl.DataFrame(

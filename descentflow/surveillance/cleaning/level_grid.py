@@ -81,7 +81,11 @@ def to_levels(
     columns |= {"level_fl": level.astype(np.int32), "timestamp": pl.Series(crossing.round().astype(np.int64))}
     for name in CHANNELS:
         if name in rows.columns:
-            columns[name] = _interpolated(rows[name].to_numpy(), upper, share, circular=name in CIRCULAR)
+            values = rows[name].to_numpy()
+            if name == "longitude":
+                columns[name] = _longitude(values, upper, share)
+            else:
+                columns[name] = _interpolated(values, upper, share, circular=name in CIRCULAR)
     return _timed(pl.DataFrame(columns))
 
 
@@ -95,6 +99,16 @@ def _interpolated(values: np.ndarray, upper: np.ndarray, share: np.ndarray, *, c
     if np.isnan(found).any():
         found = np.where(share == 0.0, above, np.where(share == 1.0, below, found))
     return pl.Series(found % 360.0 if circular else found).fill_nan(None)
+
+
+def _longitude(values: np.ndarray, upper: np.ndarray, share: np.ndarray) -> pl.Series:
+    """Between -180 and 180, across the date line too."""
+    found = _interpolated(values, upper, share, circular=False)
+    across = np.abs(values[upper + 1] - values[upper]) > 180.0
+    if not across.any():
+        return found
+    around = _interpolated(values, upper, share, circular=True).to_numpy()
+    return pl.Series(np.where(across, (around + 180.0) % 360.0 - 180.0, found.to_numpy())).fill_nan(None)
 
 
 def _timed(levels: pl.DataFrame) -> pl.DataFrame:

@@ -41,6 +41,19 @@ class EntryGate:
         bins = torch.bucketize(entry, self.edges)
         return torch.multinomial(self.shares[bins], 1, replacement=True, generator=generator)[:, 0]
 
+    def check(self, n_components: int) -> None:
+        """See that a gate that was read is one of so many components.
+
+        Raises:
+            ValueError: If it has other bins or components, edges out of order, or shares that are none.
+        """
+        if self.shares.shape != (len(self.edges) + 1, n_components):
+            raise ValueError(f"shares of an entry gate of shape {tuple(self.shares.shape)}")
+        if bool((self.edges.diff() <= 0).any()) or not bool((self.shares >= 0).all() & self.shares.isfinite().all()):
+            raise ValueError("edges or shares of an entry gate that are none")
+        if not torch.allclose(self.shares.sum(1), self.shares.new_ones(()), atol=1e-4):
+            raise ValueError("shares of an entry gate that do not sum to 1")
+
     def to_state(self) -> dict[str, Any]:
         """Primitives from which :meth:`from_state` rebuilds it."""
         return {"edges": self.edges.tolist(), "shares": self.shares.tolist()}

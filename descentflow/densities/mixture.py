@@ -119,6 +119,10 @@ class GaussianMixtureDensity(Density):
         super().__init__(dimension, n_context)
         self.residual_law = None if residual_law is None else ResidualLaw.from_state(residual_law)
         self.entry_gate = None if entry_gate is None else EntryGate.from_state(entry_gate)
+        if self.residual_law is not None:
+            self.residual_law.check(n_clusters, dimension)
+        if self.entry_gate is not None:
+            self.entry_gate.check(n_clusters)
         self.program = MixtureProgram(n_clusters, dimension, n_context)
 
     def settings(self) -> dict[str, Any]:

@@ -78,6 +78,20 @@ class ResidualLaw:
         upper = torch.nn.functional.pad(scale_trils, (0, self.slope.shape[0]))
         return torch.cat([upper, torch.cat([self.slope @ scale_trils, torch.diag_embed(self.spread)], 2)], 1)
 
+    def check(self, n_components: int, n_weights: int) -> None:
+        """See that a law that was read is one of so many components and weights.
+
+        Raises:
+            ValueError: If it has other shapes, or a number that is not finite, or a negative spread.
+        """
+        if len(self.slope) and self.slope.shape[1:] != (n_weights,):
+            raise ValueError(f"slope of a residual law of shape {tuple(self.slope.shape)}")
+        if not self.offset.shape == self.spread.shape == (n_components, len(self.slope)):
+            raise ValueError(f"offset and spread of a residual law, of shape {tuple(self.spread.shape)}")
+        finite = all(bool(part.isfinite().all()) for part in (self.offset, self.slope, self.spread))
+        if not finite or not bool((self.spread >= 0).all()):
+            raise ValueError("numbers of a residual law that are not finite, or a negative spread")
+
     def to_state(self) -> dict[str, Any]:
         """Primitives from which :meth:`from_state` rebuilds it."""
         return {name: getattr(self, name).tolist() for name in ("offset", "slope", "spread")}

@@ -36,6 +36,11 @@ class Mixture:
         """Number of mixture components k."""
         return len(self.probs)
 
+    def cpu(self) -> "Mixture":
+        """The same parameters on the CPU, without their graph."""
+        line = (None if one is None else one.detach().cpu() for one in (self.slopes, self.gate))
+        return Mixture(*(one.detach().cpu() for one in (self.probs, self.locs, self.scale_trils)), *line)
+
     def at(self, context: Tensor) -> "Mixture":
         """The Gaussian mixture at one context (c,)."""
         if self.slopes is None or self.gate is None:

@@ -15,7 +15,7 @@ from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, MIN_FL
 from descentflow.densities.em import best_start, fit_mixture, steps_of
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.entry_gate import learn_gate
-from descentflow.densities.learn_residual_law import learn_residual_law
+from descentflow.densities.learn_residual_law import MOST_FLIGHTS, learn_residual_law, log_likelihood
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
@@ -74,6 +74,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.bic: dict[int, float] = {}
         self._restored = False
         self._steps: Steps | None = None
+        self._law: ResidualLaw | None = None
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianMixtureDensity:
         """A mixture of the number of components that was set, or of one until BIC has chosen."""
@@ -143,22 +144,30 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         """Learn what lies beyond the components of drag and speed, and, without a context, the gate of entry levels."""
         flights, context = training_flights(self)
         density, mixture = self.density, self.density.mixture
+        entry = self.trainer.datamodule.entries("train")  # type: ignore[attr-defined]
+        if entry is None:
+            return
         told = None
         if density.residual_law is None and not flights.known and self.representation.decoder.n_white:
-            density.residual_law, told = self._residual_law(mixture, context)
-        entry = self.trainer.datamodule.entries("train")  # type: ignore[attr-defined]
-        if entry is None or density.n_context or density.entry_gate is not None:
+            some = torch.arange(0, len(flights), -(-len(flights) // MOST_FLIGHTS))
+            entry, told = entry[some], self._learn_residual_law(some, mixture.cpu(), context)
+        if density.n_context or density.entry_gate is not None:
             return
         if told is None:
             told = steps_of(flights, context).log_joint(mixture) - mixture.probs.log()
-        density.entry_gate = learn_gate(entry, told, mixture.probs)
+        density.entry_gate = learn_gate(entry, told.to(mixture.probs), mixture.probs)
 
-    def _residual_law(self, mixture: Mixture, context: Tensor | None) -> tuple[ResidualLaw, Tensor]:
+    def _learn_residual_law(self, some: Tensor, mixture: Mixture, context: Tensor | None) -> Tensor:
+        """Of some flights (m,), one step on from the law of before; how probable (m, k) they are by component."""
         decoder = self.representation.decoder
-        flights = self.trainer.datamodule.profiles("train")  # type: ignore[attr-defined]
-        seen = linear_curves(decoder).information(decoder.observed(flights))
-        known = seen.to(mixture.locs.device)
-        return learn_residual_law(known, decoder.dimension, residual_profiles(decoder), mixture, context)
+        flights = self.trainer.datamodule.profiles("train").subset(some)  # type: ignore[attr-defined]
+        seen = linear_curves(decoder).information(decoder.observed(flights)).to("cpu")
+        of_some = None if context is None else context.cpu()[some]
+        alike = self._law is not None and len(self._law.offset) == mixture.n_components
+        start = self._law if alike else None
+        self._law = learn_residual_law(seen, residual_profiles(decoder), mixture, of_some, start)
+        self.density.residual_law = self._law
+        return log_likelihood(seen, mixture, self._law, of_some)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """As every model, with the gate and the residual law of the components that are saved."""
@@ -180,4 +189,4 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """As every model, and do not look for a number of components again."""
         super().on_load_checkpoint(checkpoint)
-        self._restored = True
+        self._restored, self._law = True, self.density.residual_law

@@ -17,7 +17,7 @@ from descentflow.physics.forces import drag_n
 
 
 def induced_change_n(aircraft: Aircraft, cas_mps: Tensor, altitude_m: Tensor, mass_kg: Tensor) -> Tensor:
-    """Drag (n, L) of the polar at masses, minus that at the reference mass.
+    """Drag (n, L) of the polar (manual 3.6.1) at masses, minus that at the reference mass.
 
     Args:
         aircraft: Coefficients.
@@ -42,7 +42,7 @@ def induced_change_n(aircraft: Aircraft, cas_mps: Tensor, altitude_m: Tensor, ma
 def drag_at_reference_mass(
     aircraft: Aircraft, inferred_n: Tensor, thrust_n: Tensor, cas_mps: Tensor, altitude_m: Tensor, mass_kg: Tensor
 ) -> Tensor:
-    r"""Drag (n, L) that a flight would have had at the reference mass, of what its rate means there.
+    r"""Drag (n, L) that a flight would have had at the reference mass (manual 3.1 and 3.6.1).
 
     The excess of drag over thrust that explains a rate is proportional to the mass:
     :math:`D_m = F - (m / m_0) (F - D_0)`; the polar takes it to the reference mass.
@@ -72,7 +72,7 @@ def drag_at_reference_mass(
 def slowness_at_mass(
     aircraft: Aircraft, reference_n: Tensor, thrust_n: Tensor, cas_mps: Tensor, altitude_m: Tensor, mass_kg: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Drag (n, L) at masses of flights whose drag is known at the reference mass, and rate there over rate at a mass.
+    """Drag (n, L) at masses, where it is known at the reference mass, and rate there over rate (manual 3.1, 3.6.1).
 
     Args:
         aircraft: Coefficients.

@@ -28,7 +28,7 @@ OF_REPRESENTATION: dict[str, tuple[type, ...]] = {
     "cleaning": (dict, type(None)),
     "gaps": (str, type(None)),
     "air": (dict, type(None)),
-    "mass": (dict, type(None)),
+    "own_mass": (dict, type(None)),
 }
 """The same of its representation; the last six may be absent."""
 OF_A_CONTEXT_COLUMN: dict[str, tuple[type, ...]] = {
@@ -52,7 +52,7 @@ TENSORS = (
 """Places of the representation that are dictionaries, and tensors."""
 OF_MACH = "mach_basis"
 """What a decoder has as well whose speed is a Mach number and a CAS, together with ``speed_residual``."""
-MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "air", "mass", "low", "high")
+MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "air", "own_mass", "low", "high")
 MAY_HAVE_GAPS = "reference"
 """What flights measured: not a number where they showed no level."""
 MEND = "take the file as `descentflow fit` wrote it, or fit again"

@@ -114,7 +114,7 @@ class Representation(nn.Module):
         if self.air is not None:
             state["air"] = self.air.to_state()
         if self.mass is not None:
-            state["mass"] = self.mass.to_state()
+            state["own_mass"] = self.mass.to_state()
         if self.reference is not None:
             state["reference"] = self.reference
         if self.context is not None:
@@ -139,7 +139,7 @@ class Representation(nn.Module):
             cleaning,
             state.get("gaps"),
             None if state.get("air") is None else KeptAir.from_state(state["air"], len(state["decoder"]["levels_fl"])),
-            None if state.get("mass") is None else KeptMass.from_state(state["mass"]),
+            None if state.get("own_mass") is None else KeptMass.from_state(state["own_mass"]),
         )
 
 

@@ -185,4 +185,4 @@ def test_what_flies_at_the_reference_mass_refuses_such_a_model(
     ):
         with pytest.raises(ConfigError, match="at each flight's own mass"):
             refused()
-    assert "mass: of each flight, by mass_kg" in str(checkpoint_summary(path))
+    assert "mass flown: of each flight, by mass_kg" in str(checkpoint_summary(path))

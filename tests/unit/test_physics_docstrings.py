@@ -19,6 +19,7 @@ from descentflow.physics import (
     fuel,
     fused_table,
     idle_state,
+    mass_in_drag,
     nominal_descent,
     transition,
 )
@@ -33,6 +34,7 @@ EQUATIONS = (
     fuel,
     fused_table,
     idle_state,
+    mass_in_drag,
     nominal_descent,
     descent_speeds,
     transition,

@@ -24,16 +24,22 @@ def as_tensors(*values: Number) -> list[Tensor]:
         >>> [v.dtype for v in as_tensors(1.0, torch.ones(2, dtype=torch.float32))]
         [torch.float32, torch.float32]
     """
-    floating = [v for v in values if isinstance(v, Tensor) and v.is_floating_point()]
-    like = max(floating, key=lambda v: v.dim() > 0, default=torch.empty((), dtype=torch.float64))
-    return [_one(v, like) for v in values]
+    like = None
+    for value in values:
+        if isinstance(value, Tensor) and value.is_floating_point():
+            if value.dim() > 0:
+                like = value
+                break
+            like = value if like is None else like
+    dtype, device = (torch.float64, None) if like is None else (like.dtype, like.device)
+    return [_one(value, dtype, device) for value in values]
 
 
-def _one(value: Number, like: Tensor) -> Tensor:
+def _one(value: Number, dtype: torch.dtype, device: torch.device | None) -> Tensor:
     if not isinstance(value, Tensor):
-        return torch.full((), value, dtype=like.dtype, device=like.device)
+        return torch.full((), value, dtype=dtype, device=device)
     # A tensor without dimensions is a scalar like any float: on its own it must not raise the precision of a batch.
-    return value.to(like.dtype) if value.dim() == 0 or not value.is_floating_point() else value
+    return value.to(dtype) if value.dim() == 0 or not value.is_floating_point() else value
 
 
 def safe_sqrt(value: Tensor) -> Tensor:

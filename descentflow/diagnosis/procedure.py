@@ -7,6 +7,7 @@ import polars as pl
 import torch
 from torch import Tensor
 
+from descentflow.core.side_by_side import Begun, cores_shared
 from descentflow.diagnosis.causes_of_both_sides import with_shared_effects
 from descentflow.diagnosis.correction.closure import GapMeasure
 from descentflow.diagnosis.correction.correction_made import CorrectionMade, correction_made
@@ -71,6 +72,11 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
         >>> run(frame, asked, {}).verdict
         'effect'
     """
+    with cores_shared():
+        return _run(frame, settings, dropped)
+
+
+def _run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> GapReport:
     simulator = settings.simulator
     settings.progress("measuring flights")
     sides = both_sides(simulator, frame, settings.channels, settings.seed)
@@ -134,10 +140,12 @@ class Diagnosis:
             frame: Prepared descents, for the stages.
         """
         settings, likelihood, progress = self.settings, self.likelihood, self.settings.progress
-        test = self._null_test()
+        progress("asking whether there is a gap")
+        asked = Begun(self._null_test)
         progress("asking where it lies")
         cells, affected = where(likelihood, settings.transition_fl, settings.seed)
         chosen = select(self.searched, self.discrepancy, progress)
+        test = asked.result()
         verdict = self.verdict(test.p_value, chosen)
         small = [] if verdict == "none" else self._below_rounding(cells)
         if small:
@@ -209,7 +217,6 @@ class Diagnosis:
 
     def _null_test(self) -> NullTest:
         """Whether there is a gap at all, under a covariance that does not know the sides."""
-        self.settings.progress("asking whether there is a gap")
         c, settings = self.compared, self.settings
         blind = blind_whitening(c, settings.seed)
         unsided = EffectsLikelihood(c, blind, settings.catalogue, settings.seed, self.likelihood)

@@ -269,15 +269,6 @@ class Effect(ABC):
         """
         return 1.0, theta
 
-    def drawn(self, theta: Tensor, uniform: Tensor) -> Tensor:
-        """Parameters (n, k) of n flights that have the effect, each in its own way: alike for all, unless a law says.
-
-        Args:
-            theta: Parameters of a flight that has it, see :meth:`mixture`.
-            uniform: (n, k) uniform numbers, by which a law draws.
-        """
-        return theta.expand(len(uniform), -1)
-
     def learn_heterogeneity(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
         """Parameters with those set that say how flights differ, from the rates themselves.
 

@@ -7,9 +7,10 @@ import torch
 from torch import Tensor
 
 from descentflow.aircraft_types.aircraft import Aircraft
-from descentflow.core.tensors import Number
+from descentflow.core.recent import Recent
+from descentflow.core.tensors import Number, as_tensors
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps, mach_to_tas_mps
-from descentflow.physics.energy import descent_rate_mps, energy_share_factor_local
+from descentflow.physics.energy import ShareTerms, descent_rate_mps
 from descentflow.physics.forces import descent_thrust_n, drag_n
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -23,6 +24,8 @@ CHANGING = 0.3
 """Slopes of CAS between this share of that at constant Mach number and one minus it belong to neither phase."""
 NEAR_MACH = 0.02
 """Bands at constant Mach number are within so much of the fastest; slower ones only look like it."""
+PARTS = 12
+"""Parts of the flights whose state is kept: folds and sides are asked for again in every fit."""
 MIN_SHOWN = 10
 """Flights that show their Mach number, for the line that gives it to others."""
 
@@ -64,7 +67,14 @@ class FlightState:
     """(K,) or (n, K): ln of the rate that the simulator's flights have beyond the polar's."""
 
     def rows(self, index: Tensor) -> "FlightState":
-        """The flights at these positions."""
+        """The flights at these positions; the same ones for the same positions, so that what they know is kept."""
+        return self._parts.get(tuple(index.tolist()), lambda: self._rows(index))
+
+    @cached_property
+    def _parts(self) -> Recent["FlightState"]:
+        return Recent(PARTS)
+
+    def _rows(self, index: Tensor) -> "FlightState":
         names = ["cas_mps", "cas_slope_per_s", "tailwind_mps", "mask", "depth_m"]
         names += [] if self.rate_slope_per_m is None else ["rate_slope_per_m"]
         if isinstance(self.beyond_polar, Tensor) and self.beyond_polar.dim() == 2:
@@ -73,7 +83,7 @@ class FlightState:
 
     def rows_of_fleet(self, index: Tensor) -> "FlightState":
         """The flights at these positions, with the schedules and delays that all flights together say."""
-        found, plan = self.rows(index), self.schedule
+        found, plan = self._rows(index), self.schedule
         known = {"schedule": Schedule(plan.mach[index], plan.cas_mps[index]), "reported_below_m": self.reported_below_m}
         found.__dict__.update(known)
         return found
@@ -81,6 +91,11 @@ class FlightState:
     def mach(self) -> Tensor:
         """Mach number (n, K) of the CAS."""
         return cas_to_mach(self.cas_mps, self.altitude_m)
+
+    @cached_property
+    def share_terms(self) -> ShareTerms:
+        """What the energy share factor takes from the flights' own speeds, in whatever air."""
+        return ShareTerms.of(self.cas_mps, self.altitude_m, self.cas_slope_per_s)
 
     @cached_property
     def own_log_rate(self) -> Tensor:
@@ -215,11 +230,11 @@ def log_rate(
         >>> (log_rate(state, mass=0.9) - log_rate(state)).mean()  # a lighter aircraft falls faster
         tensor(0.0..., dtype=torch.float64)
     """
-    cas = state.cas_mps if cas_mps is None else cas_mps
     aircraft = replace(state.aircraft, cd0_cr=state.aircraft.cd0_cr * parasitic)
     altitude, kg = state.altitude_m, state.mass_kg * mass
-    tas = mach_to_tas_mps(cas_to_mach(cas, altitude), altitude, deviation_k)
-    share = energy_share_factor_local(cas, altitude, state.cas_slope_per_s, wind_slope_per_s, deviation_k)
+    terms = state.share_terms if cas_mps is None else ShareTerms.of(cas_mps, altitude, state.cas_slope_per_s)
+    tas = mach_to_tas_mps(terms.mach, altitude, deviation_k)
+    share = terms.factor(*as_tensors(wind_slope_per_s, deviation_k))
     idle = thrust * descent_thrust_n(aircraft, altitude, tas, deviation_k)
     drag = drag_n(aircraft, tas, altitude, deviation_k, kg)
     rate = descent_rate_mps(aircraft, drag, idle, tas, share, altitude, deviation_k, kg)
@@ -250,7 +265,7 @@ def implied_mass_kg(state: FlightState, log_rate_seen: Tensor, mask: Tensor) -> 
     weight = mask.double()
     for _ in range(30):
         middle = (low + high) / 2
-        excess = (log_rate(replace(state, mass_kg=middle)) - log_rate_seen) * weight
+        excess = (log_rate(state, mass=middle / state.mass_kg) - log_rate_seen) * weight
         # Too steep on the polar: the aircraft must be heavier.
         low, high = (middle, high) if float(torch.where(mask, excess, 0.0).sum()) > 0 else (low, middle)
     return (low + high) / 2

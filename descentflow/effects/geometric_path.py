@@ -81,14 +81,8 @@ class GeometricPath(DiffersByFlight):
 
     def own_change(self, state: FlightState, theta: Tensor, uniform: Tensor) -> FlightChange:
         """A path of each flight's own."""
-        shallower = self.drawn(theta, uniform)[:, 1:2]
+        shallower = positive_size(uniform[:, 0], theta[1], theta[2])[:, None]
         return FlightChange(flown={"rate": _to_the_shallowest(state, state.beyond_polar) - shallower})
-
-    def drawn(self, whole: Tensor, uniform: Tensor) -> Tensor:
-        """Each flight's own path."""
-        shallower = positive_size(uniform[:, 0], whole[1], whole[2])
-        one = torch.ones_like(shallower)
-        return torch.stack([whole[0] * one, shallower, 0.0 * one], 1)
 
     def own_numbers(self, state: FlightState, theta: Tensor, taken: Tensor, size: Tensor) -> dict[str, Tensor]:
         """How much shallower each flight's path is."""

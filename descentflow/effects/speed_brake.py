@@ -251,12 +251,12 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
 
     def own_change(self, state: FlightState, theta: Tensor, uniform: Tensor) -> FlightChange:
         """The rate in a window of each flight's own."""
-        own, inset = self.drawn(theta, uniform), self.inset_fl / 2
+        own, inset = self._own_windows(theta, uniform), self.inset_fl / 2
         within = self.below(state, own[:, 2] - inset)["rate"] - self.below(state, own[:, 1] + inset)["rate"]
         return FlightChange(flown={"rate": within * self.whole_change(state, own[:, :1])})
 
-    def drawn(self, whole: Tensor, uniform: Tensor) -> Tensor:
-        """Each flight's own window and drag."""
+    def _own_windows(self, whole: Tensor, uniform: Tensor) -> Tensor:
+        """Parameters (n, k) of each flight's own window and drag."""
         own = whole.expand(len(uniform), -1).clone()
         place, tall = torch.special.ndtri(uniform[:, :2].clamp(min=1e-12)).unbind(1)
         middle = (whole[2] + whole[1]) / 2 + (place * whole[5] if float(whole[5]) > 0 else 0.0)

@@ -4,6 +4,7 @@
 ``dHp/dt = (T - dT)/T (Thr - D) V / (m g0) f``.
 """
 
+from dataclasses import dataclass
 from typing import Final
 
 import torch
@@ -131,10 +132,42 @@ def energy_share_factor_local(
     cas, altitude, slope, wind_slope, deviation = as_tensors(
         cas_mps, altitude_m, cas_gradient_per_s, wind_gradient_per_s, deviation_k
     )
-    mach = cas_to_mach(cas, altitude)
-    share = lapse_share(mach, altitude, deviation) + compression_share(mach)
-    wind = wind_share(mach, altitude, deviation, wind_slope)
-    return 1 / (1 + share + _cas_change_share(cas, mach, altitude) * slope + wind)
+    return ShareTerms.of(cas, altitude, slope).factor(wind_slope, deviation)
+
+
+@dataclass(frozen=True)
+class ShareTerms:
+    """What the energy share factor of a CAS profile takes from its speeds alone, in whatever air they are flown.
+
+    Attributes:
+        altitude_m: Pressure altitude.
+        mach: Mach number of the CAS there.
+        compression: ``(V/g0) dV/dh`` at constant CAS without the lapse's.
+        change: The same of the changing CAS.
+
+    Example:
+        >>> cas, altitude, slope = (torch.tensor(x).double() for x in (150.0, 6000.0, 0.001))
+        >>> terms = ShareTerms.of(cas, altitude, slope)
+        >>> bool(terms.factor(torch.zeros(1), torch.zeros(1)) == energy_share_factor_local(150.0, 6000.0, 0.001))
+        True
+    """
+
+    altitude_m: Tensor
+    mach: Tensor
+    compression: Tensor
+    change: Tensor
+
+    @classmethod
+    def of(cls, cas_mps: Tensor, altitude_m: Tensor, cas_gradient_per_s: Tensor) -> "ShareTerms":
+        """Those of a CAS and its slope, which broadcast."""
+        mach = cas_to_mach(cas_mps, altitude_m)
+        change = _cas_change_share(cas_mps, mach, altitude_m) * cas_gradient_per_s
+        return cls(altitude_m, mach, compression_share(mach), change)
+
+    def factor(self, wind_gradient_per_s: Tensor, deviation_k: Tensor) -> Tensor:
+        """Energy share factor in air of a wind gradient and a temperature deviation."""
+        share = lapse_share(self.mach, self.altitude_m, deviation_k) + self.compression
+        return 1 / (1 + share + self.change + wind_share(self.mach, self.altitude_m, deviation_k, wind_gradient_per_s))
 
 
 def _cas_change_share(cas: Tensor, mach: Tensor, altitude: Tensor) -> Tensor:

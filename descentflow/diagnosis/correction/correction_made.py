@@ -11,7 +11,7 @@ from torch import Tensor
 from descentflow.diagnosis.correction.corrected_descents import corrected_descents
 from descentflow.diagnosis.correction.corrected_simulator import corrected
 from descentflow.diagnosis.correction.correction_scores import MOST, NEEDED, Halves, descents_of, scores_of
-from descentflow.diagnosis.correction.effects_in_flights import Correction, with_effects
+from descentflow.diagnosis.correction.effects_in_flights import Correction, state_of_levels, with_effects
 from descentflow.diagnosis.correction.sampled_descents import sampled_descents
 from descentflow.diagnosis.findings.correction_found import Score
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
@@ -138,8 +138,10 @@ def _scores_of_flights(
     if own is None or halves is None:
         return []
 
+    state = state_of_levels(own, simulator.aircraft, correction)
+
     def with_theta(theta: Mapping[str, Tensor]) -> DescentSet:
-        return descents_of(with_effects(own, simulator.aircraft, replace(correction, theta=theta)))
+        return descents_of(with_effects(own, simulator.aircraft, replace(correction, theta=theta), state))
 
     return scores_of(halves, descents_of(own), with_theta, transition_fl, correction.seed)
 

@@ -7,11 +7,13 @@ noise floor: one half of those flights against the other, at the same size.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from math import isnan
 
 import torch
 from torch import Tensor
 
+from descentflow.core.side_by_side import side_by_side
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.diagnosis.findings.correction_found import Score
 from descentflow.evaluation.metrics.descent_set import DescentSet
@@ -98,13 +100,15 @@ def scores_of(halves: Halves, before: DescentSet, corrected: Corrected, transiti
         ('time to bottom of descent, KS distance', '1', True)
     """
     names = list(halves.theta[0])
-    found = []
-    for scored, learnt in ((0, 1), (1, 0)):
-        real, theta = halves.flights[scored], halves.theta[learnt]
+
+    def scored(real: DescentSet, theta: Mapping[str, Tensor]) -> dict[str, ScoreTable]:
         sets = {"before": before, "after": corrected(theta)}
         if len(names) > 1:
             sets |= {name: corrected({name: theta[name]}) for name in names}
-        found.append({k: score(one, real, transition_fl, seed=seed, n_splits=N_SPLITS) for k, one in sets.items()})
+        return {key: score(one, real, transition_fl, seed=seed, n_splits=N_SPLITS) for key, one in sets.items()}
+
+    # Each half is scored by what the other gives.
+    found = side_by_side([partial(scored, halves.flights[k], halves.theta[1 - k]) for k in (0, 1)])
     return _rows(found, names if len(names) > 1 else [])
 
 

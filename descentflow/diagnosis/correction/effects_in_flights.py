@@ -57,7 +57,9 @@ class Correction:
     spreads: Mapping[str, float] = field(default_factory=dict)
 
 
-def with_effects(grid: LevelGrid, aircraft: Aircraft, correction: Correction) -> LevelGrid:
+def with_effects(
+    grid: LevelGrid, aircraft: Aircraft, correction: Correction, state: FlightState | None = None
+) -> LevelGrid:
     """The flights as the simulator would fly and report them if it had the effects.
 
     Rates, CAS, TAS, wind and heights change on every level by what the effects say of the flight's own speed there;
@@ -70,6 +72,7 @@ def with_effects(grid: LevelGrid, aircraft: Aircraft, correction: Correction) ->
         grid: Flights on levels.
         aircraft: Whose coefficients give the signatures.
         correction: What is put in.
+        state: The flights by :func:`state_of_levels`, where they are known from another correction of the same mass.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -82,7 +85,7 @@ def with_effects(grid: LevelGrid, aircraft: Aircraft, correction: Correction) ->
         >>> round(float((found.values["TAS"] / grid.values["TAS"]).nanmean()), 3)  # at the same Mach number
         1.021
     """
-    state = state_of_levels(grid, aircraft, correction)
+    state = state_of_levels(grid, aircraft, correction) if state is None else state
     flown, reported = _sums(state, correction)
     moved = _flown(grid, state, flown)
     moved = with_gaps(moved, GapChange.of(flown), DrawNumbers(correction.seed), correction.cleaning)
@@ -159,18 +162,21 @@ def _sums(state: FlightState, correction: Correction) -> tuple[dict[str, Tensor]
         first = begun if law else 0.0
         begun += share if law else 0.0
         taken = torch.nonzero((number >= first) & (number < first + share))[:, 0]
-        uniform = [draws.uniform(n, stream=place * STREAMS + 1 + i) for i in range(len(whole))]
-        own = effect.drawn(whole, torch.stack(uniform, 1)[taken])
         spread = 0.0 if law or share < 1.0 else correction.spreads.get(name, 0.0)
         usual = draws.uniform(n, stream=place * STREAMS + STREAMS - 1).clamp(min=1e-12)
         size = 1 + spread * torch.special.ndtri(usual)
-        for rows, parameters in _alike(taken, own):
-            change = effect.change(state.rows(rows), parameters)
-            if law and isinstance(effect, DiffersByFlight) and effect.holds_rate:
-                held[rows], rate_held[rows] = True, change.flown["rate"]
+        if not len(taken):
+            continue
+        if law and isinstance(effect, DiffersByFlight):
+            uniform = [draws.uniform(n, stream=place * STREAMS + 1 + i)[taken] for i in range(effect.own_draws)]
+            change = effect.own_change(state.rows(taken), whole, torch.stack(uniform, 1))
+            if effect.holds_rate:
+                held[taken], rate_held[taken] = True, change.flown["rate"]
                 continue
-            for total, shift in ((flown, change.flown), (reported, change.reported)):
-                _add(total, shift, rows, size)
+        else:
+            change = effect.change(state.rows(taken), whole)
+        for total, shift in ((flown, change.flown), (reported, change.reported)):
+            _add(total, shift, taken, size)
     if bool((flown["cas"] != 0).any()):
         # At another speed the aircraft falls as the polar says.
         faster = log_rate(state, cas_mps=state.cas_mps + flown["cas"] * KT_MPS)
@@ -178,14 +184,6 @@ def _sums(state: FlightState, correction: Correction) -> tuple[dict[str, Tensor]
     # Whatever else would change a rate that is held: it is held.
     flown["rate"] = torch.where(held[:, None], rate_held, flown["rate"])
     return flown, reported
-
-
-def _alike(taken: Tensor, parameters: Tensor) -> list[tuple[Tensor, Tensor]]:
-    """Flights that have one and the same parameters, with these."""
-    if not len(taken):
-        return []
-    each, which = torch.unique(parameters, dim=0, return_inverse=True)
-    return [(taken[which == k], one) for k, one in enumerate(each)]
 
 
 def _add(total: dict[str, Tensor], shift: Shift, rows: Tensor, size: Tensor) -> None:

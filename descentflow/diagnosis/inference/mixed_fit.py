@@ -10,7 +10,7 @@ from torch import Tensor
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS
 from descentflow.diagnosis.inference.ascent import ascend
 from descentflow.diagnosis.inference.flight_fit import MIN_TAKEN, FlightFit, Laws
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit, FlightShares
 from descentflow.diagnosis.inference.linear_algebra import Design
 from descentflow.diagnosis.inference.signature_columns import signature_columns
 from descentflow.effects.flight_law import DiffersByFlight
@@ -84,26 +84,42 @@ def _mixed(
 ) -> Fit:
     """The fit of the laws, and of the effects beside them that all flights have alike."""
     theta = {name: flights.laws[name] if name in flights.laws else alike[name] for name in fit.theta}
-    signatures = signature_columns(likelihood, theta)
-    held = _held_entries(likelihood, flights)[likelihood.real][:, :, None]
-
-    def design() -> Design:
-        own = {name: likelihood.real_jacobian(name, value) for name, value in theta.items()}
-        moved = [torch.where(held & (name in alike), 0.0, columns) for name, columns in own.items()]
-        return likelihood.joined(moved, signatures)
-
+    signatures, shares = signature_columns(likelihood, theta), flights.shares()
     of_alike = [likelihood.real_jacobian(name, theta[name]) for name in alike]
     none = likelihood.real_jacobian(next(iter(theta)), theta[next(iter(theta))])[:, :, :0]
     return Fit(
         fit.effects,
         theta,
         likelihood.shift(alike) + flights.shift(),
-        likelihood.kept(design),
+        likelihood.kept(lambda: design_with_laws(likelihood, theta, shares)),
         _log_score(
             likelihood, cleaned, flights, likelihood.shift(alike), cleaned.joined([*of_alike, none], signatures)
         ),
-        flights.shares(),
+        shares,
     )
+
+
+def design_with_laws(
+    likelihood: EffectsLikelihood, theta: Mapping[str, Tensor], shares: Mapping[str, FlightShares]
+) -> Design:
+    """Columns of effects, those that all flights have alike without entries that a held path or rate decides.
+
+    Args:
+        likelihood: Of the flights.
+        theta: Parameters by effect.
+        shares: What each flight has of those that differ by flight.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> design_with_laws(likelihood, {"temperature": torch.tensor([10.0]).double()}, {}).n_parameters
+        1
+    """
+    held = _held_by(likelihood, shares)[likelihood.real][:, :, None]
+    own = {name: likelihood.real_jacobian(name, value) for name, value in theta.items()}
+    moved = [torch.where(held & (name not in shares), 0.0, columns) for name, columns in own.items()]
+    return likelihood.joined(moved, signature_columns(likelihood, theta))
 
 
 def _is_settled(likelihood: EffectsLikelihood, name: str, before: Tensor, now: Tensor) -> bool:
@@ -142,13 +158,19 @@ def without_laws(likelihood: EffectsLikelihood, fit: Fit) -> EffectsLikelihood:
         0.1
     """
     shift = torch.zeros_like(likelihood.y)
-    held = torch.zeros_like(likelihood.y, dtype=torch.bool)
-    for name, own in fit.per_flight.items():
+    for own in fit.per_flight.values():
         shift = shift + own.shift
+    return _without(likelihood, shift, _held_by(likelihood, fit.per_flight))
+
+
+def _held_by(likelihood: EffectsLikelihood, shares: Mapping[str, FlightShares]) -> Tensor:
+    """Entries (n, p) that a path or rate decides which flights hold, by what each has of the effects."""
+    held = torch.zeros_like(likelihood.y, dtype=torch.bool)
+    for name, own in shares.items():
         effect = likelihood.catalogue[name]
         if isinstance(effect, DiffersByFlight) and effect.holds_rate:
             held |= (own.share > MIN_TAKEN)[:, None] & likelihood.compared.of("rate")
-    return _without(likelihood, shift, held)
+    return held
 
 
 def _cleaned(likelihood: EffectsLikelihood, flights: FlightFit) -> EffectsLikelihood:

@@ -1,13 +1,14 @@
 """The search among sets of effects: all of up to four are screened, the best fitted, and others grown from them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import torch
 from torch import Tensor
 
+from descentflow.core.side_by_side import at_once
 from descentflow.diagnosis.inference.aircraft_groups import by_aircraft
 from descentflow.diagnosis.inference.credible import is_credible
+from descentflow.diagnosis.inference.fits_ahead import FitsAhead, reordered
 from descentflow.diagnosis.inference.free_discrepancy import FreeDiscrepancy
 from descentflow.diagnosis.inference.inclusion import Names, WeightedSet, inclusion
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
@@ -57,10 +58,11 @@ class SetSearch:
         """Begin with the effects alone."""
         self.likelihood, self.progress = likelihood, progress
         self.discrepancy = FreeDiscrepancy(likelihood, discrepancy)
+        self.ahead = FitsAhead(likelihood, self.discrepancy, progress)
         self.fits: dict[frozenset[str], Fit] = {frozenset(): null}
-        fitted = {name: single.fit for name, single in singles.items() if single.fit.kept is not null.kept}
-        for name, fit in fitted.items():
-            self.fits[frozenset([name])] = fit
+        for name, single in singles.items():
+            if single.fit.kept is not null.kept:
+                self.fits[frozenset([name])] = single.fit
         self.start = {name: single.fit.theta[name] for name, single in singles.items()}
         self.credible: dict[tuple[Names, str], bool] = {}
         self.costs: dict[Names, float] = {}
@@ -81,11 +83,14 @@ class SetSearch:
             sets, alone = self._weighed()
             best = inclusion(sets, alone).best
             # A set that grows is looked at from all sides once it has stopped growing.
-            untried = self._untried(self._with_another(best))[:1] or self._untried(self._near(best))
+            larger, start = self._untried(self._with_another(best)), self.fit(best).theta
+            untried = larger[:1] or self._untried(self._near(best))
             if not untried:
                 return sets, alone
+            # What promises next most will probably be asked for next.
+            self.ahead.prepare([(names, self._begin(names, start)) for names in larger[: at_once()] or untried])
             for names in untried:
-                self._credible_part(self.fit(names, self.fit(best).theta))
+                self._credible_part(self.fit(names, start))
 
     def _untried(self, sets: Sequence[Names]) -> list[Names]:
         return [names for names in sets if frozenset(names) not in self.fits]
@@ -193,12 +198,13 @@ class SetSearch:
         """The fit of a set, made once; from the parameters of another fit, where these are given."""
         key = frozenset(names)
         if key not in self.fits:
-            self.progress(f"fitting {', '.join(names)}")
-            self.fits[key] = fit_effects(
-                self.likelihood, tuple(names), {n: (start or {}).get(n, self.start[n]) for n in names}
-            )
+            self.fits[key] = self.ahead.fit(tuple(names), self._begin(names, start or {}))
         found = self.fits[key]
-        return found if found.effects == tuple(names) else _reordered(self.likelihood, found, tuple(names))
+        return found if found.effects == tuple(names) else reordered(self.likelihood, found, tuple(names))
+
+    def _begin(self, names: Sequence[str], start: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Parameters from which the fit of a set starts: those of another fit, where it has the effect."""
+        return {name: start.get(name, self.start[name]) for name in names}
 
     def _cost(self, fit: Fit, free: bool) -> float:
         """Nats by which what a set says of its signatures, and of a discrepancy, is improbable."""
@@ -293,9 +299,3 @@ def _is_whole(names: Names, scores: Mapping[Names, float]) -> bool:
     """Whether every effect of a set gains more than it costs."""
     smaller = [tuple(other for other in names if other != name) for name in names]
     return all(scores[fewer] < scores[names] for fewer in smaller)
-
-
-def _reordered(likelihood: EffectsLikelihood, fit: Fit, names: Names) -> Fit:
-    """The same fit with its effects in another order."""
-    theta = {name: fit.theta[name] for name in names}
-    return replace(fit, effects=names, theta=theta, kept=likelihood.kept(lambda: likelihood.design(theta)))

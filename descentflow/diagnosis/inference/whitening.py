@@ -6,6 +6,10 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from descentflow.core.recent import Recent
+
+KEPT = 6
+"""Selections of rows of the precisions that are kept: effects that show in the same quantities ask for the same."""
 ITERATIONS = 6
 """Of EM; what is missing is mostly the top of the grid, and its neighbours say nearly all of it."""
 
@@ -48,6 +52,10 @@ class Whitening:
         starts = [0, *ends[:-1]]
         return [(k, slice(a, b)) for k, a, b in zip(patterns.tolist(), starts, ends, strict=True)]
 
+    @cached_property
+    def _kept_rows(self) -> Recent[Tensor]:
+        return Recent(KEPT)
+
     def apply(self, values: Tensor) -> Tensor:
         """Precision times values: (n, p) or (n, p, k) of the flights, missing entries anything finite."""
         order, back = self.order
@@ -57,7 +65,8 @@ class Whitening:
         used = torch.nonzero((values != 0).any(2).any(0))[:, 0]
         n, p, k = values.shape
         shown = values[:, used].transpose(1, 2)[order]
-        found = self._times(shown.reshape(n, k * len(used)), self.precision[:, used], k)
+        rows = self._kept_rows.get(tuple(used.tolist()), lambda: self.precision[:, used])
+        found = self._times(shown.reshape(n, k * len(used)), rows, k)
         return found.reshape(n, k, p)[back].transpose(1, 2)
 
     def _times(self, ordered: Tensor, precision: Tensor, k: int = 1) -> Tensor:

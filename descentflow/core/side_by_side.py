@@ -1,0 +1,182 @@
+"""Independent calls worked out at the same time, by copies of this process, with the same results as one by one.
+
+Fits of a few hundred flights are made of thousands of small steps: threads would wait for each other, and new processes
+would load torch and the flights for longer than a fit takes. A copy (``fork``) has both at once; it uses one thread, as
+torch's own data loaders do, and sends back what it worked out.
+"""
+
+import os
+import pickle
+import signal
+import sys
+import threading
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from typing import Any, Generic, TypeVar
+
+import torch
+
+T = TypeVar("T")
+MOST = 4
+"""Copies at once at most: each takes memory for what it changes."""
+_allowed = 1
+
+
+@contextmanager
+def cores_shared() -> Iterator[None]:
+    """Let calls inside the block use as many processes as torch has threads, and torch one thread in each.
+
+    Without fork (Windows, macOS), outside the main thread, or where torch has one thread, calls follow each other.
+
+    Example:
+        >>> with cores_shared():
+        ...     side_by_side([lambda: 1 + 1, lambda: 2 * 3]), torch.get_num_threads()
+        ([2, 6], 1)
+    """
+    global _allowed
+    before, threads = _allowed, torch.get_num_threads()
+    can = sys.platform == "linux" and threading.current_thread() is threading.main_thread()
+    _allowed = min(threads, len(os.sched_getaffinity(0)), MOST) if can and before == 1 else before
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        _allowed = before
+        torch.set_num_threads(threads)
+
+
+class Begun(Generic[T]):
+    """A call that a copy of this process works out meanwhile; worked out when asked for, where only one may run.
+
+    Example:
+        >>> begun = Begun(lambda: 6 * 7)
+        >>> begun.result()
+        42
+    """
+
+    def __init__(self, call: Callable[[], T]) -> None:
+        """Begin.
+
+        Args:
+            call: What to work out; its result must be one that pickle takes, and what it changes is not seen here.
+        """
+        self._call = call
+        self._process: Any = None
+        self._pipe: Connection | None = None
+        if _allowed > 1:
+            self._fork()
+
+    def _fork(self) -> None:
+        context = get_context("fork")
+        self._pipe, theirs = context.Pipe(duplex=False)
+        self._process = context.Process(target=_work, args=(self._call, theirs), daemon=True)
+        with warnings.catch_warnings():
+            # Python 3.12 warns of fork beside threads, which may hold locks: the copy runs plain torch and no thread's.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self._process.start()
+        theirs.close()
+
+    def result(self) -> T:
+        """What was worked out.
+
+        Raises:
+            Exception: That of the call.
+            MemoryError: If the copy was killed, as it is where memory runs out.
+        """
+        if self._pipe is None:
+            return self._call()
+        try:
+            # Plain pickle: torch's own would leave tensors in memory of a process that has ended.
+            done, value = pickle.loads(self._pipe.recv_bytes())
+        except EOFError:
+            self._process.join()
+            raise MemoryError(
+                f"a process that worked for this one ended with status {self._process.exitcode}, which is mostly for "
+                "lack of memory: OMP_NUM_THREADS=1 does one thing after another"
+            ) from None
+        self.end()
+        if not done:
+            raise value
+        found: T = value
+        return found
+
+    @property
+    def pipe(self) -> Connection | None:
+        """Readable once it is done; None where nothing was begun."""
+        return self._pipe
+
+    def end(self) -> None:
+        """Leave nothing of it behind."""
+        if self._pipe is not None:
+            self._process.terminate()
+            self._process.join()
+            self._pipe.close()
+
+
+def at_once() -> int:
+    """How many calls are worked out at the same time.
+
+    Example:
+        >>> at_once()
+        1
+    """
+    return _allowed
+
+
+def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None] = lambda place: None) -> list[T]:
+    """Results of independent calls in their order, the first error raised.
+
+    Args:
+        calls: What to work out, see :class:`Begun`.
+        begins: Called here with the place of each call when it begins.
+
+    Example:
+        >>> side_by_side([lambda: 1, lambda: 2])
+        [1, 2]
+    """
+    if _allowed < 2 or len(calls) < 2:
+        found = []
+        for place, call in enumerate(calls):
+            begins(place)
+            found.append(call())
+        return found
+    running: dict[Connection, tuple[int, Begun[T]]] = {}
+    done: dict[int, T] = {}
+    waiting = list(enumerate(calls))[::-1]
+    try:
+        while waiting or running:
+            while waiting and len(running) < _allowed:
+                place, call = waiting.pop()
+                begins(place)
+                begun = Begun(call)
+                assert begun.pipe is not None
+                running[begun.pipe] = place, begun
+            for pipe in wait(list(running)):
+                assert isinstance(pipe, Connection)
+                place, begun = running[pipe]
+                done[place] = begun.result()
+                del running[pipe]
+    finally:
+        for _, begun in running.values():
+            begun.end()
+    return [done[place] for place in range(len(calls))]
+
+
+def _work(call: Callable[[], object], pipe: Connection) -> None:
+    """In the copy: work out the call and send its result or its error."""
+    global _allowed
+    _allowed = 1
+    # Ctrl-C reaches the whole group; the one that was asked says what it has to say.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    torch.set_num_threads(1)
+    try:
+        sent: tuple[bool, object] = (True, call())
+    except Exception as error:
+        error.add_note("".join(traceback.format_exception(error)))
+        sent = (False, error)
+    pipe.send_bytes(pickle.dumps(sent))
+    pipe.close()

@@ -1,0 +1,135 @@
+"""Fits worked out side by side, and fits worked out before it is known whether they are wanted."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+from torch import Tensor
+
+from descentflow.core.side_by_side import at_once, side_by_side
+from descentflow.diagnosis.inference.free_discrepancy import Beside, FreeDiscrepancy
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
+from descentflow.diagnosis.inference.linear_algebra import Design
+from descentflow.diagnosis.inference.mixed_fit import design_with_laws
+from descentflow.diagnosis.inference.search import fit_effects
+
+Names = tuple[str, ...]
+Asked = tuple[Names, Mapping[str, Tensor]]
+"""Effects, and the parameters from which their fit starts."""
+
+
+def fits_side_by_side(
+    likelihood: EffectsLikelihood, asked: Sequence[Asked], progress: Callable[[str], None]
+) -> list[Fit]:
+    """Independent fits, the same as one after the other.
+
+    Args:
+        likelihood: Of the flights.
+        asked: What is fitted.
+        progress: Called with what is being fitted.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> found = fits_side_by_side(likelihood, [(("mass",), {}), (("temperature",), {})], print)
+        fitting mass
+        fitting temperature
+        >>> found[1].theta["temperature"].round()
+        tensor([10.], dtype=torch.float64)
+    """
+    _know_what_is_shared(likelihood)
+    calls = [partial(_fitted, likelihood, names, start) for names, start in asked]
+    found = side_by_side(calls, lambda place: progress(f"fitting {', '.join(asked[place][0])}"))
+    return [_with_design(likelihood, fit) for fit in found]
+
+
+class FitsAhead:
+    """Fits of a search that are worked out side by side, with what a discrepancy beside each explains.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared)[0])
+        >>> ahead, start = FitsAhead(likelihood, free, print), {"temperature": EFFECTS["temperature"].start()}
+        >>> ahead.prepare([(("temperature",), start)])  # one alone waits until it is asked for
+        >>> ahead.fit(("temperature",), start).theta["temperature"].round()
+        fitting temperature
+        tensor([10.], dtype=torch.float64)
+    """
+
+    def __init__(
+        self, likelihood: EffectsLikelihood, discrepancy: FreeDiscrepancy, progress: Callable[[str], None]
+    ) -> None:
+        """Begin with none."""
+        self.likelihood, self.discrepancy, self.progress = likelihood, discrepancy, progress
+        self._known: dict[object, tuple[Fit, Beside]] = {}
+
+    def prepare(self, asked: Sequence[Asked]) -> None:
+        """Work out fits that will be asked for, or may be, if several can be worked out at once."""
+        left = [one for one in asked if _key(*one) not in self._known]
+        if at_once() < 2 or len(left) < 2:
+            return
+        _know_what_is_shared(self.likelihood)
+        calls = [partial(self._both, *one) for one in left]
+        found = side_by_side(calls, lambda place: self.progress(f"fitting {', '.join(left[place][0])}"))
+        self._known |= {_key(*one): both for one, both in zip(left, found, strict=True)}
+
+    def fit(self, names: Names, start: Mapping[str, Tensor]) -> Fit:
+        """A fit, worked out now if it was not before."""
+        key = _key(names, start)
+        if key not in self._known:
+            self.progress(f"fitting {', '.join(names)}")
+            return fit_effects(self.likelihood, names, start)
+        fit, beside = self._known.pop(key)
+        self.discrepancy.found[fit.effects] = beside
+        return _with_design(self.likelihood, fit)
+
+    def _both(self, names: Names, start: Mapping[str, Tensor]) -> tuple[Fit, Beside]:
+        fit = fit_effects(self.likelihood, names, start)
+        return replace(fit, kept=_left_behind), self.discrepancy.beside(fit)
+
+
+def _key(names: Names, start: Mapping[str, Tensor]) -> object:
+    return names, tuple((name, tuple(value.tolist())) for name, value in start.items())
+
+
+def _fitted(likelihood: EffectsLikelihood, names: Names, start: Mapping[str, Tensor]) -> Fit:
+    return replace(fit_effects(likelihood, names, start), kept=_left_behind)
+
+
+def reordered(likelihood: EffectsLikelihood, fit: Fit, names: Names) -> Fit:
+    """The same fit with its effects in another order.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> reordered(likelihood, fit_effects(likelihood, ("mass", "temperature")), ("temperature", "mass")).effects
+        ('temperature', 'mass')
+    """
+    return _with_design(likelihood, replace(fit, effects=names, theta={name: fit.theta[name] for name in names}))
+
+
+def _know_what_is_shared(likelihood: EffectsLikelihood) -> None:
+    """Work out here what every copy of this process would work out for itself."""
+    if at_once() > 1:
+        for state in (likelihood.real_state, likelihood.seen_beside):
+            state.own_log_rate, state.schedule_log_rate  # noqa: B018 (they are kept)
+        likelihood.sums, likelihood.single  # noqa: B018
+
+
+def _left_behind() -> Design:
+    """In place of a design, which is large and is made again where it is wanted."""
+    raise AssertionError("a fit of another process has no design yet")
+
+
+def _with_design(likelihood: EffectsLikelihood, fit: Fit) -> Fit:
+    def design() -> Design:
+        if fit.per_flight:
+            return design_with_laws(likelihood, fit.theta, fit.per_flight)
+        return likelihood.design(fit.theta)
+
+    return replace(fit, kept=likelihood.kept(design))

@@ -1,0 +1,103 @@
+"""Calls worked out side by side: the same results as one by one, and no silence when one of them fails."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+import torch
+
+from descentflow.core.side_by_side import Begun, at_once, cores_shared, side_by_side
+from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+from descentflow.diagnosis.inference.example_sides import example_likelihood
+from descentflow.diagnosis.inference.selection import Chosen, select
+from descentflow.effects import EFFECTS
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies of a process are made on Linux alone")
+
+
+@pytest.fixture(autouse=True)
+def two_threads() -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    yield
+    torch.set_num_threads(before)
+
+
+def test_calls_run_in_other_processes_with_one_thread_each() -> None:
+    with cores_shared():
+        assert at_once() == min(2, len(os.sched_getaffinity(0)))
+        found = side_by_side([lambda: (os.getpid(), torch.get_num_threads(), at_once())] * 3)
+    if len(os.sched_getaffinity(0)) > 1:
+        assert os.getpid() not in {pid for pid, _, _ in found}
+    assert {(threads, allowed) for _, threads, allowed in found} == {(1, 1)}
+    assert torch.get_num_threads() == 2
+    assert at_once() == 1
+
+
+def test_results_come_in_the_order_of_the_calls() -> None:
+    def slowly(k: int) -> torch.Tensor:
+        time.sleep(0.05 * (3 - k))
+        return torch.full((1000,), float(k))
+
+    begun: list[int] = []
+    with cores_shared():
+        found = side_by_side([lambda k=k: slowly(k) for k in range(4)], begun.append)  # type: ignore[misc]
+    assert [float(values.mean()) for values in found] == [0.0, 1.0, 2.0, 3.0]
+    assert begun == [0, 1, 2, 3]
+
+
+def test_an_error_is_raised_here() -> None:
+    def fails() -> int:
+        raise ValueError("no such thing")
+
+    with cores_shared(), pytest.raises(ValueError, match="no such thing"):
+        side_by_side([lambda: 1, fails, lambda: 2])
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core: nothing is begun")
+def test_a_killed_copy_is_told() -> None:
+    with cores_shared(), pytest.raises(MemoryError, match="status -9"):
+        side_by_side([lambda: os.kill(os.getpid(), signal.SIGKILL), lambda: None])
+
+
+def test_calls_follow_each_other_beside_other_threads() -> None:
+    found: list[int] = []
+
+    def work() -> None:
+        with cores_shared():
+            found.extend(side_by_side([os.getpid, os.getpid]))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert found == [os.getpid()] * 2
+
+
+def test_what_is_begun_and_never_asked_for_leaves_no_process() -> None:
+    with cores_shared():
+        begun = Begun(lambda: time.sleep(60))
+        begun.end()
+    assert begun.pipe is None or begun.pipe.closed
+
+
+def test_a_selection_is_the_same_on_one_core_and_on_two() -> None:
+    likelihood = example_likelihood(EFFECTS["speed_brake"], [0.4, 200, 240, 1, 0, 0, 0, 0])
+    columns, _ = discrepancy_columns(likelihood.compared)
+
+    def chosen() -> Chosen:
+        return select(likelihood, columns, lambda stage: None)
+
+    torch.set_num_threads(1)
+    alone = chosen()
+    torch.set_num_threads(2)
+    with cores_shared():
+        together = chosen()
+    assert together.fit.effects == alone.fit.effects
+    for name, theta in alone.fit.theta.items():
+        torch.testing.assert_close(together.fit.theta[name], theta, rtol=0, atol=0)
+    assert together.probability == alone.probability
+    assert [one.effects for one in together.sets] == [one.effects for one in alone.sets]

@@ -146,9 +146,10 @@ class ShareTerms:
         change: The same of the changing CAS.
 
     Example:
-        >>> cas, altitude, slope = (torch.tensor(x).double() for x in (150.0, 6000.0, 0.001))
+        >>> cas, altitude, slope = (torch.tensor(x, dtype=torch.float64) for x in (150.0, 6000.0, 0.001))
         >>> terms = ShareTerms.of(cas, altitude, slope)
-        >>> bool(terms.factor(torch.zeros(1), torch.zeros(1)) == energy_share_factor_local(150.0, 6000.0, 0.001))
+        >>> none = torch.tensor(0.0).double()
+        >>> terms.factor(none, none).item() == energy_share_factor_local(150.0, 6000.0, 0.001).item()
         True
     """
 

@@ -1,6 +1,7 @@
 """Colours and axes that all figures share: readable at 100 dpi, and by readers who do not tell all colours apart."""
 
 from collections.abc import Iterable
+from textwrap import fill
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -44,6 +45,20 @@ def tidy(axes: Iterable[Axes]) -> None:
         ax.set_axisbelow(True)
         ax.spines[["top", "right"]].set_visible(False)
         ax.tick_params(labelsize=9)
+
+
+def say_why_empty(ax: Axes, why: str) -> None:
+    """Write in a panel that has nothing to show why that is so; an empty one looks like a fault.
+
+    Example:
+        >>> ax = Figure().subplots()
+        >>> say_why_empty(ax, "no draw was rejected")
+        >>> ax.texts[0].get_text()
+        'no draw was rejected'
+    """
+    ax.text(
+        0.5, 0.5, fill(why, 30), transform=ax.transAxes, ha="center", va="center", fontsize=9, color="#555555"
+    )  # fmt: skip
 
 
 def legend_below(figure: Figure, axes: Iterable[Axes], columns: int = 5) -> None:

@@ -12,6 +12,7 @@ from descentflow.diagnosis.findings.costs_found import LevelMeans
 from descentflow.diagnosis.findings.findings import Curve
 from descentflow.diagnosis.report.trade_units import at_level, in_trade, trade_number
 from descentflow.measurements.quantity_registry import label_of
+from descentflow.reporting.figure_style import say_why_empty
 from descentflow.reporting.svg_figures import with_tip
 
 COLOUR_END = 12.0
@@ -42,11 +43,15 @@ def draw_map(curves: Mapping[str, Curve], profile: Sequence[LevelMeans], width_i
     levels = sorted({fl for curve in curves.values() for fl in curve.level_fl if fl is not None})
     lines = max((_above(q, c, profile).count("\n") + 1 for q, c in curves.items()), default=1)
     step = 1.15 + 0.5 * lines if narrow else 1.0
-    figure = Figure(figsize=(width_in, 0.42 * step * max(len(curves), 1) + 0.9), layout="constrained")
+    figure = Figure(figsize=(width_in, 0.42 * step * len(curves) + 0.9), layout="constrained")
     ax = figure.subplots()
+    if not curves:
+        ax.set_axis_off()
+        say_why_empty(ax, "No quantity is compared level by level.")
+        return figure
     for row, (quantity, curve) in enumerate(curves.items()):
         _draw_row(ax, -step * row, quantity, curve, (levels, profile, narrow))
-    ax.set_xlim(-0.5, max(len(levels), 1) - 0.5)
+    ax.set_xlim(-0.5, len(levels) - 0.5)
     ax.set_ylim(-step * (len(curves) - 1) - 0.5, step - 0.5 if narrow else 0.5)
     every = -(-len(levels) // (5 if narrow else 8))
     ax.set_xticks(range(0, len(levels), every), [f"FL{levels[i]:.0f}" for i in range(0, len(levels), every)])

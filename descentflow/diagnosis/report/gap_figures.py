@@ -18,7 +18,7 @@ from descentflow.diagnosis.findings.findings import Curve, SingleEffect
 from descentflow.diagnosis.report.difference_map import draw_map
 from descentflow.diagnosis.report.trade_units import at_level, in_trade, level_range, trade_number
 from descentflow.measurements.quantity_registry import label_of
-from descentflow.reporting.figure_style import BLUE, GREY, RED, legend_below, tidy
+from descentflow.reporting.figure_style import BLUE, GREY, RED, legend_below, say_why_empty, tidy
 from descentflow.reporting.svg_figures import with_tip
 
 WIDE_IN, NARROW_IN = 10.5, 3.55
@@ -140,6 +140,8 @@ def curves_figure(
         _curve(ax, q, curves[q], profile, 18 if narrow else 28)
         if k % columns == 0:
             ax.set_ylabel("flight level", fontsize=SMALL)
+    if not shown:
+        say_why_empty(axes[0], "No quantity is compared level by level.")
     tidy(axes[:count])
     legend_below(figure, axes[:count], 1 if narrow else 3)
     return figure
@@ -208,6 +210,8 @@ def singles_figure(
             )
             (point,) = ax.plot([gain], [y], marker, color=colour, markersize=7, linestyle="none", label=kind)
             with_tip(point, f"{label(row.effect)} alone ({kind}): {row.score_gain:.0f} +- {2 * row.error:.0f}")
+    if not rows:
+        say_why_empty(ax, "No effect was tried.")
     ax.set_yticks(range(len(rows)), [fill(label(r.effect), 18 if narrow else 40) for r in rows])
     about = "log score gained on flights that it was not fitted to (natural logarithm)"
     ax.set_xlabel(fill(about, 36 if narrow else 90), fontsize=SMALL)

@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from descentflow.generation.samples import RejectionReport
-from descentflow.reporting.figure_style import BLUE, RED, tidy
+from descentflow.reporting.figure_style import BLUE, RED, say_why_empty, tidy
 
 _SURPLUS = "#9ecae1"
 
@@ -30,9 +30,8 @@ def acceptance_figure(report: RejectionReport) -> Figure:
     tidy((above, below))
     _draw_fates(above, report)
     _draw_rules(below, report)
-    figure.suptitle(
-        f"{report.accepted:,} samples from {report.drawn:,} draws, {report.acceptance:.1%} plausible", fontsize=11
-    )
+    plausible = f", {report.acceptance:.1%} plausible" if report.drawn else ""
+    figure.suptitle(f"{report.accepted:,} samples from {report.drawn:,} draws{plausible}", fontsize=11)
     return figure
 
 
@@ -58,6 +57,10 @@ def _draw_fates(ax: Axes, report: RejectionReport) -> None:
 
 
 def _draw_rules(ax: Axes, report: RejectionReport) -> None:
+    if not report.broken:
+        ax.set_axis_off()
+        say_why_empty(ax, "No draw breaks a rule." if report.drawn else "Nothing was drawn.")
+        return
     names = [rule.replace("_", " ").replace("cas", "CAS") for rule in report.broken]
     shares = [_share(count, report) for count in report.broken.values()]
     bars = ax.barh(names, shares, color=RED)

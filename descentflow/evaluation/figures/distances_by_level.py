@@ -5,10 +5,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.noise_floor import MIN_VALUES
 from descentflow.evaluation.metrics.score_registry import QUANTITIES, level_statistics
 from descentflow.evaluation.metrics.score_table import LevelScores, ScoreTable
 from descentflow.evaluation.metrics.scores import score
-from descentflow.reporting.figure_style import BAND, BLUE, GREY, RED, legend_below, tidy
+from descentflow.reporting.figure_style import BAND, BLUE, GREY, RED, legend_below, say_why_empty, tidy
 
 
 def distance_by_level_figure(
@@ -81,6 +82,8 @@ def _draw(ax: Axes, level: LevelScores, transition_fl: float) -> None:
         np.asarray(values.detach().cpu(), dtype=float)
         for values in (level.levels_fl, level.floor_low, level.floor_high, level.floor, level.equal_size)
     )
+    if not np.isfinite(same).any():
+        say_why_empty(ax, f"No level has {MIN_VALUES} flights and as many samples to compare.")
     ax.fill_betweenx(levels, low, high, color=BAND, linewidth=0, label="flights against flights, 5-95 %")
     ax.plot(floor, levels, color=BLUE, linestyle="--", linewidth=1.4, label="its mean")
     ax.plot(same, levels, color=RED, linewidth=1.8, label="samples against flights")

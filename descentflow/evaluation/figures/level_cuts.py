@@ -12,7 +12,7 @@ from torch import Tensor
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, model_style, tidy
+from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, model_style, say_why_empty, tidy
 
 _POINTS = 400
 _MARGIN_BANDWIDTHS = 4.0
@@ -86,7 +86,7 @@ def _draw_column(axes: list[Axes], values: Mapping[str, Tensor]) -> None:
     real = values["held out"].double()
     if len(real) < MIN_VALUES:
         for ax in axes:
-            ax.text(0.5, 0.5, f"{len(real)} held-out values", transform=ax.transAxes, ha="center", color="#555555")
+            say_why_empty(ax, f"{len(real)} held-out flights were seen here: {MIN_VALUES} are needed.")
         return
     width = bandwidth(real)
     for position, (name, drawn) in enumerate(values.items()):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from descentflow.reporting.figure_style import BAND, BLACK, BLUE, GREY, RED, tidy
+from descentflow.reporting.figure_style import BAND, BLACK, BLUE, GREY, RED, say_why_empty, tidy
 
 Scored = Mapping[str, Any]
 
@@ -66,6 +66,8 @@ def p_value_figure(false_alarms: Scored) -> Figure:
             grid, (grid - 1.358 / n**0.5).clip(0), (grid + 1.358 / n**0.5).clip(max=1), color=BAND, label="95 %"
         )
         ax.step([0, *values, 1], [0, *np.arange(1, n + 1) / n, 1], where="post", color=BLUE, label=f"{n} null sets")
+    else:
+        say_why_empty(ax, "No set without an effect was diagnosed.")
     ax.plot([0, 1], [0, 1], color=BLACK, linestyle="--", linewidth=1, label="uniform")
     ax.set_xlabel("p-value")
     ax.set_ylabel("share of null sets below")
@@ -119,6 +121,8 @@ def strata_figure(rows: Sequence[Scored]) -> Figure:
         ax.set_xlabel("share of sets")
         if of:
             ax.legend(frameon=False, fontsize=8, loc="upper left")
+        else:
+            say_why_empty(ax, "No such set was diagnosed.")
     tidy(panels)
     return figure
 
@@ -138,6 +142,9 @@ def sizes_figure(estimates: Sequence[Scored], columns: int = 5) -> Figure:
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for ax in panels[len(names) :]:
         ax.set_visible(False)
+    if not names:
+        panels[0].set_visible(True)
+        say_why_empty(panels[0], "No injected effect was named with an interval.")
     for ax, (cause, parameter) in zip(panels, names, strict=False):
         of = [e for e in estimates if (e["cause"], e["parameter"]) == (cause, parameter)]
         true = np.array([e["true"] for e in of])
@@ -176,6 +183,8 @@ def closure_figure(rows: Sequence[Scored]) -> Figure:
     ax.set_xlabel("closure: share of the gap above its floor that is removed")
     if rows:
         ax.legend(frameon=False, fontsize=8, loc="lower left")
+    else:
+        say_why_empty(ax, "No injected effect was named.")
     tidy([ax])
     return figure
 
@@ -203,5 +212,7 @@ def windows_figure(rows: Sequence[Scored]) -> Figure:
     ax.set_xticks([])
     if rows:
         ax.legend(frameon=False, fontsize=8)
+    else:
+        say_why_empty(ax, "No effect within a window was injected or named.")
     tidy([ax])
     return figure

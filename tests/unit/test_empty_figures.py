@@ -1,0 +1,63 @@
+"""A figure that has nothing to show says why: no panel is left blank."""
+
+from collections.abc import Callable
+
+import pytest
+import torch
+from matplotlib.figure import Figure
+
+from descentflow.diagnosis.report.gap_figures import curves_figure, singles_figure, where_figure
+from descentflow.evaluation.figures.acceptance import acceptance_figure
+from descentflow.evaluation.figures.distances_by_level import distance_by_level_figure
+from descentflow.evaluation.figures.level_cuts import cuts_figure
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.generation.samples import RejectionReport
+from descentflow.studies.blind_diagnosis.figures.blind_figures import (
+    closure_figure,
+    p_value_figure,
+    sizes_figure,
+    strata_figure,
+    windows_figure,
+)
+
+
+def few_descents(n: int) -> DescentSet:
+    levels, shape = torch.arange(150.0, 156.0), (n, 6)
+    return DescentSet(
+        levels,
+        torch.arange(6.0).flip(0).expand(shape).double() * 4,
+        torch.full(shape, 150.0).double(),
+        torch.full(shape, -9.0).double(),
+        torch.full(shape, 4e4).double(),
+        torch.ones(shape, dtype=torch.bool),
+    )
+
+
+NOTHING: dict[str, Callable[[], Figure]] = {
+    "distances by level of two flights": lambda: distance_by_level_figure(few_descents(2), few_descents(2), 290.0),
+    "cuts of two flights": lambda: cuts_figure(few_descents(2), {"flow": few_descents(2)}, None, 152.0),
+    "no rule broken": lambda: acceptance_figure(RejectionReport(drawn=5, accepted=5, rejected=0, surplus=0, broken={})),
+    "nothing drawn": lambda: acceptance_figure(RejectionReport(drawn=0, accepted=0, rejected=0, surplus=0, broken={})),
+    "no quantity by level": lambda: where_figure({}),
+    "no quantity by level, narrow": lambda: where_figure({}, narrow=True),
+    "no curve": lambda: curves_figure({}, []),
+    "no effect tried": lambda: singles_figure([], [], [], str),
+    "no null set": lambda: p_value_figure({"p_values": [], "uniform_p": None}),
+    "no set of any kind": lambda: strata_figure([]),
+    "no size": lambda: sizes_figure([]),
+    "no closure": lambda: closure_figure([]),
+    "no window": lambda: windows_figure([]),
+}
+
+
+@pytest.mark.parametrize("name", NOTHING)
+def test_every_panel_says_why_it_is_empty(name: str) -> None:
+    figure = NOTHING[name]()
+    figure.draw_without_rendering()
+    panels = [ax for ax in figure.axes if ax.get_visible()]
+    # Acceptance has a bar of what became of the draws above its rules.
+    said = [ax for ax in panels if any(len(text.get_text()) > 12 for text in ax.texts)]
+    drawn = [ax for ax in panels if ax.patches]
+    assert panels
+    assert {id(ax) for ax in panels} == {id(ax) for ax in (*said, *drawn)}
+    assert said

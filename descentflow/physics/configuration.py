@@ -62,7 +62,10 @@ def has_full_polar(aircraft: Aircraft) -> Tensor:
         >>> has_full_polar(open_aircraft("A320")).dtype
         torch.bool
     """
-    given = as_tensors(aircraft.cd0_ap, aircraft.cd2_ap, aircraft.cd0_ld, aircraft.cd2_ld, aircraft.cd0_gear)
+    printed = aircraft.cd0_ap, aircraft.cd2_ap, aircraft.cd0_ld, aircraft.cd2_ld, aircraft.cd0_gear
+    if not any(isinstance(value, Tensor) for value in printed):
+        return torch.tensor(all(value != 0 for value in printed))
+    given = as_tensors(*printed)
     full = torch.ones((), dtype=torch.bool, device=given[0].device)
     for value in given:
         full = full & (value != 0)

@@ -167,6 +167,9 @@ def polar(aircraft: Aircraft, configuration: Configuration = "CR", like: Number 
         >>> [bool(c > 0) for c in polar(open_aircraft("A320"))]
         [True, True]
     """
+    if isinstance(configuration, str) and configuration == "CR":
+        _, cd0, cd2 = as_tensors(like, aircraft.cd0_cr, aircraft.cd2_cr)
+        return cd0, cd2
     _, zero_cr, two_cr, zero_ap, two_ap, zero_ld, two_ld, gear = as_tensors(
         like,
         aircraft.cd0_cr,

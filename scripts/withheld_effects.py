@@ -4,6 +4,7 @@ python scripts/withheld_effects.py generate FOLDER --own 520 --foreign 200  # se
 python scripts/withheld_effects.py diagnose FOLDER   # resumable; seals every diagnosis
 python scripts/withheld_effects.py score FOLDER      # checks the seals, writes score.json and score.html
 python scripts/withheld_effects.py all FOLDER        # the three in order
+python scripts/withheld_effects.py score FOLDER --beside OTHER/evidence.json.gz  # two parts of other keys as one study
 
 Foreign sets are flown by JSBSim (the extra jsbsim). Every step prints how long each set takes and what is left.
 """
@@ -24,7 +25,10 @@ from descentflow.studies.blind_diagnosis.blind_run import diagnose_all, fly_true
 from descentflow.studies.blind_diagnosis.blind_score import score
 from descentflow.studies.blind_diagnosis.closing import closing
 from descentflow.studies.blind_diagnosis.seal import KEY, MANIFEST, open_key, read_json, write_json
+from descentflow.studies.blind_diagnosis.study_evidence import Evidence, pooled, read_evidence, write_evidence
 
+EVIDENCE = "evidence.json.gz"
+"""What a score rests on; of other parts of a study it can be scored beside this one."""
 VERDICTS = {True: "met", False: "MISSED", None: "not judged"}
 
 
@@ -54,7 +58,10 @@ def do_diagnose(args: argparse.Namespace) -> None:
 def do_score(args: argparse.Namespace) -> None:
     plan, manifest, diagnoses = open_key(args.folder)
     fly_true(args.folder, plan, processes=args.processes, progress=say)
-    scored = score(plan, manifest, diagnoses, closings(args.folder, plan))
+    mine = Evidence.of(plan, manifest, diagnoses, closings(args.folder, plan))
+    write_evidence(mine, args.folder / EVIDENCE)
+    whole = pooled([mine, *(read_evidence(path) for path in args.beside)])
+    scored = score(whole.plan, whole.manifest, whole.diagnoses, whole.closings)
     write_json(args.folder / "score.json", scored)
     write_page(scored, args.folder / "score.html")
     for goal in scored["goals"]:
@@ -84,6 +91,9 @@ def main() -> int:
     parser.add_argument("--seed", type=int, help="repeats a study whose key is open (default: not to be guessed)")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--minutes", type=float, help="begin no diagnosis after this time")
+    parser.add_argument(
+        "--beside", nargs="*", default=[], type=Path, help=f"{EVIDENCE} of other parts, to score as one"
+    )
     parser.add_argument("--first", nargs="*", default=[], help="jobs whose names begin so come first")
     args = parser.parse_args()
     steps = {"generate": do_generate, "diagnose": do_diagnose, "score": do_score}

@@ -1,7 +1,7 @@
 """The decoder: latent weights to drag and CAS profiles to trajectories, with all that it needs as buffers."""
 
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -13,6 +13,7 @@ from descentflow.core.tensors import Number
 from descentflow.core.units import FL_M
 from descentflow.physics.transition import transition_altitude_m
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
+from descentflow.representation.decoder.flown_correction import FlownCorrection
 from descentflow.representation.decoder.fused import is_plain
 from descentflow.representation.decoder.lower_speed import FlownCurves, lower_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
@@ -20,31 +21,6 @@ from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.constant_basis import ConstantBasis
 from descentflow.representation.observed_channels import Observed, observed_channels
 from descentflow.representation.profiles import Profiles, Speed
-
-
-class FlownCorrection(Protocol):
-    """A change of descents after they were flown, for instance by the effects that a diagnosis found.
-
-    Example:
-        >>> class Slower:
-        ...     def apply(self, aircraft, flown, draws):
-        ...         return replace(flown, time_s=1.1 * flown.time_s)
-        ...     def to_state(self):
-        ...         return {"kind": "slower"}
-        >>> from descentflow.densities.checkpoint import load_model
-        >>> model = load_model("best.ckpt")
-        >>> decoder, weights = model.representation.decoder, model.sample(3, seed=0)
-        >>> before = decoder(weights).time_s
-        >>> decoder.correction = Slower()
-        >>> torch.equal(decoder(weights).time_s, 1.1 * before)
-        True
-    """
-
-    def apply(self, aircraft: Aircraft, flown: Trajectories, draws: DrawNumbers) -> Trajectories:
-        """The corrected descents; ``draws`` numbers them, for effects that only a share of the flights has."""
-
-    def to_state(self) -> dict[str, Any]:
-        """Primitives for a checkpoint."""
 
 
 class DescentDecoder(nn.Module):

@@ -8,5 +8,6 @@ it is drawn), :mod:`~descentflow.studies.blind_diagnosis.blind_flights` and
 :mod:`~descentflow.studies.blind_diagnosis.outcome`, :mod:`~descentflow.studies.blind_diagnosis.true_sizes`,
 :mod:`~descentflow.studies.blind_diagnosis.score_tables`, :mod:`~descentflow.studies.blind_diagnosis.blind_score`,
 :mod:`~descentflow.studies.blind_diagnosis.goals` and :mod:`~descentflow.studies.blind_diagnosis.blind_page` (what was
-found), :mod:`~descentflow.studies.blind_diagnosis.study_evidence` (what is kept of a study, and several as one). :mod:`~descentflow.studies.blind_diagnosis.real_flights` withholds a channel from real flights instead.
+found), :mod:`~descentflow.studies.blind_diagnosis.study_evidence` (what is kept of a study, and several as one).
+:mod:`~descentflow.studies.blind_diagnosis.real_flights` withholds a channel from real flights instead.
 """

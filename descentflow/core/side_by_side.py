@@ -13,7 +13,7 @@ import threading
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
@@ -53,8 +53,8 @@ class Begun(Generic[T]):
     """A call that a copy of this process works out meanwhile; worked out when asked for, where only one may run.
 
     Example:
-        >>> begun = Begun(lambda: 6 * 7)
-        >>> begun.result()
+        >>> with Begun(lambda: 6 * 7) as begun:
+        ...     begun.result()
         42
     """
 
@@ -70,10 +70,17 @@ class Begun(Generic[T]):
         if _allowed > 1:
             self._fork()
 
+    def __enter__(self) -> "Begun[T]":
+        """Itself; nothing of it is left behind at the end of the block, whatever happens in it."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
     def _fork(self) -> None:
         context = get_context("fork")
         self._pipe, theirs = context.Pipe(duplex=False)
-        self._process = context.Process(target=_work, args=(self._call, theirs), daemon=True)
+        self._process = context.Process(target=_work, args=(self._call, self._pipe, theirs), daemon=True)
         with warnings.catch_warnings():
             # Python 3.12 warns of fork beside threads, which may hold locks: the copy runs plain torch and no thread's.
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -166,9 +173,11 @@ def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None]
     return [done[place] for place in range(len(calls))]
 
 
-def _work(call: Callable[[], object], pipe: Connection) -> None:
+def _work(call: Callable[[], object], theirs: Connection, pipe: Connection) -> None:
     """In the copy: work out the call and send its result or its error."""
     global _allowed
+    # The end that is read: while this process had it too, nothing would tell that nobody reads any more.
+    theirs.close()
     _allowed = 1
     # Ctrl-C reaches the whole group; the one that was asked says what it has to say.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -178,5 +187,7 @@ def _work(call: Callable[[], object], pipe: Connection) -> None:
     except Exception as error:
         error.add_note("".join(traceback.format_exception(error)))
         sent = (False, error)
-    pipe.send_bytes(pickle.dumps(sent))
+    # Nobody reads it where the one that asked has ended, or wants it no more.
+    with suppress(BrokenPipeError):
+        pipe.send_bytes(pickle.dumps(sent))
     pipe.close()

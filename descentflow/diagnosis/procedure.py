@@ -141,11 +141,11 @@ class Diagnosis:
         """
         settings, likelihood, progress = self.settings, self.likelihood, self.settings.progress
         progress("asking whether there is a gap")
-        asked = Begun(self._null_test)
-        progress("asking where it lies")
-        cells, affected = where(likelihood, settings.transition_fl, settings.seed)
-        chosen = select(self.searched, self.discrepancy, progress)
-        test = asked.result()
+        with Begun(self._null_test) as asked:
+            progress("asking where it lies")
+            cells, affected = where(likelihood, settings.transition_fl, settings.seed)
+            chosen = select(self.searched, self.discrepancy, progress)
+            test = asked.result()
         verdict = self.verdict(test.p_value, chosen)
         small = [] if verdict == "none" else self._below_rounding(cells)
         if small:

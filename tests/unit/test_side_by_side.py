@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from multiprocessing import active_children
 
 import pytest
 import torch
@@ -77,11 +78,23 @@ def test_calls_follow_each_other_beside_other_threads() -> None:
     assert found == [os.getpid()] * 2
 
 
-def test_what_is_begun_and_never_asked_for_leaves_no_process() -> None:
-    with cores_shared():
-        begun = Begun(lambda: time.sleep(60))
-        begun.end()
+def test_what_is_begun_and_never_asked_for_leaves_no_process(capfd: pytest.CaptureFixture[str]) -> None:
+    with cores_shared(), pytest.raises(KeyboardInterrupt), Begun(lambda: time.sleep(60)) as begun:
+        raise KeyboardInterrupt
     assert begun.pipe is None or begun.pipe.closed
+    assert active_children() == []
+    assert capfd.readouterr().err == ""
+
+
+def test_a_result_that_nobody_wants_any_more_is_no_error(capfd: pytest.CaptureFixture[str]) -> None:
+    with cores_shared():
+        begun = Begun(lambda: time.sleep(0.2) or b"x" * 10**6)
+        if begun.pipe is not None:
+            begun.pipe.close()
+    for child in active_children():
+        child.join(10)
+        assert child.exitcode == 0
+    assert capfd.readouterr().err == ""
 
 
 def test_a_selection_is_the_same_on_one_core_and_on_two() -> None:

@@ -84,7 +84,12 @@ class Begun(Generic[T]):
         with warnings.catch_warnings():
             # Python 3.12 warns of fork beside threads, which may hold locks: the copy runs plain torch and no thread's.
             warnings.simplefilter("ignore", DeprecationWarning)
-            self._process.start()
+            # Ctrl-C waits until the copy knows what to do with it.
+            signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+            try:
+                self._process.start()
+            finally:
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
         theirs.close()
 
     def result(self) -> T:
@@ -179,8 +184,9 @@ def _work(call: Callable[[], object], theirs: Connection, pipe: Connection) -> N
     # The end that is read: while this process had it too, nothing would tell that nobody reads any more.
     theirs.close()
     _allowed = 1
-    # Ctrl-C reaches the whole group; the one that was asked says what it has to say.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Ctrl-C reaches the whole group; the one that was asked ends the others, where it does not ignore it itself.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     torch.set_num_threads(1)
     try:
         sent: tuple[bool, object] = (True, call())

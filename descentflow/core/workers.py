@@ -92,13 +92,17 @@ class ProcessEngine(Engine):
                 yield
             return
         pool = ProcessPoolExecutor(
-            min(self.workers, len(tasks)), mp_context=get_context("spawn"), initializer=_end_with_parent
+            min(self.workers, len(tasks)), mp_context=get_context("spawn"), initializer=end_with_parent
         )
         yield from _each(pool, function, tasks, common)
 
 
-def _end_with_parent() -> None:
-    """Let this process end when the one that began it is killed; it would wait for work for ever."""
+def end_with_parent() -> None:
+    """Let this process end when the one that began it is killed; it would go on, and wait for work for ever.
+
+    Example:
+        >>> pool = ProcessPoolExecutor(2, initializer=end_with_parent)
+    """
 
     def watch() -> None:
         parent = parent_process()

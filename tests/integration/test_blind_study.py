@@ -14,10 +14,10 @@ from descentflow.densities.checkpoint import load_model
 from descentflow.simulation.causes import CATALOGUED
 from descentflow.studies.blind_diagnosis.blind_flights import write_set, write_simulator
 from descentflow.studies.blind_diagnosis.blind_plan import Plan, SetPlan, SimulatorPlan
-from descentflow.studies.blind_diagnosis.blind_run import diagnose_all, generate, how_long
+from descentflow.studies.blind_diagnosis.blind_run import _of_key, diagnose_all, generate, how_long
 from descentflow.studies.blind_diagnosis.blind_score import score
 from descentflow.studies.blind_diagnosis.closing import MIN_CELLS, closing
-from descentflow.studies.blind_diagnosis.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json
+from descentflow.studies.blind_diagnosis.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json, write_json
 from descentflow.surveillance.descents.prepared_descents import read_descents
 
 SCRIPT = runpy.run_path(str(Path(__file__).resolve().parents[2] / "scripts" / "withheld_effects.py"))
@@ -150,6 +150,17 @@ def test_broken_seals_are_refused(folder: Path) -> None:
     (folder / DIAGNOSES).unlink()
     with pytest.raises(DataError, match="earlier steps"):
         open_key(folder)
+
+
+def test_a_worker_left_over_from_another_study_writes_nothing_into_this_one(tmp_path: Path) -> None:
+    """Two studies have sets of the same names: what one of them flew must not be taken for the other's."""
+    write_json(tmp_path / MANIFEST, {"key_sha256": "b" * 64, "jobs": []})
+    path = tmp_path / "blind_0000.parquet"
+    with pytest.raises(DataError, match="a folder of its own"):
+        _of_key(tmp_path, "a" * 64, lambda one, where: where.write_text(one), "flights", path)
+    assert not path.exists()
+    _of_key(tmp_path, "b" * 64, lambda one, where: where.write_text(one), "flights", path)
+    assert path.read_text() == "flights"
 
 
 def test_the_package_finds_what_is_hidden(folder: Path, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import torch
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.core.workers import end_with_parent
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.simulation.autopilot import LABELS
 from descentflow.simulation.injected import Injected, neutral
@@ -151,7 +152,9 @@ def _flown(
         return _fly_share(airframe, plans, config, progress)
     shares = [plans[first : first + 10] for first in range(0, len(plans), 10)]
     outcomes: list[Record | str] = []
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent
+    ) as pool:
         for done in [pool.submit(_fly_share, airframe, share, config) for share in shares]:
             outcomes += done.result()
             if progress is not None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from descentflow.core.errors import DescentflowError
+from descentflow.core.errors import DataError, DescentflowError
 from descentflow.studies.blind_diagnosis.blind_flights import write_set, write_simulator
 from descentflow.studies.blind_diagnosis.blind_plan import Plan
 from descentflow.studies.blind_diagnosis.processes import pace, spread
@@ -67,11 +67,11 @@ def generate(
     for simulator in plan.simulators:
         path = folder / "simulators" / f"{simulator.name}.ckpt"
         if simulator.trained and not path.is_file():
-            work.append((write_simulator, simulator, path))
+            work.append((_of_key, folder, seal, write_simulator, simulator, path))
     for one in sorted(plan.sets, key=lambda one: one.part == "blind"):
         path = folder / "sets" / f"{one.name}.parquet"
         if not path.is_file():
-            work.append((write_set, one, path))
+            work.append((_of_key, folder, seal, write_set, one, path))
 
     begun = time.monotonic()
 
@@ -82,6 +82,21 @@ def generate(
 
     spread(work, processes, count)
     _publish(folder, plan)
+
+
+def _of_key(folder: Path, seal: str, write: Callable[[Any, Path], None], one: Any, path: Path) -> None:
+    """Write a file of the study, if its folder still holds the study that was begun.
+
+    Sets and simulators of any two keys have the same names.
+    """
+    found = read_json(folder / MANIFEST)["key_sha256"]
+    if found != seal:
+        raise DataError(
+            f"{folder} holds the study of the key {found[:8]}...",
+            expected=f"that of {seal[:8]}..., for which {path.name} was to be written",
+            mend="give every study a folder of its own",
+        )
+    write(one, path)
 
 
 def fly_true(folder: Path, plan: Plan, *, processes: int = 1, progress: Progress = print) -> None:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from typing import Any
 
+from descentflow.core.workers import end_with_parent
+
 TASKS_PER_PROCESS = 25
 """After which processes are replaced by fresh ones: what a diagnosis leaves in memory does not add up."""
 
@@ -73,8 +75,9 @@ def _finished(futures: list[Future[Any]]) -> Iterable[Future[Any]]:
 
 
 def _alone() -> None:
-    """A worker keeps to one thread and says nothing."""
+    """A worker keeps to one thread, says nothing, and ends with the study that it works for."""
     import torch
 
+    end_with_parent()
     torch.set_num_threads(1)
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)

@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from typing import Any, Generic, TypeVar
 
 import torch
@@ -66,7 +66,8 @@ class Begun(Generic[T]):
         """
         self._call = call
         self._process: Any = None
-        self._pipe: Connection | None = None
+        # Readable once it is done; nothing where the call waits until it is asked for.
+        self.pipe: Any = None
         if _allowed > 1:
             self._fork()
 
@@ -79,8 +80,8 @@ class Begun(Generic[T]):
 
     def _fork(self) -> None:
         context = get_context("fork")
-        self._pipe, theirs = context.Pipe(duplex=False)
-        self._process = context.Process(target=_work, args=(self._call, self._pipe, theirs), daemon=True)
+        self.pipe, theirs = context.Pipe(duplex=False)
+        self._process = context.Process(target=_work, args=(self._call, self.pipe, theirs), daemon=True)
         with warnings.catch_warnings():
             # Python 3.12 warns of fork beside threads, which may hold locks: the copy runs plain torch and no thread's.
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -99,11 +100,11 @@ class Begun(Generic[T]):
             Exception: That of the call.
             MemoryError: If the copy was killed, as it is where memory runs out.
         """
-        if self._pipe is None:
+        if self.pipe is None:
             return self._call()
         try:
             # Plain pickle: torch's own would leave tensors in memory of a process that has ended.
-            done, value = pickle.loads(self._pipe.recv_bytes())
+            done, value = pickle.loads(self.pipe.recv_bytes())
         except EOFError:
             self._process.join()
             raise MemoryError(
@@ -116,17 +117,12 @@ class Begun(Generic[T]):
         found: T = value
         return found
 
-    @property
-    def pipe(self) -> Connection | None:
-        """Readable once it is done; None where nothing was begun."""
-        return self._pipe
-
     def end(self) -> None:
         """Leave nothing of it behind."""
-        if self._pipe is not None:
+        if self.pipe is not None:
             self._process.terminate()
             self._process.join()
-            self._pipe.close()
+            self.pipe.close()
 
 
 def at_once() -> int:
@@ -156,7 +152,7 @@ def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None]
             begins(place)
             found.append(call())
         return found
-    running: dict[Connection, tuple[int, Begun[T]]] = {}
+    running: dict[Any, tuple[int, Begun[T]]] = {}
     done: dict[int, T] = {}
     waiting = list(enumerate(calls))[::-1]
     try:
@@ -165,10 +161,8 @@ def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None]
                 place, call = waiting.pop()
                 begins(place)
                 begun = Begun(call)
-                assert begun.pipe is not None
                 running[begun.pipe] = place, begun
             for pipe in wait(list(running)):
-                assert isinstance(pipe, Connection)
                 place, begun = running[pipe]
                 done[place] = begun.result()
                 del running[pipe]
@@ -178,7 +172,7 @@ def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None]
     return [done[place] for place in range(len(calls))]
 
 
-def _work(call: Callable[[], object], theirs: Connection, pipe: Connection) -> None:
+def _work(call: Callable[[], object], theirs: Any, pipe: Any) -> None:
     """In the copy: work out the call and send its result or its error."""
     global _allowed
     # The end that is read: while this process had it too, nothing would tell that nobody reads any more.

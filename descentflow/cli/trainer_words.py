@@ -27,6 +27,8 @@ OWN = {
     "scores": ("descentflow.training.callbacks.score_callback", "ScoreCallback"),
 }
 """Sections of the command line whose options are the arguments of one class of this package."""
+SETTINGS = ("data", "trainer", "scores", "checkpoint")
+"""Sections that take a file of settings where they are given a value themselves."""
 
 
 def check_words(command: str, words: Sequence[str]) -> None:
@@ -52,6 +54,8 @@ def check_words(command: str, words: Sequence[str]) -> None:
         _check_name(name, models[-1] if models else None)
         if name == "model":
             _check_model(value)
+        if name in SETTINGS:
+            _check_settings(name, value)
     given = {name for name, _ in options}
     asks = any(name.rpartition(".")[2] in ("help", "help_all", "print_config") for name in given)
     if command == "fit" and "config" not in given and not asks:
@@ -112,6 +116,21 @@ def _check_model(value: str) -> None:
     """A short name, the path of a class of the user's own, or a YAML file of its settings."""
     if "." not in value and "/" not in value and not _is_file(value) and not value.startswith("{"):
         _known(f"no model {value}", value, MODELS, "")
+
+
+def _check_settings(section: str, value: str) -> None:
+    """Refuse what is no file of settings, for instance a checkpoint or descents; in a file, sections have no value."""
+    if not value or value.startswith(("{", "--", "null")) or Path(value).suffix in (".yaml", ".yml", ".json"):
+        return
+    instead = {
+        "checkpoint": "to go on from a checkpoint, pass --ckpt_path FILE; each fit writes its own in its folder under runs",
+        "data": "pass --data.descents FILE",
+    }
+    raise ConfigError(
+        f"--{section} {value}",
+        expected=f"a YAML file of settings, or single ones as --{section}.NAME VALUE",
+        mend=instead.get(section, f"pass --{section}.NAME VALUE"),
+    )
 
 
 def _known(shown: str, name: str, names: Iterable[str], prefix: str) -> None:

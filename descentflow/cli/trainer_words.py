@@ -123,7 +123,7 @@ def _check_settings(section: str, value: str) -> None:
     if not value or value.startswith(("{", "--", "null")) or Path(value).suffix in (".yaml", ".yml", ".json"):
         return
     instead = {
-        "checkpoint": "to go on from a checkpoint, pass --ckpt_path FILE; each fit writes its own in its folder under runs",
+        "checkpoint": "to go on from a checkpoint, pass --ckpt_path FILE; each fit writes its own under runs",
         "data": "pass --data.descents FILE",
     }
     raise ConfigError(

@@ -141,14 +141,23 @@ def posterior(centred: Tensor, groups: MaskGroups, loadings: Tensor, noise: Tens
         tensor([[1.3333],
                 [1.0000]], dtype=torch.float64)
     """
+    return _posterior(centred @ loadings, groups, _grams(groups, loadings), noise)
+
+
+def _grams(groups: MaskGroups, loadings: Tensor) -> Tensor:
+    """Products ``loadings' loadings`` over the levels of each mask, (U, q, q)."""
     q = loadings.shape[1]
     outer = (loadings[:, :, None] * loadings[:, None, :]).reshape(-1, q * q)
-    precision = (groups.masks @ outer).reshape(-1, q, q)
-    precision = precision + noise * torch.eye(q, dtype=precision.dtype, device=precision.device)
+    return (groups.masks @ outer).reshape(-1, q, q)
+
+
+def _posterior(projected: Tensor, groups: MaskGroups, grams: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """What :func:`posterior` returns, from ``centred @ loadings`` (n, q) and :func:`_grams`."""
+    precision = grams + noise * torch.eye(grams.shape[-1], dtype=grams.dtype, device=grams.device)
     factor = torch.linalg.cholesky(precision)
     covariance = noise * torch.cholesky_inverse(factor)
     log_det = 2 * factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-    projected = (centred @ loadings) / noise
+    projected = projected / noise
     means = torch.cat(
         [(covariance[index] @ part[:, :, None])[:, :, 0] for index, part in _chunks(groups.group, projected)]
     )
@@ -229,14 +238,14 @@ def noise_given_loadings(centred: Tensor, mask: Tensor, loadings: Tensor, noise:
         >>> round(float(found.sqrt()), 1)
         0.5
     """
-    groups, q = group_masks(mask), loadings.shape[1]
+    groups = group_masks(mask)
     counts = torch.bincount(groups.group, minlength=len(groups.masks)).to(centred.dtype)
-    by_level = counts @ groups.masks
+    grams, projected = _grams(groups, loadings), centred @ loadings
     for _ in range(NOISE_STEPS):
-        means, covariance, _ = posterior(centred, groups, loadings, noise)
+        means, covariance, _ = _posterior(projected, groups, grams, noise)
         missing = torch.where(mask, means @ loadings.T - centred, 0.0).square().sum()
-        spread = ((groups.masks.T * counts) @ covariance.flatten(1)).reshape(-1, q, q)
-        noise = (missing + torch.einsum("lq,lqr,lr->", loadings, spread, loadings)) / by_level.sum()
+        spread = counts @ (grams * covariance).sum((1, 2))
+        noise = (missing + spread) / mask.sum()
     return noise
 
 
@@ -255,7 +264,7 @@ def _maximise(
     cross = centred.T @ design
     ridge = 1e-10 * by_level.diagonal(dim1=-2, dim2=-1).mean(-1)
     by_level = by_level + ridge[:, None, None] * torch.eye(q + 1, dtype=means.dtype, device=means.device)
-    lines = torch.linalg.solve(by_level, cross)
+    lines = torch.cholesky_solve(cross[:, :, None], torch.linalg.cholesky(by_level))[:, :, 0]
     # With the exact solution, the quadratic term equals the cross term once.
     noise = (total - (lines * cross).sum()) / n_observed
     loadings = lines[:, :q]

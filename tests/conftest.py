@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,16 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip("reference material (../shared beside the repository) is not on this machine")
     return folder
+
+
+@pytest.fixture(scope="module")
+def components_once() -> Iterator[None]:
+    """Profiles that a test of this process fitted before keep their components: for files that fit the same flights."""
+    from kept_components import keep_components
+
+    with pytest.MonkeyPatch.context() as patch:
+        keep_components(patch)
+        yield
 
 
 @pytest.fixture(scope="session")

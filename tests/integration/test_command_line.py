@@ -16,6 +16,8 @@ from descentflow.cli.entry import main
 from descentflow.densities.checkpoint import load_model
 from descentflow.representation.read_checkpoint import read_checkpoint
 
+pytestmark = pytest.mark.usefixtures("components_once")
+
 
 @pytest.mark.parametrize(
     ("model", "epochs", "kind"),

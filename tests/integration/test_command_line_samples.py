@@ -18,6 +18,8 @@ from descentflow.cli.entry import main
 from descentflow.densities.checkpoint import load_model
 from descentflow.representation.read_checkpoint import read_checkpoint
 
+pytestmark = pytest.mark.usefixtures("components_once")
+
 
 def test_sample_table(run: Path, tmp_path: Path) -> None:
     checkpoint = str(run / "checkpoints" / "best.ckpt")

@@ -13,7 +13,6 @@ from descentflow.core.units import FL_M, KT_MPS
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.exports.descent_graph import DescentGraph
-from descentflow.generation.conditional.generator import Generator
 from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.generation.rejection import sample_descents
 from descentflow.physics.airspeed import cas_to_mach, crossover_altitude_m, mach_to_cas_mps
@@ -201,11 +200,6 @@ def test_a_flight_still_at_its_mach_number_goes_on_from_there(model: GaussianDen
     ahead = DescentPredictor(model).predict(flights.subset(tall), from_fl, n=100, seed=0).trajectories
     at_start = ahead.mach[:, 191] - ahead.mach[:, 190]
     assert bool((at_start.abs() < 5e-4).all())  # none has changed over yet
-
-
-def test_constraints_are_refused_and_say_what_to_do(model: GaussianDensity) -> None:
-    with pytest.raises(ConfigError, match=r"--data\.speed cas"):
-        Generator(model)
 
 
 def test_flights_of_one_way_are_refused_by_the_other(parts: Representation) -> None:

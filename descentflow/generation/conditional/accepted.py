@@ -1,17 +1,14 @@
 """Draws until each is plausible: one after another in closed form, among weighted proposals otherwise."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from descentflow.core.errors import SamplingError
 from descentflow.generation.conditional.flown_profiles import Array
+from descentflow.generation.conditional.judged_draws import Judge
 from descentflow.generation.conditional.latent_draws import Drawn, Numbers, Target, joined, resampled, rows_of
 from descentflow.representation.plausibility import RULES
-
-Judge = Callable[[Drawn, np.ndarray], np.ndarray]
-"""Which rules (n, r) draws break; the second argument is each draw's number."""
 
 MOST_TRIES = 256
 """Draws of one number after which nothing counts as plausible: where one in 20 is, so many fail once in 500,000."""

@@ -1,6 +1,6 @@
 """What a request's descents are drawn from: the density conditioned on it."""
 
-from math import inf
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -9,35 +9,16 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.flow import FlowDensity
-from descentflow.generation.conditional.constraints import SpeedAsked
 from descentflow.generation.conditional.entry_shares import EntryShares
-from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles, LinearProfile
+from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
 from descentflow.generation.conditional.latent_draws import ConditionedTarget, Drawn
 from descentflow.generation.conditional.latent_parts import LatentParts
+from descentflow.generation.conditional.latent_profiles import LatentProfiles
 from descentflow.generation.conditional.point_condition import Flown, PointCondition
 from descentflow.generation.conditional.requests import Request
-from descentflow.generation.conditional.speed_conditions import LEAST_TAIL, Rows, conditions
+from descentflow.generation.conditional.speed_cells import NothingPlausible, speed_cells
+from descentflow.generation.conditional.speed_conditions import LEAST_TAIL, conditions
 from descentflow.representation.plausibility import Plausibility
-
-NEVER = 1e6
-"""CAS (m/s) that no descent has, which leaves a level of entry without probability."""
-
-
-class NothingPlausible(Exception):
-    """A request that the model knows no flight for; ``culprit`` is what cannot be met: a speed, or None for a point.
-
-    Example:
-        >>> try:
-        ...     raise NothingPlausible(SpeedAsked("cas_kt", 50, 500.0, 500.0))
-        ... except NothingPlausible as error:
-        ...     error.culprit.text(200.0)
-        'cas_kt 500 at FL200'
-    """
-
-    def __init__(self, culprit: SpeedAsked | None) -> None:
-        """Say what cannot be met."""
-        super().__init__(culprit)
-        self.culprit = culprit
 
 
 class FreeTarget:
@@ -46,7 +27,7 @@ class FreeTarget:
     Args:
         density: What the weights are drawn from.
         grid: Of its decoder.
-        profiles: Of drag and CAS, see :func:`~descentflow.generation.conditional.latent_parts.sample_profiles`.
+        profiles: Of samples, see :func:`~descentflow.generation.conditional.latent_parts.sample_profiles`.
         log_entries: (L,) log shares of the levels of entry.
         context: (1, c) of the density; None if it takes none.
 
@@ -69,15 +50,14 @@ class FreeTarget:
         self,
         density: Density,
         grid: FlownProfiles,
-        profiles: tuple[LinearProfile, LinearProfile],
+        profiles: LatentProfiles,
         log_entries: Array,
         context: Tensor | None,
     ) -> None:
         """Hold what is drawn of."""
-        self.density, self.grid, self.context = density, grid, context
-        self.drag, self.cas = profiles
+        self.density, self.grid, self.profiles, self.context = density, grid, profiles, context
         self.up_to = np.exp(log_entries).cumsum()
-        self.width = 2 + len(self.drag.loadings)
+        self.width = 2 + len(profiles.drag.loadings)
 
     in_closed_form = True
 
@@ -95,7 +75,7 @@ class FreeTarget:
             seeds = (uniform[:, 0] * 2**53).astype(np.int64).tolist()
             weights = torch.cat([self.density.sample(1, seed, self.context) for seed in seeds])
         u = np.concatenate([weights.double().numpy(), white[:, d:]], 1)
-        flown = Flown.of(self.grid, self.drag.of(u), self.cas.of(u))
+        flown = Flown.of(self.grid, self.profiles.of(u))
         return Drawn(u, np.minimum(entry, self.grid.n_levels - 1), flown, np.zeros(len(u)))
 
 
@@ -117,6 +97,7 @@ def conditioned_target(
     Example:
         >>> from descentflow.core.units import KT_MPS
         >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.generation.conditional.constraints import SpeedAsked
         >>> from descentflow.generation.conditional.latent_parts import parts_of
         >>> model = load_model("best.ckpt")
         >>> grid, bounds = FlownProfiles(model.representation.decoder), model.representation.plausibility
@@ -133,18 +114,19 @@ def conditioned_target(
     n_components = len(parts.means)
     component, entry = np.tile(np.arange(n_components), len(entries)), np.repeat(entries, n_components)
     log_probs = np.concatenate([_log_shares(request, parts, shares, int(e)) for e in entries])
-    order = sorted(request.speeds, key=lambda speed: speed.low < speed.high)
-    rows = _rows(order, parts, grid, component, entry, None if request.flown is not None else bounds)
-    speeds = conditions(log_probs, parts.means[component], parts.roots[component], rows)
-    for speed, tail in zip(order, speeds.tails, strict=True):
+    bounds_asked = None if request.flown is not None else bounds
+    cells = speed_cells(request.speeds, parts, grid, component, entry, log_probs, bounds_asked)
+    own = replace(parts, means=parts.means[cells.component], roots=parts.roots[cells.component])
+    speeds = conditions(cells.log_probs, own.means, own.roots, cells.rows)
+    for speed, tail in zip(cells.asked, speeds.tails, strict=True):
         if not tail >= LEAST_TAIL:
             raise NothingPlausible(speed)
     point = None
     if request.point is not None:
-        point = PointCondition(request.point, parts, grid, int(entries[0]), speeds)
+        point = PointCondition(request.point, own, grid, int(entries[0]), speeds)
         if not point.tail >= LEAST_TAIL:
             raise NothingPlausible(None)
-    return ConditionedTarget(parts, grid, component, entry, speeds, point)
+    return ConditionedTarget(parts, grid, cells.component, cells.entry, speeds, point)
 
 
 def _entries(request: Request, shares: EntryShares) -> np.ndarray:
@@ -161,31 +143,3 @@ def _log_shares(request: Request, parts: LatentParts, shares: EntryShares, entry
     log_entry = 0.0 if request.entry is not None else shares.log_entries[entry]
     found: Array = (parts.log_probs if own is None else own) + log_entry
     return found
-
-
-def _rows(
-    speeds: list[SpeedAsked],
-    parts: LatentParts,
-    grid: FlownProfiles,
-    component: np.ndarray,
-    entry: np.ndarray,
-    bounds: Plausibility | None,
-) -> Rows:
-    """Rows of the CAS at the speeds' levels, for each Gaussian and level of entry; bands cut to the bounds."""
-    n_cells, n_rows, size = len(component), len(speeds), parts.means.shape[1]
-    rows = Rows(np.zeros((n_cells, n_rows, size)), *(np.zeros((n_cells, n_rows)) for _ in range(3)))
-    for j, speed in enumerate(speeds):
-        level = np.full(n_cells, speed.level) if speed.level >= 0 else entry
-        rows.matrix[:, j] = parts.cas.loadings[:, level].T
-        rows.centre[:, j] = parts.cas.offset[level] + (rows.matrix[:, j] * parts.means[component]).sum(1)
-        for k in np.unique(level):
-            low, high = speed.cas_mps(float(grid.levels_fl[k]))
-            least, most = (-inf, inf) if bounds is None else (float(bounds.cas_low[k]), float(bounds.cas_high[k]))
-            if low < high:
-                low, high = max(low, least), min(high, most)
-            if low > high or not least <= low <= high <= most:
-                if len(np.unique(level)) == 1:
-                    raise NothingPlausible(speed)
-                low, high = NEVER, NEVER  # no descent of this level of entry
-            rows.low[level == k, j], rows.high[level == k, j] = low, high
-    return rows

@@ -68,9 +68,8 @@ def plausible_shares(density: Density, parts: Representation, n_components: int)
     for k in range(n_components):
         components = torch.full((TRIED,), k)
         weights = density.sample_of(components, seed=k)  # type: ignore[operator]
-        white = torch.randn(
-            TRIED, len(parts.decoder.residual), generator=torch.Generator().manual_seed(k), dtype=torch.float64
-        )
+        generator = torch.Generator().manual_seed(k)
+        white = torch.randn(TRIED, parts.decoder.n_white, generator=generator, dtype=torch.float64)
         flown = parts.decoder(weights, white=density.residual(weights, white, seed=k, components=components))
         # Plausible from a level down: nothing below it is broken.
         found.append((parts.plausibility.broken_levels(flown).cumsum(1) == 0).double().mean(0))

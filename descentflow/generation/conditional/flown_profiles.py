@@ -1,11 +1,12 @@
-"""Descents of profiles that are linear in latent numbers, with the same bits for a draw in whatever batch it is.
+"""Descents of given profiles, with the same bits for a draw in whatever batch it is.
 
 Products of matrices sum in another order in another batch, and torch takes the last few numbers of an array by another
-routine than the others: both change the last digit. Here profiles are summed number by number, and rows are as wide as
-full vectors, with the sides of the rate's jumps in what would be padding.
+routine than the others: both change the last digit. Here rows are as wide as full vectors, with the sides of the rate's
+jumps in what would be padding, and profiles are summed number by number
+(:mod:`~descentflow.generation.conditional.latent_profiles`).
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import fields, replace
 
 import numpy as np
 import torch
@@ -15,40 +16,13 @@ from descentflow.core.units import FL_M
 from descentflow.physics.fused_table import LevelTable, fused_rate
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.flight_grid import flight_grid
+from descentflow.representation.decoder.lower_speed import lower_of
 
 Array = NDArray[np.float64]
 VECTOR = 16
 """Numbers that torch takes at a time on any processor, or a multiple of them."""
 BLOCK_VALUES = 1 << 15
 """Values of a quantity below which torch gives an array to one thread; rows of a block stay in its caches."""
-
-
-@dataclass(frozen=True)
-class LinearProfile:
-    """``offset + u loadings`` of latent numbers u (n, D): shapes (W,) and (D, W), in the columns of a grid.
-
-    Example:
-        >>> line = LinearProfile(np.zeros(2), np.array([[1.0, 2.0]]))
-        >>> line.of(np.array([[3.0]]))
-        array([[3., 6.]])
-    """
-
-    offset: Array
-    loadings: Array
-
-    def of(self, u: Array) -> Array:
-        """Profiles (n, W) of (n, D)."""
-        total = np.repeat(self.offset[None], len(u), 0)
-        part = np.empty_like(total)
-        for column, loading in zip(u.T, self.loadings, strict=True):
-            if loading.any():
-                np.multiply(column[:, None], loading, out=part)
-                total += part
-        return total
-
-    def change(self, direction: Array) -> Array:
-        """Change of the profile (n, W) along directions (n, D)."""
-        return LinearProfile(np.zeros_like(self.offset), self.loadings).of(direction)
 
 
 class FlownProfiles:
@@ -71,7 +45,8 @@ class FlownProfiles:
         """Tabulate a decoder's levels, for its aircraft, mass and no temperature deviation."""
         levels = decoder.levels_fl.detach().cpu()
         altitude_m = levels * FL_M
-        grid = flight_grid(decoder.aircraft, altitude_m)
+        # Where every flight has a crossover of its own, the rate does not jump at the type's.
+        grid = flight_grid(decoder.aircraft, altitude_m, at_transition=decoder.speed == "cas")
         breaks, tables = grid.breaks, (grid.levels, grid.sides)
         self.levels_fl, self.n_levels, self.n_sides = levels.numpy(), len(levels), len(breaks.base)
         self.width = -(-(self.n_levels + self.n_sides) // VECTOR) * VECTOR
@@ -80,6 +55,7 @@ class FlownProfiles:
             torch.cat([*(getattr(t, f.name) for t in tables), getattr(tables[0], f.name)[:1].expand(padding)])
             for f in fields(LevelTable)
         ]
+        self._altitude_m = torch.cat([altitude_m, breaks.altitude_m, altitude_m[:1].expand(padding)])
         self.table = LevelTable(*(column.contiguous() for column in joined))
         self.base, self.share = np.array(breaks.base, dtype=int), np.array([float(s) for s in breaks.share])
         self.half_step_m = grid.half_step_m.numpy()
@@ -92,24 +68,53 @@ class FlownProfiles:
         padding = np.repeat(values[..., :1], self.width - self.n_levels - self.n_sides, -1)
         return np.ascontiguousarray(np.concatenate([values, sides, padding], -1))
 
-    def fly(self, drag_n: Array, cas_mps: Array) -> tuple[Array, Array, Array, Array]:
-        """Mach, true airspeed (m/s), rate (m/s, negative in descent) and its reciprocal, each (n, W)."""
+    def lower(self, mach: Array, cas_mps: Array) -> tuple[Array, Array]:
+        """CAS flown (m/s) of a Mach number and a CAS, each (n, W), and how far the CAS of the Mach number is ahead.
+
+        See :class:`~descentflow.representation.decoder.lower_speed.LowerSpeed`: below zero the Mach number is held.
+        """
+        flown, ahead = np.empty_like(cas_mps), np.empty_like(cas_mps)
+        for part in self._blocks(len(mach)):
+            found = lower_of(torch.from_numpy(mach[part]), torch.from_numpy(cas_mps[part]), self._altitude_m)
+            flown[part], ahead[part] = found.cas_mps.numpy(), found.ahead_mps.numpy()
+        # At the jumps of the rate, what is flown at the levels is continued, as the decoder does.
+        return self.columns(flown[:, : self.n_levels]), self.columns(ahead[:, : self.n_levels])
+
+    def fly(self, drag_n: Array, cas_mps: Array, ahead_mps: Array | None = None) -> tuple[Array, Array, Array, Array]:
+        """Mach, true airspeed (m/s), rate (m/s, negative in descent) and its reciprocal, each (n, W).
+
+        Args:
+            drag_n: (n, W).
+            cas_mps: (n, W) as flown.
+            ahead_mps: (n, W) of :meth:`lower`, where each flight holds a Mach number of its own.
+        """
         out = tuple(np.empty_like(drag_n) for _ in range(4))
-        size = max(BLOCK_VALUES // self.width, 1)
-        for start in range(0, len(drag_n), size):
-            part = slice(start, start + size)
-            here = tuple(torch.from_numpy(values[part]) for values in out)
-            fused_rate(self.table, torch.from_numpy(drag_n[part]), torch.from_numpy(cas_mps[part]), here)
+        for part in self._blocks(len(drag_n)):
+            here, table = tuple(torch.from_numpy(values[part]) for values in out), self.table
+            if ahead_mps is not None:
+                table = replace(table, compression=torch.from_numpy((ahead_mps[part] >= 0).astype(float)))
+            fused_rate(table, torch.from_numpy(drag_n[part]), torch.from_numpy(cas_mps[part]), here)
         return out[0], out[1], out[2], out[3]
 
-    def seconds(self, slowness: Array) -> Array:
-        """Time (n, L) from each level to the lowest, as a number that grows downwards from zero at the lowest."""
+    def _blocks(self, n: int) -> list[slice]:
+        size = max(BLOCK_VALUES // self.width, 1)
+        return [slice(start, start + size) for start in range(0, n, size)]
+
+    def seconds(self, slowness: Array, ahead_mps: Array | None = None) -> Array:
+        """Time (n, L) from each level to the lowest, as a number that grows downwards from zero at the lowest.
+
+        Args:
+            slowness: (n, W) of :meth:`fly`.
+            ahead_mps: (n, W) of :meth:`lower`: the leg in which a flight changes over is split there.
+        """
         levels = slowness[:, : self.n_levels]
         legs = (levels[:, 1:] + levels[:, :-1]) * self.half_step_m
         for column, (cell, lower, upper) in enumerate(self.cells):
             legs[:, cell] = levels[:, cell] * lower + levels[:, cell + 1] * upper
             for side in range(self.n_sides):
                 legs[:, cell] += slowness[:, self.n_levels + side] * self.inner[side, column]
+        if ahead_mps is not None:
+            legs = _split_at_crossovers(legs, levels, ahead_mps[:, : self.n_levels], self.half_step_m)
         return _summed(legs)
 
     def metres(self, tas_mps: Array, rate_mps: Array, seconds: Array) -> Array:
@@ -121,6 +126,15 @@ class FlownProfiles:
     def nearest(self, level_fl: float) -> int:
         """Index of the level nearest to a flight level."""
         return int(np.abs(self.levels_fl - level_fl).argmin())
+
+
+def _split_at_crossovers(legs: Array, slowness: Array, ahead_mps: Array, half_step_m: Array) -> Array:
+    """As :func:`~descentflow.representation.decoder.lower_speed.with_crossovers`, by arithmetic of the same bits."""
+    lower, upper = ahead_mps[:, :-1], ahead_mps[:, 1:]
+    across = (lower < 0) != (upper < 0)
+    share = lower / np.where(across, lower - upper, 1.0)
+    split = 2 * half_step_m * (share * slowness[:, :-1] + (1 - share) * slowness[:, 1:])
+    return np.where(across, split, legs)
 
 
 def _summed(legs: Array) -> Array:

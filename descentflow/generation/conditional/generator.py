@@ -15,7 +15,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
 from descentflow.generation.conditional.accepted import Accepted, NoneLeft, chosen_by_weight, first_plausible
-from descentflow.generation.conditional.conditioned_density import FreeTarget, NothingPlausible, conditioned_target
+from descentflow.generation.conditional.conditioned_density import FreeTarget, conditioned_target
 from descentflow.generation.conditional.constraints import Band, BySpeed, point_asked, speeds_asked
 from descentflow.generation.conditional.entry_shares import EntryShares
 from descentflow.generation.conditional.flown_profiles import FlownProfiles
@@ -27,6 +27,7 @@ from descentflow.generation.conditional.latent_parts import LatentParts, parts_a
 from descentflow.generation.conditional.nearest_plausible import implausible
 from descentflow.generation.conditional.refused_models import check_generates
 from descentflow.generation.conditional.requests import Request
+from descentflow.generation.conditional.speed_cells import NothingPlausible
 from descentflow.generation.prediction.posterior import prior_of
 from descentflow.generation.sample_contexts import context_rows, entry_levels
 from descentflow.generation.samples import RejectionReport
@@ -73,8 +74,7 @@ class Generator:
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
-        ConfigError: If the speed of its flights is a Mach number and a CAS, the lower of which is flown; or if drag was
-            inferred in its flights' own air or at their own mass.
+        ConfigError: If drag was inferred in its flights' own air or at their own mass.
 
     Example:
         >>> generator = Generator("best.ckpt", seed=0)
@@ -225,7 +225,7 @@ class Generator:
 
     def _accepted(self, request: Request, n: int, numbers: Numbers) -> Accepted:
         culprit = request.speeds[-1] if request.speeds else None
-        judge = self._descents.broken if request.flown is None else self._descents.broken_after
+        judge = self._descents.broken if request.flown is None else self._descents.broken_after(request.flown)
         try:
             target = self._target(request)
             if target.in_closed_form:
@@ -252,7 +252,8 @@ class Generator:
         """The density given a request, kept for the next call that asks the same."""
         if request.flown is not None:
             prior = prior_of(self.density, self.seed, request.context)
-            after = parts_after(linear_curves(self.decoder), prior, self.grid, request.flown, self.noise_multiple)
+            curves = linear_curves(self.decoder)
+            after = parts_after(self.decoder, curves, prior, self.grid, request.flown, self.noise_multiple)
             return conditioned_target(request, after, self.grid, self._shares, self.bounds)
         key = (request.entry, request.speeds, request.point, request.key)
         with self._lock:

@@ -1,5 +1,7 @@
 """Draws as descents: corrected where the checkpoint says so, and held against the bounds."""
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 
@@ -8,7 +10,11 @@ from descentflow.generation.conditional.flown_profiles import FlownProfiles
 from descentflow.generation.conditional.latent_draws import Drawn
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.plausibility import RULES
+from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation
+
+Judge = Callable[[Drawn, np.ndarray], np.ndarray]
+"""Which rules (n, r) draws break; the second argument is each draw's number."""
 
 
 class DrawnDescents:
@@ -17,11 +23,12 @@ class DrawnDescents:
     Example:
         >>> import numpy as np
         >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.generation.conditional.latent_profiles import Curves
         >>> from descentflow.generation.conditional.point_condition import Flown
         >>> parts = load_model("best.ckpt").representation
         >>> grid, mean = FlownProfiles(parts.decoder), torch.zeros(1, parts.decoder.dimension).double()
-        >>> drag, cas = (grid.columns(v.numpy()) for v in parts.decoder.curves(mean))
-        >>> drawn = Drawn(np.zeros((1, 4)), np.array([100]), Flown.of(grid, drag, cas), np.zeros(1))
+        >>> curves = Curves(*(grid.columns(values.numpy()) for values in parts.decoder.curves(mean)))
+        >>> drawn = Drawn(np.zeros((1, 4)), np.array([100]), Flown.of(grid, curves), np.zeros(1))
         >>> descents = DrawnDescents(parts, grid, seed=0)
         >>> float(descents.of(drawn, np.array([0])).time_s[0, 100]), descents.broken(drawn, np.array([0])).any()
         (0.0, np.False_)
@@ -49,13 +56,26 @@ class DrawnDescents:
         found: np.ndarray = self.bounds.broken_rules(self.of(drawn, which)).numpy()
         return found
 
-    def broken_after(self, drawn: Drawn, which: np.ndarray) -> np.ndarray:
-        """The same after a part was flown: only whether they descend all the way, as prediction asks."""
-        n_levels = self.grid.n_levels
-        below = np.arange(n_levels) <= drawn.entry[:, None]
-        rules = np.zeros((len(which), len(RULES)), dtype=bool)
-        rules[:, RULES.index("descends_too_slowly")] = (~(drawn.flown.rate[:, :n_levels] < 0) & below).any(1)
-        return rules
+    def broken_after(self, so_far: Profiles) -> Judge:
+        """The same after a part was flown: only whether they descend all the way, as prediction asks.
+
+        A flight that is still at its Mach number has a CAS above what it shows. That is no statement on linear
+        profiles: draws that contradict it, whose speed would jump where they go on, are rejected.
+        """
+        n_levels, holds_mach = self.grid.n_levels, None
+        lowest = int(so_far.mask[0].nonzero()[0])
+        if so_far.crossovers is not None and bool(so_far.crossovers.sure[0, lowest]):
+            holds_mach = bool(so_far.crossovers.holds_mach[0, lowest])
+
+        def broken(drawn: Drawn, which: np.ndarray) -> np.ndarray:
+            below = np.arange(n_levels) <= drawn.entry[:, None]
+            rules = np.zeros((len(which), len(RULES)), dtype=bool)
+            rules[:, RULES.index("descends_too_slowly")] = (~(drawn.flown.rate[:, :n_levels] < 0) & below).any(1)
+            if holds_mach is not None and drawn.flown.ahead is not None:
+                rules[:, RULES.index("speed_changes_too_fast")] = (drawn.flown.ahead[:, lowest] < 0) != holds_mach
+            return rules
+
+        return broken
 
     def _trajectories(self, drawn: Drawn) -> Trajectories:
         n_levels, flown = self.grid.n_levels, drawn.flown

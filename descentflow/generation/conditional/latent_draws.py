@@ -103,8 +103,8 @@ class ConditionedTarget:
         >>> model = load_model("best.ckpt")
         >>> grid = FlownProfiles(model.representation.decoder)
         >>> parts, level, cas_mps = parts_of(model, grid, None), grid.nearest(200), np.array([[145.0]])
-        >>> centre = parts.cas.of(parts.means)[:, [level]]
-        >>> rows = Rows(parts.cas.loadings[None, None, :, level], centre, cas_mps, cas_mps)
+        >>> cas = parts.profiles.cas
+        >>> rows = Rows(cas.loadings[None, None, :, level], cas.of(parts.means)[:, [level]], cas_mps, cas_mps)
         >>> speeds = conditions(parts.log_probs, parts.means, parts.roots, rows)
         >>> target = ConditionedTarget(parts, grid, np.array([0]), np.array([grid.nearest(330)]), speeds, None)
         >>> drawn = target.draw(Numbers(seed=0, first=0).uniform(100, target.width, stream=0))
@@ -153,7 +153,7 @@ class ConditionedTarget:
         u, log_weight = self.speeds.meet(cell, u, uniform[:, 2 + size :])
         if self.point is None:
             u = u + self.parts.means[component]
-            flown = Flown.of(self.grid, self.parts.drag.of(u), self.parts.cas.of(u))
+            flown = Flown.of(self.grid, self.parts.profiles.of(u))
         else:
             u, flown, more = self.point.meet(cell, u, uniform[:, 1])
             u, log_weight = u + self.parts.means[component], log_weight + more
@@ -171,8 +171,8 @@ def joined(parts: list[Drawn]) -> Drawn:
         >>> joined([some, some]).u.shape
         (4, 4)
     """
-    names = ("drag", "cas", "mach", "tas", "rate", "seconds")
-    flown = Flown(*(np.concatenate([getattr(p.flown, name) for p in parts]) for name in names))
+    together = zip(*(_values(p.flown) for p in parts), strict=True)
+    flown = Flown(*(np.concatenate(values) for values in together))
     u, entry, log_weight = (np.concatenate([getattr(p, name) for p in parts]) for name in ("u", "entry", "log_weight"))
     return Drawn(u, entry, flown, log_weight)
 
@@ -185,9 +185,14 @@ def rows_of(drawn: Drawn, index: np.ndarray) -> Drawn:
         >>> rows_of(Drawn(np.zeros((2, 4)), np.zeros(2, int), flown, np.zeros(2)), np.array([1])).u.shape
         (1, 4)
     """
-    names = ("drag", "cas", "mach", "tas", "rate", "seconds")
-    flown = Flown(*(getattr(drawn.flown, name)[index] for name in names))
+    flown = Flown(*(values[index] for values in _values(drawn.flown)))
     return Drawn(drawn.u[index], drawn.entry[index], flown, drawn.log_weight[index])
+
+
+def _values(flown: Flown) -> list[Array]:
+    """All that was flown, in the order of its fields."""
+    found = [flown.drag, flown.cas, flown.mach, flown.tas, flown.rate, flown.seconds]
+    return found if flown.ahead is None else [*found, flown.ahead]
 
 
 def resampled(log_weight: Array, uniform: Array) -> tuple[np.ndarray, Array]:

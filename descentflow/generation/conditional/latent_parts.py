@@ -1,8 +1,8 @@
-"""A density as Gaussians over latent numbers u, of which drag and CAS are linear: before and after a part was flown.
+"""A density as Gaussians over latent numbers u, of which profiles are linear: before and after a part was flown.
 
-Before, u holds the weights and the standard normals of the drag beyond the components, as samples have them. After, it
-holds what :class:`~descentflow.generation.prediction.predictor.DescentPredictor` conditions: weights and the residual
-components of drag and CAS.
+Before, u holds the weights and the standard normals of what samples have beyond the components. After, it holds what
+:class:`~descentflow.generation.prediction.predictor.DescentPredictor` conditions: weights and the residual components
+of each profile.
 """
 
 from dataclasses import dataclass, replace
@@ -13,11 +13,11 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.residual_law import ResidualLaw
-from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles, LinearProfile
+from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
+from descentflow.generation.conditional.latent_profiles import LatentProfiles, LinearProfile
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.linear_curves import LinearCurves
-from descentflow.representation.observed_channels import Observed
 from descentflow.representation.profiles import Profiles
 
 
@@ -29,8 +29,7 @@ class LatentParts:
         log_probs: (K,) log of their shares.
         means: (K, D).
         roots: (K, D, D) whose products with their transposes are the covariances.
-        drag: Of N.
-        cas: Of m/s.
+        profiles: Of drag and speed.
         n_weights: How many of u are the density's weights: the first.
         prior: What proposes and what it stands for, where the density is no mixture; None where it is.
 
@@ -38,15 +37,14 @@ class LatentParts:
         >>> from descentflow.densities.checkpoint import load_model
         >>> model = load_model("best.ckpt")
         >>> parts = parts_of(model, FlownProfiles(model.representation.decoder), None)
-        >>> parts.means.shape[1] == 4 + len(model.representation.decoder.residual)
+        >>> parts.means.shape[1] == 4 + model.representation.decoder.n_white
         True
     """
 
     log_probs: Array
     means: Array
     roots: Array
-    drag: LinearProfile
-    cas: LinearProfile
+    profiles: LatentProfiles
     n_weights: int
     prior: Prior | None = None
 
@@ -73,29 +71,34 @@ def parts_of(density: Density, grid: FlownProfiles, context: Tensor | None, seed
         >>> from descentflow.densities.checkpoint import load_model
         >>> model = load_model("best.ckpt")
         >>> decoder = model.representation.decoder
-        >>> parts, d, n_white = parts_of(model, FlownProfiles(decoder), None), decoder.dimension, len(decoder.residual)
+        >>> parts, d, n_white = parts_of(model, FlownProfiles(decoder), None), decoder.dimension, decoder.n_white
         >>> root = model.mixture.scale_trils[0].detach().numpy()  # of the weights
         >>> bool((parts.roots[0, :d, :d] == root).all()), bool((parts.roots[0, d:, d:] == np.eye(n_white)).all())
         (True, True)
     """
     decoder = density.representation.decoder
     prior = prior_of(density, seed, context)
-    n_weights, n_white = decoder.dimension, len(decoder.residual)
+    n_weights, n_white = decoder.dimension, decoder.n_white
     mixture = prior.mixture
     known = prior.residual_law or ResidualLaw.standard(mixture.n_components, n_white, n_weights)
     law = known.first(n_white)
     roots, means = _numbers(law.joint_roots(mixture.scale_trils)), _numbers(law.joint_means(mixture.locs))
-    drag, cas = sample_profiles(decoder, grid)
-    log_probs = _numbers(mixture.probs.log())
-    return LatentParts(log_probs, means, roots, drag, cas, n_weights, prior if prior.exact is not None else None)
+    profiles, log_probs = sample_profiles(decoder, grid), _numbers(mixture.probs.log())
+    return LatentParts(log_probs, means, roots, profiles, n_weights, prior if prior.exact is not None else None)
 
 
 def parts_after(
-    curves: LinearCurves, prior: Prior, grid: FlownProfiles, flown: Profiles, noise_multiple: float
+    decoder: DescentDecoder,
+    curves: LinearCurves,
+    prior: Prior,
+    grid: FlownProfiles,
+    flown: Profiles,
+    noise_multiple: float,
 ) -> LatentParts:
     """The density after one flight has flown some levels.
 
     Args:
+        decoder: Whose components the weights are of.
         curves: Of the decoder.
         prior: Of the density, see :func:`~descentflow.generation.prediction.posterior.prior_of`.
         grid: Of the decoder.
@@ -108,51 +111,54 @@ def parts_after(
         >>> from descentflow.representation.linear_curves import linear_curves
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> model = load_model("best.ckpt")
-        >>> decoder = model.representation.decoder
+        >>> decoder, prior = model.representation.decoder, prior_of(model)
         >>> one = encode_flights(read_descents("descents.parquet").frame, model.representation)["test"].profiles
-        >>> after = parts_after(linear_curves(decoder), prior_of(model), FlownProfiles(decoder), one.subset([0]), 1.0)
+        >>> after = parts_after(decoder, linear_curves(decoder), prior, FlownProfiles(decoder), one.subset([0]), 1.0)
         >>> bool(np.linalg.norm(after.roots[0], axis=1)[:4].max() < 1)  # less is open than before
         True
     """
     noisier = replace(curves, noise_variance=noise_multiple * curves.noise_variance)
-    seen = noisier.information(Observed((flown.drag_n, flown.cas_mps), (flown.mask, flown.mask)))
+    seen = noisier.information(decoder.observed(flown))
     posterior = posterior_of(prior, seen.precisions[0], seen.shift[0])
     # Precision L L': the transposed inverse of L is a root of the covariance.
     roots = torch.linalg.inv(posterior.precision_trils).mT
-    n_levels = grid.n_levels
     loadings, offset = _numbers(curves.loadings), _numbers(curves.offset)
-    drag, cas = (
+    lines = [
         LinearProfile(grid.columns(offset[part]), grid.columns(loadings[part].T))
-        for part in (slice(0, n_levels), slice(n_levels, None))
-    )
+        for part in np.split(np.arange(len(offset)), curves.n_profiles)
+    ]
     return LatentParts(
         _numbers(posterior.log_probs),
         _numbers(posterior.means),
         np.ascontiguousarray(_numbers(roots)),
-        drag,
-        cas,
+        _in_order(lines),
         curves.n_weights,
         prior if prior.exact is not None else None,
     )
 
 
-def sample_profiles(decoder: DescentDecoder, grid: FlownProfiles) -> tuple[LinearProfile, LinearProfile]:
-    """Drag and CAS of samples: of the weights, and of the standard normals of the residual drag.
+def sample_profiles(decoder: DescentDecoder, grid: FlownProfiles) -> LatentProfiles:
+    """Profiles of samples: of the weights, and of the standard normals of what lies beyond the components.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> decoder = load_representation("best.ckpt").decoder
-        >>> drag, cas = sample_profiles(decoder, FlownProfiles(decoder))
-        >>> drag.loadings.shape == cas.loadings.shape
+        >>> profiles = sample_profiles(decoder, FlownProfiles(decoder))
+        >>> profiles.drag.loadings.shape == profiles.cas.loadings.shape
         True
     """
-    d = decoder.dimension
-    rows = torch.cat([torch.zeros(1, d), torch.eye(d)]).to(decoder.weight_mean)
-    found = []
-    for values, extra in zip(decoder.curves(rows), (decoder.residual, torch.zeros_like(decoder.residual)), strict=True):
-        offset, loadings = _numbers(values[0]), _numbers(torch.cat([values[1:] - values[0], extra]))
-        found.append(LinearProfile(grid.columns(offset), grid.columns(loadings)))
-    return found[0], found[1]
+    d, n_white = decoder.dimension, decoder.n_white
+    rows = torch.cat([torch.zeros(1, d + n_white), torch.eye(d + n_white)]).to(decoder.weight_mean)
+    lines = []
+    for values in decoder.profiles(rows[:, :d], rows[:, d:]):
+        offset, loadings = _numbers(values[0]), _numbers(values[1:] - values[0])
+        lines.append(LinearProfile(grid.columns(offset), grid.columns(loadings)))
+    return _in_order(lines)
+
+
+def _in_order(lines: list[LinearProfile]) -> LatentProfiles:
+    """Profiles in the order of the decoder's bases: drag, the Mach number if there is one, CAS."""
+    return LatentProfiles(lines[0], lines[-1], lines[1] if len(lines) == 3 else None)
 
 
 def _numbers(values: Tensor) -> Array:

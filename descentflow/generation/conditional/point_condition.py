@@ -18,6 +18,7 @@ import numpy as np
 from descentflow.generation.conditional.constraints import PointAsked
 from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
 from descentflow.generation.conditional.latent_parts import LatentParts
+from descentflow.generation.conditional.latent_profiles import Curves
 from descentflow.generation.conditional.speed_conditions import Conditions, cut_normal, log_between, log_total
 
 STEP_N, STEP_MPS = 50.0, 0.1
@@ -26,32 +27,14 @@ STEP_SD = 0.05
 """Step along the line, in standard deviations, over which the slope of the weight is taken."""
 TOLERANCE = {"time_s": 1e-3, "distance_nm": 1.0}
 """How far (s, m) a draw may be off the value asked: less than anyone measures, more than the last step leaves."""
+TOLERANCE_AT_CROSSOVERS = {"time_s": 0.05, "distance_nm": 10.0}
+"""The same where flights have crossovers of their own: a time jumps by some 0.01 s as its crossover passes a level."""
+STEP_LATENT = 0.2
+"""Step of latent numbers over which slopes are taken there: a crossover moves across several levels."""
 LEVELS_OF_A_BAND = 9
 """Levels of a band at which the shares of the Gaussians are found."""
 LEAST_SPREAD = 1e-6
 """Standard deviation, as a share of the value, that keeps the arithmetic finite where speeds leave nothing open."""
-
-
-@dataclass(frozen=True)
-class Line:
-    """n draws on a line through latent space, and what they fly along it.
-
-    Attributes:
-        drag: (n, W) N, at s = 0.
-        cas: (n, W) m/s, at s = 0.
-        drag_by_s: (n, W) N for each unit of s.
-        cas_by_s: (n, W) m/s for each unit of s.
-
-    Example:
-        >>> line = Line(np.array([[9000.0]]), np.array([[140.0]]), np.array([[200.0]]), np.array([[0.5]]))
-        >>> line.drag + 2 * line.drag_by_s, line.cas + 2 * line.cas_by_s
-        (array([[9400.]]), array([[141.]]))
-    """
-
-    drag: Array
-    cas: Array
-    drag_by_s: Array
-    cas_by_s: Array
 
 
 @dataclass(frozen=True)
@@ -65,12 +48,13 @@ class Flown:
         tas: (n, W) m/s.
         rate: (n, W) m/s, negative in descent.
         seconds: (n, L) of :meth:`FlownProfiles.seconds`: zero at the lowest level.
+        ahead: (n, W) m/s, below zero where a Mach number is held; None where speed is one CAS profile.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> decoder = load_model("best.ckpt").representation.decoder
         >>> grid, mean = FlownProfiles(decoder), torch.zeros(1, decoder.dimension).double()
-        >>> flown = Flown.of(grid, *(grid.columns(values.numpy()) for values in decoder.curves(mean)))
+        >>> flown = Flown.of(grid, Curves(*(grid.columns(values.numpy()) for values in decoder.curves(mean))))
         >>> np.allclose(flown.mach[:, : grid.n_levels], decoder(mean).mach.numpy(), rtol=1e-12)
         True
     """
@@ -81,12 +65,14 @@ class Flown:
     tas: Array
     rate: Array
     seconds: Array
+    ahead: Array | None = None
 
     @classmethod
-    def of(cls, grid: FlownProfiles, drag: Array, cas: Array) -> "Flown":
-        """Fly profiles (n, W) of drag (N) and CAS (m/s)."""
-        mach, tas, rate, slowness = grid.fly(drag, cas)
-        return cls(drag, cas, mach, tas, rate, grid.seconds(slowness))
+    def of(cls, grid: FlownProfiles, curves: Curves) -> "Flown":
+        """Fly profiles (n, W)."""
+        cas, ahead = (curves.cas, None) if curves.mach is None else grid.lower(curves.mach, curves.cas)
+        mach, tas, rate, slowness = grid.fly(curves.drag, cas, ahead)
+        return cls(curves.drag, cas, mach, tas, rate, grid.seconds(slowness, ahead), ahead)
 
 
 class PointCondition:
@@ -129,15 +115,15 @@ class PointCondition:
         middle, _ = speeds.values(np.arange(n_cells), np.full((n_cells, speeds.rows.n_rows), 0.5))
         self.moved = (speeds.gain * (middle - speeds.rows.centre)[:, None]).sum(2)
         mean = parts.means + self.moved
-        drag, cas = parts.drag.of(mean), parts.cas.of(mean)
-        self.profile = self._since_entry(Flown.of(grid, drag, cas))
-        self.slope = self._slope(drag, cas)
+        curves = parts.profiles.of(mean)
+        self.profile = self._since_entry(Flown.of(grid, curves))
+        self.slope = self._slope(curves) if curves.mach is None else self._slope_with_crossovers(mean)
         spread = parts.roots @ (parts.roots.mT @ self.slope[:, :, None])
         direction = (spread - speeds.gain @ (speeds.rows.matrix @ spread))[:, :, 0]
         least = LEAST_SPREAD * _reciprocal(self.profile, np.full(n_cells, self.levels.mean()))
         self.variance = np.maximum((self.slope * direction).sum(1), least**2)
         self.direction = direction
-        self.drag_by_s, self.cas_by_s = parts.drag.change(direction), parts.cas.change(direction)
+        self.by_s = parts.profiles.change(direction)
         levels = (
             np.linspace(self.levels[0], self.levels[1], LEVELS_OF_A_BAND) if self.is_level_band else self.levels[:1]
         )
@@ -171,13 +157,14 @@ class PointCondition:
         expected = _reciprocal(self.profile[cell], level) + (slope * (given - self.moved[cell])).sum(1)
         target, log_weight = self._target(expected, np.sqrt(variance), uniform)
         whole = parts.means[cell] + u
-        line = Line(parts.drag.of(whole), parts.cas.of(whole), self.drag_by_s[cell], self.cas_by_s[cell])
-        s, flown, slope_s, off = self._solve(line, (target - expected) / variance, target, level, variance)
+        line = parts.profiles.of(whole), self.by_s.rows(cell)
+        s, flown, slope_s, off = self._solve(*line, (target - expected) / variance, target, level, variance)
         with np.errstate(divide="ignore", invalid="ignore"):
             log_weight += 0.5 * np.log(variance / (2 * pi)) - 0.5 * variance * s**2 - np.log(slope_s) - self.own[cell]
             if self.is_level_band:
                 log_weight += np.log(np.abs(_by_level(self._since_entry(flown), level)) * target**2)
-        met = np.isfinite(log_weight) & (np.abs(off) <= TOLERANCE[self.asked.name])
+        tolerance = TOLERANCE if parts.profiles.mach is None else TOLERANCE_AT_CROSSOVERS
+        met = np.isfinite(log_weight) & (np.abs(off) <= tolerance[self.asked.name])
         return u + s[:, None] * direction, flown, np.where(met, log_weight, -np.inf)
 
     def _target(self, expected: Array, sd: Array, uniform: Array) -> tuple[Array, Array]:
@@ -189,19 +176,20 @@ class PointCondition:
         return expected + sd * white, 0.5 * white**2 + 0.5 * np.log(2 * pi * sd**2) + log_between(low, high)
 
     def _solve(
-        self, line: Line, s: Array, target: Array, level: Array, variance: Array
+        self, curves: Curves, by_s: Curves, s: Array, target: Array, level: Array, variance: Array
     ) -> tuple[Array, Flown, Array, Array]:
-        """A step by the slope at the mean, and one of Newton; the slope there, and how far off the result is."""
+        """A step by the slope at the mean, and one or two of Newton; the slope there, and how far off the result is."""
 
         def at(s: Array) -> tuple[Flown, Array]:
-            flown = Flown.of(self.grid, line.drag + s[:, None] * line.drag_by_s, line.cas + s[:, None] * line.cas_by_s)
+            flown = Flown.of(self.grid, curves.moved(s[:, None], by_s))
             return flown, _reciprocal(self._since_entry(flown), level)
 
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            nearer, ahead = s + (target - at(s)[1]) / variance, STEP_SD / np.sqrt(variance)
-            value = at(nearer)[1]
-            slope = (at(nearer + ahead)[1] - value) / ahead
-            found = nearer + (target - value) / slope
+            found, ahead = s + (target - at(s)[1]) / variance, STEP_SD / np.sqrt(variance)
+            for _ in range(1 if curves.mach is None else 2):
+                value = at(found)[1]
+                slope = (at(found + ahead)[1] - value) / ahead
+                found = found + (target - value) / slope
             flown, value = at(found)
             return found, flown, slope, 1 / value - 1 / target
 
@@ -212,18 +200,37 @@ class PointCondition:
             since = self.grid.metres(flown.tas, flown.rate, flown.seconds)
         return since - since[:, self.entry : self.entry + 1]
 
-    def _slope(self, drag: Array, cas: Array) -> Array:
+    def _slope(self, curves: Curves) -> Array:
         """Slopes (C, D) of the reciprocal at the middle of the levels, from those of its integrand column by column."""
         middle = round(float(self.levels.mean()))
         columns = self.grid.seconds(np.eye(self.grid.width))
         weights = columns[:, middle] - columns[:, self.entry]
         here, heavier, faster = (
-            self._integrand(*profiles) for profiles in ((drag, cas), (drag + STEP_N, cas), (drag, cas + STEP_MPS))
+            self._integrand(*profiles)
+            for profiles in (
+                (curves.drag, curves.cas),
+                (curves.drag + STEP_N, curves.cas),
+                (curves.drag, curves.cas + STEP_MPS),
+            )
         )
-        by_drag = weights * (heavier - here) / STEP_N @ self.parts.drag.loadings.T
-        by_cas = weights * (faster - here) / STEP_MPS @ self.parts.cas.loadings.T
-        value = _reciprocal(self.profile, np.full(len(drag), self.levels.mean()))
+        by_drag = weights * (heavier - here) / STEP_N @ self.parts.profiles.drag.loadings.T
+        by_cas = weights * (faster - here) / STEP_MPS @ self.parts.profiles.cas.loadings.T
+        value = _reciprocal(self.profile, np.full(len(here), self.levels.mean()))
         found: Array = -(by_drag + by_cas) * value[:, None] ** 2
+        return found
+
+    def _slope_with_crossovers(self, mean: Array) -> Array:
+        """The same by steps of every latent number: the integrand jumps at crossovers, which move."""
+        middle = np.full(len(mean), self.levels.mean())
+        found = np.zeros_like(mean)
+        for number in range(mean.shape[1]):
+            step = np.zeros(mean.shape[1])
+            step[number] = STEP_LATENT
+            after, before = (
+                _reciprocal(self._since_entry(Flown.of(self.grid, self.parts.profiles.of(u))), middle)
+                for u in (mean + step, mean - step)
+            )
+            found[:, number] = (after - before) / (2 * STEP_LATENT)
         return found
 
     def _integrand(self, drag: Array, cas: Array) -> Array:

@@ -176,6 +176,10 @@ class DescentDecoder(nn.Module):
             weights: (n, d).
             white: (n, r + s) standard normals for what lies beyond the components, see :attr:`n_white`.
         """
+        return self.flown(*self.profiles(weights, white))
+
+    def profiles(self, weights: Tensor, white: Tensor | None = None) -> list[Tensor]:
+        """Profiles (n, L) in the order of :attr:`bases`, linear in weights (n, d) and ``white`` (n, r + s)."""
         raw = weights * self.weight_scale.to(weights) + self.weight_mean.to(weights)
         sizes = [basis.n_components for basis in self.bases.values()]
         parts = zip(self.bases.values(), torch.split(raw, sizes, 1), strict=True)
@@ -186,7 +190,7 @@ class DescentDecoder(nn.Module):
             if self.mach_basis is not None:
                 extra = (of_speed @ self.speed_residual.to(weights)).chunk(2, 1)
                 values[1:] = [value + part for value, part in zip(values[1:], extra, strict=True)]
-        return self.flown(*values)
+        return values
 
     def flown(self, *values: Tensor) -> FlownCurves:
         """What is flown of profiles (n, L) in the order of the weights."""

@@ -1,6 +1,7 @@
 """One page of the API for each package, from its docstrings, written before Sphinx reads its sources."""
 
 import ast
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import packages
 from docutils import nodes
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
+from sphinx.domains.python import ObjectEntry
 from sphinx.environment import BuildEnvironment
 from sphinx.util.nodes import make_refnode
 
@@ -97,19 +99,31 @@ def write(app: Sphinx) -> None:
             target.write_text(text)
 
 
+@cache
+def last_parts(env: BuildEnvironment) -> dict[str, list[tuple[str, ObjectEntry]]]:
+    """Objects of the API with a page of their own, by the last part of their names, once all pages are read.
+
+    Thousands of references are looked up when pages are written, and each would read through thousands of names.
+    """
+    found: dict[str, list[tuple[str, ObjectEntry]]] = {}
+    for name, entry in env.domains.python_domain.objects.items():
+        if not entry.aliased:
+            found.setdefault(name.rsplit(".", 1)[-1], []).append((name, entry))
+    return found
+
+
 def by_last_name(
     app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.TextElement
 ) -> nodes.reference | None:
     """Resolve a short name, or one that a package exports, where a single object of the API has that name."""
     if node.get("refdomain") != "py":
         return None
-    parts = str(node["reftarget"]).split(".")
-    objects = env.domains.python_domain.objects
+    parts, known = str(node["reftarget"]).split("."), last_parts(env)
     ends = [f".{'.'.join(parts)}", f".{parts[-1]}"] if parts[0] == "descentflow" else [f".{'.'.join(parts)}"]
     if node.get("py:module") == "descentflow" and parts[-1] in descentflow._PLACES:
         ends = [f"descentflow.{'.'.join(descentflow._PLACES[parts[-1]])}"]
     for end in ends:
-        found = [(name, entry) for name, entry in objects.items() if name.endswith(end) and not entry.aliased]
+        found = [(name, entry) for name, entry in known.get(end.rsplit(".", 1)[-1], []) if name.endswith(end)]
         if len(found) == 1:
             name, entry = found[0]
             return make_refnode(app.builder, node["refdoc"], entry.docname, entry.node_id, [content], name)

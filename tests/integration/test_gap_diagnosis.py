@@ -22,6 +22,8 @@ from descentflow.representation.context import ContextEncoder
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import read_descents
 
+pytestmark = pytest.mark.usefixtures("components_once")
+
 BASIC = ("IAS", "Mach", "vertical_rate")
 
 

@@ -25,6 +25,8 @@ from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian
 
+pytestmark = pytest.mark.usefixtures("components_once")
+
 STRICT = Cleaning(slowest_fpm=1200.0, transient_s=60.0)
 """Settings under which descents begin later and hold only the steep part."""
 

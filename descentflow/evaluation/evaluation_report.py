@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ from descentflow.representation.representation import Representation
 
 FILES = ("scores.csv", "classifier.csv", "rejections.json")
 """What is written besides figures."""
+DPI = 110
+"""Of the figures as files, and in TensorBoard."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,6 +92,16 @@ class Evaluation:
             **told,
         }
 
+    @cached_property
+    def pictures(self) -> dict[str, bytes]:
+        """The figures as PNG, by name: drawn once, for the files and for TensorBoard."""
+        found = {}
+        for name, figure in self.figures().items():
+            buffer = BytesIO()
+            figure.savefig(buffer, format="png", dpi=DPI)
+            found[name] = buffer.getvalue()
+        return found
+
     def _cut_fl(self) -> float:
         """The transition, as in the paper's figures 8 and 9; the middle of the grid where the grid has none."""
         levels, transition = self.real.levels_fl, self.representation.decoder.transition_fl
@@ -130,9 +143,9 @@ class Evaluation:
             pl.DataFrame(self.classifier.importance, schema=_IMPORTANCE).write_csv(temporary)
         with whole_file(folder / "rejections.json") as temporary:
             temporary.write_text(json.dumps(self.rejections.as_dict(), indent=1))
-        for name, figure in self.figures().items() if figures else ():
+        for name, picture in self.pictures.items() if figures else ():
             with whole_file(folder / f"{name}.png") as temporary:
-                figure.savefig(temporary, dpi=110)
+                temporary.write_bytes(picture)
 
     def __str__(self) -> str:
         """Flights, what was left out, rejections, the table of scores, and what the classifier looks at."""

@@ -1,11 +1,13 @@
 """Rejection sampling and scores while a model trains, and in full when it is tested."""
 
+from io import BytesIO
 from pathlib import Path
 
 from jsonargparse.typing import NonNegativeInt, PositiveInt
 from lightning.pytorch import Callback, LightningModule, Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.utilities import rank_zero_info, rank_zero_warn
+from matplotlib.image import imread
 
 from descentflow.core.errors import SamplingError
 from descentflow.core.progress import stage
@@ -122,5 +124,6 @@ class ScoreCallback(Callback):
             logger.experiment.add_custom_scalars(score_charts(kind, found.scores))
             self._charted.add(kind)
         with stage("drawing figures"):
-            for name, figure in found.figures().items():
-                logger.experiment.add_figure(f"{kind}/{name}", figure, step)
+            for name, picture in found.pictures.items():
+                image = imread(BytesIO(picture), format="png")[:, :, :3]
+                logger.experiment.add_image(f"{kind}/{name}", image, step, dataformats="HWC")

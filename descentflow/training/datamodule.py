@@ -28,6 +28,7 @@ from descentflow.representation.evidence import Evidence
 from descentflow.representation.flight_contexts import without_missing
 from descentflow.representation.flight_parts import Part, parts_of, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
+from descentflow.representation.held_speed import HeldSpeed, as_held
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
 from descentflow.representation.own_air import STANDARD, airs_as_kept, in_air_asked
 from descentflow.representation.own_mass import kept_masses, masses_of, of_known_mass, with_own_mass
@@ -82,7 +83,7 @@ class DescentDataModule(LightningDataModule):
         gaps: Gaps = "marginal",
         bounds: Bounds = "expected",
         residual: bool = True,
-        speed: Speed = "cas",
+        speed: HeldSpeed = "cas",
         air: str | Path = "standard",
         mass: str = "standard",
     ) -> None:
@@ -119,8 +120,9 @@ class DescentDataModule(LightningDataModule):
             bounds: What samples are held to: ``expected``, extremes as of 3,000 training flights or more, and changes
                 from level to level; or ``paper``, extremes as observed.
             residual: Whether samples have the drag beyond the components, as independent normals.
-            speed: How speed is held: ``cas``, one CAS profile and the type's transition altitude, as in the paper; or
-                ``mach_cas``, a Mach number above each flight's own crossover and a CAS below it.
+            speed: How speed is held: ``cas``, one CAS profile and the type's transition altitude, as in the paper;
+                ``mach_cas``, a Mach number above each flight's own crossover and a CAS below it; or ``auto``, that
+                where enough training flights show both and components are not ``iterative``.
             air: In which air drag is inferred: ``standard``; ``measured``: temperature and wind along the track by the
                 flights' own reports (TAS, Mach, groundspeed); or a weather field by pressure level (ERA5), a NetCDF or
                 GRIB file or a folder of them, read where the flights were. With a checkpoint: where the flights' air is
@@ -259,18 +261,23 @@ class DescentDataModule(LightningDataModule):
     def _fresh(self, frame: pl.DataFrame, source: Descents, own_type: Aircraft) -> tuple[Profiles, Split]:
         """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
         bottom = self.bottom_fl if self.bottom_fl is not None else source.bottom_fl
-        profiles = profiles_from_frame(frame, own_type, bottom, mass_kg=self.mass_kg, speed=self.speed)
         owner = dict(frame.select("flight_id", "icao24").unique("flight_id").iter_rows())
-        groups = profiles.flight_ids if self.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
-        split = split_flights(
-            profiles.flight_ids,
-            groups,
-            test_fraction=self.test_fraction,
-            validation_fraction=self.validation_fraction,
-            seed=self.seed,
-        )
-        top = top_level(parts_of(profiles, split)["train"])
-        return with_levels(profiles.up_to(top), rank_zero_info), split
+
+        def made(speed: Speed) -> tuple[Profiles, Split]:
+            profiles = profiles_from_frame(frame, own_type, bottom, mass_kg=self.mass_kg, speed=speed)
+            groups = profiles.flight_ids if self.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
+            split = split_flights(
+                profiles.flight_ids,
+                groups,
+                test_fraction=self.test_fraction,
+                validation_fraction=self.validation_fraction,
+                seed=self.seed,
+            )
+            return profiles.up_to(top_level(parts_of(profiles, split)["train"])), split
+
+        asked: HeldSpeed = "cas" if self.speed == "auto" and self.fpca == "iterative" else self.speed
+        profiles, split = as_held(asked, made, lambda made: parts_of(*made)["train"], rank_zero_info)
+        return with_levels(profiles, rank_zero_info), split
 
     def _fit(self, profiles: Profiles, split: Split, source: Descents, own_type: Aircraft) -> Representation:
         return fit_representation(

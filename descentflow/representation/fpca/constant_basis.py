@@ -26,6 +26,8 @@ both are held. Who holds CAS high up, or a Mach number low down, flies slowly or
 deviations of such flights alone. The same share as that by which the grid ends (paper, appendix A)."""
 FEWEST_FLIGHTS = 10
 """Flights that must show a level in any case."""
+LEAST_LEVELS = 2
+"""Levels that must be shown so."""
 MAX_ITERATIONS, TOLERANCE = 100, 1e-5
 """Bound on the iterations, and mean gain per observed value (nats) at which they end."""
 
@@ -78,12 +80,11 @@ def fit_constant(
         >>> fit_constant(speed, seen, spacing_m=30.48).loadings.shape  # the constant and three deviations
         torch.Size([60, 4])
     """
-    fewest = max(FEWEST_FLIGHTS, SHOWN_BY * int(mask.any(1).sum()))
-    shown = torch.nonzero(mask.sum(0) >= fewest)[:, 0]
-    if len(shown) < 2:
+    shown = shown_levels(mask)
+    if len(shown) < LEAST_LEVELS:
         raise DataError(
             f"training flights of which {int(mask.any(1).sum())} show a {name}, on {len(shown)} level(s) "
-            f"{fewest:.0f} of them or more",
+            f"{_fewest(mask):.0f} of them or more",
             expected="flights that hold a Mach number above and a CAS below",
             mend="prepare more descents, or take speed as one CAS profile (data.speed: cas)",
         )
@@ -116,6 +117,20 @@ def fit_constant(
         power[:1] / power.sum(),
         spacing_m,
     )
+
+
+def shown_levels(mask: Tensor) -> Tensor:
+    """Levels (k,) that enough flights show, of a mask (n, L), to have a mean and deviations of their own.
+
+    Example:
+        >>> shown_levels(torch.arange(4) < torch.tensor([[2]] * 12 + [[4]]))
+        tensor([0, 1])
+    """
+    return torch.nonzero(mask.sum(0) >= _fewest(mask))[:, 0]
+
+
+def _fewest(mask: Tensor) -> float:
+    return max(FEWEST_FLIGHTS, SHOWN_BY * int(mask.any(1).sum()))
 
 
 def level_and_flight(values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:

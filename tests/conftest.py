@@ -33,6 +33,26 @@ def components_once() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def plain_figures() -> Iterator[None]:
+    """Evaluations in this process write empty figures: for files that look at none."""
+    from plain_figures import draw_plain
+
+    with pytest.MonkeyPatch.context() as patch:
+        draw_plain(patch)
+        yield
+
+
+@pytest.fixture
+def real_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The real ones again, for one test."""
+    import plain_figures
+
+    from descentflow.evaluation.evaluation_report import Evaluation
+
+    monkeypatch.setattr(Evaluation, "figures", plain_figures.REAL)
+
+
 @pytest.fixture(scope="session")
 def halves(tmp_path_factory: pytest.TempPathFactory) -> "tuple[Quantities, Quantities]":
     """Measured flights of two halves of one world's aircraft, some 100 each."""

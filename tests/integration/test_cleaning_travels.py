@@ -11,7 +11,7 @@ import pytest
 from descentflow.cli.entry import main
 from descentflow.core.errors import DescentflowWarning
 
-pytestmark = pytest.mark.usefixtures("components_once")
+pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 
 STRICT = ["--slowest-fpm", "1200", "--transient-s", "60"]
 QUICK = ["--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false", "--scores.n_samples=100"]

@@ -16,7 +16,7 @@ from descentflow.cli.entry import main
 from descentflow.densities.checkpoint import load_model
 from descentflow.representation.read_checkpoint import read_checkpoint
 
-pytestmark = pytest.mark.usefixtures("components_once")
+pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 
 
 @pytest.mark.parametrize(
@@ -99,6 +99,7 @@ def test_tensorboard_holds_scores_acceptance_and_figures(run: Path) -> None:
     assert b"^val/score/cas_below_transition/ks_floor$" in layout.tensor_proto.string_val[0]
 
 
+@pytest.mark.usefixtures("real_figures")
 def test_test_scores_the_held_out_flights(run: Path, tmp_path: Path) -> None:
     checkpoint = run / "checkpoints" / "best.ckpt"
     where = ["--trainer.logger.init_args.save_dir", str(tmp_path)]

@@ -20,7 +20,7 @@ from descentflow.training.fit import fit
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, SplineFlow
 from descentflow.training.training_settings import NAMES, SETTINGS_OF, settings_of, training_settings
 
-pytestmark = pytest.mark.usefixtures("components_once")
+pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 QUICK = ["--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false", "--scores.n_samples=200"]
 
 

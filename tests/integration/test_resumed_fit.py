@@ -10,6 +10,7 @@ from command_line_toys import QUICK
 from descentflow.cli.entry import main
 from descentflow.training.callbacks.kept_epochs import WholeCheckpoints
 
+pytestmark = pytest.mark.usefixtures("plain_figures")
 PATHS = ("dirpath", "best_model_path", "kth_best_model_path", "last_model_path")
 
 

@@ -8,7 +8,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from descentflow.cli.entry import main
 
-pytestmark = pytest.mark.usefixtures("components_once")
+pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 
 
 @pytest.fixture

@@ -186,5 +186,6 @@ def test_factor_analysis_agrees_on_isotropic_noise() -> None:
     ours = fitted.basis_.loadings @ fitted.basis_.loadings.T + fitted.basis_.noise_variance * torch.eye(
         12, dtype=torch.float64
     )
-    theirs = torch.from_numpy(FactorAnalysis(6, max_iter=2000, tol=1e-6, svd_method="lapack").fit(values.numpy()).get_covariance())
+    analysis = FactorAnalysis(6, max_iter=2000, tol=1e-6, svd_method="lapack").fit(values.numpy())
+    theirs = torch.from_numpy(analysis.get_covariance())
     assert (ours - theirs).norm() / theirs.norm() < 0.02

@@ -154,7 +154,8 @@ def _maximised(sums: _Sums, law: ResidualLaw, groups: Tensor) -> ResidualLaw:
         mine = groups == one
         own, every = left[:, mine].mean(1), left[:, mine].mean(1).sum() / n.sum()
         spread[:, mine] = ((own + PRIOR_FLIGHTS * every) / (n + PRIOR_FLIGHTS)).sqrt()[:, None]
-    return ResidualLaw(offset, slope, spread)
+    # Contiguous, as a law that is read again: a resumed fit goes on with the same bits then.
+    return ResidualLaw(offset.contiguous(), slope.contiguous(), spread)
 
 
 def _solved(factors: Tensor, right: Tensor, group: Tensor) -> Tensor:

@@ -121,6 +121,16 @@ def test_one_step_from_a_law_is_a_step_of_em(monkeypatch: pytest.MonkeyPatch) ->
     assert not torch.equal(first.spread, both.spread)
 
 
+def test_a_law_that_is_read_again_is_gone_on_from_in_the_same_bits() -> None:
+    """A fit that is killed and resumed reads it from a checkpoint; another layout in memory would round otherwise."""
+    information, _, _ = observed(drawn(500)[1])
+    first = learn_residual_law(information, GROUPS, MIXTURE)
+    read = ResidualLaw.from_state(first.to_state())
+    for mine, again in ((first.offset, read.offset), (first.slope, read.slope), (first.spread, read.spread)):
+        assert torch.equal(mine, again)
+        assert mine.stride() == again.stride()
+
+
 def test_many_flights_are_thinned(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     path = toys.write_descents_file(tmp_path / "descents.parquet", 200)
     seen: list[int] = []

@@ -2,6 +2,7 @@
 
 python scripts/fuzz.py FOLDER --cases 100000             # resumable: what is in FOLDER/outcomes.jsonl is not run again
 python scripts/fuzz.py FOLDER --cases 100000 --minutes 60
+python scripts/fuzz.py FOLDER --cases 100000 --again     # after a mend: run what was a defect once more
 python scripts/fuzz.py FOLDER --show 4711                # write case 4711 into FOLDER/case-4711 and run it
 
 Each case is known by its number and the seed. It ends as accepted (every row kept or counted), refused (one message:
@@ -27,6 +28,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--minutes", type=float, help="begin no case after this time")
+    parser.add_argument("--again", action="store_true", help="run once more what was a defect")
     parser.add_argument("--show", type=int, metavar="CASE", help="write and run one case")
     args = parser.parse_args()
     # Workers are many: one thread each. Read when torch is loaded.
@@ -48,6 +50,11 @@ def run(folder: Path, good: Path, args: argparse.Namespace) -> list[dict]:
 
     path = folder / f"outcomes-{args.seed}.jsonl"
     known = [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
+    if args.again:
+        known = [one for one in known if one["verdict"] in FINE]
+        whole = path.with_suffix(".part")
+        whole.write_text("".join(json.dumps(one) + "\n" for one in known))
+        whole.replace(path)
     done = {one["case"] for one in known}
     left = [number for number in range(args.cases) if number not in done]
     until = None if args.minutes is None else time.time() + 60 * args.minutes

@@ -11,6 +11,7 @@ from difflib import get_close_matches
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import ConfigError
@@ -29,6 +30,7 @@ OWN = {
 """Sections of the command line whose options are the arguments of one class of this package."""
 SETTINGS = ("data", "trainer", "scores", "checkpoint")
 """Sections that take a file of settings where they are given a value themselves."""
+SETTINGS_FILES = (".yaml", ".yml", ".json")
 
 
 def check_words(command: str, words: Sequence[str]) -> None:
@@ -72,6 +74,7 @@ def _in_file(file: Path) -> list[tuple[str, str]]:
     """What a file of settings holds, as if it stood on the command line; the model by its class's name."""
     found = []
     for section, content in read_settings(file).items():
+        _check_section(file, str(section), content)
         inside = content if isinstance(content, dict) else {}
         if section == "model":
             found.append(("model", str(inside.get("class_path", content)).rpartition(".")[2]))
@@ -80,6 +83,17 @@ def _in_file(file: Path) -> list[tuple[str, str]]:
         else:
             found.append((str(section), ""))
     return found
+
+
+def _check_section(file: Path, section: str, content: Any) -> None:
+    """Refuse a section of a settings file that holds a value where it should hold settings, or name a file of them."""
+    is_file = isinstance(content, str) and Path(content).suffix in SETTINGS_FILES
+    if section in SETTINGS and not isinstance(content, dict) and not is_file:
+        raise ConfigError(
+            f"{file}: {section} is {str(content)[:60]}",
+            expected="settings by name, or the name of a YAML file of them",
+            mend=f"write lines of `NAME: VALUE` indented under `{section}:`, or leave the section out",
+        )
 
 
 def _check_complete(given: set[str]) -> None:
@@ -120,7 +134,7 @@ def _check_model(value: str) -> None:
 
 def _check_settings(section: str, value: str) -> None:
     """Refuse what is no file of settings, for instance a checkpoint or descents; in a file, sections have no value."""
-    if not value or value.startswith(("{", "--", "null")) or Path(value).suffix in (".yaml", ".yml", ".json"):
+    if not value or value.startswith(("{", "--", "null")) or Path(value).suffix in SETTINGS_FILES:
         return
     instead = {
         "checkpoint": "to go on from a checkpoint, pass --ckpt_path FILE; each fit writes its own under runs",

@@ -15,7 +15,7 @@ SIZES_OF_A_PAGE = (2, 3)
 TRUE, FALSE, BYTE, SHORT, INT, LONG, DOUBLE, BINARY, LIST, SET, MAP, STRUCT = range(1, 13)
 """Types of Thrift's compact protocol, in which Parquet writes what describes its data."""
 DEEPEST = 32
-"""Structures inside each other; Parquet's own are six deep."""
+"""Structures and lists inside each other; Parquet's own are six deep."""
 
 Bytes = bytes | mmap.mmap
 Fields = dict[int, Any]
@@ -108,8 +108,6 @@ def _check_column(content: Bytes, column: Fields) -> None:
 
 def _struct(content: Bytes, place: int, depth: int = 0) -> tuple[Fields, int]:
     """Fields of a structure by their numbers, and the place behind it."""
-    if depth > DEEPEST:
-        raise ValueError
     fields: Fields = {}
     number = 0
     while head := content[place]:
@@ -127,13 +125,15 @@ def _struct(content: Bytes, place: int, depth: int = 0) -> tuple[Fields, int]:
 
 
 def _value(content: Bytes, place: int, kind: int, depth: int) -> tuple[Any, int]:
+    if depth > DEEPEST:
+        raise ValueError
     if kind in (SHORT, INT, LONG):
         return _integer(content, place)
     if kind == BINARY:  # names and statistics: of no interest here
         length, place = _varint(content, place)
         return None, place + length
     if kind in (LIST, SET):
-        return _list(content, place, depth)
+        return _list(content, place, depth + 1)
     if kind == STRUCT:
         return _struct(content, place, depth + 1)
     if kind in (TRUE, FALSE, BYTE):  # elements of lists; a field that is true or false has no value

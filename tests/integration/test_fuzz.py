@@ -62,7 +62,15 @@ def test_prepared_descents_that_no_aircraft_flies(change: pl.Expr, saying: str, 
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("bottom_fl", float("inf")), ("top_fl", {"A320": None}), ("report", {"steps": [{"step": 3}]}), ("inputs", "all")],
+    [
+        ("bottom_fl", float("inf")),
+        ("top_fl", {"A320": None}),
+        ("report", {"steps": [{"step": 3}], "notes": {}}),
+        ("report", {"steps": [{"step": "read", "rows_dropped": 0, "rows_left": 9}], "notes": {}}),
+        ("report", {"steps": []}),
+        ("report", {"steps": [], "notes": {"sorted": "all"}}),
+        ("inputs", "all"),
+    ],
 )
 def test_descriptions_that_nobody_wrote(name: str, value: object, descents: Path, tmp_path: Path) -> None:
     whole = read_descents(descents)

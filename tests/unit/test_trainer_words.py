@@ -49,6 +49,10 @@ def test_a_mistake_is_named_with_the_nearest_valid_word(words: list[str], got: s
         ("modle: {class_path: Gaussian}", "no option --modle"),
         ("model: [unclosed", "line 1"),
         ("only words", "holds a str"),
+        ("trainer: -1", "trainer is -1; expected settings by name"),
+        ("trainer:", "trainer is None; expected settings by name"),
+        ("data: [descents]", "data is .'descents'.; expected settings by name"),
+        ("checkpoint: last.ckpt", "checkpoint is last.ckpt; expected settings by name"),
         ("\xff", "a YAML file of settings"),
     ],
 )

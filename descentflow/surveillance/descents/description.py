@@ -68,11 +68,17 @@ def described(text: str, path: str | Path) -> dict[str, Any]:
 
 
 def _is_report(report: dict[str, Any]) -> bool:
-    """Whether the steps of a report are numbers of rows and flights."""
-    steps, counts = report.get("steps", []), ("rows_dropped", "rows_left", "flights_dropped", "flights_left")
-    return isinstance(steps, list) and all(
+    """Whether a report is one of ``prepare``: counts of rows and flights by step, and notes of what changed."""
+    if not report:
+        return True
+    steps, notes = report.get("steps"), report.get("notes")
+    if set(report) != {"steps", "notes"} or not isinstance(steps, list) or not isinstance(notes, dict):
+        return False
+    counts = {"rows_dropped": int, "rows_left": int, "flights_dropped": int | None, "flights_left": int | None}
+    return all(isinstance(number, int) for number in notes.values()) and all(
         isinstance(step, dict)
-        and isinstance(step.get("step"), str)
-        and all(isinstance(step.get(name), int | None) for name in counts)
+        and set(step) == {"step", *counts}
+        and isinstance(step["step"], str)
+        and all(isinstance(step[name], kind) for name, kind in counts.items())
         for step in steps
     )

@@ -28,6 +28,9 @@ OWN = {
     "scores": ("descentflow.training.callbacks.score_callback", "ScoreCallback"),
 }
 """Sections of the command line whose options are the arguments of one class of this package."""
+SECTIONS_OF_CLASSES = (*OWN, "model")
+NOTHING = "null"
+"""What YAML and the command line call None; the full parser lets it pass where a number is expected."""
 SETTINGS = ("data", "trainer", "scores", "checkpoint")
 """Sections that take a file of settings where they are given a value themselves."""
 SETTINGS_FILES = (".yaml", ".yml", ".json")
@@ -52,8 +55,10 @@ def check_words(command: str, words: Sequence[str]) -> None:
     from_files = [option for name, value in options if name == "config" for option in _in_file(config_file(value))]
     # What stands later counts; a file's model is replaced by the one that is named.
     models = [value for name, value in from_files + options if name == "model"]
+    if "model" in dict(options):
+        from_files = [(name, value) for name, value in from_files if not name.startswith("model")]
     for name, value in from_files + options:
-        _check_name(name, models[-1] if models else None)
+        _check_name(name, value, models[-1] if models else None)
         if name == "model":
             _check_model(value)
         if name in SETTINGS:
@@ -78,8 +83,10 @@ def _in_file(file: Path) -> list[tuple[str, str]]:
         inside = content if isinstance(content, dict) else {}
         if section == "model":
             found.append(("model", str(inside.get("class_path", content)).rpartition(".")[2]))
-        elif section in OWN:
-            found += [(f"{section}.{name}", "") for name in inside]
+            options = inside.get("init_args")
+            inside = options if isinstance(options, dict) else {}
+        if section in SECTIONS_OF_CLASSES:
+            found += [(f"{section}.{name}", NOTHING if value is None else "") for name, value in inside.items()]
         else:
             found.append((str(section), ""))
     return found
@@ -113,16 +120,23 @@ def _check_complete(given: set[str]) -> None:
         )
 
 
-def _check_name(name: str, model: str | None) -> None:
+def _check_name(name: str, value: str, model: str | None) -> None:
     section, _, rest = name.partition(".")
     _known(f"no option --{name}", section, TOP, "--")
     first = rest.removeprefix("init_args.").partition(".")[0]
-    if section in OWN and rest:
-        _known(f"no option --{name}", first, (*_arguments(*OWN[section]), "help"), f"--{section}.")
-    elif section == "model" and first and model in MODELS:
-        module = f"descentflow.training.models.{MODULES[model]}"
-        _known(
-            f"no option --{name}", first, (*_arguments(module, model), "init_args", "class_path", "help"), "--model."
+    source = OWN.get(section)
+    if section == "model" and model in MODELS:
+        source = (f"descentflow.training.models.{MODULES[model]}", model)
+    if source is None or not first:
+        return
+    own = ("help",) if section in OWN else ("init_args", "class_path", "help")
+    arguments = _arguments(*source)
+    _known(f"no option --{name}", first, (*arguments, *own), f"--{section}.")
+    if value == NOTHING and not arguments.get(first, True):
+        raise ConfigError(
+            f"--{name} {NOTHING}",
+            expected="a value of its own type",
+            mend="leave the option out for its default, or see `descentflow fit --help`",
         )
 
 
@@ -160,8 +174,8 @@ def _known(shown: str, name: str, names: Iterable[str], prefix: str) -> None:
 
 
 @cache
-def _arguments(module: str, name: str) -> tuple[str, ...]:
-    """Arguments of a class's constructor, from its source."""
+def _arguments(module: str, name: str) -> dict[str, bool]:
+    """Arguments of a class's constructor, from its source, and whether they may be None."""
     # Finding a module imports the packages that it lies in, and these are light.
     spec = find_spec(module)
     if spec is None or spec.origin is None:
@@ -169,7 +183,12 @@ def _arguments(module: str, name: str) -> tuple[str, ...]:
     tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
     found = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name)
     start = next(node for node in found.body if isinstance(node, ast.FunctionDef) and node.name == "__init__")
-    return tuple(argument.arg for argument in [*start.args.args[1:], *start.args.kwonlyargs])
+    return {one.arg: _may_be_none(one) for one in [*start.args.args[1:], *start.args.kwonlyargs]}
+
+
+def _may_be_none(argument: ast.arg) -> bool:
+    kinds = [] if argument.annotation is None else list(ast.walk(argument.annotation))
+    return not kinds or any(isinstance(kind, ast.Constant) and kind.value is None for kind in kinds)
 
 
 def _is_file(name: str) -> bool:

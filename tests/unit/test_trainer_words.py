@@ -1,8 +1,10 @@
 """Mistakes in the words after `fit` are said in one line, before anything heavy is imported."""
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -49,6 +51,9 @@ def test_a_mistake_is_named_with_the_nearest_valid_word(words: list[str], got: s
         ("modle: {class_path: Gaussian}", "no option --modle"),
         ("model: [unclosed", "line 1"),
         ("only words", "holds a str"),
+        ("data: {validation_fraction: null}", "--data.validation_fraction null; expected a value"),
+        ("model: {class_path: Gaussian, init_args: {jitter: null}}", "--model.jitter null; expected a value"),
+        ("model: {class_path: Gaussian, init_args: {jiter: 1.0}}", "no option --model.jiter;"),
         ("trainer: -1", "trainer is -1; expected settings by name"),
         ("trainer:", "trainer is None; expected settings by name"),
         ("data: [descents]", "data is .'descents'.; expected settings by name"),
@@ -73,6 +78,7 @@ def test_a_settings_file_is_read_like_the_command_line(text: str, message: str, 
         ["--model.help", "Gaussian"],
         ["--config", "flow", "--data", "own.yaml", "--trainer", '{"max_epochs": 3}'],
         ["--help_all"],
+        ["--config", "gaussian", "--data.aircraft", "null"],
     ],
 )
 def test_what_is_valid_passes(words: list[str]) -> None:
@@ -85,18 +91,24 @@ def test_other_commands_need_no_model() -> None:
 
 def test_names_are_those_of_the_classes() -> None:
     """Read from the sources, they are what Python itself says of the constructors."""
-    import inspect
-
     from descentflow.training import models
     from descentflow.training.callbacks.score_callback import ScoreCallback
     from descentflow.training.datamodule import DescentDataModule
 
     own = {"data": DescentDataModule, "scores": ScoreCallback}
     for section, kind in own.items():
-        assert _arguments(*OWN[section]) == tuple(inspect.signature(kind).parameters)
+        assert _arguments(*OWN[section]) == _nullable(kind)
     for name in MODELS:
         kind = getattr(models, name)
-        assert _arguments(kind.__module__, name) == tuple(inspect.signature(kind).parameters)
+        assert _arguments(kind.__module__, name) == _nullable(kind)
+
+
+def _nullable(kind: type) -> dict[str, bool]:
+    """Parameters, and whether they may be None, as Python itself sees them."""
+    return {
+        name: one.annotation is one.empty or type(None) in get_args(one.annotation)
+        for name, one in inspect.signature(kind).parameters.items()
+    }
 
 
 def test_nothing_heavy_is_imported() -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Literal, TypeVar
 
-from descentflow.representation.fpca.constant_basis import LEAST_LEVELS, shown_levels
+from descentflow.representation.fpca.constant_basis import can_be_fitted
 from descentflow.representation.observed_channels import observed_channels
 from descentflow.representation.profiles import Profiles, Speed
 
@@ -14,6 +14,8 @@ HeldSpeed = Literal["auto", "cas", "mach_cas"]
 
 def shows_both(train: Profiles) -> bool:
     """Whether enough training flights show a Mach number above, and enough a CAS below, to fit both.
+
+    Flights that all hold one and the same Mach number, as some simulators fly, leave nothing to fit.
 
     Args:
         train: With crossovers.
@@ -27,8 +29,8 @@ def shows_both(train: Profiles) -> bool:
         >>> [shows_both(profiles_from_frame(frame, aircraft("A320"), *grid, speed="mach_cas")) for grid in grids]
         [True, False]
     """
-    _, mach, cas = observed_channels(train, "mach_cas").masks
-    return all(len(shown_levels(seen)) >= LEAST_LEVELS for seen in (mach, cas))
+    _, *speeds = zip(*observed_channels(train, "mach_cas"), strict=True)
+    return all(can_be_fitted(values, seen) for values, seen in speeds)
 
 
 def as_held(
@@ -52,5 +54,5 @@ def as_held(
     if shows_both(train_of(both)):
         say("speed: a Mach number above each flight's own crossover and a CAS below (data.speed: auto)")
         return both
-    say("speed: one CAS profile, for too few training flights show a Mach number or a CAS (data.speed: auto)")
+    say("speed: one CAS profile, for too few training flights show Mach numbers or CAS that differ (data.speed: auto)")
     return make("cas")

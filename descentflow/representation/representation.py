@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from descentflow.air.kept_air import KeptAir
 from descentflow.aircraft_types.aircraft import Aircraft
@@ -184,7 +184,38 @@ def fit_representation(
         tensor([1.], dtype=torch.float64)
     """
     bases = _fitted_bases(train, explained_variance, method)
-    parts = zip(bases, *observed_channels(train, _speed(train)), strict=True)
+    decoder = standardised_decoder(train, aircraft, bases, mass_kg)
+    if residual and method == "ppca":
+        speeds = bases[1:]
+        decoder.keep_residual(residual_drag(decoder, train), residual_speed(*speeds) if len(speeds) > 1 else None)
+    return Representation(decoder, Plausibility.from_profiles(train, margin, bounds), split, provenance or {})
+
+
+def standardised_decoder(
+    train: Profiles, aircraft: Aircraft, bases: list[FunctionalBasis], mass_kg: float | None = None
+) -> DescentDecoder:
+    """The decoder of which every weight has mean zero and variance one over the training flights.
+
+    Args:
+        train: Training flights on their grid.
+        aircraft: Coefficients that inferred their drag.
+        bases: Of drag, of the Mach number where speed is held as Mach and CAS, and of CAS.
+        mass_kg: Mass that inferred the drag, if not the reference mass.
+
+    Raises:
+        DataError: If a weight is the same for every flight.
+
+    Example:
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> import polars as pl
+        >>> known = load_representation("best.ckpt")
+        >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
+        >>> again = standardised_decoder(train, known.decoder.aircraft, list(known.decoder.bases.values()))
+        >>> bool(torch.allclose(again.weight_scale, known.decoder.weight_scale))
+        True
+    """
+    parts = zip(bases, *observed_channels(train, held_speed(train)), strict=True)
     raw = torch.cat([basis.encode(values, mask) for basis, values, mask in parts], 1)
     scale = raw.std(0)
     if not bool((scale > 0).all()):
@@ -194,23 +225,43 @@ def fit_representation(
             mend="prepare more descents, or lower data.explained_variance",
         )
     drag, *of_mach, cas = bases
-    decoder = DescentDecoder(
+    return DescentDecoder(
         aircraft, train.levels_fl, drag, cas, raw.mean(0), scale, mass_kg, mach_basis=of_mach[0] if of_mach else None
     )
-    if residual and method == "ppca":
-        decoder.keep_residual(residual_drag(decoder, train), residual_speed(of_mach[0], cas) if of_mach else None)
-    return Representation(decoder, Plausibility.from_profiles(train, margin, bounds), split, provenance or {})
 
 
-def _speed(flights: Profiles) -> Speed:
+def held_speed(flights: Profiles) -> Speed:
+    """How the speed of flights is held: as a Mach number and a CAS where they have crossovers.
+
+    Example:
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> import polars as pl
+        >>> held_speed(profiles_from_frame(pl.read_parquet("descents.parquet"), aircraft("A320"), 150, 330))
+        'cas'
+    """
     return "cas" if flights.crossovers is None else "mach_cas"
 
 
 def _fitted_bases(train: Profiles, explained_variance: float, method: Method) -> list[FunctionalBasis]:
     """Bases of drag and of speed, in the order of the weights."""
-    drag, *speeds = zip(*observed_channels(train, _speed(train)), strict=True)
+    drag, *speeds = zip(*observed_channels(train, held_speed(train)), strict=True)
     fitted = [GappyFPCA(explained_variance, method).fit(*drag, FL_M).basis_]
     if train.crossovers is None:
         return [*fitted, *(GappyFPCA(explained_variance, method).fit(*one, FL_M).basis_ for one in speeds)]
+    return [*fitted, *fitted_constants(speeds)]
+
+
+def fitted_constants(speeds: list[tuple[Tensor, Tensor]]) -> list[FunctionalBasis]:
+    """Bases of the Mach number and of the CAS that flights hold.
+
+    Args:
+        speeds: Values and mask (n, L) of the Mach number, and of the CAS.
+
+    Example:
+        >>> speed, seen = 200 + 5 * torch.randn(30, 1).double().expand(-1, 40), torch.ones(30, 40, dtype=torch.bool)
+        >>> [basis.n_components for basis in fitted_constants([(speed / 340, seen), (speed, seen)])]
+        [1, 1]
+    """
     named = zip(speeds, ("Mach number", "CAS"), strict=True)
-    return [*fitted, *(fit_constant(*one, FL_M, name) for one, name in named)]
+    return [fit_constant(*one, FL_M, name) for one, name in named]

@@ -1,11 +1,13 @@
 """Speed held as the training flights show it: a Mach number and a CAS where they show both, else one CAS profile."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 import toys
 
+from descentflow.physics.airspeed import mach_to_cas_mps
 from descentflow.representation.held_speed import as_held, shows_both
 from descentflow.training.datamodule import DescentDataModule
 
@@ -41,3 +43,12 @@ def test_few_flights_show_nothing() -> None:
     flights = toys.with_crossovers(toys.flights(60))
     assert shows_both(flights)
     assert not shows_both(flights.subset(list(range(8))))
+
+
+def test_one_mach_number_of_all_flights_is_nothing_to_fit() -> None:
+    """So a simulator may fly; the CAS of such flights still differ."""
+    flights = toys.with_crossovers(toys.flights(60))
+    held = mach_to_cas_mps(torch.full_like(flights.cas_mps, 0.78), flights.altitude_m)
+    assert flights.crossovers is not None
+    same = replace(flights, cas_mps=torch.where(flights.crossovers.holds_mach, held, flights.cas_mps))
+    assert not shows_both(same)

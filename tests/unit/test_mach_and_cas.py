@@ -20,7 +20,7 @@ from descentflow.representation.check_checkpoint import check_flies
 from descentflow.representation.crossover import find_crossovers
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import integrate, integrate_plain
-from descentflow.representation.fpca.constant_basis import fit_constant
+from descentflow.representation.fpca.constant_basis import can_be_fitted, fit_constant
 from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.profiles import Profiles, infer_drag_n
 from descentflow.representation.representation import Representation, Split, fit_representation
@@ -228,6 +228,15 @@ def test_too_few_flights_at_a_mach_number_are_refused() -> None:
     cas, seen, _ = schedules(5, seed=8)
     with pytest.raises(DataError, match=r"data\.speed: cas"):
         fit_constant(cas, seen, FL_M, "Mach number")
+
+
+def test_one_speed_of_all_flights_is_refused() -> None:
+    """Copies of one flight, or a simulator that always flies the same Mach number, leave nothing to fit."""
+    mach, seen = torch.full((30, 60), 0.78).double(), torch.ones(30, 60, dtype=torch.bool)
+    with pytest.raises(DataError, match="identical"):
+        fit_constant(mach, seen, FL_M, "Mach number")
+    assert not can_be_fitted(mach, seen)
+    assert can_be_fitted(mach + 1e-4 * torch.arange(30)[:, None], seen)
 
 
 def test_the_plain_integrator_takes_slopes_and_own_regimes_together(parts: Representation) -> None:

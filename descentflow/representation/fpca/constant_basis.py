@@ -28,6 +28,8 @@ FEWEST_FLIGHTS = 10
 """Flights that must show a level in any case."""
 LEAST_LEVELS = 2
 """Levels that must be shown so."""
+SAME = 1e-9
+"""Spread over the mean below which flights fly at one and the same speed."""
 MAX_ITERATIONS, TOLERANCE = 100, 1e-5
 """Bound on the iterations, and mean gain per observed value (nats) at which they end."""
 
@@ -72,7 +74,7 @@ def fit_constant(
         deviations: Shapes of the deviations, at most.
 
     Raises:
-        DataError: If fewer than two levels are shown by enough flights.
+        DataError: If fewer than two levels are shown by enough flights, or all of them fly at the same speed.
 
     Example:
         >>> seen = torch.arange(60) < torch.randint(30, 61, (80, 1))
@@ -88,12 +90,15 @@ def fit_constant(
             expected="flights that hold a Mach number above and a CAS below",
             mend="prepare more descents, or take speed as one CAS profile (data.speed: cas)",
         )
-    part = slice(int(shown[0]), int(shown[-1]) + 1)
-    inner, seen = values[:, part].to(torch.float64), mask[:, part]
-    used = seen.any(1)
-    inner, seen = torch.where(seen, inner, 0.0)[used], seen[used]
-    mean, _ = level_and_flight(inner, seen)
-    scale = torch.where(seen, inner - mean, 0.0).square().sum().div(seen.sum()).sqrt()
+    inner, seen, part = _between_ends(values, mask, shown)
+    mean, scale = _mean_and_spread(inner, seen)
+    if _is_nothing(scale, mean):
+        raise DataError(
+            f"training flights that all hold the same {name}: in speed they are identical",
+            expected="flights that differ",
+            mend="check that the rows come from different flights and are not copies, or take speed as one CAS profile "
+            "(data.speed: cas)",
+        )
     centred = torch.where(seen, (inner - mean) / scale, 0.0)
     q = min(deviations, len(centred) - 2, centred.shape[1] - 2)
 
@@ -119,6 +124,25 @@ def fit_constant(
     )
 
 
+def can_be_fitted(values: Tensor, mask: Tensor) -> bool:
+    """Whether :func:`fit_constant` takes profiles: enough flights show enough levels, and do not all fly alike.
+
+    Args:
+        values: (n, L); masked values are ignored.
+        mask: (n, L) observed.
+
+    Example:
+        >>> seen, mach = torch.ones(20, 5, dtype=torch.bool), 0.78 + 0.01 * torch.randn(20, 1).double().expand(-1, 5)
+        >>> can_be_fitted(mach, seen), can_be_fitted(mach, seen[:5]), can_be_fitted(0 * mach + 0.78, seen)
+        (True, False, False)
+    """
+    shown = shown_levels(mask)
+    if len(shown) < LEAST_LEVELS:
+        return False
+    mean, scale = _mean_and_spread(*_between_ends(values, mask, shown)[:2])
+    return not _is_nothing(scale, mean)
+
+
 def shown_levels(mask: Tensor) -> Tensor:
     """Levels (k,) that enough flights show, of a mask (n, L), to have a mean and deviations of their own.
 
@@ -127,6 +151,25 @@ def shown_levels(mask: Tensor) -> Tensor:
         tensor([0, 1])
     """
     return torch.nonzero(mask.sum(0) >= _fewest(mask))[:, 0]
+
+
+def _between_ends(values: Tensor, mask: Tensor, shown: Tensor) -> tuple[Tensor, Tensor, slice]:
+    """Values and mask of the levels from the first shown to the last, of flights that show any; and which levels."""
+    part = slice(int(shown[0]), int(shown[-1]) + 1)
+    seen = mask[:, part]
+    used = seen.any(1)
+    return torch.where(seen, values[:, part].to(torch.float64), 0.0)[used], seen[used], part
+
+
+def _mean_and_spread(values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean of each level (L,), and root mean square of what flights show beside it."""
+    mean, _ = level_and_flight(values, mask)
+    return mean, torch.where(mask, values - mean, 0.0).square().sum().div(mask.sum()).sqrt()
+
+
+def _is_nothing(spread: Tensor, mean: Tensor) -> bool:
+    """Whether a spread is no more than rounding."""
+    return float(spread) <= SAME * float(mean.abs().max())
 
 
 def _fewest(mask: Tensor) -> float:

@@ -1,4 +1,7 @@
-"""Sweep of the variance that the components explain (paper, appendix B): mixtures judged on held-out folds."""
+"""Sweep of the variance that the components explain (paper, appendix B): mixtures judged on held-out folds.
+
+Where speed is held as a Mach number and a CAS, each is a constant of the flight, and the share is that of drag alone.
+"""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -16,13 +19,19 @@ from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_registry import paper_statistics
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import sample_descents
-from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.linear_curves import evidence_of
+from descentflow.representation.observed_channels import observed_channels
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles
-from descentflow.representation.representation import Representation, Split
+from descentflow.representation.representation import (
+    Representation,
+    Split,
+    fitted_constants,
+    held_speed,
+    standardised_decoder,
+)
 
 SAMPLES = 1_000
 RESTARTS = 2
@@ -50,7 +59,7 @@ def fold_scores(
     """Fit a mixture to all folds but one at every share of variance, and score its samples against that one.
 
     Args:
-        profiles: Flights of a training part.
+        profiles: Flights of a training part; with crossovers, speed is a Mach number and a CAS, else one CAS profile.
         aircraft: Their coefficients.
         transition_fl: Transition level of the type.
         fold: Which fold is held out, from 0.
@@ -75,10 +84,10 @@ def fold_scores(
     held_out = order[fold::folds]
     rest = order[~torch.isin(order, held_out)]
     train, test = profiles.subset(rest.sort().values), profiles.subset(held_out.sort().values)
-    bases = [_bases(values, train.mask, shares) for values in (train.drag_n, train.cas_mps)]
+    bases = _bases(train, shares)
     rows: list[_FoldScore] = []
     for share in shares:
-        representation = _representation(train, aircraft, bases[0][share], bases[1][share])
+        representation = _representation(train, aircraft, bases[share])
         rows += _one_share(representation, train, test, transition_fl, share, fold)
     return pl.DataFrame([asdict(row) for row in rows])
 
@@ -105,7 +114,18 @@ def truncated(basis: FunctionalBasis, share: float) -> FunctionalBasis:
     )
 
 
-def _bases(values: Tensor, mask: Tensor, shares: tuple[float, ...]) -> dict[float, FunctionalBasis]:
+def _bases(train: Profiles, shares: tuple[float, ...]) -> dict[float, list[FunctionalBasis]]:
+    """Bases of drag and of speed for each share, in the order of the weights."""
+    drag, *speeds = zip(*observed_channels(train, held_speed(train)), strict=True)
+    of_drag = _truncated_bases(*drag, shares)
+    if train.crossovers is None:
+        of_cas = _truncated_bases(*speeds[0], shares)
+        return {share: [of_drag[share], of_cas[share]] for share in shares}
+    constants = fitted_constants(speeds)
+    return {share: [of_drag[share], *constants] for share in shares}
+
+
+def _truncated_bases(values: Tensor, mask: Tensor, shares: tuple[float, ...]) -> dict[float, FunctionalBasis]:
     """A basis for each share; one fit serves all shares that its latent dimension serves anyway."""
     found: dict[float, FunctionalBasis] = {}
     fitted: FunctionalBasis | None = None
@@ -117,9 +137,8 @@ def _bases(values: Tensor, mask: Tensor, shares: tuple[float, ...]) -> dict[floa
     return found
 
 
-def _representation(train: Profiles, aircraft: Aircraft, drag: FunctionalBasis, cas: FunctionalBasis) -> Representation:
-    raw = torch.cat([drag.encode(train.drag_n, train.mask), cas.encode(train.cas_mps, train.mask)], 1)
-    decoder = DescentDecoder(aircraft, train.levels_fl, drag, cas, raw.mean(0), raw.std(0))
+def _representation(train: Profiles, aircraft: Aircraft, bases: list[FunctionalBasis]) -> Representation:
+    decoder = standardised_decoder(train, aircraft, bases)
     return Representation(decoder, Plausibility.from_profiles(train), Split((), (), ()), {})
 
 

@@ -147,6 +147,26 @@ def paper_plan(share: float = 1.0, typecodes: list[str] | None = None, **setting
     return StudyPlan(flights, **settings)  # type: ignore[arg-type]
 
 
+def begun(folder: Path) -> StudyPlan:
+    """The plan of the study that a folder holds.
+
+    Raises:
+        ConfigError: If it holds none.
+
+    Example:
+        >>> begin(StudyPlan({"A320": 200}), Path("study_of_200"))
+        >>> begun(Path("study_of_200")).flights
+        {'A320': 200}
+    """
+    try:
+        found = json.loads((folder / "plan.json").read_text())
+        return StudyPlan(**{**found, "models": tuple(found["models"])})
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigError(
+            f"no plan of a study in {folder}", expected="its plan.json", mend="run scripts/paper_study.py there first"
+        ) from error
+
+
 def begin(plan: "DataclassInstance", folder: Path) -> None:
     """Write the plan into the study's folder, or check that a study begun there is the same.
 

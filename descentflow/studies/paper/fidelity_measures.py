@@ -1,0 +1,131 @@
+r"""How samples vary at the top of descents, and how often intervals in flight hold: measured on held-out flights.
+
+The spread at the top compares standard deviations within levels,
+
+.. math:: \sqrt{\sum_l n_l s_l^2(\text{samples}) / \sum_l n_l s_l^2(\text{flights})},
+
+over the highest 3,000 ft of the grid, with :math:`n_l` flights at level l: a density that is fitted to the most
+probable profile of flights with hidden levels varies too little there. The intervals: the share of flights whose time
+to a level lay inside its 90 % interval, predicted from what was flown above.
+"""
+
+import json
+from pathlib import Path
+
+import polars as pl
+import torch
+
+from descentflow.core.files import whole_file
+from descentflow.densities.checkpoint import load_model
+from descentflow.densities.density import Density
+from descentflow.evaluation.evaluate import evaluate
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.generation.prediction.predict import predict
+from descentflow.studies.paper.study_plan import StudyPlan
+from descentflow.surveillance.descents.prepared_descents import read_descents
+
+TOP_FL = 30.0
+"""Depth of what is called the top: 3,000 ft."""
+FEWEST = 10
+"""Flights at a level below which it says nothing of a spread."""
+OBSERVED = (0.75, 0.5)
+"""Shares of the grid's height at which a flight is predicted from: below the top of descent, and half-way down."""
+MOST_FLIGHTS = 1_000
+"""Flights that are predicted: a share of 90 % is then known to 1 %."""
+CONTINUATIONS = 300
+SAMPLES = 5_000
+"""Two standard deviations are compared, not two tails: half of the paper's 10,000 are enough."""
+
+
+def top_spread(samples: DescentSet, real: DescentSet) -> dict[str, float]:
+    """Standard deviation of samples over that of flights within levels of the highest 3,000 ft, by quantity.
+
+    Args:
+        samples: Sampled descents.
+        real: Held-out flights on the same grid.
+
+    Returns:
+        ``rate`` and ``cas``; NaN where no level has flights enough.
+
+    Example:
+        >>> from descentflow.evaluation.evaluate import evaluate
+        >>> found = evaluate("best.ckpt", "descents.parquet", n=200)
+        >>> sorted(top_spread(found.real, found.real).items())
+        [('cas', 1.0), ('rate', 1.0)]
+    """
+    top = real.levels_fl > real.levels_fl[-1] - TOP_FL
+    n = real.mask[:, top].sum(0)
+    told = (n >= FEWEST) & (samples.mask[:, top].sum(0) >= FEWEST)
+    weight = torch.where(told, n, 0).double()
+    found = {}
+    for name, of in (("rate", "rate_mps"), ("cas", "cas_mps")):
+        variances = []
+        for one in (samples, real):
+            values, mask = getattr(one, of)[:, top].double(), one.mask[:, top]
+            count = mask.sum(0).clamp(min=2)
+            mean = torch.where(mask, values, 0.0).sum(0) / count
+            square = torch.where(mask, values - mean, 0.0).square().sum(0) / (count - 1)
+            variances.append(float((weight * torch.where(told, square, 0.0)).sum()))
+        found[name] = (variances[0] / variances[1]) ** 0.5 if variances[1] > 0 else float("nan")
+    return found
+
+
+def in_flight(model: Density, descents: Path, seed: int = 0, flights: int = MOST_FLIGHTS) -> pl.DataFrame:
+    """How often 90 % intervals of the time to each level hold what was flown, predicted from two levels.
+
+    Args:
+        model: What predicts.
+        descents: Prepared; flights that the model has seen are left out.
+        seed: Of the predictions, and of which flights are predicted where there are more than ``flights``.
+        flights: Most flights.
+
+    Returns:
+        Columns ``from_fl level_fl flights covered``.
+
+    Raises:
+        DataError: If no flight can be predicted.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> in_flight(load_model("best.ckpt"), Path("descents.parquet"), flights=10).columns
+        ['from_fl', 'level_fl', 'flights', 'covered']
+    """
+    levels, split = model.representation.decoder.levels_fl, model.representation.split
+    source = read_descents(descents)
+    unseen = sorted(set(source.frame["flight_id"].unique()) - {*split.train, *split.validation})
+    order = torch.randperm(len(unseen), generator=torch.Generator().manual_seed(seed)).tolist()
+    chosen = [unseen[i] for i in order[:flights]]
+    found = []
+    for share in OBSERVED:
+        from_fl = round(float(levels[0]) + share * float(levels[-1] - levels[0]))
+        ahead = predict(model, source, from_fl, n=CONTINUATIONS, seed=seed, flights=chosen)
+        found.append(ahead.coverage().with_columns(pl.lit(from_fl).alias("from_fl")))
+    return pl.concat(found).select("from_fl", "level_fl", "flights", "covered")
+
+
+def measure(plan: StudyPlan, name: str, folder: Path) -> None:
+    """Leave ``fidelity.json`` and ``in_flight.csv`` of one model of a type whose study is done.
+
+    Args:
+        plan: The study.
+        name: One of its models.
+        folder: The type's folder.
+
+    Raises:
+        DescentflowError: If the checkpoint cannot be used, too few draws are plausible, or no flight can be predicted.
+
+    Example:
+        >>> measure(StudyPlan({"A320": 120}), "gmm", Path("no_study"))
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.CheckpointError: ...no_study/gmm/model.ckpt...
+    """
+    place = folder / name
+    model = load_model(place / "model.ckpt")
+    found = evaluate(model, folder / "descents.parquet", n=SAMPLES, seed=plan.seed, n_splits=2)
+    ahead = in_flight(model, folder / "descents.parquet", plan.seed)
+    spread = {f"top_spread_{quantity}": value for quantity, value in top_spread(found.samples, found.real).items()}
+    with whole_file(place / "in_flight.csv") as temporary:
+        ahead.write_csv(temporary)
+    with whole_file(place / "fidelity.json") as temporary:
+        temporary.write_text(json.dumps({**spread, "kept": 1 - found.rejections.rejected / found.rejections.drawn}))

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from descentflow.cli import air_arguments, level_times_command
+from descentflow.core.seeds import seed_word
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="gap.json of the diagnosis before the simulator was changed: predicted against achieved closure",
     )
-    parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same answer (default: 0)")
+    parser.add_argument("--seed", type=seed_word, default=0, help="the same seed gives the same answer (default: 0)")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from descentflow.cli import air_arguments, level_times_command
+from descentflow.core.seeds import seed_word
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     air_arguments.add_source(parser)
     parser.add_argument("--out", type=Path, required=True, help="folder for scores.csv, rejections.json and figures")
     parser.add_argument("-n", "--number", type=int, default=10_000, help="samples (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of sampling and splits (default: 0)")
+    parser.add_argument("--seed", type=seed_word, default=0, help="of sampling and splits (default: 0)")
     parser.add_argument("--draw-budget", type=int, help="most draws before giving up (default: 100 for each sample)")
     parser.add_argument(
         "--resamples", type=int, help="also write intervals.csv: 90 %% bootstrap intervals of the scores over flights"

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from descentflow.cli import context_arguments, position_arguments
+from descentflow.core.seeds import seed_word
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--to", required=True, choices=TARGETS, metavar="TARGET", help="one of the targets above")
     parser.add_argument("--out", type=Path, required=True, help="output; some targets write further files beside it")
     parser.add_argument("-n", "--number", type=int, default=1000, help="samples (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same files (default: 0)")
+    parser.add_argument("--seed", type=seed_word, default=0, help="the same seed gives the same files (default: 0)")
     parser.add_argument(
         "--every",
         type=float,

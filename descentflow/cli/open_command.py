@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from descentflow.core.seeds import seed_word
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -13,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("run", type=Path, help="folder of the run (runs/NAME/version_N), or its checkpoint")
     parser.add_argument("-n", "--number", type=int, default=10_000, help="samples to score (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of these samples (default: 0)")
+    parser.add_argument("--seed", type=seed_word, default=0, help="of these samples (default: 0)")
     parser.add_argument("--browser", action="store_true", help="also open the page in the browser")
 
 

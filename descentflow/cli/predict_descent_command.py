@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from descentflow.cli import position_arguments
+from descentflow.core.seeds import seed_word
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--flight", action="append", help="flight_id; may be given again (default: every unseen flight)"
     )
     parser.add_argument("-n", "--number", type=int, default=500, help="continuations of each (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same predictions (default: 0)")
+    parser.add_argument(
+        "--seed", type=seed_word, default=0, help="the same seed gives the same predictions (default: 0)"
+    )
     parser.add_argument(
         "--context-table", type=Path, help="CSV or Parquet with flight_id and the context, for a conditional model"
     )

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from descentflow.cli import air_arguments, context_arguments, position_arguments
+from descentflow.core.seeds import seed_word
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
     parser.add_argument("-n", "--number", type=int, default=10_000, help="descents wanted (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same descents (default: 0)")
+    parser.add_argument("--seed", type=seed_word, default=0, help="the same seed gives the same descents (default: 0)")
     parser.add_argument("--out", type=Path, required=True, help="output: .parquet, .csv or .nc (NetCDF)")
     parser.add_argument(
         "--figure",

@@ -5,6 +5,7 @@ import textwrap
 from pathlib import Path
 
 from descentflow.cli import plant_arguments
+from descentflow.core.seeds import seed_word
 from descentflow.simulation.plantable import PLANTABLE
 
 
@@ -19,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--typecode", default="A320", help="aircraft type (default: %(default)s)")
     parser.add_argument("--flights", type=int, default=2000, help="flights wanted (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same flights (default: 0)")
+    parser.add_argument("--seed", type=seed_word, default=0, help="the same seed gives the same flights (default: 0)")
     parser.add_argument(
         "--scenario",
         default="plain",

@@ -12,6 +12,7 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.core.counter_random import DrawNumbers, seed_of
 from descentflow.core.errors import SamplingError
+from descentflow.core.seeds import checked_seed
 from descentflow.generation.draw_owners import (
     Interchangeable,
     OfContexts,
@@ -83,7 +84,7 @@ def sample_descents(
         (100, 100)
     """
     budget = max(100 * n, 10_000) if draw_budget is None else draw_budget
-    generator = torch.Generator().manual_seed(seed)
+    generator = torch.Generator().manual_seed(checked_seed(seed))
     draws: Interchangeable | OfContexts | OfEntries | OfSamples
     own = None if air is None and mass_kg is None else OwnConditions(air, mass_kg, n, seed, context, entry)
     if context is not None:

@@ -10,8 +10,11 @@ import polars as pl
 import pytest
 import torch
 
-from descentflow.core.errors import CheckpointError, DataError, DescentflowError
+from descentflow.core.errors import CheckpointError, ConfigError, DataError, DescentflowError, SamplingError
 from descentflow.densities.checkpoint import load_model
+from descentflow.densities.mixture_parameters import Mixture
+from descentflow.generation.prediction.posterior import Prior, posterior_of
+from descentflow.generation.sample import sample
 from descentflow.surveillance.descents.description import KEY
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.rows.normalise import timestamps
@@ -132,3 +135,18 @@ def test_messages_are_no_longer_than_people_read() -> None:
     error = DescentflowError("x" * 10**6, expected="a name", mend="shorten it")
     assert len(str(error)) < 5000
     assert "characters left out" in str(error)
+
+
+@pytest.mark.parametrize("seed", [1 << 64, 1 << 63, -(1 << 63) - 1])
+def test_seeds_beyond_64_bits(seed: int, run: Path) -> None:
+    with pytest.raises(ConfigError, match="a seed of"):
+        sample(run / "checkpoints" / "best.ckpt", 2, seed=seed)
+    assert len(sample(run / "checkpoints" / "best.ckpt", 2, seed=(1 << 63) - 1)) == 2
+
+
+def test_a_flight_without_a_finite_density() -> None:
+    mixture = Mixture(torch.ones(1).double(), torch.zeros(1, 2).double(), torch.eye(2)[None].double())
+    endless = torch.tensor([1e200, 0.0]).double()
+    posterior = posterior_of(Prior(mixture, None), 3 * torch.eye(2).double(), endless)
+    with pytest.raises(SamplingError, match="more than numbers can hold"):
+        posterior.draw(5, torch.Generator().manual_seed(0))

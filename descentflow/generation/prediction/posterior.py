@@ -89,7 +89,8 @@ class Posterior:
         """Draw (n, D), and the number of effective draws behind them.
 
         Raises:
-            SamplingError: If a density that needs weighting leaves too few effective draws.
+            SamplingError: If what was observed has no finite density, or a density that needs weighting leaves too few
+                effective draws.
         """
         if self.prior.exact is None:
             return self._mixture_draw(n, generator), float(n)
@@ -109,7 +110,14 @@ class Posterior:
         return proposed[chosen], effective
 
     def _mixture_draw(self, n: int, generator: torch.Generator) -> Tensor:
-        component = torch.multinomial(self.log_probs.softmax(0), n, replacement=True, generator=generator)
+        shares = self.log_probs.softmax(0)
+        if not bool(shares.isfinite().all()):
+            raise SamplingError(
+                "what was observed of a flight is more than numbers can hold away from all that the density knows",
+                expected="a flight of the type and kind that it was trained on",
+                mend="look at the flight's own values",
+            )
+        component = torch.multinomial(shares, n, replacement=True, generator=generator)
         white = torch.randn(n, self.means.shape[1], 1, dtype=torch.float64, generator=generator)
         drawn = torch.empty(n, self.means.shape[1], dtype=torch.float64)
         for k in component.unique(sorted=True).tolist():  # type: ignore[no-untyped-call]

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import DataError, SamplingError
+from descentflow.core.seeds import checked_seed
 from descentflow.core.units import FL_M
 from descentflow.densities.density import Density
 from descentflow.generation.prediction.posterior import Posterior, Prior, posterior_of, prior_of
@@ -160,7 +161,7 @@ class DescentPredictor:
         so_far = self._so_far(flight, mask)
         seen = self.curves.information(self.representation.decoder.observed(so_far))
         posterior = posterior_of(self._prior(context), seen.precisions[0], seen.shift[0])
-        generator = torch.Generator().manual_seed(seed)
+        generator = torch.Generator().manual_seed(checked_seed(seed))
         drawn, effective = self._draw(posterior, so_far, n, generator)
         flown = self._fly(drawn, int(mask.nonzero()[0]))
         # Not the sampler's bounds: an observed flight may lie outside what training flights did, and still goes on.

@@ -38,6 +38,8 @@ def as_tensors(*values: Number) -> list[Tensor]:
 def _one(value: Number, dtype: torch.dtype, device: torch.device | None) -> Tensor:
     if not isinstance(value, Tensor):
         return torch.full((), value, dtype=dtype, device=device)
+    if value.dtype is dtype:
+        return value
     # A tensor without dimensions is a scalar like any float: on its own it must not raise the precision of a batch.
     return value.to(dtype) if value.dim() == 0 or not value.is_floating_point() else value
 

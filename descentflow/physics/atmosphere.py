@@ -49,7 +49,7 @@ def isa_temperature_k(altitude_m: Number) -> Tensor:
         216.65
     """
     (altitude,) = as_tensors(altitude_m)
-    return torch.where(below_tropopause(altitude), T0_K + LAPSE_K_M * altitude, T_TROPOPAUSE_K)
+    return (T0_K + LAPSE_K_M * altitude).clamp(min=T_TROPOPAUSE_K)
 
 
 def temperature_k(altitude_m: Number, deviation_k: Number = 0.0) -> Tensor:
@@ -98,7 +98,7 @@ def pressure_pa(altitude_m: Number) -> Tensor:
     (altitude,) = as_tensors(altitude_m)
     ratio = (isa_temperature_k(altitude) / T0_K) ** PRESSURE_EXPONENT
     # relu and not clamp: its gradient at exactly 11,000 m is zero, so the gradient there is the lower side's alone.
-    return P0_PA * ratio * torch.exp(-torch.relu(altitude - TROPOPAUSE_M) / SCALE_HEIGHT_M)
+    return P0_PA * ratio * torch.exp(torch.relu(altitude - TROPOPAUSE_M) / -SCALE_HEIGHT_M)
 
 
 def pressure_altitude_m(pressure: Number) -> Tensor:

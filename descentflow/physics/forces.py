@@ -6,7 +6,7 @@ from torch import Tensor
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.bada3.global_parameters import STANDARD, GlobalParameters
 from descentflow.core.constants import G0_MPS2
-from descentflow.core.tensors import Number, as_tensors
+from descentflow.core.tensors import Number, as_tensors, broadcast
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.physics.altitude_limits import is_above
 from descentflow.physics.atmosphere import density_kg_m3
@@ -38,14 +38,16 @@ def max_climb_thrust_n(aircraft: Aircraft, altitude_m: Number, tas_mps: Number, 
         True
     """
     altitude, tas, deviation = as_tensors(altitude_m, tas_mps, deviation_k)
-    altitude_ft, tas_kt = altitude / FT_M, tas / KT_MPS
+    altitude_ft = altitude / FT_M
     ct1, ct2, ct3 = aircraft.ct1, aircraft.ct2, aircraft.ct3
     if aircraft.engine == "jet":
-        thrust = ct1 * (1 - altitude_ft / ct2 + ct3 * altitude_ft * altitude_ft) + 0.0 * tas_kt
+        thrust = ct1 * (1 - altitude_ft / ct2 + ct3 * altitude_ft * altitude_ft)
+        if tas.shape != thrust.shape:
+            thrust, _ = broadcast(thrust, tas)
     elif aircraft.engine == "turboprop":
-        thrust = ct1 / tas_kt * (1 - altitude_ft / ct2) + ct3
+        thrust = ct1 / (tas / KT_MPS) * (1 - altitude_ft / ct2) + ct3
     else:
-        thrust = ct1 * (1 - altitude_ft / ct2) + ct3 / tas_kt
+        thrust = ct1 * (1 - altitude_ft / ct2) + ct3 / (tas / KT_MPS)
     return thrust * (1 - _temperature_loss(aircraft, deviation))
 
 

@@ -6,6 +6,7 @@ BADA, and the mass is constant: an idle descent burns 0.3 % of it.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -36,9 +37,9 @@ class Motion:
     def moved(self, rate: "Motion", time_s: float) -> "Motion":
         """Return the state after a time at a constant rate of change."""
         return Motion(
-            self.tas_mps + time_s * rate.tas_mps,
-            self.altitude_m + time_s * rate.altitude_m,
-            self.height_m + time_s * rate.height_m,
+            torch.add(self.tas_mps, rate.tas_mps, alpha=time_s),
+            torch.add(self.altitude_m, rate.altitude_m, alpha=time_s),
+            torch.add(self.height_m, rate.height_m, alpha=time_s),
         )
 
 
@@ -57,6 +58,10 @@ class Controls:
     gamma_rate: Tensor
     extra_n: Tensor
     extra_rate: Tensor
+
+
+_COEFFICIENTS = ("cd2_cr", "ct1", "ct2", "ct3", "ct4", "ct5", "ct_des_high", "ct_des_low", "ct_des_app", "ct_des_ld")
+"""What every step needs of the type, besides what each flight has of its own."""
 
 
 class Dynamics:
@@ -79,11 +84,28 @@ class Dynamics:
     """
 
     def __init__(self, aircraft: Aircraft, parameters: FlightParameters) -> None:
-        self.aircraft = replace(aircraft, cd0_cr=aircraft.cd0_cr * parameters.cd0_factor)
+        named: dict[str, Any] = {
+            name: torch.tensor(getattr(aircraft, name), dtype=torch.float64) for name in _COEFFICIENTS
+        }
+        self.aircraft = replace(aircraft, **named, cd0_cr=aircraft.cd0_cr * parameters.cd0_factor)
         self.parameters = parameters
+        self._known: tuple[Motion, Tensor, Tensor] | None = None
+
+    def forces_n(self, state: Motion) -> tuple[Tensor, Tensor]:
+        """Drag and idle thrust; asked again where the flights still are, the same: each period begins with both."""
+        if self._known is None or self._known[0] is not state:
+            self._known = (state, self._drag_n(state), self._idle_n(state))
+        return self._known[1:]
 
     def drag_n(self, state: Motion) -> Tensor:
         """Drag in clean configuration, and what injected brakes, compressibility and banks add."""
+        return self.forces_n(state)[0]
+
+    def idle_n(self, state: Motion) -> Tensor:
+        """Idle thrust."""
+        return self.forces_n(state)[1]
+
+    def _drag_n(self, state: Motion) -> Tensor:
         p = self.parameters
         where = state.tas_mps, state.altitude_m, p.deviation_k
         if p.injected is None:
@@ -94,8 +116,7 @@ class Dynamics:
         braked = replace(self.aircraft, cd0_cr=self.aircraft.cd0_cr * gain, cd2_cr=induced)
         return drag_n(braked, *where, p.mass_kg, load_factor=load_factor)
 
-    def idle_n(self, state: Motion) -> Tensor:
-        """Idle thrust."""
+    def _idle_n(self, state: Motion) -> Tensor:
         p = self.parameters
         return p.thrust_factor * descent_thrust_n(self.aircraft, state.altitude_m, state.tas_mps, p.deviation_k)
 
@@ -117,9 +138,10 @@ class Dynamics:
         p = self.parameters
         sine = torch.sin(gamma)
         height_rate = state.tas_mps * sine
-        thrust = self.idle_n(state) + extra_n
+        drag, idle = self.forces_n(state)
+        thrust = idle + extra_n
         wind_rate = p.wind_slope_per_s * height_rate * torch.cos(gamma)
-        acceleration = (thrust - self.drag_n(state)) / p.mass_kg - G0_MPS2 * sine - wind_rate
+        acceleration = (thrust - drag) / p.mass_kg - G0_MPS2 * sine - wind_rate
         return Motion(acceleration, height_rate * isa_fraction(state.altitude_m, p.deviation_k), height_rate)
 
     def step(self, state: Motion, controls: Controls, time_s: float, substeps: int = 1) -> Motion:
@@ -145,4 +167,8 @@ class Dynamics:
         return state
 
     def _rates_at(self, state: Motion, c: Controls, time_s: float) -> Motion:
-        return self.rates(state, c.gamma + time_s * c.gamma_rate, c.extra_n + time_s * c.extra_rate)
+        return self.rates(
+            state,
+            torch.add(c.gamma, c.gamma_rate, alpha=time_s),
+            torch.add(c.extra_n, c.extra_rate, alpha=time_s),
+        )

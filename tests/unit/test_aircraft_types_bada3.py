@@ -190,6 +190,7 @@ SPOILS = {
     "a lost line": ("J2M___.OPF", LINES["mass"], lambda x: "CC" + x[2:], "line 59: 21 data lines"),
     "an APF number": ("J2M___.APF", 22, lambda x: x.replace("74  74", "74  7x"), "line 23"),
     "a slipped APF": ("J2M___.APF", 22, lambda x: x[:26] + " " + x[26:], "line 23"),
+    "a superscript in an APF speed": ("J2M___.APF", 20, lambda x: x.replace("280", "²80"), "line 21"),
     "an APF range": ("J2M___.APF", 21, lambda x: x.replace("AV", "MI"), "line 22"),
     "an APF without default": ("J2M___.APF", 19, lambda x: x.replace("***", "BAW"), "line 20"),
     "a lost APF line": ("J2M___.APF", 22, lambda x: "CC" + x[2:], "line 22: 3 data lines"),

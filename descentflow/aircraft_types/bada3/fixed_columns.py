@@ -42,7 +42,7 @@ class Line:
             AircraftError: If there is none.
         """
         text = self.cut(first, last)
-        if not text.isdigit():
+        if not text.isdecimal():
             self.fail(f"{what} {text!r}", f"a whole number in columns {first + 1} to {last}")
         return int(text)
 

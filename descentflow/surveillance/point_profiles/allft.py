@@ -32,7 +32,7 @@ def is_allft(line: str) -> bool:
         >>> is_allft("6"), is_allft("timestamp;altitude")
         (True, False)
     """
-    return line.strip().isdigit() and len(line.strip()) <= 2
+    return line.strip().isdecimal() and len(line.strip()) <= 2
 
 
 def allft_points(lines: Iterable[str], report: DropReport) -> pl.DataFrame:
@@ -70,7 +70,7 @@ def allft_points(lines: Iterable[str], report: DropReport) -> pl.DataFrame:
         without += not points
         for point in points:
             parts = point.split(":")
-            if len(parts) < FIELDS_OF_POINT or not parts[3].lstrip("-").isdigit():
+            if len(parts) < FIELDS_OF_POINT or not parts[3].lstrip("-").isdecimal():
                 odd += 1
                 continue
             values = (fields[FLIGHT], fields[TYPE], fields[CALLSIGN], number, parts[0], float(parts[3]))

@@ -38,7 +38,7 @@ def is_so6(line: str) -> bool:
     """
     fields = line.split()
     numbers = (*TIMES, *LEVELS, *DATES, SEQUENCE)
-    return len(fields) == FIELDS and all(fields[place].isdigit() for place in numbers)
+    return len(fields) == FIELDS and all(fields[place].isdecimal() for place in numbers)
 
 
 def so6_points(lines: Iterable[str], report: DropReport) -> pl.DataFrame:

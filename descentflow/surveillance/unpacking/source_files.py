@@ -67,7 +67,7 @@ def with_parts(files: Sequence[Path]) -> list[tuple[str, list[Path]]]:
             continue
         parts = [file for file, _ in groupby(sorted(together))]
         numbers = [_number(str(file)) for file in parts]
-        first = 1 if str(parts[0])[-1].isdigit() else 0
+        first = 1 if str(parts[0])[-1].isdecimal() else 0
         if numbers[0] > first or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
             raise DataError(
                 f"parts {', '.join(file.name for file in parts)} of a split archive, but not those between or before",
@@ -80,7 +80,7 @@ def with_parts(files: Sequence[Path]) -> list[tuple[str, list[Path]]]:
 
 def _number(part: str) -> int:
     suffix = part.rpartition(".")[2]
-    if suffix.isdigit():
+    if suffix.isdecimal():
         return int(suffix)
     number = 0
     for letter in suffix:

@@ -176,6 +176,15 @@ def test_resuming_on_other_flights_is_refused(run: Path, tmp_path: Path, capsys)
     assert "trained on other flights" in capsys.readouterr().err
 
 
+def test_resuming_with_speed_held_in_another_way_is_refused(run: Path, tmp_path: Path, capsys) -> None:
+    words = ["--config", str(run / "config.yaml"), "--ckpt_path", str(run / "checkpoints" / "last.ckpt")]
+    where = ["--trainer.logger.init_args.save_dir", str(tmp_path), "--data.speed=mach_cas"]
+    assert main(["fit", *words, *where, "--trainer.max_epochs=2"]) == 2
+    told = capsys.readouterr().err
+    assert "1 of Mach, 1 of CAS" in told
+    assert "data.speed" in told
+
+
 def test_a_run_from_before_the_models_moved_is_tested_as_ever(run: Path, tmp_path: Path) -> None:
     """Its config.yaml and its checkpoint name descentflow.models.Gaussian."""
     content = torch.load(run / "checkpoints" / "best.ckpt", weights_only=True)

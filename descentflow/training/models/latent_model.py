@@ -195,6 +195,13 @@ class LatentModel(LightningModule, ABC, Generic[D]):
                 expected="the same prepared descents, filters and seed as in the run that is resumed",
                 mend="use that run's own config.yaml and data, or start a new fit",
             )
+        if self._density is not None and self.representation.decoder.sizes != saved.representation.decoder.sizes:
+            raise CheckpointError(
+                f"a checkpoint of weights {saved.representation.decoder.sizes}, where the options of data now make "
+                f"{self.representation.decoder.sizes}",
+                expected="the data.speed, data.explained_variance and data.fpca of the run that is resumed",
+                mend="use that run's own config.yaml, or start a new fit",
+            )
         if self._density is not None:
             self._resume(checkpoint.get(TRAINING, {}))
         self._density = saved.to(self.device)

@@ -60,7 +60,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             learning_rate: Of Adam in ``svi``; larger steps throw narrow components off a good start.
             seed: Of the starts.
             extend: Try more components than 15 flights per parameter allow where BIC decides for that cap, down to
-                four flights per parameter; the paper stops at the cap.
+                two flights per parameter; the paper stops at the cap.
         """
         super().__init__()
         self.save_hyperparameters()

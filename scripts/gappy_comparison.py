@@ -10,7 +10,7 @@ from descentflow.training.datamodule import DescentDataModule
 
 
 def main(descents: str, path: str, aircraft: str | None = None) -> None:
-    data = DescentDataModule(descents, aircraft=aircraft)
+    data = DescentDataModule(descents, aircraft=aircraft, speed="cas")
     data.setup()
     real = data.profiles("train")
     curves = {"drag": real.drag_n / 1000, "CAS": real.cas_mps / KT_MPS}

@@ -33,7 +33,7 @@ def read_settings(path: Path) -> dict[str, Any]:
     loader.add_implicit_resolver("tag:yaml.org,2002:float", EXPONENT, list("-+0123456789"))
     try:
         found = yaml.load(path.read_text(encoding="utf-8"), loader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
+    except (OSError, ValueError, yaml.YAMLError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise ConfigError(
             f"{path}: {reason}", expected="a YAML file of settings", mend="correct what is named"

@@ -57,6 +57,8 @@ MAY_HAVE_GAPS = "reference"
 """What flights measured: not a number where they showed no level."""
 MEND = "take the file as `descentflow fit` wrote it, or fit again"
 HIGHEST_FL = 700
+MOST_WHOLE = 1 << 62
+"""The largest whole number: of counts, seeds and numbers of context, which are of 64 bits."""
 OF_ANY_AIRCRAFT = {
     "altitude_des_ft": (0.0, 1e5),
     "des_cas_low_kt": (0.0, 1e3),
@@ -88,6 +90,9 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
     _check_types(section, PARTS, "section")
     representation = section["representation"]
     _check_types(representation, OF_REPRESENTATION, "representation")
+    types = representation["provenance"].get("typecodes", [])
+    if not isinstance(types, list | tuple) or not all(isinstance(one, str) for one in types):
+        raise _wrong("typecodes of the provenance are no texts", "the types that the descents are of")
     for column in representation.get("context", []):
         if not isinstance(column, dict):
             raise _wrong(f"a context column is of type {type(column).__name__}", "dictionaries")
@@ -181,6 +186,8 @@ def _not_finite(value: Any, *, or_unbounded: bool) -> int:
     """How many numbers are not finite; infinite bounds are none, so that only those that are no number count there."""
     if isinstance(value, float):
         return int(not isfinite(value))
+    if isinstance(value, int):
+        return int(abs(value) > MOST_WHOLE)
     if not isinstance(value, Tensor) or not value.is_floating_point():
         return 0
     return int((value.isnan() if or_unbounded else ~value.isfinite()).sum())

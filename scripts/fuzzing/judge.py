@@ -20,6 +20,9 @@ from descentflow.diagnosis.findings.read_gap import read_gap
 from fuzzing.cases import Case
 
 SECONDS = 30
+"""Of processor time, so that a busy machine makes no defect of a fit."""
+WAITING_S = 150
+"""In all: what waits for something that never comes uses no processor."""
 PARTS = ("; expected ", "; to mend it, ")
 
 
@@ -54,7 +57,7 @@ def judged(case: Case, folder: Path) -> Outcome:
             warnings.simplefilter("ignore")
             status = _run(case.words, err)
     except TooLong:
-        return Outcome("over the time", f"{SECONDS} s")
+        return Outcome("over the time", f"{SECONDS} s of processor time, or {WAITING_S} s in all")
     except MemoryError:
         return Outcome("memory", traceback.format_exc()[-2000:])
     except BaseException:  # a command never ends in one: this is what is looked for
@@ -137,10 +140,13 @@ def _seconds(limit: int) -> Iterator[None]:
     def stop(number: int, frame: FrameType | None) -> None:
         raise TooLong
 
-    previous = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(limit)
+    signals = {signal.SIGALRM: (signal.ITIMER_REAL, WAITING_S), signal.SIGPROF: (signal.ITIMER_PROF, limit)}
+    before = {number: signal.signal(number, stop) for number in signals}
+    for timer, seconds in signals.values():
+        signal.setitimer(timer, seconds)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, previous)
+        for number, (timer, _) in signals.items():
+            signal.setitimer(timer, 0)
+            signal.signal(number, before[number])

@@ -75,9 +75,9 @@ class _Worker:
         self.pipe.send(self.number)
 
     def is_late(self) -> bool:
-        from fuzzing.judge import SECONDS
+        from fuzzing.judge import WAITING_S
 
-        return time.monotonic() - self.begun > SECONDS + GRACE_S
+        return time.monotonic() - self.begun > WAITING_S + GRACE_S
 
     def outcome(self) -> dict[str, Any]:
         """What the case ended in, whatever became of the process."""

@@ -98,6 +98,8 @@ def test_descriptions_that_nobody_wrote(name: str, value: object, descents: Path
         ("plausibility.cas_low", "low", "plausibility.cas_low is of type str; expected a tensor"),
         ("plausibility.cas_high", torch.tensor([torch.nan]), "cas_high holds 1 that is no finite number"),
         ("split", [], "split of the representation is of type list"),
+        ("provenance.typecodes", [{"A320": 1}], "typecodes of the provenance"),
+        ("split.seed", 1 << 64, "split.seed holds 1 that is no finite number"),
         ("cleaning", "as usual", "cleaning of the representation is of type str"),
     ],
 )

@@ -51,6 +51,7 @@ def test_a_mistake_is_named_with_the_nearest_valid_word(words: list[str], got: s
         ("modle: {class_path: Gaussian}", "no option --modle"),
         ("model: [unclosed", "line 1"),
         ("only words", "holds a str"),
+        (f"data: {{seed: {'9' * 5000}}}", "a YAML file of settings"),
         ("data: {validation_fraction: null}", "--data.validation_fraction null; expected a value"),
         ("model: {class_path: Gaussian, init_args: {jitter: null}}", "--model.jitter null; expected a value"),
         ("model: {class_path: Gaussian, init_args: {jiter: 1.0}}", "no option --model.jiter;"),

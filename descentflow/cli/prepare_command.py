@@ -144,7 +144,8 @@ def run(args: argparse.Namespace) -> None:
         print(f"wrote {args.figures / 'index.html'}: {number} flights")
     print(descents.report)
     for typecode, top in descents.metadata["top_fl"].items():
-        print(f"{typecode}: {descents.flights[typecode]:,} descents, a quarter of them from FL{top} or above")
+        number = descents.flights[typecode]
+        print(f"{typecode}: {number:,} descent{'s' * (number != 1)}, a quarter of them from FL{top} or above")
     print(f"{args.out} was there already, made of the same" if was_there else f"wrote {args.out}")
 
 

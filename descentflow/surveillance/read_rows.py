@@ -17,13 +17,15 @@ from descentflow.surveillance.formats.small_parts import SourceTable, put_togeth
 from descentflow.surveillance.rows.blocks import even_blocks, without_cycle_search
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.named_columns import with_named
-from descentflow.surveillance.rows.normalise import normalise
+from descentflow.surveillance.rows.normalise import is_list_of_types, normalise
 from descentflow.surveillance.rows.units_check import check_units
 from descentflow.surveillance.unpacking.inputs import inputs
 from descentflow.surveillance.unpacking.source_files import files_of
 from descentflow.surveillance.unpacking.streams import Input, opened, unpacked
 from descentflow.surveillance.unpacking.unreadable import Unreadable
 
+LISTS_OF_TYPES = "rows of lists of types (icao24, typecode), which are no surveillance rows"
+"""How the report calls what it counts of tables that only say which aircraft is of which type."""
 MIN_IN_LATER_PARTS = 1000
 """Rows from which units are checked again in a later part of a file: the first may say nothing, a small one errs."""
 
@@ -78,8 +80,11 @@ def row_blocks(
             yield block
     if empty:
         names = ", ".join(HELD if isinstance(source, pl.DataFrame) else str(source) for source in sources)
+        lists = LISTS_OF_TYPES in report.notes
         raise unreadable.first_error or DataError(
-            f"no row in {names}", expected="surveillance rows", mend="pass other files"
+            f"no row in {names}" + (", but a list of types (icao24, typecode)" if lists else ""),
+            expected="surveillance rows",
+            mend="pass the rows, and the list as --types" if lists else "pass other files",
         )
 
 
@@ -171,9 +176,15 @@ def _parts(
 def _normalised(
     tables: Iterator[SourceTable], report: DropReport, columns: Mapping[str, str]
 ) -> Iterator[pl.DataFrame]:
-    """Rows in our names, types and units; units of tables that anybody may have made are checked."""
+    """Rows in our names, types and units; units of tables that anybody may have made are checked.
+
+    A folder of rows often holds the list of their types (`--types`), which has none: it is counted and left out.
+    """
     for table in tables:
         given = with_named(table.columns, columns, table.label) if columns and table.any_columns else table.columns
+        if table.any_columns and is_list_of_types(given.columns):
+            report.note(LISTS_OF_TYPES, len(given))
+            continue
         rows = normalise(given, table.label, report)
         if table.any_columns and (table.first or len(rows) >= MIN_IN_LATER_PARTS):
             check_units(rows, table.label)

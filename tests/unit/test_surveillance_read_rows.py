@@ -51,6 +51,17 @@ def test_folders_are_read_whole_and_files_of_other_columns_side_by_side(tmp_path
     assert rows["icao24"].n_unique() == 2
 
 
+def test_a_list_of_types_in_a_folder_of_rows_is_counted_and_left_out(tmp_path: Path) -> None:
+    written(flight("4ca001"), tmp_path / "rows.parquet")
+    listed = tmp_path / "types.csv"
+    listed.write_text("icao24,registration,typecode\n4ca001,EI-DEA,A320\n4ca002,EI-DEB,A320\n")
+    report = DropReport()
+    assert len(read_rows([tmp_path], report)) == len(flight())
+    assert report.notes["rows of lists of types (icao24, typecode), which are no surveillance rows"] == 2
+    with pytest.raises(DataError, match=r"but a list of types .*pass the rows, and the list as --types"):
+        read_rows([listed], DropReport())
+
+
 @pytest.mark.parametrize(
     "stamps",
     [

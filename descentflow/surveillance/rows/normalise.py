@@ -88,6 +88,18 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
     return with_mach(frame, report) if without_mach else frame
 
 
+def is_list_of_types(columns: Sequence[str]) -> bool:
+    """Whether these are the columns of a table that says which aircraft is of which type, and of no rows.
+
+    Example:
+        >>> is_list_of_types(["icao24", "registration", "typecode"]), is_list_of_types(["icao24", "typecode", "IAS"])
+        (True, False)
+    """
+    named = {ALIASES.get(name, ALIASES.get(name.lower(), name)) for name in columns}
+    rows = {*REQUIRED, STATE_VECTOR, "geoaltitude", "groundspeed"} - {"icao24"}
+    return {"icao24", "typecode"} <= named and not named & rows
+
+
 def _renamed(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
     renames: dict[str, str] = {}
     for name in table.columns:

@@ -6,6 +6,7 @@ and each fold is judged by a classifier that was trained on the others. Flights 
 control: their AUC is 0.5 on average.
 """
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -193,10 +194,18 @@ def _columns(levels_fl: Array) -> list[_Columns]:
     return whole + bands
 
 
+@functools.cache
+def _threads() -> Any:
+    """Of the libraries that scikit-learn works by: they are looked for once, in all that the process has loaded."""
+    import sklearn.ensemble  # noqa: F401
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
 def _trained(flights: Array, samples: Array, seed: int) -> "_Trained":
     # Imported here: it takes longer than most of what is scored.
     from sklearn.ensemble import HistGradientBoostingClassifier
-    from threadpoolctl import threadpool_limits
 
     labels = np.repeat([1, 0], [len(flights), len(samples)])
     values = np.vstack([flights, samples])
@@ -204,7 +213,7 @@ def _trained(flights: Array, samples: Array, seed: int) -> "_Trained":
     columns = np.flatnonzero([len(np.unique(one[~np.isnan(one)])) > 1 for one in values.T])
     if len(columns) == 0:
         return _Trained(None, columns)
-    with threadpool_limits(1):
+    with _threads().limit(limits=1):
         # On a few hundred rows a second thread costs more than it saves.
         model = HistGradientBoostingClassifier(random_state=seed, **SETTINGS).fit(values[:, columns], labels)
     return _Trained(model, columns)
@@ -249,9 +258,7 @@ def _exchanged(model: Any, flights: Array, samples: Array, parts: list[NDArray[n
 
 
 def _likeness(trained: _Trained, values: Array) -> Array:
-    from threadpoolctl import threadpool_limits
-
     if trained.model is None:
         return np.zeros(len(values))
-    with threadpool_limits(1):
+    with _threads().limit(limits=1):
         return np.asarray(trained.model.decision_function(values[:, trained.columns]))

@@ -1,9 +1,10 @@
 """What may import what, read from the imports themselves; and that light commands stay light."""
 
 import ast
+import functools
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -25,16 +26,19 @@ KNOW_THE_TRAINER = {"training", "studies", "cli"}
 """Packages that may import what knows Lightning; the front door does so only when it is asked."""
 
 
-def imports(path: Path) -> Iterator[str]:
+@functools.cache
+def imports(path: Path) -> tuple[str, ...]:
     """Every module that a file imports, inside functions and for type checking too."""
+    found: list[str] = []
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            found += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return tuple(found)
 
 
+@functools.cache
 def files() -> list[Path]:
     return sorted(PACKAGE.rglob("*.py"))
 
@@ -48,14 +52,15 @@ def imported_modules(path: Path) -> set[str]:
     found = set()
     for name in imports(path):
         parts = name.split(".")
-        while parts and not _is_module(parts):
+        while parts and not _is_module(*parts):
             parts.pop()
         if len(parts) > 1 and parts[0] == PACKAGE.name:
             found.add(".".join(parts[1:]))
     return found
 
 
-def _is_module(parts: list[str]) -> bool:
+@functools.cache
+def _is_module(*parts: str) -> bool:
     place = PACKAGE.parent.joinpath(*parts)
     return place.is_dir() or place.with_suffix(".py").is_file()
 
@@ -65,6 +70,7 @@ def module_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@functools.cache
 def modules() -> dict[str, set[str]]:
     """Module -> modules that it imports, lazily and for type checking too; the front door is left out."""
     found = {}

@@ -24,12 +24,24 @@ def shared() -> Path:
 
 
 @pytest.fixture(scope="module")
-def components_once() -> Iterator[None]:
-    """Profiles that a test of this process fitted before keep their components: for files that fit the same flights."""
+def components_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Profiles that a test of this session fitted before keep their components: for files that fit the same flights."""
+    from kept_by_workers import folder_of_workers
     from kept_components import keep_components
 
     with pytest.MonkeyPatch.context() as patch:
-        keep_components(patch)
+        keep_components(patch, folder_of_workers(tmp_path_factory, "components"))
+        yield
+
+
+@pytest.fixture(scope="module")
+def worlds_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Flights that a test of this session flew before are not flown again: for files that only need a world."""
+    from kept_by_workers import folder_of_workers
+    from kept_worlds import keep_worlds
+
+    with pytest.MonkeyPatch.context() as patch:
+        keep_worlds(patch, folder_of_workers(tmp_path_factory, "worlds"))
         yield
 
 
@@ -57,12 +69,16 @@ def real_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 def halves(tmp_path_factory: pytest.TempPathFactory) -> "tuple[Quantities, Quantities]":
     """Measured flights of two halves of one world's aircraft, some 100 each."""
     import gap_toys
+    from kept_by_workers import folder_of_workers, once
 
     from descentflow.measurements.quantities import quantities_of
     from descentflow.measurements.quantity_registry import CHANNELS
     from descentflow.surveillance.descents.prepared_descents import read_descents
 
-    path = gap_toys.flights(tmp_path_factory.mktemp("gap"), 200, seed=3)
-    every = quantities_of(read_descents(path).frame, 150, 360, CHANNELS)
+    def measured() -> "Quantities":
+        path = gap_toys.flights(tmp_path_factory.mktemp("gap"), 200, seed=3)
+        return quantities_of(read_descents(path).frame, 150, 360, CHANNELS)
+
+    every = once(folder_of_workers(tmp_path_factory, "halves"), "halves", measured)
     first = every.airframe % 2 == 0
     return every.rows(first), every.rows(~first)

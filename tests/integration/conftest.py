@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import toys
 from command_line_toys import fit
+from kept_by_workers import folder_of_workers, once
 
 import descentflow as df
 
@@ -24,10 +25,14 @@ def run(tmp_path_factory: pytest.TempPathFactory, descents: Path) -> Path:
 @pytest.fixture(scope="session")
 def a320(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A checkpoint of 250 A320 of the simulated world, for what other programs make of its samples."""
-    folder = tmp_path_factory.mktemp("a320")
-    descents = df.prepare(df.simulate("A320", 250, seed=11).rows, typecode="A320")
-    df.fit(descents, model="gaussian", out=folder / "a320.ckpt")
-    return folder / "a320.ckpt"
+    folder = folder_of_workers(tmp_path_factory, "a320")
+
+    def fitted() -> Path:
+        descents = df.prepare(df.simulate("A320", 250, seed=11).rows, typecode="A320")
+        df.fit(descents, model="gaussian", out=folder / "a320.ckpt")
+        return folder / "a320.ckpt"
+
+    return once(folder, "path", fitted)
 
 
 @pytest.fixture(scope="session")
@@ -35,7 +40,11 @@ def sampler(a320: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
     """The A320's sampler as the command writes it for onnxruntime, in single precision, and what it printed."""
     for library in ("onnxruntime", "onnxscript"):
         pytest.importorskip(library, reason=f"{library} is in the extra onnx of descentflow")
-    path = tmp_path_factory.mktemp("sampler") / "a320.onnx"
-    command = [sys.executable, "-m", "descentflow", "export", str(a320), "--to", "onnx", "--out", str(path)]
-    done = subprocess.run([*command, "--precision", "float32"], capture_output=True, text=True, check=True)
-    return path, done.stdout
+    folder = folder_of_workers(tmp_path_factory, "sampler")
+    path = folder / "a320.onnx"
+
+    def exported() -> str:
+        command = [sys.executable, "-m", "descentflow", "export", str(a320), "--to", "onnx", "--out", str(path)]
+        return subprocess.run([*command, "--precision", "float32"], capture_output=True, text=True, check=True).stdout
+
+    return path, once(folder, "said", exported)

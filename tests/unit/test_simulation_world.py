@@ -177,7 +177,7 @@ def test_effects_are_injected_by_changing_tensors(world: World) -> None:
 @pytest.mark.parametrize("typecode", open_typecodes())
 def test_every_open_type_descends(typecode: str) -> None:
     aircraft = open_aircraft(typecode)
-    world = simulate(aircraft, 8, 0)
+    world = simulate(aircraft, 8, 0, WorldConfig(step_s=2.0))
     idle = world.truth.filter(pl.col("label") == "idle")
     assert idle["rate_mps"].min() / FPM_MPS > -6000
     assert idle["rate_mps"].max() / FPM_MPS < -300

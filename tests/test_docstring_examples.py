@@ -15,7 +15,7 @@ from descentflow.cli import main
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.effects import EFFECTS
 
-pytestmark = pytest.mark.usefixtures("components_once")
+pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
 
 NEEDS = {
     f"descentflow.simulation.jsbsim_world.{name}": "jsbsim"

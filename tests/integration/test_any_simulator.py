@@ -24,6 +24,8 @@ from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 from descentflow.surveillance.prepare import prepare
 
+pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
+
 SMALL = {name: EFFECTS[name] for name in ("temperature", "wind_gradient", "mass", "speed_schedule")}
 """A catalogue that is fitted quickly."""
 

@@ -11,7 +11,7 @@ import pytest
 from descentflow.cli.entry import main
 from descentflow.core.errors import DescentflowWarning
 
-pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
+pytestmark = pytest.mark.usefixtures("components_once", "plain_figures", "worlds_once")
 
 STRICT = ["--slowest-fpm", "1200", "--transient-s", "60"]
 QUICK = ["--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false", "--scores.n_samples=100"]
@@ -43,7 +43,7 @@ def test_diagnose_cleans_rows_as_the_simulators_own(folder: Path, capsys: pytest
     found = {}
     for real in ("rows", "alike"):
         words = ["diagnose", "--real", str(folder / f"{real}.parquet"), "--simulator", str(folder / "simulator.ckpt")]
-        assert main([*words, "--out", str(folder / real)]) == 0
+        assert main([*words, "--channels", "IAS,Mach", "--out", str(folder / real)]) == 0
         found[real] = json.loads((folder / real / "gap.json").read_text())
         # By which way the flights came is said, and is another one.
         assert found[real].pop("provenance")["real"]["name"] == f"{real}.parquet"
@@ -54,7 +54,7 @@ def test_diagnose_cleans_rows_as_the_simulators_own(folder: Path, capsys: pytest
 
 def test_evaluate_and_predict_descent_clean_rows_as_the_models_own(folder: Path) -> None:
     for real in ("rows", "alike"):
-        words = ["evaluate", str(folder / "simulator.ckpt"), "--real", str(folder / f"{real}.parquet"), "-n", "300"]
+        words = ["evaluate", str(folder / "simulator.ckpt"), "--real", str(folder / f"{real}.parquet"), "-n", "100"]
         assert main([*words, "--no-figures", "--out", str(folder / f"scores_{real}")]) == 0
         words = ["predict-descent", str(folder / "simulator.ckpt"), str(folder / f"{real}.parquet"), "--from-fl", "290"]
         assert main([*words, "-n", "20", "--out", str(folder / f"ahead_{real}.parquet")]) == 0

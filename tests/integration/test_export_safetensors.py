@@ -14,6 +14,8 @@ from descentflow.densities.checkpoint import content_of
 from descentflow.exports.export import export
 from descentflow.exports.model_card import fill_in_scores
 
+pytestmark = pytest.mark.usefixtures("components_once")
+
 safetensors = pytest.importorskip("safetensors", reason="safetensors is an extra of descentflow")
 
 

@@ -8,7 +8,10 @@ import polars as pl
 import pytest
 
 import descentflow as df
+from descentflow.effects import EFFECTS
 from descentflow.simulation.world_config import WorldConfig
+
+pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
 
 README = Path(__file__).resolve().parents[2] / "README.md"
 
@@ -77,7 +80,7 @@ def test_each_takes_what_the_last_returns_or_a_path_of_it(folder: Path, monkeypa
     assert drawn[0].equals(drawn[2])
 
     scored = [
-        df.evaluate(model, real, n=200).to_polars()
+        df.evaluate(model, real, n=100).to_polars()
         for model, real in (
             (fitted, in_memory),
             (loaded, world),
@@ -95,7 +98,7 @@ def test_each_takes_what_the_last_returns_or_a_path_of_it(folder: Path, monkeypa
     assert ahead[0].to_polars().equals(ahead[1].to_polars())
 
     reports = [
-        df.diagnose(real, simulator)
+        df.diagnose(real, simulator, catalogue={"mass": EFFECTS["mass"]})
         for real, simulator in ((df.read_descents("descents.parquet"), fitted), ("rows.parquet", "gaussian.ckpt"))
     ]
     assert reports[0].verdict == reports[1].verdict

@@ -22,8 +22,10 @@ from descentflow.representation.context import ContextEncoder
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import read_descents
 
-pytestmark = pytest.mark.usefixtures("components_once")
+pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
 
+SMALL = {name: EFFECTS[name] for name in ("temperature", "mass", "wind_gradient", "speed_schedule")}
+"""A catalogue that is fitted quickly, where which effect is found is not what is asked."""
 BASIC = ("IAS", "Mach", "vertical_rate")
 
 
@@ -180,7 +182,7 @@ def test_bad_input_gets_a_clear_error(plain: Path, folder: Path, checkpoint: Pat
 def test_a_corrected_simulator_is_not_corrected_again(warm: tuple[GapReport, Path], folder: Path) -> None:
     carries = pytest.warns(DescentflowWarning, match="adds temperature to its samples, and the flights that it carries")
     with carries, pytest.raises(ConfigError, match="corrected already"):
-        diagnose(folder / "descents1.parquet", warm[1] / "corrected.ckpt", out=folder / "again")
+        diagnose(folder / "descents1.parquet", warm[1] / "corrected.ckpt", catalogue=SMALL, out=folder / "again")
 
 
 def test_torch_is_left_as_it_was(plain: Path, checkpoint: Path) -> None:
@@ -188,7 +190,7 @@ def test_torch_is_left_as_it_was(plain: Path, checkpoint: Path) -> None:
     torch.manual_seed(5)
     expected = torch.rand(3)
     torch.manual_seed(5)
-    diagnose(plain, typecode="A320")
+    diagnose(plain, typecode="A320", catalogue=SMALL)
     assert torch.equal(torch.rand(3), expected)
 
 
@@ -196,8 +198,8 @@ def test_a_checkpoint_without_flights_of_its_own_is_sampled(plain: Path, folder:
     """As checkpoints of earlier versions: samples stand for the flights, and physics for what they never measured."""
     model = load_model(checkpoint)
     model.representation.reference = None
-    assert diagnose(plain, model).verdict == "none"
-    report = diagnose(folder / "descents1.parquet", model)
+    assert diagnose(plain, model, catalogue=SMALL).verdict == "none"
+    report = diagnose(folder / "descents1.parquet", model, catalogue=SMALL)
     assert [cause.effect for cause in report.causes] == ["temperature"]
     assert report.details.normal_from == "samples"
 

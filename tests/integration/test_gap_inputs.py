@@ -16,6 +16,7 @@ from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.simulator_flights import SignatureSource
+from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
 from descentflow.effects.vertical_rate_lag import _late
 from descentflow.simulation.world import simulate
@@ -25,8 +26,10 @@ from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian
 
-pytestmark = pytest.mark.usefixtures("components_once")
+pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
 
+SMALL = {name: EFFECTS[name] for name in ("temperature", "mass")}
+"""A catalogue that is fitted quickly: what is compared are answers by one way and by another."""
 STRICT = Cleaning(slowest_fpm=1200.0, transient_s=60.0)
 """Settings under which descents begin later and hold only the steep part."""
 
@@ -50,15 +53,15 @@ def findings_alone(report: GapReport) -> dict[str, object]:
 
 
 def test_rows_are_cleaned_as_the_simulator_s_own_flights_were(folder: Path) -> None:
-    of_rows = diagnose(folder / "rows.parquet", folder / "simulator.ckpt")
-    of_descents = diagnose(folder / "alike.parquet", folder / "simulator.ckpt")
+    of_rows = diagnose(folder / "rows.parquet", folder / "simulator.ckpt", catalogue=SMALL)
+    of_descents = diagnose(folder / "alike.parquet", folder / "simulator.ckpt", catalogue=SMALL)
     assert of_rows.verdict == "none"
     assert findings_alone(of_rows) == findings_alone(of_descents)
 
 
 def test_other_settings_are_warned_of_and_would_pass_for_a_gap(folder: Path) -> None:
     with pytest.warns(DescentflowWarning, match=r"slowest_fpm is 500 in these descents and 1200"):
-        report = diagnose(folder / "default.parquet", folder / "simulator.ckpt")
+        report = diagnose(folder / "default.parquet", folder / "simulator.ckpt", catalogue=SMALL)
     assert report.p_value < 0.02
 
 
@@ -69,7 +72,7 @@ def test_a_simulator_may_be_a_path_a_density_or_a_fitted_model(folder: Path) -> 
     model = Gaussian()
     Trainer(max_epochs=1, num_sanity_val_steps=0, enable_model_summary=False, **quiet).fit(model, datamodule=data)
     path, density = folder / "simulator.ckpt", load_model(folder / "simulator.ckpt")
-    found = [diagnose(real, simulator) for simulator in (path, str(path), density, model)]
+    found = [diagnose(real, simulator, catalogue=SMALL) for simulator in (path, str(path), density, model)]
     assert {(report.verdict, report.p_value, report.gap_before) for report in found} == {
         (found[0].verdict, found[0].p_value, found[0].gap_before)
     }
@@ -78,9 +81,9 @@ def test_a_simulator_may_be_a_path_a_density_or_a_fitted_model(folder: Path) -> 
 def test_nominal_bada_may_be_a_designator_or_coefficients(folder: Path) -> None:
     real = folder / "default.parquet"
     by_name, by_keyword, by_coefficients = (
-        diagnose(real, "A320"),
-        diagnose(real, typecode="A320"),
-        diagnose(real, open_aircraft("A320")),
+        diagnose(real, "A320", catalogue=SMALL),
+        diagnose(real, typecode="A320", catalogue=SMALL),
+        diagnose(real, open_aircraft("A320"), catalogue=SMALL),
     )
     assert findings_alone(by_name) == findings_alone(by_keyword) == findings_alone(by_coefficients)
     with pytest.raises(AircraftError):

@@ -10,6 +10,8 @@ from descentflow.simulation.world import simulate
 from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
 
+pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
+
 FLIGHTS = 150
 
 

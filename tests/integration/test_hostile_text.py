@@ -20,6 +20,8 @@ from descentflow.reporting.html_page import HtmlPage
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.descents.store import read_store
 
+pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
+
 SCRIPT = (
     '"><script>document.title="RAN"</script><img src="http://192.0.2.1/a.png" onerror=document.title="RAN">'
     "<svg/onload=document.title='RAN'></svg>]]><style>*{background:url(http://192.0.2.1/b)}</style>"

@@ -15,6 +15,8 @@ import descentflow as df
 from descentflow.cli.entry import main
 from descentflow.diagnosis.level_times.leg_statistics import p_values
 
+pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
+
 
 @pytest.fixture(scope="module")
 def flown(a320: Path) -> pl.DataFrame:

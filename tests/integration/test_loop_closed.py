@@ -20,6 +20,8 @@ from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
 
+pytestmark = pytest.mark.usefixtures("worlds_once")
+
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "any_simulator.md"
 SMALL = {name: EFFECTS[name] for name in ("temperature", "mass", "speed_schedule")}
 

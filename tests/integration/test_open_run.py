@@ -12,6 +12,8 @@ from descentflow.cli.entry import main
 from descentflow.training.run_page.found_run import find_run
 from descentflow.training.run_page.run_history import run_history
 
+pytestmark = pytest.mark.usefixtures("components_once")
+
 SECTIONS = (
     *("The model", "Profiles against held-out flights", "Scores beside noise floors", "Loss by epoch"),
     *("Scores by epoch", "Rejections", "Components", "Settings"),

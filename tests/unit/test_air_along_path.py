@@ -25,6 +25,8 @@ from descentflow.representation.decoder.flown_air import flown_in
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.training.datamodule import DescentDataModule
 
+pytestmark = pytest.mark.usefixtures("worlds_once")
+
 PLAN = {"end": (51.0, 5.0), "track": 250.0, "to_go_nm": 30.0}
 NOON = "2024-03-05T12:00:00"
 

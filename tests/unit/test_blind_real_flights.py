@@ -20,6 +20,8 @@ from descentflow.studies.blind_diagnosis.real_flights import filled
 from descentflow.studies.blind_diagnosis.winds import tailwind_gradient, wind_profile
 from descentflow.surveillance.prepare import prepare
 
+pytestmark = pytest.mark.usefixtures("worlds_once")
+
 
 @pytest.fixture(scope="module")
 def windy() -> World:

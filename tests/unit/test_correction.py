@@ -19,6 +19,8 @@ from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
 
+pytestmark = pytest.mark.usefixtures("worlds_once")
+
 N = 4000
 
 

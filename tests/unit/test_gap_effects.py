@@ -13,6 +13,8 @@ from descentflow.effects.speed_brake import two_groups
 from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.quantity_registry import QUANTITIES
 
+pytestmark = pytest.mark.usefixtures("worlds_once")
+
 THETA = {
     "temperature": [6.0],
     "wind_gradient": [0.002],

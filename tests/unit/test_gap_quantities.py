@@ -11,6 +11,8 @@ from descentflow.measurements.level_channels import LevelGrid, short_scale_noise
 from descentflow.measurements.quantities import of_some_aircraft, reference_state
 from descentflow.surveillance.descents.prepared_descents import read_descents
 
+pytestmark = pytest.mark.usefixtures("worlds_once")
+
 
 def test_a_reference_takes_whole_aircraft(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     frame = read_descents(gap_toys.flights(tmp_path, 60, seed=5)).frame

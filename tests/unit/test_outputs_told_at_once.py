@@ -15,6 +15,8 @@ from descentflow.core.files import check_folder, system_number, whole_file
 from descentflow.exports.model_card import check_card
 from descentflow.simulation.world_files import WorldFiles
 
+pytestmark = pytest.mark.usefixtures("worlds_once")
+
 NO_MODEL = "no.ckpt"
 """It is not there: who tells of the output first has not read it."""
 

@@ -27,6 +27,8 @@ from descentflow.simulation.world import World
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 from descentflow.training.datamodule import DescentDataModule
 
+pytestmark = pytest.mark.usefixtures("worlds_once")
+
 LEVELS = torch.arange(150, 331).double()
 REFERENCE = float(AIRCRAFT.mass_reference_kg)
 

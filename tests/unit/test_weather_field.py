@@ -29,6 +29,8 @@ from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 from descentflow.training.datamodule import DescentDataModule
 
+pytestmark = pytest.mark.usefixtures("worlds_once")
+
 LEVELS = torch.arange(150, 341).double()
 WARM = WorldConfig(deviation_mean_k=10.0)
 

@@ -39,13 +39,18 @@ def jobs(good: Path) -> dict[str, Job]:
     real = str(good / "warm.parquet")
     command = (sys.executable, "-m", "descentflow")
     study = (sys.executable, str(SCRIPTS / "paper_study.py"), "out", "--store", descents, "--types", "A320")
-    study += ("--models", "gaussian,mixture", "--samples", "200")
+    study += ("--models", "gaussian,gmm", "--samples", "200")
     fits = {
         f"fit {name}": Job(
-            (*command, "fit", "--config", name, "--data.descents", descents, "--trainer.max_epochs", epochs),
+            (*command, "fit", "--config", name, "--data.descents", descents, "--trainer.max_epochs", epochs, *logger),
             ("runs/*/version_*/checkpoints/*.ckpt", "runs/*/version_*/config.yaml"),
         )
-        for name, epochs in (("gaussian", "1"), ("gmm", "20"), ("flow", "4"), ("spline", "3"))
+        for name, epochs, logger in (
+            ("gaussian", "1", ()),
+            ("gmm", "20", _without_figures("gmm")),
+            ("flow", "4", _without_figures("flow")),
+            ("spline", "3", _without_figures("spline")),
+        )
     }
     resumed = {
         f"{name}, resumed": Job(fits[name].words, fits[name].products, resume)
@@ -53,9 +58,13 @@ def jobs(good: Path) -> dict[str, Job]:
     }
     exports = {
         f"export {target}": Job(
-            (*command, "export", model, "--to", target, "--out", out, "-n", "50"), (f"{Path(out).stem}*",)
+            (*command, "export", model, "--to", target, "--out", out, "-n", "50", *places), (f"{Path(out).stem}*",)
         )
-        for target, out in (("json", "out.json"), ("safetensors", "out.safetensors"), ("traffic", "out.parquet"))
+        for target, out, places in (
+            ("json", "out.json", ()),
+            ("safetensors", "out.safetensors", ()),
+            ("traffic", "out.parquet", ("--end", "51.47,-0.45", "--track", "270", "--time", "2026-11-22T10:00:00")),
+        )
     }
     return {
         "prepare, a file": Job(_prepared(rows, "out.parquet"), ("out.parquet",)),
@@ -75,6 +84,12 @@ def jobs(good: Path) -> dict[str, Job]:
 
 
 STUDY = ("out/*.csv", "out/A320/*.parquet", "out/A320/*/scores.csv", "out/A320/*/best.ckpt", "out/A320/*.csv")
+
+
+def _without_figures(name: str) -> tuple[str, ...]:
+    """Options of a fit whose log is a table: figures for TensorBoard take most of a short fit, and none is compared."""
+    logger = "--trainer.logger"
+    return logger, "lightning.pytorch.loggers.CSVLogger", f"{logger}.save_dir", "runs", f"{logger}.name", name
 
 
 def _prepared(rows: str, out: str) -> tuple[str, ...]:

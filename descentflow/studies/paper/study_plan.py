@@ -108,7 +108,7 @@ class StudyPlan:
         unknown = [name for name in self.models if name not in known]
         if unknown or not self.models or not self.flights:
             raise ConfigError(
-                f"models {', '.join(self.models) or 'none'} for {len(self.flights)} types",
+                f"models {', '.join(unknown or self.models) or 'none'}, types {', '.join(self.flights) or 'none'}",
                 expected=f"some of {', '.join(known)}, and at least one type",
                 mend="name others",
             )

@@ -1,6 +1,5 @@
 """The command line. Nothing heavy is imported before a command needs it, so `descentflow --help` answers at once."""
 
-import argparse
 import os
 import sys
 import warnings
@@ -10,6 +9,7 @@ from importlib import import_module
 from typing import Any
 
 from descentflow.cli.ending import ended_in_order, print_whatever_comes
+from descentflow.cli.one_line_parser import OneLineParser, nearest
 from descentflow.core.errors import ConfigError, DescentflowError, DescentflowWarning
 from descentflow.core.progress import clear_line, display
 from descentflow.core.version import __version__
@@ -71,7 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     name, rest = words[0], words[1:]
     if name not in COMMANDS:
-        print(f"descentflow: no command {name!r}; there are {', '.join(COMMANDS)}", file=sys.stderr)
+        meant = nearest(name, COMMANDS)
+        known = f"did you mean {meant}? " * bool(meant) + f"there are {', '.join(COMMANDS)}"
+        print(f"descentflow: no command {name!r}; {known}", file=sys.stderr)
         return 2
     try:
         with _warnings_in_a_line(name), ended_in_order(name), display(f"descentflow {name}", quiet=QUIET in rest):
@@ -128,7 +130,7 @@ def _run(name: str, rest: list[str]) -> int:
         import_module("descentflow.cli.trainer").run(name, words)
         return 0
     module = import_module(f"descentflow.cli.{name.replace('-', '_')}_command")
-    parser = argparse.ArgumentParser(prog=f"descentflow {name}")
+    parser = OneLineParser(prog=f"descentflow {name}")
     module.add_arguments(parser)
     parser.add_argument(QUIET, action="store_true", help="show no progress; it goes to stderr, after two seconds")
     module.run(parser.parse_args(rest))

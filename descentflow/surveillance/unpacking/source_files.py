@@ -40,7 +40,7 @@ def files_of(paths: Sequence[str | Path], accepted: str = "files or folders of r
         elif path.is_file():
             files.append(path)
         else:
-            raise DataError(f"no file or folder {path}", expected=accepted, mend="check the path")
+            raise DataError(f"no file or folder {path}", expected="one that is there", mend="check the path")
     if not files:
         raise DataError("no file in the folders given", expected=accepted, mend="pass files, or folders that hold some")
     return files

@@ -1,6 +1,7 @@
-"""Seeds: whole numbers of 64 bits, as generators take them."""
+"""Seeds, whole numbers of 64 bits as generators take them, and numbers of what is drawn."""
 
 import argparse
+import operator
 
 from descentflow.core.errors import ConfigError
 
@@ -21,11 +22,51 @@ def checked_seed(seed: int) -> int:
             ...
         descentflow.core.errors.ConfigError: a seed of 18446744073709551616; expected ...
     """
-    if not LEAST <= seed <= MOST:
+    number = _whole(seed)
+    if number is None or not LEAST <= number <= MOST:
         raise ConfigError(
-            f"a seed of {seed}", expected="a whole number from -2^63 to 2^63 - 1", mend="pass a smaller one"
+            f"a seed of {_shown(seed)}", expected="a whole number from -2^63 to 2^63 - 1", mend="pass another one"
         )
-    return seed
+    return number
+
+
+def checked_count(n: int, of: str) -> int:
+    """How many are wanted, if that is a number of things.
+
+    Args:
+        n: The number.
+        of: What they are, in the plural.
+
+    Raises:
+        ConfigError: If it is no whole number, or none is wanted.
+
+    Example:
+        >>> checked_count(3, "descents")
+        3
+        >>> checked_count(1.5, "descents")
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.ConfigError: 1.5 descents; expected a whole number of them, at least one; ...
+    """
+    number = _whole(n)
+    if number is None or number < 1:
+        raise ConfigError(
+            f"{_shown(n)} {of}", expected="a whole number of them, at least one", mend="ask for a positive number"
+        )
+    return number
+
+
+def _whole(number: object) -> int | None:
+    """The number as an int, of NumPy's and torch's whole numbers too; none if it is no whole number."""
+    try:
+        return operator.index(number)  # type: ignore[arg-type]
+    except TypeError:
+        return None
+
+
+def _shown(number: object) -> str:
+    """A number as it is written, anything else as Python shows it, in a few letters."""
+    return str(number)[:40] if isinstance(number, int | float) else repr(number)[:40]
 
 
 def seed_word(text: str) -> int:

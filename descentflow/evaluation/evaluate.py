@@ -8,6 +8,7 @@ import polars as pl
 from torch import Tensor
 
 from descentflow.core.errors import DataError
+from descentflow.core.seeds import checked_count
 from descentflow.densities.checkpoint import as_density
 from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.evaluation.metrics.descent_set import DescentSet
@@ -61,7 +62,7 @@ def evaluate(
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
-        ConfigError: If the context or the air does not fit the model.
+        ConfigError: If no sample is asked for, or the context or the air does not fit the model.
         DataError: If the descents cannot be read, or the model has seen all of them.
         SamplingError: If too few draws are plausible.
 
@@ -72,6 +73,7 @@ def evaluate(
         500 samples from ... draws (...)
         quantity ...
     """
+    n = checked_count(n, "samples")
     density = as_density(model)
     representation = density.representation
     notes: list[str] = []

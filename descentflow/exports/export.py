@@ -7,6 +7,7 @@ from typing import Literal
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output
+from descentflow.core.seeds import checked_count
 from descentflow.densities.checkpoint import as_density
 from descentflow.exports.export_request import ExportRequest
 from descentflow.exports.targets import target_of
@@ -72,10 +73,9 @@ def export(
     """
     target = target_of(to)
     plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
-    if every_s < 0 or n < 1:
-        raise ConfigError(
-            f"{n} samples, {every_s:g} s apart", expected="at least one, 0 s or more", mend="pass for instance 120 s"
-        )
+    n = checked_count(n, "samples")
+    if every_s < 0:
+        raise ConfigError(f"samples {every_s:g} s apart", expected="0 s or more", mend="pass for instance 120 s")
     density = as_density(model)
     output = check_output(path)
     request = ExportRequest(density, output, n, seed, context, plan, every_s, draw_budget, progress, precision, report)

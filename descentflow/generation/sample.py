@@ -5,7 +5,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 
 from descentflow.air.weather_field import weather_field
-from descentflow.core.errors import ConfigError
+from descentflow.core.seeds import checked_count
 from descentflow.densities.checkpoint import as_density
 from descentflow.generation.air_along_path import AirAlongPath
 from descentflow.generation.rejection import sample_descents
@@ -36,6 +36,7 @@ def sample(
         model: A checkpoint's path, a density, or a fitted model.
         n: Number of descents.
         seed: The same seed gives the same ``n`` descents, in any thread or process, and touches no other generator.
+            Another ``n`` gives others; a :class:`~descentflow.Generator` numbers its descents.
         context: For a conditional model: values by name for all descents, or a table (in memory or as a path) with a
             row for each context; sample i has row i, beginning again after the last.
         entry_fl: Flight level where the descents start: one, several to draw from, or one for each row of
@@ -71,8 +72,7 @@ def sample(
         200 samples from ... draws (... plausible; broken: ...)
         levels FL150 to FL...; entry FL330 (FL330 to FL330); time to the lowest level ... min (...)
     """
-    if n < 1:
-        raise ConfigError(f"{n} descents", expected="at least one", mend="ask for a positive number")
+    n = checked_count(n, "descents")
     density = as_density(model)
     representation = density.representation
     contexts = context_rows(context, representation.context)

@@ -10,6 +10,7 @@ import polars as pl
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError
+from descentflow.core.seeds import checked_count, checked_seed
 from descentflow.core.tabular import to_pandas
 from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.injection import Injection
@@ -159,12 +160,9 @@ def simulate(
     files = None if out is None else WorldFiles.named(out, truth_out)
     kind = find_aircraft(aircraft, bada_dir) if isinstance(aircraft, str) else aircraft
     config = scenario if isinstance(scenario, WorldConfig) else scenario_settings(str(scenario or PLAIN), kind)
-    if n_flights < 1 or seed < 0 or chunk < 1:
-        raise ConfigError(
-            f"{n_flights} flights with seed {seed} in chunks of {chunk}",
-            expected="at least one flight, a seed of at least 0 and chunks of at least one",
-            mend="pass positive numbers",
-        )
+    n_flights, chunk = checked_count(n_flights, "flights"), checked_count(chunk, "flights in a chunk")
+    if checked_seed(seed) < 0:
+        raise ConfigError(f"a seed of {seed}", expected="0 or more", mend="pass a positive number")
     planting = Injection(kind, plant or {}, seed)
 
     def change(parameters: FlightParameters) -> FlightParameters:

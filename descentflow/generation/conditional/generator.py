@@ -12,6 +12,7 @@ import polars as pl
 import torch
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.seeds import checked_count, checked_seed
 from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
 from descentflow.generation.conditional.accepted import Accepted, NoneLeft, chosen_by_weight, first_plausible
@@ -74,7 +75,7 @@ class Generator:
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
-        ConfigError: If drag was inferred in its flights' own air or at their own mass.
+        ConfigError: If drag was inferred in its flights' own air or at their own mass, or the seed is no whole number.
 
     Example:
         >>> generator = Generator("best.ckpt", seed=0)
@@ -93,7 +94,7 @@ class Generator:
             density.attach(deepcopy(density.representation).cpu())
         self.density: Density = density
         self.representation = density.representation
-        self.seed, self.noise_multiple = int(seed), float(noise_multiple)
+        self.seed, self.noise_multiple = checked_seed(seed), float(noise_multiple)
         self.decoder, self.bounds = self.representation.decoder, self.representation.plausibility
         self.grid = FlownProfiles(self.decoder)
         self.levels_fl: list[float] = self.decoder.levels_fl.cpu().tolist()
@@ -154,8 +155,7 @@ class Generator:
             >>> torch.equal(torch.cat(apart), together.next_batch(3, entry_fl=300, mach=0.76).trajectories.time_s)
             True
         """
-        if n < 1:
-            raise ConfigError(f"{n} descents", expected="at least one", mend="ask for a positive number")
+        n = checked_count(n, "descents")
         request, contexts = self._request(entry_fl, context, flown)
         request = replace(
             request,
@@ -215,6 +215,8 @@ class Generator:
                 raise ConfigError("entry_fl beside what was flown", expected="one of them", mend="leave entry_fl out")
             so_far = flown_so_far(self.decoder, flown)
             return replace(request, flown=so_far, entry=int(so_far.mask[0].to(torch.int8).argmax())), contexts
+        if entry_fl is not None and np.size(entry_fl) > 1:
+            raise ConfigError(f"entry_fl {entry_fl}", expected="one for a call", mend="call once for each level")
         entry = entry_levels(self.representation, contexts, entry_fl)
         return request if entry is None else replace(request, entry=int(entry[0])), contexts
 

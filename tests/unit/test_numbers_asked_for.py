@@ -1,0 +1,60 @@
+"""How many and which seed: whole numbers, or a message, from every function that takes them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import toys
+
+import descentflow as df
+from descentflow.core.errors import ConfigError
+from descentflow.core.seeds import checked_count, checked_seed
+from descentflow.densities import GaussianDensity
+from descentflow.densities.density import Density
+
+DRAWS: dict[str, Callable[[Density, Path, object], object]] = {
+    "sample": lambda model, folder, n: df.sample(model, n),
+    "evaluate": lambda model, folder, n: df.evaluate(model, folder / "absent.parquet", n=n),
+    "export": lambda model, folder, n: df.export(model, "json", folder / "s.json", n=n),
+    "Generator": lambda model, folder, n: df.Generator(model).next_batch(n),
+    "simulate": lambda model, folder, n: df.simulate("A320", n),
+}
+
+
+@pytest.fixture(scope="module")
+def model() -> Density:
+    parts = toys.representation(120)
+    density = GaussianDensity(parts.decoder.dimension)
+    density.attach(parts)
+    return density
+
+
+@pytest.mark.parametrize("function", DRAWS)
+@pytest.mark.parametrize("n", [0, -3, 1.5, "10", None])
+def test_what_is_no_number_of_things_is_refused(function: str, n: object, model: Density, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="expected a whole number of them, at least one"):
+        DRAWS[function](model, tmp_path, n)
+
+
+@pytest.mark.parametrize("seed", [0.5, "1", None, 1 << 64])
+def test_what_is_no_seed_is_refused(seed: object, model: Density) -> None:
+    for call in (df.sample, lambda path, _, seed: df.Generator(path, seed=seed)):
+        with pytest.raises(ConfigError, match=r"a seed of .* expected a whole number from"):
+            call(model, 3, seed=seed)
+
+
+def test_numbers_of_numpy_count() -> None:
+    assert checked_count(np.int32(7), "flights") == 7
+    assert checked_seed(np.int64(-7)) == -7
+
+
+@pytest.mark.parametrize("entry", ["FL350", "350", [None], {"fl": 350}])
+def test_entry_levels_are_numbers(entry: object, model: Density) -> None:
+    with pytest.raises(ConfigError, match=r"entry_fl .* expected a flight level"):
+        df.sample(model, 3, entry_fl=entry)
+
+
+def test_a_generator_takes_one_level_of_entry(model: Density) -> None:
+    with pytest.raises(ConfigError, match="expected one for a call"):
+        df.Generator(model).next(entry_fl=[300, 310])

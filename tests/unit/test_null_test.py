@@ -12,6 +12,7 @@ from torch import Tensor
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.diagnosis.inference.blind_whitening import blind_whitening
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+from descentflow.diagnosis.inference.example_sides import example_likelihood
 from descentflow.diagnosis.inference.label_scores import LabelScores
 from descentflow.diagnosis.inference.labellings import labellings_of
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
@@ -134,3 +135,19 @@ def test_scores_of_permuted_flights_are_near_normal(law: FlightLaw) -> None:
         # Means of 2,000 are known to 0.02; the rest is what is left of the skewness, and of the variances' own error.
         assert float(found.mean()) == pytest.approx(0.0, abs=0.15)
         assert float(found.std()) == pytest.approx(1.0, abs=0.15)
+
+
+def test_levels_narrower_than_any_window_are_tested_without_windows() -> None:
+    """Flights between FL320 and FL374 ended in a traceback, for no brakes fit between their levels."""
+    likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+    columns, _ = discrepancy_columns(likelihood.compared)
+    whole = null_test(likelihood, columns, TRANSITION_FL, seed=0, count=19)
+    assert whole.by_window > 0
+    for name in list(likelihood.catalogue):
+        if (effect := likelihood.windowed(name)) is not None:
+            narrow = type("Narrow", (type(effect),), {"narrowest_fl": 1000.0})()
+            likelihood.catalogue = {**likelihood.catalogue, name: narrow}
+    found = null_test(likelihood, columns, TRANSITION_FL, seed=0, count=19)
+    assert found.by_window == 0
+    assert found.p_value == pytest.approx(0.05)
+    assert found.by_effect == pytest.approx(whole.by_effect)

@@ -91,8 +91,11 @@ def _windows(likelihood: EffectsLikelihood) -> Iterator[tuple[Tensor, Tensor]]:
     """Columns (n, p, s) by band of each windowed effect, and the weights (s, w) by which they make its windows."""
     for name in likelihood.catalogue:
         effect = likelihood.windowed(name)
-        if effect is not None:
-            yield band_columns(likelihood, effect, FIRST_SIZE), _weights(effect, likelihood.compared.state)
+        if effect is None:
+            continue
+        weights = _weights(effect, likelihood.compared.state)
+        if weights.shape[1]:  # few levels may be narrower than any window
+            yield band_columns(likelihood, effect, FIRST_SIZE), weights
 
 
 def _weights(effect: WindowedEffect, state: FlightState) -> Tensor:

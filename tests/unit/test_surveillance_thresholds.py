@@ -79,3 +79,12 @@ def test_sizes_are_read_as_people_write_them() -> None:
     for text in ("", "GB", "-2GB", "2 apples"):
         with pytest.raises(argparse.ArgumentTypeError, match="no size"):
             memory_bytes(text)
+
+
+def test_thresholds_given_in_python_are_checked_as_those_of_a_file(tmp_path: Path) -> None:
+    """A bottom of 280.0 was written into descents as it was, and then taken for no level: their cleaning was lost."""
+    assert repr(Cleaning(bottom_fl=280.0).bottom_fl) == "280"
+    assert repr(Cleaning(stale_s=20).stale_s) == "20.0"
+    for wrong in ({"bottom_fl": 99.5}, {"slowest_fpm": "fast"}, {"bottom_fl": None}):
+        with pytest.raises(ConfigError, match="Cleaning: "):
+            Cleaning(**wrong)

@@ -162,6 +162,11 @@ class Cleaning:
         20, "shortest descent kept, in flight levels", "2,000 ft: a minute of descent, above what a spike can feign"
     )
 
+    def __post_init__(self) -> None:
+        """Check what was given, as :func:`cleaning_of` does."""
+        for one in dataclasses.fields(self):
+            object.__setattr__(self, one.name, _checked(getattr(self, one.name), one, "Cleaning"))
+
 
 @dataclass(frozen=True)
 class Fixed:
@@ -252,8 +257,13 @@ def _checked(value: object, field: "dataclasses.Field[Any]", origin: str) -> int
     whole = isinstance(field.default, int)
     if value is None and "None" in str(field.type):
         return None
-    kinds = int if whole else (int, float)
-    if isinstance(value, kinds) and not isinstance(value, bool) and 0 <= value < 1e9:
+    # 280.0 is FL280: kept as it is, no reader of the descents would take it for a level.
+    if (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and 0 <= value < 1e9
+        and not (whole and value % 1)
+    ):
         return int(value) if whole else float(value)
     raise ConfigError(
         f"{origin}: {field.name} is {value!r}",

@@ -50,15 +50,15 @@ def main() -> int:
 
 def run(args: argparse.Namespace, path: Path) -> None:
     """Do the trials that are not in the file yet, and add their outcomes to it."""
-    from fuzzing.good_files import make
+    from killing.inputs import make
     from killing.jobs import jobs
     from killing.trial import Whole, trial, undisturbed
     from killing.warm import Warm
 
-    make(args.folder / "good")
+    make(args.folder / "inputs")
     path.touch()
     done = {(one["command"], one["signal"], one["number"]) for one in map(json.loads, path.read_text().splitlines())}
-    every = jobs(args.folder / "good")
+    every = jobs(args.folder / "inputs")
     chosen = args.commands.split(";") if args.commands else list(every)
     until = None if args.minutes is None else time.time() + 60 * args.minutes
     whole: dict[tuple[str, bool], Whole] = {}

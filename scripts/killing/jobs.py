@@ -29,14 +29,14 @@ class Job:
     always_anew: bool = False
 
 
-def jobs(good: Path) -> dict[str, Job]:
+def jobs(inputs: Path) -> dict[str, Job]:
     """Every command by name.
 
     Args:
-        good: Folder of whole inputs (:func:`fuzzing.good_files.make`).
+        inputs: Folder of what they read (:func:`killing.inputs.make`).
     """
-    rows, descents, model = (str(good / name) for name in ("rows.parquet", "descents.parquet", "plain.ckpt"))
-    real = str(good / "warm.parquet")
+    rows, descents, model = (str(inputs / name) for name in ("rows.parquet", "descents.parquet", "plain.ckpt"))
+    real = str(inputs / "warm.parquet")
     command = (sys.executable, "-m", "descentflow")
     study = (sys.executable, str(SCRIPTS / "paper_study.py"), "out", "--store", descents, "--types", "A320")
     study += ("--models", "gaussian,gmm", "--samples", "200")

@@ -1,9 +1,11 @@
 """A process that has loaded the large libraries and forks a command from itself: what is killed is then the work.
 
 ``python -m killing.warm`` reads a request of JSON per line and prints the number of the process that it began, then its
-exit status. Polars, whose threads no fork survives, and the package itself are loaded by the command, as usual.
+exit status. The package is loaded, too, and with it Polars, whose allocator has threads that a fork may lose; its pool
+begins with the first query, which is the command's.
 """
 
+import gc
 import importlib
 import json
 import os
@@ -23,8 +25,16 @@ LOADED = (
     "matplotlib.pyplot",
     "scipy.stats",
     "scipy.optimize",
+    "pyro",
+    "normflows",
+    "sklearn.ensemble",
     "sklearn.linear_model",
+    "sklearn.mixture",
     "sklearn.model_selection",
+    "descentflow.cli.trainer",
+    "descentflow.cli.trainer_words",
+    "descentflow.diagnosis.diagnose",
+    "descentflow.surveillance.prepare",
 )
 SCRIPTS = Path(__file__).resolve().parents[1]
 
@@ -99,8 +109,7 @@ def serve() -> list[str] | None:
     """Fork what is asked for; gives the words in the process that is to run them, nothing at the end."""
     for name in LOADED:
         importlib.import_module(name)
-    if (threads := len(os.listdir("/proc/self/task"))) != 1:
-        raise RuntimeError(f"{threads} threads, of which a fork keeps one")
+    gc.freeze()  # what is loaded is not searched for garbage again, neither in a command nor at its end
     _tell(0)
     # Not `for line in sys.stdin`, which reads ahead of the fork.
     while line := os.read(0, 1 << 20):

@@ -1,4 +1,4 @@
-"""What a format is: its name and meaning, how a file of it is recognised, and how it is read."""
+"""What a format is: its name, how a file of it is recognised, and how it is read."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,18 +19,16 @@ class Format:
 
     Attributes:
         name: As `--format` takes it.
-        meaning: One line for users.
         any_columns: Whether anybody may have made such tables, so that the names and units of every file have to be
             checked. Other formats have fixed columns, and their small files are put together.
         join: Makes one table of several parts, where :func:`polars.concat` does not.
 
     Example:
-        >>> Format("my-format", "what my tracker writes").any_columns
+        >>> Format("my-format").any_columns
         False
     """
 
     name: str
-    meaning: str
     any_columns: bool = False
     join: Callable[[Sequence[Columns], DropReport], pl.DataFrame] | None = None
 
@@ -94,7 +92,7 @@ class Part:
         first: Whether it is the first part of its file.
 
     Example:
-        >>> Part(pl.DataFrame({"IAS": [250.0]}), Format("my-format", "mine"), "rows.dat", first=True).label
+        >>> Part(pl.DataFrame({"IAS": [250.0]}), Format("my-format"), "rows.dat", first=True).label
         'rows.dat'
     """
 

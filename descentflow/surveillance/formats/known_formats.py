@@ -15,66 +15,56 @@ from descentflow.surveillance.formats.file_format import FileFormat, Format, Jso
 KNOWN = (
     FileFormat(
         "parquet",
-        "Parquet, as traffic, OpenSky and pandas write it",
         any_columns=True,
         recognise=tables.is_parquet,
         read=tables.parquet,
     ),
     FileFormat(
         "feather",
-        "Feather (Arrow IPC), as traffic and pandas write it",
         any_columns=True,
         recognise=tables.is_feather,
         read=tables.feather,
     ),
     TextFormat(
         "csv",
-        "CSV with column names and commas",
         any_columns=True,
         recognise=tables.may_be_csv,
         read=tables.csv,
     ),
     JsonFormat(
         "json-rows",
-        "JSON of rows (a list, one a line, or columns), as traffic and pandas write it",
         any_columns=True,
         recognise=json_rows.is_rows,
         read=json_rows.rows,
     ),
     JsonFormat(
         "readsb-trace",
-        "trace_full_*.json of readsb, tar1090 and adsb.lol",
         join=readsb_trace.joined,
         recognise=readsb_trace.is_trace,
         read=readsb_trace.rows,
     ),
     JsonFormat(
         "aircraft-json",
-        "snapshots that dump1090-fa, readsb and tar1090 serve, one or one a line",
         recognise=aircraft_json.is_snapshot,
         read=aircraft_json.rows,
     ),
     JsonFormat(
         "jet1090",
-        "JSON lines of jet1090, decoded or with frames alone",
         recognise=mode_s_frames.is_message,
         read=mode_s_frames.jet1090,
     ),
     TextFormat(
         "modes-hex",
-        "lines of time (seconds since 1970) and raw Mode S frame in hexadecimal digits",
         recognise=mode_s_frames.begins_with_frames,
         read=mode_s_frames.lines,
     ),
     JsonFormat(
         "scat",
-        "SCAT, Swedish radar with flight plans and clearances, one flight a file",
         recognise=scat.is_flight,
         read=scat.rows,
     ),
     FileFormat(
         "asterix",
-        "data blocks of ASTERIX categories 048 and 062, the day in the file's name",
         recognise=asterix.is_asterix,
         read=asterix.rows,
     ),
@@ -83,9 +73,10 @@ KNOWN = (
 specific."""
 FORMATS = {one.name: one for one in KNOWN}
 """Name -> format; each is also read from gzip and tar archives."""
-HELD_TABLE = Format("table", "a table in memory", any_columns=True)
+HELD_TABLE = Format("table", any_columns=True)
 """Rows that are no file."""
-ACCEPTED = "one of " + "; ".join(f"{one.name} ({one.meaning})" for one in FORMATS.values())
+ACCEPTED = f"one of {', '.join(FORMATS)} (docs: Sources of rows)"
+"""What messages say that files may be."""
 
 
 def check_format(name: str | None) -> None:

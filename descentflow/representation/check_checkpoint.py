@@ -162,7 +162,7 @@ def _check_types(section: Any, kinds: dict[str, tuple[type, ...]], name: str) ->
         if part not in section:
             if part not in MAY_BE_ABSENT:
                 raise _wrong(f"no {part} in the {name}", "all that a checkpoint of descentflow holds")
-        elif not isinstance(section[part], kind):
+        elif not isinstance(section[part], kind) or (isinstance(section[part], bool) and bool not in kind):
             expected = " or ".join(one.__name__ for one in kind)
             raise _wrong(f"{part} of the {name} is of type {type(section[part]).__name__}", expected)
 

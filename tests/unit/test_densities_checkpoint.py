@@ -133,6 +133,7 @@ def broken(kind: str, folder: Path) -> Path:
         "counts": lambda c: c["descentflow"]["representation"]["plausibility"]["entry_counts"].unsqueeze_(0),
         "coefficient": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].update(ct2=-1e30),
         "range": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "low": "zero"}]),
+        "flag": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "mean": True}]),
         "column": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "code": "x"}]),
     }
     changes[kind](content)
@@ -157,6 +158,7 @@ def broken(kind: str, folder: Path) -> Path:
         ("counts", "entry_counts is not on the grid"),
         ("coefficient", "aircraft.ct2 of -1e\\+30; expected a number from"),
         ("range", "low of the context column is of type str"),
+        ("flag", "mean of the context column is of type bool; expected float or int"),
         ("column", "a context column has 'code'"),
     ],
 )

@@ -7,7 +7,37 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import NoReturn
 
-UNKNOWN = re.compile(r"unrecognized arguments: (?P<words>.*)", re.DOTALL)
+from descentflow.core.errors import ConfigError
+
+SAID = tuple(
+    (re.compile(pattern, re.DOTALL), got, expected)
+    for pattern, got, expected in (
+        (r"argument (?P<name>\S+): invalid (?P<kind>\S+) value: (?P<value>.*)", "{name} is {value}", "{kind}"),
+        (r"argument (?P<name>\S+): (?P<value>.*); expected (?P<wanted>.*)", "{name} is {value}", "{wanted}"),
+        (
+            r"argument (?P<name>\S+): invalid choice: (?P<value>.*) \(choose from (?P<wanted>.*)\)",
+            "{name} is {value}",
+            "one of {wanted}",
+        ),
+        (r"argument (?P<name>\S+): expected (?P<wanted>.*)", "{name} without its value", "{wanted}"),
+        (
+            r"argument (?P<name>\S+): ignored explicit argument (?P<value>.*)",
+            "{name} is {value}",
+            "{name} without a value",
+        ),
+        (r"argument (?P<name>\S+): not allowed with argument (?P<other>\S+)", "{name} and {other}", "one of them"),
+        (r"the following arguments are required: (?P<names>.*)", "no {names}", "what has no default"),
+        (r"one of the arguments (?P<names>.*) is required", "none of {names}", "one of them"),
+        (
+            r"ambiguous option: (?P<value>.*) could match (?P<wanted>.*)",
+            "{value}, which begins several",
+            "one of {wanted}",
+        ),
+        (r"unrecognized arguments: (?P<words>.*)", "no option {words}", "an option of {prog}"),
+    )
+)
+"""What argparse says, and the parts of our message: the first that matches. Our own types say what they expected."""
+KINDS = {"int": "a whole number", "float": "a number", "Path": "a path"}
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -16,10 +46,11 @@ class OneLineParser(argparse.ArgumentParser):
     Example:
         >>> parser = OneLineParser(prog="descentflow sample")
         >>> _ = parser.add_argument("--seed", type=int)
-        >>> parser.told("argument --seed: expected one argument")
-        'argument --seed: expected one argument; descentflow sample --help lists all options'
-        >>> parser.told("unrecognized arguments: --sede 3")
-        'unrecognized arguments: --sede 3; did you mean --seed? descentflow sample --help lists all options'
+        >>> print(parser.told("argument --seed: invalid int value: 'x'"))
+        --seed is 'x'; expected a whole number; to mend it, see descentflow sample --help, which has every option
+        >>> print(parser.told("unrecognized arguments: --sede 3"))
+        no option --sede 3; expected an option of descentflow sample; to mend it, try --seed, or see \
+descentflow sample --help, which has every option
     """
 
     def error(self, message: str) -> NoReturn:
@@ -28,12 +59,18 @@ class OneLineParser(argparse.ArgumentParser):
         raise SystemExit(2)
 
     def told(self, message: str) -> str:
-        """A message of argparse with the nearest option where one is unknown, and the way to all of them."""
-        unknown = UNKNOWN.fullmatch(message)
-        words = [word.partition("=")[0] for word in (unknown["words"].split() if unknown else ())]
-        meant = [nearest(word, self._option_string_actions) for word in words if word.startswith("-")]
-        hint = f"; did you mean {', '.join(filter(None, meant))}?" if any(meant) else ";"
-        return f"{message}{hint} {self.prog} --help lists all options"
+        """What argparse says as every message here: what was got, what was expected, how to mend it."""
+        got, expected, words = message, f"what {self.prog} --help says", ""
+        for pattern, of_got, of_expected in SAID:
+            if found := pattern.fullmatch(message):
+                parts = found.groupdict() | {"prog": self.prog}
+                parts["kind"] = KINDS.get(parts.get("kind", ""), parts.get("kind", ""))
+                got, expected, words = of_got.format(**parts), of_expected.format(**parts), parts.get("words", "")
+                break
+        typed = [word.partition("=")[0] for word in words.split() if word.startswith("-")]
+        meant = ", ".join(filter(None, (nearest(word, self._option_string_actions) for word in typed)))
+        mend = f"{f'try {meant}, or ' if meant else ''}see {self.prog} --help, which has every option"
+        return str(ConfigError(got, expected=expected, mend=mend))
 
 
 def nearest(word: str, names: Iterable[str]) -> str:

@@ -69,9 +69,13 @@ def plan_of(args: argparse.Namespace) -> "GroundPlan":
 
 
 def _point(text: str) -> tuple[float, float]:
-    """LAT,LON in degrees, with a sign or with a letter; argparse says what was wrong."""
-    latitude, longitude = (part.strip() for part in text.split(","))
-    return _degrees(latitude, "NS"), _degrees(longitude, "EW")
+    """LAT,LON in degrees, with a sign or with a letter."""
+    try:
+        latitude, longitude = (part.strip() for part in text.split(","))
+        return _degrees(latitude, "NS"), _degrees(longitude, "EW")
+    except ValueError as error:
+        expected = "LAT,LON in degrees, as 51.47,-0.45 or 33.95S,151.18E"
+        raise argparse.ArgumentTypeError(f"{text!r}; expected {expected}") from error
 
 
 def _degrees(text: str, letters: str) -> float:

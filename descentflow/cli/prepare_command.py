@@ -72,13 +72,16 @@ def number_or_none(text: str) -> float | None:
         >>> number_or_none("25"), number_or_none("none")
         (25.0, None)
     """
-    return None if text.lower() == "none" else float(text)
+    try:
+        return None if text.lower() == "none" else float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}; expected a number, or none for no limit") from error
 
 
 def _pair(text: str) -> tuple[str, str]:
     name, equals, column = text.partition("=")
     if not (name and equals and column):
-        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=COLUMN, for instance altitude=alt_ft")
+        raise argparse.ArgumentTypeError(f"{text!r}; expected NAME=COLUMN, for instance altitude=alt_ft")
     return name, column
 
 
@@ -101,7 +104,7 @@ def memory_bytes(text: str) -> int:
     """
     found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?", text.strip().lower())
     if not found:
-        raise argparse.ArgumentTypeError(f"{text!r} is no size such as 2GB or 800MB")
+        raise argparse.ArgumentTypeError(f"{text!r}; expected a size such as 2GB or 800MB")
     return int(float(found[1]) * (1024 if found[3] else 1000) ** UNITS.index(found[2]))
 
 

@@ -79,4 +79,4 @@ def seed_word(text: str) -> int:
     try:
         return checked_seed(int(text))
     except (ValueError, ConfigError) as error:
-        raise argparse.ArgumentTypeError(f"{text[:40]!r} is no whole number from -2^63 to 2^63 - 1") from error
+        raise argparse.ArgumentTypeError(f"{text[:40]!r}; expected a whole number from -2^63 to 2^63 - 1") from error

@@ -113,8 +113,7 @@ def _refused(case: Case, said: str, left: set[str]) -> Outcome:
     own = [line for line in said.splitlines() if line.startswith("descentflow ") and ": warning: " not in line]
     if not own:
         return Outcome("no message", said[-500:])
-    is_of_argparse = ": error: " in own[-1]
-    if not is_of_argparse and not all(part in said for part in PARTS):
+    if not all(part in said for part in PARTS):
         return Outcome("message without got, expected and mend", said[-500:])
     if len(said) > 20_000:
         return Outcome("message of pages", f"{len(said)} characters")

@@ -14,7 +14,33 @@ def test_a_mistake_is_told_in_a_line(command: str, words: list[str], capsys: pyt
     assert ended.value.code == 2
     assert said.count("\n") == 1
     assert said.startswith(f"descentflow {command}: ")
-    assert f"descentflow {command} --help lists all options" in said
+    assert f"see descentflow {command} --help" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["sample", "m.ckpt", "-n", ""], "-n/--number is ''; expected a whole number; to mend it, see"),
+        (["sample", "m.ckpt", "-n", "3", "--seed", "inf"], "--seed is 'inf'; expected a whole number from -2^63 to"),
+        (["sample", "m.ckpt", "--end", "x; expected y"], "--end is 'x; expected y'; expected LAT,LON in degrees"),
+        (["sample", "m.ckpt", "--track"], "--track without its value; expected one argument;"),
+        (["sample", "m.ckpt", "--track", "north"], "--track is 'north'; expected a number;"),
+        (["predict-descent", "m.ckpt", "d", "--out", "x"], "no --from-fl; expected what has no default;"),
+        (["predict-descent", "m.ckpt", "d", "--from-fl", "9", "--step-s", "-1"], "--step-s is '-1'; expected a num"),
+        (["export", "m.ckpt", "--to", "wav", "--out", "x"], "--to is 'wav'; expected one of "),
+        (["prepare", "r", "--stale-s", "\ufeff"], "--stale-s is '\\ufeff'; expected a number"),
+        (["prepare", "r", "--memory", "much"], "--memory is 'much'; expected a size such as 2GB"),
+        (["prepare", "r", "--column", "much"], "--column is 'much'; expected NAME=COLUMN"),
+        (["prepare", "r", "--s", "3"], "--s, which begins several; expected one of --"),
+        (["simulate", "--quiet=yes"], "--quiet is 'yes'; expected --quiet without a value;"),
+    ],
+)
+def test_a_mistake_is_told_in_three_parts(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(words)
+    said = capsys.readouterr().err
+    assert said.startswith(f"descentflow {words[0]}: {told}")
+    assert "; to mend it, " in said
 
 
 def test_the_nearest_names_are_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -22,4 +48,4 @@ def test_the_nearest_names_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert "no command 'prepar'; did you mean prepare? there are simulate, prepare," in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main(["prepare", "rows.parquet", "--out", "d.parquet", "--typcode", "A320"])
-    assert "did you mean --typecode?" in capsys.readouterr().err
+    assert "to mend it, try --typecode, or see" in capsys.readouterr().err

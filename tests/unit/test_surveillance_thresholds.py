@@ -77,7 +77,7 @@ def test_sizes_are_read_as_people_write_them() -> None:
         2**30,
     ]
     for text in ("", "GB", "-2GB", "2 apples"):
-        with pytest.raises(argparse.ArgumentTypeError, match="no size"):
+        with pytest.raises(argparse.ArgumentTypeError, match="expected a size"):
             memory_bytes(text)
 
 

@@ -16,11 +16,13 @@ TEMPORARY = ("descentflow-part", ".work")
 def contents(folder: Path, patterns: Iterable[str]) -> dict[str, str]:
     """Digest of each product, by its name in the folder; of several versions of a run, those of the last.
 
+    What has no final name yet, a hidden file, is no product.
+
     Args:
         folder: Of the command.
         patterns: Of the products.
     """
-    found = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file()}
+    found = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file() and path.name[0] != "."}
     shown: dict[str, str] = {}
     for path in sorted(found):  # version_0 before version_1: the later one replaces it
         name = "/".join("version" if part.startswith("version_") else part for part in path.relative_to(folder).parts)

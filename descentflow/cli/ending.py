@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import NoReturn
 
 from descentflow.core.errors import DescentflowError
 
@@ -49,30 +50,69 @@ def ended_in_order(name: str) -> Iterator[None]:
         Traceback (most recent call last):
         descentflow.cli.ending.RefusedBySystemError: samples.parquet: Permission denied; expected ...; to mend it, ...
     """
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGTERM, _terminate) if in_main_thread else None
     usual = threading.excepthook
     threading.excepthook = lambda of_a_thread: _say_of_a_thread(name, of_a_thread, usual)
+    with _signals() as told:
+        try:
+            yield
+        except KeyboardInterrupt:
+            _end_interrupted(name)
+        except BrokenPipeError:
+            # Whoever read the output has what they wanted (`| head`); Python would write the rest once more at its end.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise SystemExit(0) from None
+        except Exception as error:
+            # Libraries written in C take the interruption for a failure of theirs, and raise an error in its place.
+            if signal.SIGINT in told:
+                _end_interrupted(name)
+            if signal.SIGTERM in told:
+                raise SystemExit(TERMINATED) from None
+            if isinstance(error, OSError):
+                raise _refused(error) from error
+            raise
+        finally:
+            threading.excepthook = usual
+
+
+@contextmanager
+def _signals() -> Iterator[list[int]]:
+    """Raise an exception at Ctrl-C and SIGTERM, so that what is half written is removed; gives those that came."""
+    told: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield told
+        return
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        told.append(number)
+        raise KeyboardInterrupt
+
+    def terminate(number: int, frame: FrameType | None) -> None:
+        told.append(number)
+        raise SystemExit(TERMINATED)
+
+    wanted = {signal.SIGTERM: terminate}
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else whoever calls this has a way of their own
+        wanted[signal.SIGINT] = interrupt
+    before = {number: signal.signal(number, handler) for number, handler in wanted.items()}
     try:
-        yield
-    except KeyboardInterrupt:
-        print(f"\ndescentflow {name}: interrupted", file=sys.stderr)
-        raise SystemExit(INTERRUPTED) from None
-    except BrokenPipeError:
-        # Whoever read the output has what they wanted (`| head`); Python would write the rest once more at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise SystemExit(0) from None
-    except OSError as error:
-        where = error.filename if error.filename is not None else "a file"
-        raise RefusedBySystemError(
-            f"{where}: {error.strerror or error}",
-            expected="permission, and room on the disk, to read and write it",
-            mend="choose another file or folder, or change its permissions",
-        ) from error
+        yield told
     finally:
-        threading.excepthook = usual
-        if in_main_thread:
-            signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _end_interrupted(name: str) -> NoReturn:
+    print(f"\ndescentflow {name}: interrupted", file=sys.stderr)
+    raise SystemExit(INTERRUPTED) from None
+
+
+def _refused(error: OSError) -> RefusedBySystemError:
+    where = error.filename if error.filename is not None else "a file"
+    return RefusedBySystemError(
+        f"{where}: {error.strerror or error}",
+        expected="permission, and room on the disk, to read and write it",
+        mend="choose another file or folder, or change its permissions",
+    )
 
 
 def _say_of_a_thread(name: str, failed: threading.ExceptHookArgs, usual: Callable[..., object]) -> None:
@@ -81,8 +121,3 @@ def _say_of_a_thread(name: str, failed: threading.ExceptHookArgs, usual: Callabl
         usual(failed)
         return
     print(f"descentflow {name}: warning: a log is not whole: {failed.exc_value}", file=sys.stderr)
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    """End by an exception, so that what is half written is removed."""
-    raise SystemExit(TERMINATED)

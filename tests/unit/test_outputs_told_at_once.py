@@ -1,5 +1,6 @@
 """An output that cannot be written is told before the work, and what the system refuses in the middle in a line."""
 
+import signal
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -111,3 +112,24 @@ def test_what_the_system_refuses_to_a_thread_is_a_line(capsys: pytest.CaptureFix
         thread.join()
     said = capsys.readouterr().err
     assert said == "descentflow fit: warning: a log is not whole: [Errno 28] No space left on device\n"
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("error", [ValueError("not a valid PEP 3118 buffer format string"), OSError(5, "failed")])
+def test_an_interruption_that_a_library_takes_for_a_failure_is_none(
+    number: signal.Signals, status: int, error: Exception, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """NumPy did so with a buffer's format, in the middle of an evaluation."""
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+
+    def library() -> None:
+        try:
+            signal.raise_signal(number)
+        except BaseException:
+            raise error from None
+
+    with pytest.raises(SystemExit) as ended, ended_in_order("evaluate"):
+        library()
+    assert ended.value.code == status
+    assert capsys.readouterr().err == ("\ndescentflow evaluate: interrupted\n" if status == 130 else "")
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before

@@ -56,7 +56,12 @@ class RejectionReport:
     def __str__(self) -> str:
         """One line for a terminal."""
         reasons = ", ".join(f"{rule} {count}" for rule, count in self.broken.items() if count) or "none"
-        return f"{self.accepted} samples from {self.drawn} draws ({self.acceptance:.1%} plausible; broken: {reasons})"
+        samples, draws = _counted(self.accepted, "sample"), _counted(self.drawn, "draw")
+        return f"{samples} from {draws} ({self.acceptance:.1%} plausible; broken: {reasons})"
+
+
+def _counted(number: int, word: str) -> str:
+    return f"{number} {word}{'s' * (number != 1)}"
 
 
 @dataclass(frozen=True, repr=False)

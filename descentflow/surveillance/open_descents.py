@@ -140,7 +140,7 @@ def _paths(source: Any) -> list[Path]:
     several = [source] if isinstance(source, str | Path) else source
     if not isinstance(several, Sequence) or not several or not all(isinstance(one, str | Path) for one in several):
         raise DataError(
-            f"a {type(source).__name__} for descents",
+            f"an object of type {type(source).__name__} for descents",
             expected="a path, several paths, Descents, or a table of prepared descents",
             mend="pass what descentflow.prepare returned, or the path of rows or of a prepared file",
         )

@@ -146,7 +146,7 @@ def test_rows_and_prepared_descents_do_not_mix(folder: Path, tmp_path: Path) -> 
         open_descents([folder / "rows_others.parquet", folder / "descents.parquet"])
     with pytest.raises(DataError, match="no file"):
         open_descents(tmp_path / "absent.parquet")
-    with pytest.raises(DataError, match="a int for descents"):
+    with pytest.raises(DataError, match="an object of type int for descents"):
         open_descents(3)
     with pytest.raises(DataError, match="not prepared descents"):
         open_prepared(folder / "rows.parquet")

@@ -79,6 +79,8 @@ class Generator:
 
     Example:
         >>> generator = Generator("best.ckpt", seed=0)
+        >>> generator
+        Generator of A320 descents, FL353 to FL150: seed 0, next 0
         >>> one = generator.next(entry_fl=330, cas_kt={200: 280}, time_s=(400, 600), level=160)
         >>> row = one.to_polars().filter(level_fl=200)
         >>> round(row["CAS"][0], 3), len(generator.next_batch(10, entry_fl=330))
@@ -105,6 +107,11 @@ class Generator:
         self._parts: dict[tuple[tuple[str, str], ...], LatentParts] = {}
         self._targets: OrderedDict[tuple[Any, ...], ConditionedTarget | FreeTarget] = OrderedDict()
         self._lock = threading.RLock()
+
+    def __repr__(self) -> str:
+        """Of what it draws, and which descent is next."""
+        bottom, top, typecode = self.levels_fl[0], self.levels_fl[-1], self.decoder.aircraft.typecode
+        return f"Generator of {typecode} descents, FL{top:.0f} to FL{bottom:.0f}: seed {self.seed}, next {self._next}"
 
     def next(self, **asked: Unpack[Asked]) -> GeneratedSamples:
         """One descent: :meth:`next_batch` of one, which says what can be asked."""

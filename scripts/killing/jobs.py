@@ -46,7 +46,7 @@ def jobs(inputs: Path) -> dict[str, Job]:
             ("runs/*/version_*/checkpoints/*.ckpt", "runs/*/version_*/config.yaml"),
         )
         for name, epochs, logger in (
-            ("gaussian", "1", ()),
+            ("gaussian", "1", _without_figures("gaussian")),
             ("gmm", "20", _without_figures("gmm")),
             ("flow", "4", _without_figures("flow")),
             ("spline", "3", _without_figures("spline")),

@@ -1,5 +1,6 @@
 """A diagnosis that knows the key, to test the study with: never part of the product."""
 
+from dataclasses import replace
 from typing import Any
 
 from descentflow.studies.blind_diagnosis.blind_plan import SCALE_GROUP, Plan, SetPlan
@@ -37,6 +38,11 @@ def _cause(name: str, one: SetPlan) -> dict[str, Any]:
         "closure": closures,
         "rivals": {"drag_polar": {"closure": 0.5}},
     }
+
+
+def few_flights(plan: Plan) -> Plan:
+    """The plan with sets of 15 flights: what each has got is drawn again wherever sizes are told or scored."""
+    return replace(plan, sets=tuple(replace(one, flights=15) for one in plan.sets))
 
 
 def study(plan: Plan, catalogued: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -2,12 +2,11 @@
 
 import copy
 import json
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from blind_toys import study
+from blind_toys import few_flights, study
 
 from descentflow.core.errors import ConfigError
 from descentflow.simulation.causes import CATALOGUED, CAUSES
@@ -19,11 +18,6 @@ from descentflow.studies.blind_diagnosis.outcome import matched, overlap, stands
 from descentflow.studies.blind_diagnosis.true_sizes import true_sizes
 
 NAMES = tuple(cause.name for cause in CATALOGUED)
-
-
-def few_flights(plan: Plan) -> Plan:
-    """The plan with sets of 15 flights: what each has got is drawn again where sizes are scored."""
-    return replace(plan, sets=tuple(replace(one, flights=15) for one in plan.sets))
 
 
 PLAN = few_flights(draw_plan(300, seed=7, n_foreign=120))

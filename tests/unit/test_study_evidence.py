@@ -18,7 +18,7 @@ NAMES = tuple(cause.name for cause in CATALOGUED)
 
 
 def evidence(seed: int, key: str) -> Evidence:
-    plan = draw_plan(40, seed=seed, n_foreign=10)
+    plan = blind_toys.few_flights(draw_plan(40, seed=seed, n_foreign=10))
     manifest, found = blind_toys.study(plan, NAMES)
     return Evidence.of(plan, {**manifest, "key_sha256": key * 64}, found, {})
 
@@ -28,7 +28,7 @@ def scored(one: Evidence) -> dict[str, object]:
 
 
 def test_what_is_kept_scores_as_the_whole_did(tmp_path: Path) -> None:
-    plan = draw_plan(40, seed=1, n_foreign=10)
+    plan = blind_toys.few_flights(draw_plan(40, seed=1, n_foreign=10))
     manifest, found = blind_toys.study(plan, NAMES)
     write_evidence(Evidence.of(plan, manifest, found, {}), tmp_path / "evidence.json.gz")
     assert scored(read_evidence(tmp_path / "evidence.json.gz")) == score(plan, manifest, found, {})

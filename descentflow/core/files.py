@@ -21,6 +21,7 @@ LEAST_ROOM = 1 << 16
 """Bytes left on a disk below which a library that could not write is taken to have found it full."""
 OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO, errno.EFBIG)
 """What the system answers where a file cannot be written."""
+TEMPORARY = re.compile(r"\..+\.descentflow-part\d+(\.|$)", re.DOTALL)
 OF_RUST = re.compile(r"\(os error (\d+)\)")
 
 
@@ -46,34 +47,89 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     target = check_output(path)
     if target.is_symlink():
         target = check_output(target.resolve())
-    with _told(target), _begun(target) as temporary:
+    mine = _Temporary(target)
+    with _told(target):
         try:
+            temporary = mine.begin()
             yield temporary
             temporary.replace(target)
         except BaseException as error:
             is_full = not isinstance(error, OSError) and shutil.disk_usage(target.parent).free < LEAST_ROOM
-            temporary.unlink(missing_ok=True)
+            mine.remove()
             if is_full and isinstance(error, Exception):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
             raise
+        finally:
+            mine.let_go()
 
 
-@contextmanager
-def _begun(target: Path) -> Iterator[Path]:
-    """A locked, empty file beside the target: what an earlier run left, or a new one."""
-    for number in range(MOST_WRITERS):
-        path = _temporary(target, number)
-        handle = _locked(path)
-        if handle is not None:
-            try:
-                _remove_others(target, number + 1)
-                yield path
-            finally:
-                os.close(handle)
-            return
-    raise DataError(
-        f"{MOST_WRITERS} runs that write {target}", expected="a few at a time", mend="wait, or choose another output"
-    )
+def remove_left(folder: Path, pattern: str = "**/*") -> None:
+    """Remove temporary files that killed runs left, and that no run writes again; one that is being written stays.
+
+    Args:
+        folder: Where they are.
+        pattern: Of the files in it.
+
+    Example:
+        >>> place = Path("of_a_killed_run")
+        >>> place.mkdir()
+        >>> _ = (place / ".best.descentflow-part0.ckpt").write_text("half")
+        >>> remove_left(place)
+        >>> list(place.iterdir())
+        []
+    """
+    for path in folder.glob(pattern):
+        if TEMPORARY.match(path.name):
+            _remove_unlocked(path)
+
+
+class _Temporary:
+    """A locked file beside the target, known step by step: an interruption may fall between any two."""
+
+    def __init__(self, target: Path) -> None:
+        self.target = target
+        self.path: Path | None = None
+        self.handle: int | None = None
+
+    def begin(self) -> Path:
+        """Name of an empty, locked file: what an earlier run left, or a new one."""
+        for number in range(MOST_WRITERS):
+            self.path = _temporary(self.target, number)
+            self.handle = _locked(self.path)
+            if self.handle is not None:
+                self._remove_others(number + 1)
+                return self.path
+        raise DataError(
+            f"{MOST_WRITERS} runs that write {self.target}",
+            expected="a few at a time",
+            mend="wait, or choose another output",
+        )
+
+    def remove(self) -> None:
+        """Remove the file, also if it was made and not locked yet."""
+        if self.path is not None and self.handle is not None:
+            self.path.unlink(missing_ok=True)
+        elif self.path is not None and self.path.exists():
+            _remove_unlocked(self.path)
+
+    def let_go(self) -> None:
+        """Unlock the file."""
+        if self.handle is not None:
+            os.close(self.handle)
+            self.handle = None
+
+    def _remove_others(self, number: int) -> None:
+        """Remove what killed runs left that wrote the same file at the same time."""
+        while number < MOST_WRITERS and (path := _temporary(self.target, number)).exists():
+            _remove_unlocked(path)
+            number += 1
+
+
+def _remove_unlocked(path: Path) -> None:
+    handle = _locked(path)
+    if handle is not None:
+        path.unlink(missing_ok=True)
+        os.close(handle)
 
 
 def _locked(path: Path) -> int | None:
@@ -93,22 +149,15 @@ def _locked(path: Path) -> int | None:
             return handle
     except (BlockingIOError, FileNotFoundError):
         pass
+    except BaseException:
+        os.close(handle)
+        raise
     os.close(handle)
     return None
 
 
 def _place(found: os.stat_result) -> tuple[int, int]:
     return found.st_dev, found.st_ino
-
-
-def _remove_others(target: Path, number: int) -> None:
-    """Remove what killed runs left that wrote the same file at the same time."""
-    while number < MOST_WRITERS and (path := _temporary(target, number)).exists():
-        handle = _locked(path)
-        if handle is not None:
-            path.unlink(missing_ok=True)
-            os.close(handle)
-        number += 1
 
 
 def _temporary(target: Path, number: int) -> Path:

@@ -68,6 +68,7 @@ def test_a_resumed_fit_is_the_undisturbed_one(
             interrupted_at(broken_at, "last", broken)
             with pytest.raises(SystemExit):
                 main(["fit", *words])
+        (runs / "version_1" / "checkpoints" / ".best.descentflow-part0.ckpt").write_text("half, as a kill leaves it")
         assert held(runs / "version_1")["last"]["epoch"] == broken_at - 1
     left = runs / ("version_0" if broken_at is None else "version_1")
     resumed = ["--config", str(left / "config.yaml"), "--ckpt_path", str(left / "checkpoints" / "last.ckpt")]

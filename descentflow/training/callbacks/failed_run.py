@@ -11,7 +11,7 @@ from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.cli import SaveConfigCallback
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import whole_file
+from descentflow.core.files import remove_left, whole_file
 
 
 class RemoveFailedRun(Callback):
@@ -34,6 +34,8 @@ class RemoveFailedRun(Callback):
     def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
         """Claim the folder, which two runs that begin at the same moment would both take for the next free one.
 
+        What killed runs left half written in the folders beside it is removed.
+
         Raises:
             ConfigError: If another run has it.
         """
@@ -49,6 +51,8 @@ class RemoveFailedRun(Callback):
             raise ConfigError(
                 f"another run is at work in {folder}", expected="one a folder", mend="start this one again"
             ) from None
+        # Of killed runs, whose files nobody writes again: a run has a folder of its own.
+        remove_left(folder.parent, "version_*/**/*")
 
     def teardown(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
         """Let the folder go."""
@@ -110,4 +114,6 @@ class WholeConfig(SaveConfigCallback):
 
 def _is_of_use(folder: Path) -> bool:
     scores = ("scores.csv", "log_prob.csv")
-    return any(folder.rglob("*.ckpt")) or any((folder / name).is_file() for name in scores)
+    return any(path.name[0] != "." for path in folder.rglob("*.ckpt")) or any(
+        (folder / name).is_file() for name in scores
+    )

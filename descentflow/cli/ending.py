@@ -13,7 +13,8 @@ from descentflow.core.errors import DescentflowError
 
 INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM
 """Exit statuses, as shells have them."""
-REFUSED = "the system refuses"
+AGAIN_S = 0.01
+"""Seconds until an interruption that was lost comes again."""
 
 
 class RefusedBySystemError(DescentflowError):
@@ -78,7 +79,9 @@ def ended_in_order(name: str) -> Iterator[None]:
 def _signals() -> Iterator[list[int]]:
     """Raise an exception at Ctrl-C and SIGTERM, so that what is half written is removed; gives those that came."""
     told: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
+    waiting: list[threading.Timer] = []
+    main = threading.main_thread()
+    if threading.current_thread() is not main:
         yield told
         return
 
@@ -90,6 +93,16 @@ def _signals() -> Iterator[list[int]]:
         told.append(number)
         raise SystemExit(TERMINATED)
 
+    def unraisable(unraised: "sys.UnraisableHookArgs") -> None:
+        # It fell into a finalizer, where Python ignores it: the same signal comes once more, after this.
+        if told and isinstance(unraised.exc_value, KeyboardInterrupt | SystemExit):
+            again = threading.Timer(AGAIN_S, signal.pthread_kill, [main.ident, told[-1]])
+            waiting.append(again)
+            again.start()
+        else:
+            usual(unraised)
+
+    usual, sys.unraisablehook = sys.unraisablehook, unraisable
     wanted = {signal.SIGTERM: terminate}
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else whoever calls this has a way of their own
         wanted[signal.SIGINT] = interrupt
@@ -97,8 +110,11 @@ def _signals() -> Iterator[list[int]]:
     try:
         yield told
     finally:
+        for again in waiting:
+            again.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
+        sys.unraisablehook = usual
 
 
 def _end_interrupted(name: str) -> NoReturn:

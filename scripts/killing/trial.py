@@ -88,7 +88,7 @@ def trial(
     if job.spares_parent:
         return (_compared(job, whole, folder) if status == 0 else f"status {status}: {said[-500:]}"), instant
     if _is_traceback(said):
-        return f"traceback: {said[-500:]}", instant
+        return f"traceback: {said[said.index('Traceback') :][:4000]}", instant
     if not ended and (wrong := _half_written(job, whole, folder)):
         return wrong, instant
     words = job.again(job, folder) if job.again else job.words

@@ -1,7 +1,9 @@
 """An output that cannot be written is told before the work, and what the system refuses in the middle in a line."""
 
 import signal
+import sys
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -133,3 +135,26 @@ def test_an_interruption_that_a_library_takes_for_a_failure_is_none(
     assert ended.value.code == status
     assert capsys.readouterr().err == ("\ndescentflow evaluate: interrupted\n" if status == 130 else "")
     assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interruption_within_a_finalizer_is_not_lost(
+    number: signal.Signals, status: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Python ignores what a finalizer raises, prints a traceback and goes on."""
+
+    class Finalized:
+        def __del__(self) -> None:
+            signal.raise_signal(number)
+
+    def work() -> None:
+        Finalized()
+        time.sleep(20)
+
+    hook, begun = sys.unraisablehook, time.monotonic()
+    with pytest.raises(SystemExit) as ended, ended_in_order("fit"):
+        work()
+    assert time.monotonic() - begun < 20
+    assert ended.value.code == status
+    assert "Traceback" not in capsys.readouterr().err
+    assert sys.unraisablehook is hook

@@ -26,6 +26,8 @@ NEEDS = {
     "descentflow.surveillance.formats.mode_s_frames": "rs1090",
 }
 """Modules whose examples need an optional library; where it is missing they are skipped."""
+LONG = ("descentflow.exports.onnx_export", "descentflow.exports.torch_export")
+"""Modules whose examples compile a sampler, as tests of the exports do by default."""
 
 
 def module_names() -> list[str]:
@@ -72,7 +74,9 @@ def diagnosed_once(name: str, lighter: GapReport, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.usefixtures("diagnosed_once")
-@pytest.mark.parametrize("name", module_names())
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in module_names()]
+)
 def test_examples_give_what_they_say(name: str, example_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if name in NEEDS:
         pytest.importorskip(NEEDS[name], reason=f"{NEEDS[name]} (an extra of descentflow) is not installed")

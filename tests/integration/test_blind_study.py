@@ -163,6 +163,7 @@ def test_a_worker_left_over_from_another_study_writes_nothing_into_this_one(tmp_
     assert path.read_text() == "flights"
 
 
+@pytest.mark.slow
 def test_the_package_finds_what_is_hidden(folder: Path, tmp_path: Path) -> None:
     """The study in little: nothing where nothing is, and each effect by its name, size and interval."""
     for name in ("sets", "simulators", MANIFEST, KEY):

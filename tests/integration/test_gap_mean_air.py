@@ -22,6 +22,7 @@ def descents(folder: Path, name: str, seed: int, plant: dict[str, Values] | None
     return path
 
 
+@pytest.mark.slow
 def test_air_of_each_flights_own_is_not_taken_for_brakes(tmp_path: Path) -> None:
     """Were the air not looked at, flights would differ from each other by more than any brakes explain."""
     brakes: Values = {"factor": 1.6, "share": 0.5, "spread_fl": 15.0}

@@ -1,6 +1,7 @@
 """Latent models recover known densities, sample what they say, and repeat."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -62,24 +63,25 @@ def test_gaussian_is_the_sample_covariance_whatever_the_batches() -> None:
     torch.testing.assert_close(covariance, expected, rtol=1e-9, atol=1e-9)
 
 
+@cache
+def fitted(training: str) -> tuple[LatentModel, toys.WeightsModule]:
+    """A mixture of as many components as BIC finds, and what it was fitted to."""
+    module = data(mixture_truth())
+    module.batch_size = 50
+    return toys.fit(GaussianMixture(training=training), module, 60), module
+
+
 @pytest.mark.parametrize("training", ["em", "svi"])
 def test_mixture_recovers_a_mixture(training: str) -> None:
-    truth = mixture_truth()
-    module = data(truth)
-    module.batch_size = 50
-    model = toys.fit(GaussianMixture(training=training), module, 60)
+    truth, (model, module) = mixture_truth(), fitted(training)
     assert len(model.density.mixture.probs) == 3, "BIC finds the planted number of components"
     held_out = module.parts["validation"]
     assert toys.mean_nll(model.log_prob, held_out) == pytest.approx(toys.mean_nll(truth.log_prob, held_out), abs=0.05)
 
 
 def test_em_and_svi_agree() -> None:
-    module = data(mixture_truth())
-    module.batch_size = 50
-    nll = [
-        toys.mean_nll(toys.fit(GaussianMixture(3, training=training), module, 60).log_prob, module.parts["train"])
-        for training in ("em", "svi")
-    ]
+    both = (fitted("em"), fitted("svi"))
+    nll = [toys.mean_nll(model.log_prob, module.parts["train"]) for model, module in both]
     # EM is at a maximum; Adam's last steps leave SVI within a hundredth of a nat.
     assert nll[1] == pytest.approx(nll[0], abs=0.01)
 

@@ -92,4 +92,5 @@ def run(args: argparse.Namespace) -> None:
         with stage(f"drawing {args.figure}"):
             write_figure(ahead.figure(), args.figure)
     print(ahead)
-    print(f"wrote {args.out}{f' and {args.figure}' if args.figure else ''}")
+    written = [args.out, args.continuations, args.occupancy, args.figure]
+    print(f"wrote {', '.join(str(path) for path in written if path is not None)}")

@@ -6,6 +6,8 @@ import operator
 from descentflow.core.errors import ConfigError
 
 LEAST, MOST = -(1 << 63), (1 << 63) - 1
+MOST_NUMBERED = 1 << 53
+"""Numbers of draws below which float64 and every counter hold them exactly."""
 
 
 def checked_seed(seed: int) -> int:
@@ -54,6 +56,31 @@ def checked_count(n: int, of: str) -> int:
             f"{_shown(n)} {of}", expected="a whole number of them, at least one", mend="ask for a positive number"
         )
     return number
+
+
+def checked_number(number: int) -> int:
+    """The number of a draw.
+
+    Raises:
+        ConfigError: If it is no whole number from 0 to 2^53.
+
+    Example:
+        >>> checked_number(7)
+        7
+        >>> checked_number("KLM204")
+        Traceback (most recent call last):
+            ...
+        descentflow.core.errors.ConfigError: a draw numbered 'KLM204'; expected ...; to mend it, number your flights, \
+or take zlib.crc32(text.encode()) of a callsign
+    """
+    found = _whole(number)
+    if found is None or not 0 <= found <= MOST_NUMBERED:
+        raise ConfigError(
+            f"a draw numbered {_shown(number)}",
+            expected="a whole number from 0 to 2^53",
+            mend="number your flights, or take zlib.crc32(text.encode()) of a callsign",
+        )
+    return found
 
 
 def _whole(number: object) -> int | None:

@@ -16,7 +16,7 @@ from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.samplers import ConditionalSampler
 from descentflow.physics.nominal_descent import nominal_descent
-from descentflow.representation.comparable_descents import comparable_descents
+from descentflow.representation.comparable_descents import comparable_descents, tell_other_types
 from descentflow.representation.encode_flights import encode_flights
 from descentflow.representation.own_air import AirSource
 from descentflow.representation.profiles import Profiles
@@ -78,6 +78,7 @@ def evaluate(
     representation = density.representation
     notes: list[str] = []
     frame = comparable_descents(real, representation).frame
+    tell_other_types(frame, representation)
     parts = encode_flights(frame, representation, context_table, air=air, say=notes.append)
     found = evaluate_profiles(
         density,

@@ -29,7 +29,7 @@ def write(request: ExportRequest) -> list[Path]:
         name = "templates/bluebird_predictor.py"
         predictor = resources.files("descentflow.exports").joinpath(name).read_bytes()
         samples = orjson.dumps(document(request), option=orjson.OPT_SERIALIZE_NUMPY)
-        contents = {request.path.with_suffix(".json"): samples, request.path: predictor}
+        contents = {request.beside(".json", samples): samples, request.path: predictor}
     else:
         made = tables(request.samples.to_polars(), request.typecode)
         contents = {

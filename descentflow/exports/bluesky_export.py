@@ -37,9 +37,9 @@ def write(request: ExportRequest) -> list[Path]:
         with whole_file(request.path) as temporary:
             temporary.write_text(text, encoding="ascii")
         return [request.path]
-    beside = request.path.with_suffix(".json")
     plugin = resources.files("descentflow.exports").joinpath("templates/bluesky_plugin.py").read_text(encoding="utf-8")
     content = orjson.dumps(document(request), option=orjson.OPT_SERIALIZE_NUMPY)
+    beside = request.beside(".json", content)
     with whole_file(beside) as temporary:
         temporary.write_bytes(content)
     with whole_file(request.path) as temporary:

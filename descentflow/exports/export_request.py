@@ -8,6 +8,7 @@ from typing import Literal
 
 import polars as pl
 
+from descentflow.core.errors import ConfigError
 from descentflow.densities.density import Density
 from descentflow.generation.sample import sample
 from descentflow.generation.sample_contexts import Contexts
@@ -66,6 +67,25 @@ class ExportRequest:
             progress=self.progress,
         )
         return replace(drawn, plan=self.plan)
+
+    def beside(self, suffix: str, content: bytes) -> Path:
+        """Path of a file that is written beside the output, under its name.
+
+        Args:
+            suffix: Of the file.
+            content: What will be in it.
+
+        Raises:
+            ConfigError: If another file has this name, and no output that it could belong to is there.
+        """
+        path = self.path.with_suffix(suffix)
+        if path.exists() and not self.path.exists() and not (path.is_file() and path.read_bytes() == content):
+            raise ConfigError(
+                f"{path}, which belongs to something else",
+                expected=f"a name that is free, for the file that is written beside {self.path.name}",
+                mend=f"choose another output than {self.path}, or move {path} away",
+            )
+        return path
 
     @property
     def typecode(self) -> str:

@@ -46,11 +46,8 @@ def write(request: ExportRequest) -> list[Path]:
         decoder_path(request.path): _converted(sampler.descents, decoder_inputs(sampler, TRACED_WITH), described),
     }
     javascript = resources.files("descentflow.exports").joinpath("templates/descents.mjs").read_bytes()
-    contents = {
-        **models,
-        request.path.with_suffix(".json"): (json.dumps(described, indent=1) + "\n").encode(),
-        request.path.with_suffix(".mjs"): javascript,
-    }
+    about = (json.dumps(described, indent=1) + "\n").encode()
+    contents = {**models, request.beside(".json", about): about, request.beside(".mjs", javascript): javascript}
     for path, content in contents.items():
         with whole_file(path) as temporary:
             temporary.write_bytes(content)

@@ -39,7 +39,7 @@ def write(request: ExportRequest) -> list[Path]:
         request.path: trace(sampler, sampler.example_inputs(TRACED_WITH)),
         decoder_path(request.path): trace(sampler.descents, decoder_inputs(sampler, TRACED_WITH)),
     }
-    beside = request.path.with_suffix(".json")
+    beside = request.beside(".json", f"{description}\n".encode())
     for path, program in programs.items():
         with whole_file(path) as temporary, quiet_tracing():
             torch.export.save(program, temporary, extra_files={DESCRIPTION: description})

@@ -1,10 +1,14 @@
 """Sample plausible descents from a fitted model: what `descentflow sample` calls."""
 
+import os
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 
+import torch
+
 from descentflow.air.weather_field import weather_field
+from descentflow.core.errors import ConfigError
 from descentflow.core.seeds import checked_count
 from descentflow.densities.checkpoint import as_density
 from descentflow.generation.air_along_path import AirAlongPath
@@ -14,6 +18,9 @@ from descentflow.generation.sample_contexts import Contexts, context_rows, entry
 from descentflow.generation.sample_masses import masses_asked
 from descentflow.generation.samples import Samples
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan
+
+QUANTITIES = 6
+"""Of each descent at each level: time, CAS, Mach number, TAS, rate and drag."""
 
 
 def sample(
@@ -75,6 +82,7 @@ def sample(
     n = checked_count(n, "descents")
     density = as_density(model)
     representation = density.representation
+    _check_memory(n, len(representation.decoder.levels_fl))
     contexts = context_rows(context, representation.context)
     encoded = None if contexts is None or representation.context is None else representation.context.encode(contexts)
     field = field_of(air)
@@ -98,3 +106,15 @@ def sample(
             there = along.found(found.trajectories)
             found = replace(found, air=there.air, flown_at=there.positions)
     return replace(found, context=contexts, plan=plan)
+
+
+def _check_memory(n: int, n_levels: int) -> None:
+    """All samples are in memory together: more than the machine has of it end in hours without a word."""
+    each = n_levels * QUANTITIES * torch.float64.itemsize
+    most = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // each
+    if n > most:
+        raise ConfigError(
+            f"{n:,} descents of {n_levels} levels, {n * each / 1e9:,.0f} GB",
+            expected=f"at most {most:,}, which the memory of this machine holds",
+            mend="draw several times, each with a seed of its own",
+        )

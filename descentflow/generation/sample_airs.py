@@ -60,7 +60,7 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
         return _checked(asked, len(levels_fl))
     if isinstance(asked, Mapping):
         return _of_values(asked, levels_fl)
-    if isinstance(asked, pl.DataFrame) or Path(asked).suffix in TABLES:
+    if isinstance(asked, pl.DataFrame) or (isinstance(asked, str | Path) and Path(asked).suffix in TABLES):
         return _of_table(asked if isinstance(asked, pl.DataFrame) else read_table(Path(asked)), levels_fl)
     if asked == STANDARD:
         return None

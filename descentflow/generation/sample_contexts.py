@@ -96,13 +96,14 @@ def entry_levels(
         wanted = None if own is None else own.cast(pl.Float64, strict=False)
         return None if wanted is None or wanted.null_count() else _nearest(levels, wanted.to_list())
     asked = _numbers(entry_fl)
-    wrong = [one for one in asked if not float(levels[0]) <= one <= float(levels[-1])]
+    # At the lowest level nothing is left to descend.
+    wrong = [one for one in asked if not float(levels[0] + levels[1]) / 2 < one <= float(levels[-1])]
     n_contexts = None if contexts is None else len(contexts)
     if own is not None or wrong or not asked or (n_contexts not in (None, len(asked)) and len(asked) != 1):
         raise ConfigError(
             f"entry_fl {', '.join(f'{one:g}' for one in asked[:8])}"
             + (" beside a context that holds entry_fl" if own is not None else ""),
-            expected=f"flight levels from {levels[0]:.0f} to {levels[-1]:.0f}: one, or one for each context",
+            expected=f"flight levels above {levels[0]:.0f}, up to {levels[-1]:.0f}: one, or one for each context",
             mend="leave entry_fl to the context" if own is not None else "choose levels of the model's grid",
         )
     return _nearest(levels, asked if n_contexts is None or len(asked) > 1 else asked * n_contexts)

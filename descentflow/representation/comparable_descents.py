@@ -4,6 +4,8 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
+import polars as pl
+
 from descentflow.core.errors import DescentflowWarning
 from descentflow.representation.representation import Representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -46,3 +48,35 @@ def comparable_descents(
     )
     lowest = Cleaning(bottom_fl=int(representation.decoder.levels_fl[0]))
     return open_descents(source, rows_cleaning=lowest, progress=progress)
+
+
+def tell_other_types(descents: pl.DataFrame, representation: Representation) -> None:
+    """Warn of flights whose type the model does not know: that they descend otherwise is no fault of it.
+
+    Args:
+        descents: A table of prepared descents.
+        representation: The model's.
+
+    Warns:
+        DescentflowWarning: If there are any.
+
+    Example:
+        >>> import warnings
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> others = pl.read_parquet("descents.parquet").with_columns(typecode=pl.lit("B738"))
+        >>> with warnings.catch_warnings(record=True) as told:
+        ...     warnings.simplefilter("always")
+        ...     tell_other_types(others, load_representation("best.ckpt"))
+        >>> print(told[0].message)
+        120 flights of B738, and the model was trained on A320: what differs may be the type; leave them out unless...
+    """
+    known = representation.provenance.get("typecodes") or [representation.decoder.aircraft.typecode]
+    flights = descents.group_by("typecode").agg(pl.col("flight_id").n_unique()).sort("flight_id", descending=True)
+    others = [f"{n} flights of {name}" for name, n in flights.iter_rows() if name not in known]
+    if others:
+        warnings.warn(
+            f"{', '.join(others[:8])}, and the model was trained on {', '.join(known)}: what differs may be the type; "
+            "leave them out unless that is what you ask",
+            DescentflowWarning,
+            stacklevel=3,
+        )

@@ -3,6 +3,7 @@
 import pickle
 import re
 import warnings
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -44,7 +45,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         'GaussianDensity'
     """
     if not Path(path).is_file():
-        raise CheckpointError(f"no file {path}", expected="a checkpoint", mend=MEND)
+        raise _no_file(Path(path))
     content = read_safetensors(path) if Path(path).suffix == SUFFIX else _unpickled(path)
     if not isinstance(content, dict) or SECTION not in content:
         raise CheckpointError(f"{path}: not a checkpoint of descentflow", expected=f"a {SECTION!r} section", mend=MEND)
@@ -61,6 +62,16 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     return content
 
 
+def _no_file(path: Path) -> CheckpointError:
+    """Of a run's folder, or of that of its versions, the error names the checkpoint."""
+    inside = [*path.glob("checkpoints/best.ckpt"), *sorted(path.glob("*/checkpoints/best.ckpt"))]
+    return CheckpointError(
+        f"{path} is a folder" if path.is_dir() else f"no file {path}",
+        expected="a checkpoint",
+        mend=f"pass {inside[-1]}" if inside else MEND,
+    )
+
+
 def _unpickled(path: str | Path) -> Any:
     """What torch's safe loader makes of a .ckpt file."""
     with open(path, "rb") as file:
@@ -75,6 +86,7 @@ def _unpickled(path: str | Path) -> Any:
         with warnings.catch_warnings():
             # torch wonders aloud about pickle protocols that it then refuses.
             warnings.simplefilter("ignore", UserWarning)
+            _check_sums(path)
             return torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         # Not torch's own text: it advises to switch the safe loader off.
@@ -91,6 +103,19 @@ def _unpickled(path: str | Path) -> Any:
             expected="a whole checkpoint file (this one is truncated or changed)",
             mend=MEND,
         ) from error
+
+
+def _check_sums(path: str | Path) -> None:
+    """Hold every member of the archive against its checksum, which torch does not.
+
+    Raises:
+        ValueError: If one differs, or is compressed: torch compresses none, and a small file could unpack to no end.
+    """
+    with zipfile.ZipFile(path) as archive:
+        if any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
+            raise ValueError("a compressed archive")
+        if (damaged := archive.testzip()) is not None:
+            raise ValueError(f"{damaged} differs from its checksum")
 
 
 def load_representation(path: str | Path) -> Representation:

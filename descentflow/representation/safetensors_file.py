@@ -28,7 +28,7 @@ def write_safetensors(content: dict[str, Any], path: str | Path) -> None:
     library = optional_library("safetensors.torch", extra="safetensors")
     tensors, text = to_tensors_and_text(content)
     with whole_file(path) as temporary:
-        library.save_file(tensors, temporary, metadata={HEADER: text})
+        temporary.write_bytes(library.save(tensors, metadata={HEADER: text}))
 
 
 def read_safetensors(path: str | Path) -> dict[str, Any]:

@@ -25,7 +25,7 @@ def name_of(descents: list[Path] | Path | Descents) -> str:
     return ", ".join(Path(one).name for one in descents) if isinstance(descents, list) else "in memory"
 
 
-def of_typecodes(source: Descents, typecodes: list[str] | None, name: str) -> pl.DataFrame:
+def of_typecodes(source: Descents, typecodes: list[str] | str | None, name: str) -> pl.DataFrame:
     """The table of some types; all if None.
 
     Raises:
@@ -38,6 +38,8 @@ def of_typecodes(source: Descents, typecodes: list[str] | None, name: str) -> pl
     """
     if typecodes is None:
         return source.frame
+    if isinstance(typecodes, str):
+        typecodes = [one.strip() for one in typecodes.split(",")]
     frame = source.frame.filter(pl.col("typecode").is_in(typecodes))
     if frame.is_empty():
         raise DataError(
@@ -66,7 +68,7 @@ def aircraft_of(frame: pl.DataFrame, typecode: str | None, bada_dir: Path | None
         raise ConfigError(
             f"descents of {len(types)} types ({', '.join(types[:8])})",
             expected="one type, or the aircraft whose coefficients stand for all of them",
-            mend="set data.aircraft (pooling) or data.typecodes (choosing)",
+            mend=f"take them together, data.aircraft={types[0]}, or one of them, data.typecodes={types[0]}",
         )
     return find_aircraft(types[0], bada_dir)
 

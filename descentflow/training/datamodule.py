@@ -64,7 +64,7 @@ class DescentDataModule(LightningDataModule):
         descents: list[Path] | Path | Descents,
         aircraft: str | None = None,
         bada_dir: Path | None = None,
-        typecodes: list[str] | None = None,
+        typecodes: str | list[str] | None = None,
         bottom_fl: int | None = None,
         mass_kg: PositiveFloat | None = None,
         test_fraction: OpenUnitInterval = 0.2,
@@ -94,7 +94,7 @@ class DescentDataModule(LightningDataModule):
                 Python also several such paths, or what it returned.
             aircraft: Type whose coefficients infer and fly the drag; the descents' own type if they have only one.
             bada_dir: Folder of BADA 3 OPF and APF files; the embedded open aircraft if absent.
-            typecodes: Keep these types of the descents; all if absent.
+            typecodes: Keep these types of the descents (A320, or A320,A20N); all if absent.
             bottom_fl: Lowest level of the grid; the one that the descents were prepared with if absent.
             mass_kg: Mass that infers and flies the drag; the type's reference mass if absent.
             test_fraction: Share of the flights held out for test.

@@ -44,8 +44,8 @@ print(model)
 # %%
 # Draw for given conditions
 # -------------------------
-# The same seed gives the same descents, on any machine. ``model`` may be the checkpoint's path: reading one
-# executes no code.
+# The same seed gives the same descents on one machine with the same versions, elsewhere the same but for last digits.
+# ``model`` may be the checkpoint's path: reading one executes no code.
 
 cold = df.sample(folder / "a320.ckpt", 500, seed=0, context={"deviation_k": -15.0}, entry_fl=350)
 warm = df.sample(folder / "a320.ckpt", 500, seed=0, context={"deviation_k": 15.0}, entry_fl=350)

@@ -104,7 +104,8 @@ def _is_traceback(said: str) -> bool:
     if "Traceback" not in said:
         return False
     own = [place for place in OWN_FILE.findall(said) if not BEFORE.search(place)]
-    return bool(own) or ", in main" in said or "KeyboardInterrupt" not in said
+    begun = any(", in main" in line and "<frozen site>" not in line for line in said.splitlines())
+    return bool(own) or begun or "KeyboardInterrupt" not in said
 
 
 def _half_written(job: Job, whole: Whole, folder: Path) -> str:

@@ -129,3 +129,16 @@ def test_the_command_lists_the_targets_and_writes(a320: Path, tmp_path: Path, ca
     assert "cf without places" in capsys.readouterr().err
     with pytest.raises(DataError, match="does not exist"):
         export(a320, "json", tmp_path / "nowhere" / "s.json")
+
+
+@pytest.mark.parametrize(("to", "name"), [("bluesky", "k.py"), ("bluebird", "k.py")])
+def test_samples_of_another_export_are_not_written_over(a320: Path, tmp_path: Path, to: str, name: str) -> None:
+    samples, _ = export(a320, "json", tmp_path / "k.json", n=3)
+    before = samples.read_bytes()
+    with pytest.raises(ConfigError, match=r"k.json, which belongs to something else.*k.py"):
+        export(a320, to, tmp_path / name, n=4)
+    assert samples.read_bytes() == before
+    assert not (tmp_path / name).exists()
+    samples.unlink()
+    export(a320, to, tmp_path / name, n=4)
+    assert export(a320, to, tmp_path / name, n=5)[0] == tmp_path / name, "its own is written again"

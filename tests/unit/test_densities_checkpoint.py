@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import zipfile
 from datetime import date
 from pathlib import Path
 
@@ -111,6 +112,16 @@ def broken(kind: str, folder: Path) -> Path:
     if kind == "truncated":
         target.write_bytes(path.read_bytes()[:-2000])
         return target
+    if kind == "one byte":
+        whole = path.read_bytes()
+        place = whole.index(content["state_dict"]["_density.loc"].numpy().tobytes())
+        target.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        return target
+    if kind == "compressed":
+        with zipfile.ZipFile(path) as old, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as new:
+            for name in old.namelist():
+                new.writestr(name, old.read(name))
+        return target
     if kind == "empty":
         target.write_bytes(b"")
         return target
@@ -145,6 +156,8 @@ def broken(kind: str, folder: Path) -> Path:
     ("kind", "words"),
     [
         ("truncated", "truncated"),
+        ("one byte", "differs from its checksum; expected a whole checkpoint"),
+        ("compressed", "a compressed archive"),
         ("empty", "is empty"),
         ("text", "is no checkpoint; expected a checkpoint of descentflow; .* --simulator"),
         ("rows", "is no checkpoint"),
@@ -182,6 +195,15 @@ def test_a_checkpoint_fitted_to_filled_gaps_is_read_with_a_warning(tmp_path: Pat
 def test_no_file(tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match="no file"):
         load_model(tmp_path / "absent.ckpt")
+    with pytest.raises(CheckpointError, match=r"is a folder.*fit` wrote"):
+        load_model(tmp_path)
+    for version in ("version_0", "version_1"):
+        (tmp_path / version / "checkpoints").mkdir(parents=True)
+        (tmp_path / version / "checkpoints" / "best.ckpt").touch()
+    with pytest.raises(CheckpointError, match=r"is a folder.* pass .*version_1/checkpoints/best.ckpt"):
+        load_model(tmp_path)
+    with pytest.raises(CheckpointError, match=r"is a folder.* pass .*version_0/checkpoints/best.ckpt"):
+        load_model(tmp_path / "version_0")
 
 
 def test_a_model_without_a_density_and_a_density_without_a_representation_say_so() -> None:

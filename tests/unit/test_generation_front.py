@@ -7,7 +7,7 @@ import pytest
 import torch
 import toys
 
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.evaluation.evaluate import evaluate
 from descentflow.generation.prediction.predict import predict
@@ -105,6 +105,16 @@ def test_evaluation_leaves_out_what_the_model_has_seen(model: Gaussian, descents
     assert sorted(path.name for path in (tmp_path / "e").iterdir()) == [
         "classifier.csv", "rejections.json", "scores.csv"
     ]  # fmt: skip
+
+
+def test_flights_of_another_type_are_told(model: Gaussian, descents: Path) -> None:
+    source, words = read_descents(descents), "240 flights of B738, and the model was trained on A320"
+    renamed = source.frame.with_columns(typecode=pl.lit("B738"), flight_id="b738-" + pl.col("flight_id"))
+    others = Descents(renamed, source.metadata)
+    with pytest.warns(DescentflowWarning, match=words):
+        evaluate(model, others, n=100, n_splits=2)
+    with pytest.warns(DescentflowWarning, match=words):
+        predict(model, others, 290, n=60, flights=["b738-toy-0-00000"])
 
 
 def test_flights_with_a_level_too_few_are_named(model: Gaussian, descents: Path) -> None:

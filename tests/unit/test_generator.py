@@ -1,8 +1,10 @@
 """A generator's streams, what it refuses, and descents that have begun."""
 
 import pickle
+import re
 import subprocess
 import sys
+from ast import literal_eval
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -134,9 +136,10 @@ def test_what_no_descent_meets_is_an_error_that_names_the_nearest(asked: dict[st
         one.next(entry_fl=350, **asked)
     error = pickle.loads(pickle.dumps(caught.value))
     assert error.constraint == name
-    level = {290: error.nearest} if name == "cas_kt" else error.nearest
-    found = one.next(entry_fl=350, **{**asked, name: level})
-    assert len(found) == 1
+    told = float(re.search(rf"nearest of theirs, {name} ([\d.]+)", str(error))[1])
+    for value in (error.nearest, told):
+        found = one.next(entry_fl=350, **{**asked, name: {290: value} if name == "cas_kt" else value})
+        assert len(found) == 1
 
 
 @pytest.mark.parametrize(
@@ -144,7 +147,11 @@ def test_what_no_descent_meets_is_an_error_that_names_the_nearest(asked: dict[st
     [
         ({"level": 300}, "either time_s or distance_nm"),
         ({"time_s": 100}, "a level, and either"),
-        ({"time_s": 100, "distance_nm": 10, "level": 300}, "time_s and distance_nm"),
+        ({"time_s": 100, "distance_nm": 10, "level": 300}, "time_s and distance_nm.*leave one of them out"),
+        ({"number": 1.5}, "a draw numbered 1.5"),
+        ({"number": -1}, "a draw numbered -1"),
+        ({"number": 2**70}, "a draw numbered 118"),
+        ({"number": "KLM204"}, "zlib.crc32"),
         ({"time_s": (90, 100), "level": (300, 310)}, "let one of the two be a value"),
         ({"time_s": 100, "level": 360}, "below where the descent begins, FL350"),
         ({"time_s": 100, "level": 200}, "FL270"),
@@ -168,7 +175,7 @@ def test_a_time_needs_a_level_of_entry() -> None:
         generator().next(time_s=100, level=300)
     with pytest.raises(ConfigError, match="at least one"):
         generator().next_batch(0)
-    with pytest.raises(ConfigError, match="flight levels from 270"):
+    with pytest.raises(ConfigError, match="flight levels above 270, up to 370"):
         generator().next(entry_fl=450)
 
 
@@ -181,9 +188,11 @@ def test_two_values_that_one_component_of_speed_cannot_both_have() -> None:
     again = one.next(entry_fl=350, cas_kt=implied).trajectories
     assert all(abs(float(cas_kt(again, level)[0]) - value) < 0.01 for level, value in implied.items())
     *_, last = implied
-    with pytest.raises(ImplausibleError) as caught:
+    with pytest.raises(ImplausibleError, match="follows from what else is asked") as caught:
         one.next(entry_fl=350, cas_kt={**implied, last: implied[last] + 3})
     assert caught.value.nearest == pytest.approx(implied[last], abs=0.1)
+    band = literal_eval(re.search(r"the band (\(.*\))", str(caught.value))[1])
+    assert len(one.next(entry_fl=350, cas_kt={**implied, last: band})) == 1, "the advice works"
 
 
 def flown_table(number: int, down_to: int) -> tuple[pl.DataFrame, object]:
@@ -229,6 +238,20 @@ def test_what_was_flown_may_be_a_sample_of_ours() -> None:
         generator().next(flown=drawn.drop("vertical_rate"))
     with pytest.raises(ConfigError, match="leave entry_fl out"):
         generator().next(flown=drawn, entry_fl=350)
+    with pytest.raises(DataError, match="type GeneratedSamples"):
+        generator().next(flown=ahead)
+    with pytest.raises(DataError, match="come twice, FL320"):
+        generator().next(flown=pl.concat([drawn, drawn]))
+    with pytest.raises(DataError, match="negative in a descent"):
+        generator().next(flown=drawn.with_columns(-pl.col("vertical_rate")))
+    with pytest.raises(DataError, match=r"flown CAS of 1.. kt .* convert the columns"):
+        generator().next(flown=drawn.with_columns(pl.col("CAS") * KT_MPS))
+    with pytest.raises(DataError, match=r"flown vertical_rate of -.* where no training flight"):
+        generator().next(flown=drawn.with_columns(pl.col("vertical_rate") * FPM_MPS))
+    with pytest.raises(DataError, match=r"flown drag from CAS and vertical_rate of .* convert"):
+        generator().next(flown=drawn.with_columns(pl.col("vertical_rate") * 3.28084))
+    with pytest.raises(ConfigError, match="flown to FL270, the model's lowest"):
+        generator().next(flown=generator().next(entry_fl=350).to_polars())
     with pytest.raises(ConfigError, match="which was flown"):
         generator().next(flown=drawn, mach=0.77)
     with pytest.raises(ConfigError, match="still to be flown"):

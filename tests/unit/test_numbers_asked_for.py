@@ -58,3 +58,20 @@ def test_entry_levels_are_numbers(entry: object, model: Density) -> None:
 def test_a_generator_takes_one_level_of_entry(model: Density) -> None:
     with pytest.raises(ConfigError, match="expected one for a call"):
         df.Generator(model).next(entry_fl=[300, 310])
+
+
+def test_more_than_the_memory_holds_is_refused_at_once(model: Density) -> None:
+    with pytest.raises(ConfigError, match=r"1,000,000,000,000 descents of .* levels, [\d,]+ GB; expected at most"):
+        df.sample(model, 10**12)
+
+
+@pytest.mark.parametrize("entry", [150, 150.2])
+def test_the_lowest_level_is_none_of_entry(entry: float, model: Density) -> None:
+    with pytest.raises(ConfigError, match="flight levels above 150, up to"):
+        df.sample(model, 3, entry_fl=entry)
+    assert len(df.sample(model, 3, entry_fl=170)) == 3
+
+
+def test_an_air_that_is_none(model: Density) -> None:
+    with pytest.raises(ConfigError, match="the air '10'"):
+        df.sample(model, 3, air=10)

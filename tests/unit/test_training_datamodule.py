@@ -111,6 +111,9 @@ def test_a_pool_of_types_needs_an_aircraft(descents: Path, tmp_path: Path) -> No
         module(pool)
     assert len(module(pool, aircraft="A320").weights("train")) == 173
     assert len(module(pool, typecodes=["A321"]).weights("train")) < 173
+    assert len(module(pool, typecodes="A321").weights("train")) == len(
+        module(pool, typecodes=["A321"]).weights("train")
+    )
     with pytest.raises(DataError, match="no descent of B738"):
         module(pool, typecodes=["B738"])
 

@@ -155,7 +155,9 @@ def point_asked(time_s: Band | None, distance_nm: Band | None, level: Band | Non
         raise ConfigError(
             " and ".join(names) + (" alone" if len(names) == 1 else ""),
             expected="a level, and either time_s or distance_nm at it",
-            mend="give both, or for a speed at a level cas_kt={level: value}",
+            mend="leave one of them out"
+            if len(given) > 1
+            else "give both, or for a speed at a level cas_kt={level: value}",
         )
     name, band = given[0]
     (low, high), levels = _band(name, band), _band("level", level)

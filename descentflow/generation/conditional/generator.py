@@ -12,7 +12,7 @@ import polars as pl
 import torch
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.seeds import checked_count, checked_seed
+from descentflow.core.seeds import checked_count, checked_number, checked_seed
 from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
 from descentflow.generation.conditional.accepted import Accepted, NoneLeft, chosen_by_weight, first_plausible
@@ -103,7 +103,7 @@ class Generator:
         self.transition_fl = self.decoder.transition_fl
         self._descents = DrawnDescents(self.representation, self.grid, self.seed)
         self._shares = EntryShares(density)
-        self._next = int(first)
+        self._next = checked_number(first)
         self._parts: dict[tuple[tuple[str, str], ...], LatentParts] = {}
         self._targets: OrderedDict[tuple[Any, ...], ConditionedTarget | FreeTarget] = OrderedDict()
         self._lock = threading.RLock()
@@ -186,7 +186,7 @@ class Generator:
                 mend="draw more and keep those that meet the constraints, or take the checkpoint before correction",
             )
         with self._lock:
-            first = self._next if number is None else int(number)
+            first = self._next if number is None else checked_number(number)
             self._next += n if number is None else 0
         found = self._accepted(request, n, Numbers(self.seed, first))
         report = RejectionReport(found.tried, n, found.rejected, found.tried - n - found.rejected, found.broken)
@@ -220,7 +220,13 @@ class Generator:
         if flown is not None:
             if entry_fl is not None:
                 raise ConfigError("entry_fl beside what was flown", expected="one of them", mend="leave entry_fl out")
-            so_far = flown_so_far(self.decoder, flown)
+            so_far = flown_so_far(self.decoder, flown, self.bounds)
+            if bool(so_far.mask[0, 0]):
+                raise ConfigError(
+                    f"a descent flown to FL{self.levels_fl[0]:.0f}, the model's lowest level",
+                    expected="a level left to descend to",
+                    mend="give the levels of an earlier moment",
+                )
             return replace(request, flown=so_far, entry=int(so_far.mask[0].to(torch.int8).argmax())), contexts
         if entry_fl is not None and np.size(entry_fl) > 1:
             raise ConfigError(f"entry_fl {entry_fl}", expected="one for a call", mend="call once for each level")

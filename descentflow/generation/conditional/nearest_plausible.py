@@ -1,6 +1,7 @@
 """What is said where no descent meets a request: the nearest value that descents have which meet the rest of it."""
 
 from dataclasses import replace
+from math import ceil, floor
 from typing import Protocol
 
 import numpy as np
@@ -63,10 +64,22 @@ def implausible(
     off = np.maximum(np.maximum(low - values, values - high), 0.0)
     nearest, digits = float(values[off.argmin()]), DIGITS[name]
     others = "; ".join(rest.words(levels_fl)) or "nothing else asked"
+    found = f"{text}, which no descent of the model has with {others}"
+    least, most, step = float(values.min()), float(values.max()), 10.0**-digits
+    if most - least < step:  # a rounded value would be refused again
+        band = f"({floor(least / step) * step:.{digits}f}, {ceil(most / step) * step:.{digits}f})"
+        return ImplausibleError(
+            found,
+            expected=f"{nearest:.{digits + 3}f}, which follows from what else is asked",
+            mend=f"leave {name} out there, or ask for the band {band}",
+            constraint=name,
+            nearest=nearest,
+        )
+    told = min(max(nearest, ceil(least / step) * step), floor(most / step) * step)
     return ImplausibleError(
-        f"{text}, which no descent of the model has with {others}",
-        expected=f"{values.min():.{digits}f} to {values.max():.{digits}f}, as {LOOKED_AT:,} plausible descents have",
-        mend=f"ask for the nearest of theirs, {name} {nearest:.{digits}f}, or for a band that holds it",
+        found,
+        expected=f"{least:.{digits}f} to {most:.{digits}f}, as {LOOKED_AT:,} plausible descents have",
+        mend=f"ask for the nearest of theirs, {name} {told:.{digits}f}, or for a band that holds it",
         constraint=name,
         nearest=nearest,
     )

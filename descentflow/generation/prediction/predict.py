@@ -24,7 +24,7 @@ from descentflow.generation.sample_tables import UNITS
 from descentflow.positions.ground_path import Point
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
 from descentflow.positions.wind_by_level import Wind
-from descentflow.representation.comparable_descents import comparable_descents
+from descentflow.representation.comparable_descents import comparable_descents, tell_other_types
 from descentflow.representation.encode_flights import EncodedFlights, encode_flights
 from descentflow.representation.profiles import Profiles
 
@@ -226,7 +226,9 @@ def predict(
             expected=f"a level above FL{bottom:.0f} and up to FL{top:.0f}, the model's grid",
             mend="pass one of these",
         )
-    parts = encode_flights(comparable_descents(descents, representation).frame, representation, context_table)
+    frame = comparable_descents(descents, representation).frame
+    tell_other_types(frame, representation)
+    parts = encode_flights(frame, representation, context_table)
     predictor, calibration = _calibrated(DescentPredictor(density, seed), parts["validation"], seed)
     chosen = _chosen(parts["test"], flights)
     if total is not None:

@@ -11,8 +11,8 @@ from importlib import import_module
 from typing import Any
 
 from descentflow.cli.ending import ended_in_order, print_whatever_comes
-from descentflow.cli.one_line_parser import OneLineParser, nearest
-from descentflow.core.errors import ConfigError, DescentflowError, DescentflowWarning
+from descentflow.cli.one_line_parser import OneLineParser
+from descentflow.core.errors import ConfigError, DescentflowError, DescentflowWarning, nearest
 from descentflow.core.progress import clear_line, display
 from descentflow.core.version import __version__
 

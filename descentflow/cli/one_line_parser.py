@@ -3,11 +3,9 @@
 import argparse
 import re
 import sys
-from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import NoReturn
 
-from descentflow.core.errors import ConfigError
+from descentflow.core.errors import ConfigError, nearest
 
 SAID = tuple(
     (re.compile(pattern, re.DOTALL), got, expected)
@@ -71,13 +69,3 @@ descentflow sample --help, which has every option
         meant = ", ".join(filter(None, (nearest(word, self._option_string_actions) for word in typed)))
         mend = f"{f'try {meant}, or ' if meant else ''}see {self.prog} --help, which has every option"
         return str(ConfigError(got, expected=expected, mend=mend))
-
-
-def nearest(word: str, names: Iterable[str]) -> str:
-    """The name that a mistyped word is nearest to; empty if it is near none.
-
-    Example:
-        >>> nearest("prepar", ["prepare", "predict"]), nearest("xyz", ["prepare"])
-        ('prepare', '')
-    """
-    return next(iter(get_close_matches(word, list(names), n=1)), "")

@@ -7,14 +7,13 @@ left to the full parser.
 
 import ast
 from collections.abc import Iterable, Sequence
-from difflib import get_close_matches
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from descentflow.configs.packaged_config import config_file
-from descentflow.core.errors import ConfigError
+from descentflow.core.errors import ConfigError, nearest
 from descentflow.core.settings_file import read_settings
 from descentflow.training.models import MODULES
 
@@ -165,11 +164,11 @@ def _known(shown: str, name: str, names: Iterable[str], prefix: str) -> None:
     names = list(names)
     if name in names:
         return
-    near = get_close_matches(name, names, n=1)
+    near = nearest(name, names)
     raise ConfigError(
         shown,
         expected=f"one of {', '.join(prefix + valid for valid in sorted(names))}",
-        mend=f"did you mean {prefix}{near[0]}?" if near else "see `descentflow fit --help`",
+        mend=f"did you mean {prefix}{near}?" if near else "see `descentflow fit --help`",
     )
 
 

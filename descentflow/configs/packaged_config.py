@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from descentflow.core.errors import ConfigError
+from descentflow.core.errors import ConfigError, nearest
 
 FOLDER = Path(__file__).resolve().parent
 
@@ -44,8 +44,9 @@ def config_file(name: str | Path) -> Path:
         inside = ("configs", *path.relative_to(FOLDER).with_suffix("").parts)
         if parts and inside[-len(parts) :] == parts:
             return path
+    near = nearest(own.stem, packaged_configs())
     raise ConfigError(
         f"no settings file {name}",
         expected=f"a YAML file, or one that comes along: {', '.join(packaged_configs())}",
-        mend="check the path",
+        mend=f"did you mean {near}? Else check the path" if near else "check the path",
     )

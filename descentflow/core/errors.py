@@ -1,5 +1,8 @@
 """Typed errors: each message says what was got, what was expected and how to mend it."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 LONGEST_PART = 4000
 """Characters of a part of a message: values of a damaged file can be a million long."""
 
@@ -15,6 +18,16 @@ def shortened(text: str) -> str:
         return text
     half = LONGEST_PART // 2
     return f"{text[:half]} ... ({len(text) - 2 * half:,} characters left out) ... {text[-half:]}"
+
+
+def nearest(word: str, names: Iterable[str]) -> str:
+    """The name that a mistyped word is nearest to; empty if it is near none.
+
+    Example:
+        >>> nearest("prepar", ["prepare", "predict"]), nearest("xyz", ["prepare"])
+        ('prepare', '')
+    """
+    return next(iter(get_close_matches(word, list(names), n=1)), "")
 
 
 class DescentflowError(Exception):

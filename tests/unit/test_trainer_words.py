@@ -29,7 +29,7 @@ FILE = ["--data.descents", "descents.parquet"]
         (["--config", "flow", "--checkpoint", "best.ckpt"], "--checkpoint best.ckpt", "--ckpt_path FILE"),
         (["--config", "flow", "--data=d.parquet"], "--data d.parquet", "--data.descents FILE"),
         (["--config", "flow", "--trainer", "gpu"], "--trainer gpu", "--trainer.NAME VALUE"),
-        (["--config", "flwo"], "no settings file flwo", "path"),
+        (["--config", "flwo"], "no settings file flwo", "mean flow?"),
         ([], "fit without --model and --data.descents", "descentflow fit --model Gaussian"),
         (["--model", "Gaussian"], "fit without --data.descents", "descentflow fit --model Gaussian"),
         (FILE, "fit without --model", "descentflow fit --model Gaussian"),

@@ -4,8 +4,9 @@ python scripts/kill.py FOLDER --times 100      # of each command and signal; res
 python scripts/kill.py FOLDER --times 5 --commands "sample;fit flow, resumed" --signals KILL
 python scripts/kill.py FOLDER --minutes 60
 
-Nine of ten trials begin in a process that has loaded torch and Lightning already: the instants fall on the work. In
-the tenth, which begins a new interpreter, they fall on imports too.
+A command is killed five times in a row, each time where the kill before left it, and then runs to its end. Four of five
+such rows begin in a process that has loaded torch and Lightning already: the instants fall on the work. In the fifth,
+which begins a new interpreter, they fall on imports too.
 
 After a kill nothing may lie under a final name that is not whole; after the same command again (`fit` also resumed from
 its last checkpoint) the content must be that of an undisturbed run to the bit, and no temporary file may be left. Of
@@ -25,8 +26,10 @@ import time
 from pathlib import Path
 
 FINE = ("same", "ended before")
-ANEW = 10
-"""Of so many trials, one begins a new interpreter."""
+IN_A_ROW = 5
+"""Kills of a command before it is let run to its end."""
+ANEW = 5
+"""Of so many rows, one begins new interpreters."""
 
 
 def main() -> int:
@@ -63,13 +66,15 @@ def run(args: argparse.Namespace, path: Path) -> None:
     until = None if args.minutes is None else time.time() + 60 * args.minutes
     whole: dict[tuple[str, bool], Whole] = {}
     loaded = Warm()
-    for number in range(args.times):  # all commands once, then all once more: an hour says something of each
+    for begin in range(0, args.times, IN_A_ROW):  # all commands, then all once more: an hour says something of each
         for name in chosen:
             for sent in args.signals.split(",") if not every[name].spares_parent else ["KILL"]:
-                if (name, sent, number) in done or (until is not None and time.time() > until):
+                row = range(begin, min(begin + IN_A_ROW, args.times))
+                numbers = [number for number in row if (name, sent, number) not in done]
+                if not numbers or (until is not None and time.time() > until):
                     continue
                 place = args.folder / "work"
-                anew = number % ANEW == ANEW - 1 or every[name].always_anew
+                anew = begin // IN_A_ROW % ANEW == ANEW - 1 or every[name].always_anew
                 warm = None if anew else loaded
                 if (name, anew) not in whole:
                     shutil.rmtree(place, ignore_errors=True)
@@ -78,14 +83,15 @@ def run(args: argparse.Namespace, path: Path) -> None:
                         raise RuntimeError(f"{name}: a new interpreter writes something else")
                 shutil.rmtree(place, ignore_errors=True)
                 place.mkdir()
-                rng = random.Random(f"{args.seed}-{name}-{sent}-{number}")
-                verdict, instant = trial(every[name], whole[name, anew], signal.Signals[f"SIG{sent}"], place, rng, warm)
-                told = {"command": name, "signal": sent, "number": number, "after_s": round(instant, 3), "anew": anew}
-                with path.open("a") as file:
-                    file.write(json.dumps({**told, "verdict": verdict}) + "\n")
-                if verdict not in FINE:
-                    print(f"{name}, SIG{sent}, {instant:.2f} s: {verdict}", flush=True)
-                    kept = args.folder / f"{name.replace(', ', '-').replace(' ', '-')}-{sent}-{number}"
+                rngs = [random.Random(f"{args.seed}-{name}-{sent}-{number}") for number in numbers]
+                found = trial(every[name], whole[name, anew], signal.Signals[f"SIG{sent}"], place, rngs, warm)
+                for number, (verdict, instant) in zip(numbers, found, strict=False):
+                    told = {"command": name, "signal": sent, "number": number, "after_s": round(instant, 3)}
+                    with path.open("a") as file:
+                        file.write(json.dumps({**told, "anew": anew, "verdict": verdict}) + "\n")
+                if any(verdict not in FINE for verdict, _ in found):
+                    print(f"{name}, SIG{sent}, {begin}: {found}", flush=True)
+                    kept = args.folder / f"{name.replace(', ', '-').replace(' ', '-')}-{sent}-{begin}"
                     shutil.rmtree(kept, ignore_errors=True)
                     shutil.copytree(place, kept)
     shutil.rmtree(args.folder / "work", ignore_errors=True)

@@ -1,11 +1,13 @@
-"""One trial: a command is begun, killed at a random instant, looked at, run again, and compared."""
+"""A trial: a command is killed at random instants, several times in a row, then run to its end and compared."""
 
 import os
 import random
 import re
+import shutil
 import signal
 import subprocess
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,40 +65,69 @@ def undisturbed(job: Job, folder: Path, warm: Warm | None) -> Whole:
 
 
 def trial(
-    job: Job, whole: Whole, sent: signal.Signals, folder: Path, rng: random.Random, warm: Warm | None
-) -> tuple[str, float]:
-    """Kill a job once.
+    job: Job, whole: Whole, sent: signal.Signals, folder: Path, rngs: Sequence[random.Random], warm: Warm | None
+) -> list[tuple[str, float]]:
+    """Kill a job several times in a row, each time where the kill before left it, then let it end.
+
+    What a run left behind is thus found by the next one that is killed, too, and one run to the end serves many kills.
+    After a run that had ended before it was killed, the next begins in an empty folder.
 
     Args:
         job: What is killed.
         whole: Of the job.
         sent: The signal.
         folder: An empty one.
-        rng: Of the instant.
-        warm: What begins the command, both times; a new interpreter if absent.
+        rngs: Of the instants, one for each kill.
+        warm: What begins the command, every time; a new interpreter if absent.
 
     Returns:
-        ``same``, ``ended before``, or what is wrong; and the instant in seconds.
+        Of each kill ``same``, ``ended before``, or what is wrong, and the instant in seconds; kills after one that was
+        not survived are not done.
     """
-    instant = rng.uniform(0.0, whole.seconds)
-    process = _begin(job.words, folder, warm)
+    done: list[tuple[str, float]] = []
+    for rng in rngs:
+        instant = rng.uniform(0.0, whole.seconds)
+        wrong, ended = _killed(job, whole, sent, folder, instant, rng, warm)
+        done.append((wrong or ("ended before" if ended else "same"), instant))
+        if wrong:
+            return done
+        if ended or job.spares_parent:
+            shutil.rmtree(folder)
+            folder.mkdir()
+    if any(folder.iterdir()):
+        status, said = _finished(_begin(_words(job, folder), folder, warm), folder)
+        found = f"run again: status {status}: {said[-500:]}" if status != 0 else _compared(job, whole, folder)
+        if found != "same":
+            return [(found, instant) for _, instant in done]
+    return done
+
+
+def _killed(
+    job: Job,
+    whole: Whole,
+    sent: signal.Signals,
+    folder: Path,
+    instant: float,
+    rng: random.Random,
+    warm: Warm | None,
+) -> tuple[str, bool]:
+    """Kill a job once: what is wrong then, if anything, and whether it had ended before."""
+    process = _begin(_words(job, folder), folder, warm)
     time.sleep(instant)
     ended = process.poll() is not None
     if not ended:
         _send(process, sent, job.spares_parent, rng)
     status, said = _finished(process, folder)
-    if job.spares_parent:
-        return (_compared(job, whole, folder) if status == 0 else f"status {status}: {said[-500:]}"), instant
-    if _is_traceback(said):
-        return f"traceback: {said[said.index('Traceback') :][:4000]}", instant
-    if not ended and (wrong := _half_written(job, whole, folder)):
-        return wrong, instant
-    words = job.again(job, folder) if job.again else job.words
-    status, said = _finished(_begin(words, folder, warm), folder)
-    if status != 0:
-        return f"run again: status {status}: {said[-500:]}", instant
-    found = _compared(job, whole, folder)
-    return ("ended before" if ended and found == "same" else found), instant
+    if _is_traceback(said) and not job.spares_parent:
+        return f"traceback: {said[said.index('Traceback') :][:4000]}", ended
+    if ended or job.spares_parent:
+        found = f"status {status}: {said[-500:]}" if status != 0 else _compared(job, whole, folder)
+        return "" if found == "same" else found, ended
+    return _half_written(job, whole, folder), ended
+
+
+def _words(job: Job, folder: Path) -> tuple[str, ...]:
+    return job.again(job, folder) if job.again else job.words
 
 
 def _is_traceback(said: str) -> bool:

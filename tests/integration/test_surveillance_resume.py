@@ -2,11 +2,13 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import polars as pl
@@ -17,7 +19,7 @@ from surveillance_toys import fleet, written
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.workers import DaskEngine, LocalEngine
 from descentflow.surveillance.descents.prepared_descents import read_descents
-from descentflow.surveillance.out_of_core import intake
+from descentflow.surveillance.out_of_core import intake, job
 from descentflow.surveillance.out_of_core import partitions as engines
 from descentflow.surveillance.prepare import Cleaning, prepare
 
@@ -155,6 +157,34 @@ def test_two_runs_at_once_on_one_output_are_refused(rows: Path, tmp_path: Path) 
     with pytest.raises(ConfigError, match="another run is at work"):
         prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, progress=again)
     assert list(tmp_path.iterdir()) == []
+
+
+class Killed(BaseException):
+    """As SIGKILL: nothing of the run goes on."""
+
+
+@pytest.mark.parametrize("out", ["descents.parquet", "store"])
+@pytest.mark.parametrize("instant", ["before", "amid"])
+def test_a_run_that_is_killed_while_it_removes_its_work_leaves_none_of_it_to_the_next(
+    instant: str, out: str, rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def kill(folder: Path, ignore_errors: bool = False, remove: Callable[..., None] = shutil.rmtree) -> None:
+        if instant == "amid" and not (parts := sorted(folder.glob("parts/*.parquet"))):
+            return remove(folder, ignore_errors)
+        if instant == "amid":
+            parts[0].unlink()
+        raise Killed
+
+    place = tmp_path / "out"
+    place.mkdir()
+    with monkeypatch.context() as patched:
+        patched.setattr(*((job, "_remove") if instant == "before" else (shutil, "rmtree")), kill)
+        with pytest.raises(Killed):
+            prepare(rows, out=place / out, memory_bytes=MEMORY)
+    assert len(list(place.iterdir())) == 2
+    again = prepare(rows, out=place / out, memory_bytes=MEMORY)
+    assert [path.name for path in place.iterdir()] == [out]
+    assert_frame_equal(again.frame, prepare(rows).frame)
 
 
 def test_a_failing_partition_is_an_error_and_no_output(

@@ -1,13 +1,16 @@
 """The folder beside an output in which an unfinished `prepare` keeps its parts, so that a rerun resumes from them."""
 
 import fcntl
+import glob
 import hashlib
 import json
+import os
 import shutil
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from descentflow.core.errors import ConfigError, DescentflowError
 from descentflow.core.files import whole_file
@@ -56,27 +59,80 @@ def job_folder(out: Path, facts: dict[str, Any]) -> Iterator[Path]:
         False
     """
     folder = work_folder(out)
-    folder.mkdir(exist_ok=True)
-    with (folder / LOCK).open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise ConfigError(
-                f"another run is at work on {out}",
-                expected="one at a time",
-                mend="wait for it, or choose another --out",
-            ) from error
+    _remove_retired(folder)
+    with _lock(folder, out):
         _claim(folder, facts, out)
         try:
             yield folder
         except DescentflowError:
-            shutil.rmtree(folder, ignore_errors=True)
+            _remove(folder)
             raise
         except BaseException:
             if not _has_parts(folder):
-                shutil.rmtree(folder, ignore_errors=True)
+                _remove(folder)
             raise
-        shutil.rmtree(folder, ignore_errors=True)
+        _remove(folder)
+
+
+def remove_work(out: Path) -> None:
+    """Remove the work for an output that is finished, which a run leaves that is killed at its end.
+
+    Args:
+        out: The output; another run that is at work on it keeps its folder.
+
+    Example:
+        >>> (work_folder(Path("made")) / "parts").mkdir(parents=True)
+        >>> remove_work(Path("made"))
+        >>> work_folder(Path("made")).exists()
+        False
+    """
+    folder = work_folder(out)
+    _remove_retired(folder)
+    if folder.is_dir():
+        with suppress(ConfigError), _lock(folder, out):
+            _remove(folder)
+
+
+def _lock(folder: Path, out: Path) -> IO[str]:
+    """Make the folder and take its lock, for as long as the file is open; a folder that goes meanwhile is made anew."""
+    while True:
+        folder.mkdir(exist_ok=True)
+        with suppress(FileNotFoundError):
+            lock = (folder / LOCK).open("w")
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                lock.close()
+                raise ConfigError(
+                    f"another run is at work on {out}",
+                    expected="one at a time",
+                    mend="wait for it, or choose another --out",
+                ) from error
+            if _is_named(lock, folder / LOCK):
+                return lock
+            lock.close()
+
+
+def _is_named(lock: IO[str], path: Path) -> bool:
+    """Whether the open file is the one of this name: between opening and locking, its folder may have been renamed."""
+    return path.exists() and os.path.samestat(os.fstat(lock.fileno()), path.stat())
+
+
+def _remove(folder: Path) -> None:
+    """Rename the folder, then remove its files: half of them would pass for work that a rerun can go on with."""
+    retired = Path(tempfile.mkdtemp(dir=folder.parent, prefix=_retired(folder)))
+    folder.replace(retired)
+    shutil.rmtree(retired, ignore_errors=True)
+
+
+def _remove_retired(folder: Path) -> None:
+    """Remove folders that runs were removing when they were killed."""
+    for left in folder.parent.glob(f"{glob.escape(_retired(folder))}*"):
+        shutil.rmtree(left, ignore_errors=True)
+
+
+def _retired(folder: Path) -> str:
+    return f".{folder.name[:50]}-done-"
 
 
 def _claim(folder: Path, facts: dict[str, Any], out: Path) -> None:

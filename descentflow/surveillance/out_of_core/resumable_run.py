@@ -17,7 +17,7 @@ from descentflow.surveillance.nothing_left import nothing_left
 from descentflow.surveillance.out_of_core.finished_store import finished
 from descentflow.surveillance.out_of_core.held_rows import clean_held
 from descentflow.surveillance.out_of_core.intake import Intake, read_groups, take_in
-from descentflow.surveillance.out_of_core.job import fingerprint, job_folder, work_folder
+from descentflow.surveillance.out_of_core.job import fingerprint, job_folder, remove_work, work_folder
 from descentflow.surveillance.out_of_core.partitions import Cleaned, clean_partitions
 from descentflow.surveillance.out_of_core.spill import Memory, Spill
 from descentflow.surveillance.request import Request, description
@@ -65,6 +65,7 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
                 expected="a store that is not there yet",
                 mend="choose another --out",
             )
+        remove_work(out)
         progress("found finished")
         return before
     if not (is_store and out.is_dir()):

@@ -17,6 +17,8 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.version import __version__
 
 Task = TypeVar("Task")
+STARTS = 3
+"""Times that Dask's workers on this machine are started before that is given up."""
 
 
 class Engine(ABC):
@@ -139,9 +141,7 @@ class DaskEngine(Engine):
                 mend="pip install 'descentflow[dask]'",
             ) from error
         try:
-            cluster = self.scheduler or distributed.LocalCluster(
-                n_workers=self.workers, threads_per_worker=1, memory_limit=0, dashboard_address=None
-            )
+            cluster = self.scheduler or self._begun(distributed)
             client = distributed.Client(cluster, timeout=30)
         except (OSError, ValueError, TypeError) as error:
             raise ConfigError(
@@ -162,6 +162,21 @@ class DaskEngine(Engine):
             client.close()
             if not isinstance(cluster, str):
                 cluster.close()
+
+    def _begun(self, distributed: Any) -> Any:
+        """Workers on this machine; where one is killed while it starts, all are started again."""
+        for _ in range(STARTS):
+            try:
+                return distributed.LocalCluster(
+                    n_workers=self.workers, threads_per_worker=1, memory_limit=0, dashboard_address=None
+                )
+            except RuntimeError as error:
+                failed = f"{error.__cause__ or error}"
+        raise DataError(
+            f"Dask's workers did not start, {STARTS} times ({failed})",
+            expected=f"memory and processes for {self.workers} workers",
+            mend="start it again, with fewer --workers, or without --engine dask",
+        )
 
 
 def _check_versions(client: Any) -> None:

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import polars as pl
 import pytest
@@ -227,6 +228,23 @@ def test_dask_workers_give_the_same_even_when_one_is_killed(rows: Path, tmp_path
     assert_frame_equal(found.frame, whole.frame, check_exact=True)
     assert prepared.report.as_dict() == whole.report.as_dict()
     assert [path.name for path in tmp_path.iterdir()] == ["s"]
+
+
+@pytest.mark.parametrize("failures", [2, 3])
+def test_workers_that_are_killed_while_they_start_are_started_again(failures: int) -> None:
+    begun = iter([RuntimeError("Nanny failed to start.")] * failures + ["cluster"])
+
+    def start(**_: object) -> object:
+        if isinstance(now := next(begun), Exception):
+            raise now
+        return now
+
+    engine = DaskEngine(2)
+    if failures == 2:
+        assert engine._begun(SimpleNamespace(LocalCluster=start)) == "cluster"
+    else:
+        with pytest.raises(DataError, match="did not start, 3 times"):
+            engine._begun(SimpleNamespace(LocalCluster=start))
 
 
 def test_without_dask_or_a_scheduler_the_error_says_what_to_do(

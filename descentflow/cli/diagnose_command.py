@@ -74,6 +74,7 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.diagnosis.diagnose import diagnose
     from descentflow.surveillance.point_profiles.read_points import holds_points
 
+    args.typecode = args.typecode and args.typecode.upper()
     if len(args.real) == 1 and holds_points(args.real[0]):
         simulator = _one_or_several(args.simulator) if args.simulator else args.typecode
         level_times_command.run(

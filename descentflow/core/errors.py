@@ -82,9 +82,20 @@ class AircraftError(DescentflowError):
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
+        >>> aircraft("A320", "no_such_folder")
+        Traceback (most recent call last):
+        descentflow.core.errors.AircraftError: BADA directory no_such_folder; expected ...; to mend it, ...
+    """
+
+
+class UnknownTypeError(AircraftError):
+    """A type without coefficients, where those of other types can be read.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
         >>> aircraft("A399")
         Traceback (most recent call last):
-        descentflow.core.errors.AircraftError: ...A399...; expected ...; to mend it, ...
+        descentflow.core.errors.UnknownTypeError: ...A399...; expected ...; to mend it, ...
     """
 
 

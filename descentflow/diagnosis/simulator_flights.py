@@ -8,7 +8,7 @@ import polars as pl
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.nearest_type import nearest_type
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
-from descentflow.core.errors import AircraftError, ConfigError, DataError
+from descentflow.core.errors import ConfigError, DataError, UnknownTypeError
 from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed
 from descentflow.diagnosis.simulator import Simulator
 
@@ -38,15 +38,16 @@ class SignatureSource:
             of_flights: Types of the flights.
 
         Raises:
-            AircraftError: If the type has no coefficients, and the nearest is not asked for or not known.
+            AircraftError: If the type has no coefficients, and the nearest is not asked for or not known, or its files
+                cannot be read.
             DataError: If the flights are of several types or of none, and nobody says whose coefficients to take.
         """
         own = self.typecode or _one(of_flights)
         try:
             found = find_aircraft(own, self.bada_dir)
-        except AircraftError as error:
+        except UnknownTypeError as error:
             if not self.nearest:
-                raise AircraftError(
+                raise UnknownTypeError(
                     error.got,
                     expected=f"coefficients that give the signatures of effects, {error.expected}",
                     mend="name a type whose coefficients stand for it (--typecode), or let the nearest be taken "

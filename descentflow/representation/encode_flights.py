@@ -19,6 +19,8 @@ from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.representation import Representation, Split
 
 Say = Callable[[str], None]
+FEW = 100
+"""Training flights below which a summary says that they are few."""
 
 
 @dataclass(frozen=True)
@@ -164,11 +166,13 @@ def summary_of(parts: dict[Part, EncodedFlights], representation: Representation
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> known = load_representation("best.ckpt")
         >>> summary_of(encode_flights(pl.read_parquet("descents.parquet"), known), known)
-        'flights: 86 train, 10 validation, 24 test; grid FL150-...; components: ... of drag, ... of CAS'
+        'flights: 86 train, 10 validation, 24 test; grid FL150-...; components: ... of drag, ... of CAS; few...'
     """
     decoder = representation.decoder
     counts = ", ".join(f"{len(parts[part])} {part}" for part in PARTS)
+    few = "; few to train on: a useful generator needs hundreds" if 0 < len(parts["train"]) < FEW else ""
     return (
         f"flights: {counts}; grid FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}; components: {decoder.sizes}"
         + ("" if representation.context is None else f"; context: {representation.context.describe()}")
+        + few
     )

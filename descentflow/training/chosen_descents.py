@@ -39,13 +39,14 @@ def of_typecodes(source: Descents, typecodes: list[str] | str | None, name: str)
     if typecodes is None:
         return source.frame
     if isinstance(typecodes, str):
-        typecodes = [one.strip() for one in typecodes.split(",")]
+        typecodes = typecodes.split(",")
+    typecodes = [one.strip().upper() for one in typecodes]
     frame = source.frame.filter(pl.col("typecode").is_in(typecodes))
     if frame.is_empty():
         raise DataError(
             f"no descent of {', '.join(typecodes)} in {name}",
             expected=f"some of {', '.join(sorted(source.frame['typecode'].unique()))}",
-            mend="change data.typecodes",
+            mend="change --data.typecodes (in Python: typecodes=)",
         )
     return frame
 
@@ -68,7 +69,7 @@ def aircraft_of(frame: pl.DataFrame, typecode: str | None, bada_dir: Path | None
         raise ConfigError(
             f"descents of {len(types)} types ({', '.join(types[:8])})",
             expected="one type, or the aircraft whose coefficients stand for all of them",
-            mend=f"take them together, data.aircraft={types[0]}, or one of them, data.typecodes={types[0]}",
+            mend=f"take them together, --data.aircraft {types[0]}, or one of them, --data.typecodes {types[0]}",
         )
     return find_aircraft(types[0], bada_dir)
 

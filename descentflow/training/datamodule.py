@@ -177,7 +177,7 @@ class DescentDataModule(LightningDataModule):
                 if masses is not None:
                     profiles = with_own_mass(profiles, flown_by, masses, rank_zero_info)
                 done.say("fitting components")
-                representation = self._fit(profiles, split, source, own_type)
+                representation = self._fit(profiles, split, Descents(frame, source.metadata), own_type)
                 levels, seen = profiles.levels_fl, [*split.train, *split.validation]
                 shown = frame.drop(source.computed, strict=False)
                 representation.air, representation.mass = kept_air, kept_masses(self.mass, profiles, split)
@@ -279,7 +279,7 @@ class DescentDataModule(LightningDataModule):
         profiles, split = as_held(asked, made, lambda made: parts_of(*made)["train"], rank_zero_info)
         return with_levels(profiles, rank_zero_info), split
 
-    def _fit(self, profiles: Profiles, split: Split, source: Descents, own_type: Aircraft) -> Representation:
+    def _fit(self, profiles: Profiles, split: Split, used: Descents, own_type: Aircraft) -> Representation:
         return fit_representation(
             parts_of(profiles, split)["train"],
             own_type,
@@ -292,7 +292,7 @@ class DescentDataModule(LightningDataModule):
             mass_kg=self.mass_kg,
             provenance={
                 "descents": name_of(self.descents),
-                "typecodes": sorted(source.frame["typecode"].unique()),
-                "period": source.period,
+                "typecodes": sorted(used.frame["typecode"].unique()),
+                "period": used.period,
             },
         )

@@ -146,6 +146,28 @@ def test_a_channel_that_one_side_lacks_is_left_out_and_named(real: Descents, sim
     assert set(sides.real.values) == set(sides.reference.values)
 
 
+@pytest.mark.parametrize(
+    ("files", "mend"),
+    [
+        (None, "pass the directory of your BADA 3 release"),
+        ({}, "unpack the release there"),
+        ({"B738__.OPF": "x", "SYNONYM.NEW": "no synonyms"}, "in capitals|SYNONYM|release"),
+    ],
+)
+def test_a_bada_folder_that_cannot_be_read_is_not_mended_by_a_type(
+    files: dict[str, str] | None, mend: str, simulator: Descents, real: Descents, tmp_path: Path
+) -> None:
+    folder = tmp_path / "bada"
+    for name, text in (files or {}).items():
+        folder.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    if files == {}:
+        folder.mkdir()
+    with pytest.raises(AircraftError, match=mend) as refused:
+        diagnose(real, simulator, bada_dir=folder)
+    assert "--nearest-type" not in str(refused.value)
+
+
 def test_too_few_flights_of_either_side_are_refused(real: Descents, simulator: Descents) -> None:
     with pytest.raises(DataError, match=r"59 real flights .* at least 60 flights a side"):
         diagnose(fewer(real, 59), simulator)

@@ -116,6 +116,8 @@ def test_a_pool_of_types_needs_an_aircraft(descents: Path, tmp_path: Path) -> No
     )
     with pytest.raises(DataError, match="no descent of B738"):
         module(pool, typecodes=["B738"])
+    # What it was trained on is what was kept, so that flights of the other type are told later.
+    assert module(pool, typecodes="a321").representation.provenance["typecodes"] == ["A321"]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from descentflow.aircraft_types.bada3.global_parameters import STANDARD
 from descentflow.aircraft_types.bada3.gpf_file import read_gpf
 from descentflow.aircraft_types.bada3.opf_file import Opf, opf_of, read_opf, write_opf
 from descentflow.aircraft_types.bada3.synonym_file import Synonym, read_synonym
-from descentflow.core.errors import AircraftError
+from descentflow.core.errors import AircraftError, UnknownTypeError
 
 __all__ = [
     "apf_of",
@@ -99,7 +99,7 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Aircraft:
     synonyms = _synonyms(folder)
     if wanted not in synonyms:
         near = ", ".join(get_close_matches(wanted, synonyms, n=8)) or "none"
-        raise AircraftError(
+        raise UnknownTypeError(
             f"type {typecode!r} in {folder}",
             expected=f"one of the {len(synonyms)} types there (near it: {near})",
             mend="choose a type the directory holds, or add a line to its SYNONYM.NEW",

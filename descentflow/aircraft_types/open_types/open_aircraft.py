@@ -13,7 +13,7 @@ from importlib.resources.abc import Traversable
 from typing import Any, Literal, get_args
 
 from descentflow.aircraft_types.aircraft import Aircraft
-from descentflow.core.errors import AircraftError
+from descentflow.core.errors import AircraftError, UnknownTypeError
 
 Confidence = Literal["direct", "derived", "textbook estimate", "unchecked"]
 """Printed by the source; follows from printed numbers by the stated formula; typical of the class of aircraft; commonly
@@ -139,7 +139,7 @@ def open_type(typecode: str) -> OpenType:
     wanted = typecode.strip().upper()
     if wanted not in open_typecodes():
         near = " or ".join(get_close_matches(wanted, open_typecodes()))
-        raise AircraftError(
+        raise UnknownTypeError(
             f"no open aircraft {typecode!r}",
             expected=f"one of {', '.join(open_typecodes())}",
             mend=f"{f'did you mean {near}? Else ' if near else ''}choose one of these, or point --bada-dir (of fit: "

@@ -66,6 +66,7 @@ class FlightFit:
         self.single = likelihood.single.rows(self.at)
         self.total = likelihood.single.total(likelihood.real)
         self.total += torch.diag((SPREAD * likelihood.compared.negligible()) ** -2)
+        self.factor = torch.linalg.cholesky(self.total)
         self.off = torch.zeros(likelihood.y.shape[1], dtype=likelihood.y.dtype)
         self.taken: Taken
         self.shifts: dict[str, Tensor] = {}
@@ -84,18 +85,20 @@ class FlightFit:
         """Steps of expectation and maximisation until they gain nothing; ``left`` (m, p) of the flights."""
         left = torch.where(self.seen, left, 0.0)
         whole, reached = self.single.summed(left), -torch.inf
+        shown = {name: w.weighted(left) for name, w in ways.items()}
         for _ in range(MAX_STEPS):
-            rest = torch.where(self.seen, left - self.off, 0.0)
-            self.taken = taken({n: w.explained(rest) for n, w in ways.items()}, self._laws(self.laws))
+            explained = {n: w.explained_of(shown[n] - w.weighted_alike(self.off)) for n, w in ways.items()}
+            self.taken = taken(explained, self._laws(self.laws))
             # The likelihood of flights and of their own mean together, up to a constant.
             value = float(self.taken.log_ratio.sum() + self.off @ whole - 0.5 * self.off @ self.total @ self.off)
-            self.shifts = {n: w.expected(self.taken.probability[n], self.taken.likely[n].size) for n, w in ways.items()}
+            slots = {n: w.at_slots(self.taken.probability[n], self.taken.sized[n]) for n, w in ways.items()}
             self.laws = self.learnt()
-            without = torch.where(self.seen, left - sum(self.shifts.values()), 0.0)
-            self.off = torch.linalg.solve(self.total, self.single.summed(without))
+            without = whole - torch.stack([w.summed(slots[n]) for n, w in ways.items()]).sum(0)
+            self.off = torch.cholesky_solve(without[:, None], self.factor)[:, 0]
             if value < reached + MIN_EM_GAIN:
                 break
             reached = value
+        self.shifts = {name: w.placed(slots[name]) for name, w in ways.items()}
 
     def _is_settled(self, name: str, before: Tensor, now: Tensor) -> bool:
         size, other = self.effect(name).size(before)[1], self.effect(name).size(now)[1]

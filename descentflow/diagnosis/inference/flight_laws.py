@@ -13,13 +13,14 @@ absence by
 with :math:`\alpha = s_{iw}^\top P_i (r_i - o_i)` and :math:`\gamma = s_{iw}^\top P_i s_{iw}`; its size is then normal
 with the mean :math:`m_{iw} = (\bar a + \sigma^2 \alpha) / (1 + \sigma^2 \gamma)` and variance
 :math:`v_{iw}^2 = \sigma^2 / (1 + \sigma^2 \gamma)`, cut off at zero: brakes that are out do not push. Shapes of ways
-are differences of rows of one table, so :math:`\alpha` and :math:`\gamma` of thousands of ways are sums and differences
-of numbers that belong to the rows.
+are one shape of the flight with weights that all flights have in common, so :math:`\alpha` and :math:`\gamma` of
+thousands of ways are products of two matrices.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -28,12 +29,11 @@ from descentflow.diagnosis.inference.two_sides import Entry
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects.flight_law import Learnt, Ways
 
-MAX_Z = 30.0
-"""Standard deviations above zero from which a law that is cut off there is the normal law itself."""
+FAR_BELOW = -5.0
+"""Standard deviations from zero below which a law that is cut off there needs the scaled complementary error function,
+which neither underflows nor cancels but takes five times as long as the normal law itself."""
 MIN_SHARE = 1e-12
 """Of flights, for the logarithm of a share that is zero."""
-CHUNK = 200
-"""Flights whose tables are held at once."""
 
 
 @dataclass(frozen=True)
@@ -52,20 +52,28 @@ class Explained:
 
     def under(self, mean: float, spread: float) -> "Likely":
         """How much more likely each way is than none under a law of the size, and the size in it."""
-        wider = 1 + spread**2 * self.curvature
-        gain = mean * self.slope + 0.5 * spread**2 * self.slope**2 - 0.5 * mean**2 * self.curvature
-        ratio = self.by_offset[:, None] + gain / wider - 0.5 * wider.log()
-        size, variance = (mean + spread**2 * self.slope) / wider, spread**2 / wider
+        variance = spread**2
+        wider = 1 + variance * self.curvature
+        gain = (0.5 * variance * self.slope + mean).mul_(self.slope).sub_(0.5 * mean**2 * self.curvature).div_(wider)
+        gain += self.by_offset[:, None]
+        size = (variance * self.slope + mean).div_(wider)
         if spread == 0.0:
-            return Likely(ratio, size, variance)
-        sd = variance.sqrt()
-        z = (size / sd).clamp(max=MAX_Z)
-        # The scaled complementary error function neither underflows nor cancels, however far below zero the size is.
-        scaled = torch.special.erfcx(-z / 2**0.5)
-        hazard = (2 / torch.pi) ** 0.5 / scaled
-        above = (0.5 * scaled).log() - 0.5 * z**2
-        ratio = ratio + above - torch.special.log_ndtr(torch.tensor(mean / spread, dtype=z.dtype))
-        return Likely(ratio, size + sd * hazard, variance * (1 - hazard * (hazard + z)).clamp(min=0.0))
+            return Likely(gain, size, variance / wider)
+        root = wider.sqrt()
+        z = size * (root / spread)
+        # What is above zero, its logarithm but for half a square far below, and the law's density there over it.
+        above = torch.special.erfc(z / -(2**0.5)).mul_(0.5)
+        hazard = (-0.5 * z.square()).exp_().mul_((2 * math.pi) ** -0.5).div_(above)
+        far = torch.nonzero(z.flatten() < FAR_BELOW)[:, 0]
+        if len(far):
+            scaled = torch.special.erfcx(z.flatten()[far] / -(2**0.5))
+            above.view(-1)[far], hazard.view(-1)[far] = 0.5 * scaled, (2 / math.pi) ** 0.5 / scaled
+            gain.view(-1)[far] -= 0.5 * z.flatten()[far].square()
+        gain += above.div_(root).log_()
+        gain -= torch.special.log_ndtr(torch.tensor(mean / spread, dtype=z.dtype))
+        size += hazard * (spread / root)
+        rest = (1 - z.add_(hazard).mul_(hazard)).clamp_(min=0.0)
+        return Likely(gain, size, rest.mul_(variance).div_(wider))
 
 
 @dataclass(frozen=True)
@@ -112,39 +120,53 @@ class WaysOfFlights:
         number = {(entry.quantity, entry.band): i for i, entry in enumerate(entries)}
         kept = [k for k, slot in enumerate(ways.slots) if slot in number]
         self.at = torch.tensor([number[ways.slots[k]] for k in kept], dtype=torch.long)
-        self.lower, self.upper = ways.lower, ways.upper
-        self.rows = whitening.precision[:, self.at][whitening.pattern]
-        self.shape, self.offset, self.table = ways.shape[:, kept], ways.offset[:, kept], ways.table[:, kept]
-        self.n_entries = len(entries)
-        self.pushed = torch.einsum("nst,nt->ns", self.rows[:, :, self.at], self.offset)
-        self.curvature = torch.cat(
-            [self._curvature(part) for part in torch.split(torch.arange(len(self.shape)), CHUNK)]
-        )
+        self.whitening, self.n_entries = whitening, len(entries)
+        self.shape, self.offset = ways.shape[:, kept], ways.offset[:, kept]
+        self.weights = (ways.table[ways.upper] - ways.table[ways.lower])[:, kept]
+        self.rows = whitening.precision[:, self.at]
+        self.pushed = self.weighted(self.placed(self.offset)) if bool(self.offset.any()) else self.offset
+        self.curvature = self._curvature()
+
+    def weighted(self, rest: Tensor) -> Tensor:
+        """Precision times what is left of flights (n, p), zero where nothing was seen, at the slots: (n, S)."""
+        return self.whitening.apply(rest)[:, self.at]
+
+    def weighted_alike(self, rest: Tensor) -> Tensor:
+        """The same of what is left of every flight alike (p,)."""
+        return (self.rows @ rest)[self.whitening.pattern]
 
     def explained(self, rest: Tensor) -> Explained:
         """What the ways explain of what is left of flights (n, p), zero where nothing was seen."""
-        weighted = torch.bmm(self.rows, rest[:, :, None])[:, :, 0]
+        return self.explained_of(self.weighted(rest))
+
+    def explained_of(self, weighted: Tensor) -> Explained:
+        """The same, given :meth:`weighted` (n, S)."""
         by_offset = (self.offset * (weighted - 0.5 * self.pushed)).sum(1)
-        at_row = (self.shape * (weighted - self.pushed)) @ self.table.T
-        return Explained(at_row[:, self.upper] - at_row[:, self.lower], self.curvature, by_offset)
+        return Explained((self.shape * (weighted - self.pushed)) @ self.weights.T, self.curvature, by_offset)
+
+    def at_slots(self, taken: Tensor, sized: Tensor) -> Tensor:
+        """Shift (n, S) at the slots that is expected of ways which are as likely (n, W) as said, times their sizes."""
+        return self.shape * (sized @ self.weights) + taken.sum(1, keepdim=True) * self.offset
 
     def expected(self, taken: Tensor, size: Tensor) -> Tensor:
         """Shift (n, p) expected of ways that are as likely (n, W) as said, of sizes (n, W)."""
-        at_row = torch.zeros(len(taken), len(self.table), dtype=taken.dtype)
-        at_row.index_add_(1, self.upper, taken * size)
-        at_row.index_add_(1, self.lower, -taken * size)
-        return self._placed(self.shape * (at_row @ self.table) + taken.sum(1, keepdim=True) * self.offset)
+        return self.placed(self.at_slots(taken, taken * size))
 
-    def _curvature(self, part: Tensor) -> Tensor:
-        """Curvatures (m, W) of some flights: each has a table of all pairs of rows."""
-        block = self.rows[part][:, :, self.at]
-        sized = self.shape[part][:, :, None] * block * self.shape[part][:, None, :]
-        pairs = self.table @ sized @ self.table.T
-        own = pairs.diagonal(dim1=1, dim2=2)
-        found = own[:, self.upper] + own[:, self.lower] - 2 * pairs[:, self.lower, self.upper]
-        return found.clamp(min=0.0)
+    def summed(self, slots: Tensor) -> Tensor:
+        """Sum (p,) over flights of the precision times a shift (n, S) at the slots."""
+        by_pattern = torch.zeros(len(self.rows), slots.shape[1], dtype=slots.dtype)
+        by_pattern.index_add_(0, self.whitening.pattern, slots)
+        return by_pattern.flatten() @ self.rows.flatten(0, 1)
 
-    def _placed(self, slots: Tensor) -> Tensor:
+    def _curvature(self) -> Tensor:
+        """Curvatures (n, W): products of slots, which all ways have in common, weighed by each."""
+        first, second = torch.triu_indices(len(self.at), len(self.at))
+        block = self.rows[:, first, self.at[second]][self.whitening.pattern]
+        by_slot = self.weights.T.contiguous()
+        pairs = by_slot[first] * by_slot[second] * torch.where(first == second, 1.0, 2.0)[:, None]
+        return (block * self.shape[:, first] * self.shape[:, second] @ pairs).clamp_(min=0.0)
+
+    def placed(self, slots: Tensor) -> Tensor:
         """Values (n, S) of slots at their entries (n, p)."""
         placed = torch.zeros(len(slots), self.n_entries, dtype=slots.dtype)
         placed[:, self.at] = slots
@@ -173,13 +195,24 @@ class Taken:
     likely: dict[str, Likely]
     log_ratio: Tensor
 
+    @cached_property
+    def sized(self) -> dict[str, Tensor]:
+        """Probability times size (n, W), by effect."""
+        return {name: r * self.likely[name].size for name, r in self.probability.items()}
+
+    @cached_property
+    def squared(self) -> dict[str, Tensor]:
+        """Probability times what is expected of the squared size (n, W), by effect."""
+        likely = self.likely
+        return {
+            n: torch.addcmul(self.sized[n] * likely[n].size, r, likely[n].variance) for n, r in self.probability.items()
+        }
+
     def learnt(self, name: str, chosen: Tensor | None = None) -> Learnt:
         """Sums over flights, or over those chosen (n,)."""
-        r, size, variance = self.probability[name], self.likely[name].size, self.likely[name].variance
-        if chosen is not None:
-            r, size, variance = r[chosen], size[chosen], variance[chosen]
-        sized = r * size
-        return Learnt(r.sum(0), sized.sum(0), (sized * size + r * variance).sum(0), len(r))
+        r, sized, squared = self.probability[name], self.sized[name], self.squared[name]
+        one = torch.ones(len(r), dtype=r.dtype) if chosen is None else chosen.to(r.dtype)
+        return Learnt(one @ r, one @ sized, one @ squared, int(one.sum()))
 
 
 def taken(explained: Mapping[str, Explained], laws: Mapping[str, Law]) -> Taken:
@@ -194,13 +227,10 @@ def taken(explained: Mapping[str, Explained], laws: Mapping[str, Law]) -> Taken:
         >>> found.probability["path"][:, 0]  # odds of e^6 and e^-2
         tensor([0.9975, 0.1192], dtype=torch.float64)
     """
-    none = 1.0 - sum(law.share for law in laws.values())
-    n = len(next(iter(explained.values())).by_offset)
+    none = math.log(max(1.0 - sum(law.share for law in laws.values()), MIN_SHARE))
     likely = {name: explained[name].under(law.mean, law.spread) for name, law in laws.items()}
-    parts = [torch.full((n, 1), math.log(max(none, MIN_SHARE)), dtype=torch.float64)]
-    for name, law in laws.items():
-        parts.append(likely[name].log_ratio + (law.log_prior + math.log(max(law.share, MIN_SHARE))))
-    joint = torch.cat(parts, 1)
-    total = joint.logsumexp(1)
-    split = torch.split((joint - total[:, None]).exp()[:, 1:], [len(law.log_prior) for law in laws.values()], 1)
-    return Taken(dict(zip(laws, split, strict=True)), likely, total)
+    joint = {n: likely[n].log_ratio + (law.log_prior + math.log(max(law.share, MIN_SHARE))) for n, law in laws.items()}
+    top = torch.stack([one.amax(1) for one in joint.values()]).amax(0).clamp_(min=none)
+    weight = {name: one.sub_(top[:, None]).exp_() for name, one in joint.items()}
+    total = (none - top).exp() + torch.stack([one.sum(1) for one in weight.values()]).sum(0)
+    return Taken({name: one.div_(total[:, None]) for name, one in weight.items()}, likely, top + total.log())

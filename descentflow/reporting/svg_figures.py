@@ -6,9 +6,11 @@ They are sharp at every magnification. What is drawn with a tip (:func:`with_tip
 import io
 import re
 from collections.abc import Callable
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING
 
+from descentflow.core.side_by_side import side_by_side
 from descentflow.reporting.html_elements import Html, joined
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ def with_tip(artist: "Artist", text: str) -> None:
 def drawn_for_both(draw: "Callable[[bool], Figure]", name: str, alt: str, caption: str = "") -> Html:
     """A figure drawn twice: wide, and narrow for screens of less than 900 pixels; only one of them is shown.
 
+    Both are drawn at the same time where cores are shared (:func:`~descentflow.core.side_by_side.cores_shared`).
+
     Args:
         draw: Makes the figure, narrow if true.
         name: Of the figure, one of its kind on the page.
@@ -48,18 +52,19 @@ def drawn_for_both(draw: "Callable[[bool], Figure]", name: str, alt: str, captio
         >>> html.count("<svg"), html.count('aria-label="Both take 520 s."')
         (2, 2)
     """
-    parts = []
-    for kind, narrow in (("wide", False), ("narrow", True)):
-        figure = draw(narrow)
-        # Drawn at the size of its text: larger it need not be, smaller it is made to fit.
-        width = 100 * figure.get_figwidth()
-        inside = drawing(figure, f"{name}-{kind}")
-        parts.append(
-            f'<div class="drawing {kind}" role="img" aria-label="{escape(alt)}" style="max-width:{width:.0f}px">'
-            f"{inside}</div>"
-        )
+    drawn = side_by_side([partial(_drawn, draw, name, alt, kind) for kind in ("wide", "narrow")])
     below = f"<figcaption>{joined(caption)}</figcaption>" if caption else ""
-    return Html(f"<figure>{''.join(parts)}{below}</figure>")
+    return Html(f"<figure>{''.join(drawn)}{below}</figure>")
+
+
+def _drawn(draw: "Callable[[bool], Figure]", name: str, alt: str, kind: str) -> str:
+    """One of the two, at the size of its text: larger it need not be, smaller it is made to fit."""
+    figure = draw(kind == "narrow")
+    inside, width = drawing(figure, f"{name}-{kind}"), 100 * figure.get_figwidth()
+    return (
+        f'<div class="drawing {kind}" role="img" aria-label="{escape(alt)}" style="max-width:{width:.0f}px">'
+        f"{inside}</div>"
+    )
 
 
 def drawing(figure: "Figure", name: str) -> Html:

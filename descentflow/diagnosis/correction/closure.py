@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
-from scipy.stats import t as student
+from scipy.special import stdtrit
 from torch import Tensor
 
 from descentflow.diagnosis.findings.cause_found import ClosedShare, RivalClosure
@@ -201,7 +201,7 @@ def _with_interval(estimate: float | None, fleets: list[float | None]) -> Closed
     if estimate is None or count < max(MIN_GROUPS, len(fleets)):
         return ClosedShare(estimate, None, None)
     error = float(((count - 1) / count * (known - known.mean()).square().sum()).sqrt())
-    half = float(student.ppf((1 + CONFIDENCE) / 2, count - 1)) * error
+    half = float(stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
     # A gap cannot close by more than all of it, unless the estimate says so.
     return ClosedShare(estimate, estimate - half, max(min(estimate + half, 1.0), estimate))
 

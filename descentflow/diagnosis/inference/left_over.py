@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import torch
-from scipy.stats import norm
+from scipy.special import ndtri
 from torch import Tensor
 
 from descentflow.diagnosis.inference.aircraft_groups import by_aircraft
@@ -102,7 +102,7 @@ class LeftOver:
 
     @property
     def _z(self) -> float:
-        return float(norm.isf(self.level / (2 * max(len(self.parts), 1))))
+        return -float(ndtri(self.level / (2 * max(len(self.parts), 1))))
 
 
 def left_over(likelihood: EffectsLikelihood, fit: Fit, least: Tensor, level: float) -> LeftOver:

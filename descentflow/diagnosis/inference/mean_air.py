@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import torch
-from scipy.stats import f as f_law
+from scipy.special import fdtri
 from torch import Tensor
 
 from descentflow.diagnosis.inference.effect_shifts import EffectShifts
@@ -117,4 +117,4 @@ def _excess_variance(own: Tensor, error: Tensor, compared: Compared) -> float:
     if min(freedom) < 1:
         return 0.0
     real, simulated = (float(own[side].var()) for side in sides)
-    return real - simulated if real > simulated * float(f_law.isf(FALSELY_WIDER, *freedom)) else 0.0
+    return real - simulated if real > simulated * float(fdtri(*freedom, 1 - FALSELY_WIDER)) else 0.0

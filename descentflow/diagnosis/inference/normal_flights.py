@@ -1,7 +1,7 @@
 """Flights that the spread between flights is learnt from."""
 
 import torch
-from scipy.stats import f as f_law
+from scipy.special import fdtri
 from torch import Tensor
 
 from descentflow.diagnosis.inference.two_sides import Compared
@@ -57,7 +57,7 @@ def is_narrow(compared: Compared) -> bool:
     freedom = [len(torch.unique(compared.airframe[side])) - 1 for side in (compared.real, ~compared.real)]
     # The middle one of an even number is the lower: more than half must be wider.
     middle = sorted(ratios)[(len(ratios) - 1) // 2]
-    return middle > float(f_law.isf(FALSELY_NARROW, *freedom))
+    return middle > float(fdtri(*freedom, 1 - FALSELY_NARROW))
 
 
 def _variance(y: Tensor) -> Tensor:

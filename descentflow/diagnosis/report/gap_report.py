@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from descentflow.core.files import whole_file
+from descentflow.core.side_by_side import cores_shared
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, primitives
 from descentflow.diagnosis.findings.read_gap import SCHEMA_VERSION
@@ -70,7 +71,7 @@ class GapReport(Findings):
         target.mkdir(parents=True, exist_ok=True)
         with whole_file(target / "gap.json") as temporary:
             temporary.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False))
-        with whole_file(target / "gap.html") as temporary:
+        with whole_file(target / "gap.html") as temporary, cores_shared():
             temporary.write_text(page(self), encoding="utf-8")
         if self.write_corrected is not None and self.corrected_file:
             with whole_file(target / self.corrected_file) as temporary:

@@ -24,7 +24,7 @@ TOP_M = 1200.0
 
 
 def discrepancy_columns(compared: Compared) -> tuple[Tensor, tuple[str, ...]]:
-    """Columns (n, p, e) with unit prior spread, and a name for each.
+    """Columns (n, p, e) with unit prior spread, and a name for each; first those that differ between flights.
 
     Args:
         compared: Flights of both sides.
@@ -34,35 +34,34 @@ def discrepancy_columns(compared: Compared) -> tuple[Tensor, tuple[str, ...]]:
         >>> from descentflow.effects import EFFECTS
         >>> sides = example_sides(EFFECTS["temperature"], [10.0])
         >>> columns, names = discrepancy_columns(sides)
-        >>> columns.shape[2] == len(names), names[0]
-        (True, 'rate 0')
+        >>> columns.shape[2] == len(names), names[0], names[3]
+        (True, 'rate by Mach', 'rate 0')
     """
     n, p = compared.y.shape
     negligible = compared.negligible()
-    columns, names = [], []
+    alike: dict[str, Tensor] = {}
+    differing: dict[str, Tensor] = {}
     for quantity in compared.quantities():
         at = compared.columns(quantity)
         size = SPREAD * negligible[at]
         if quantity not in BY_BAND:
-            column = torch.zeros(n, p, dtype=torch.float64)
-            column[:, at] = size
-            columns.append(column)
-            names.append(quantity)
+            alike[quantity] = _placed(size.expand(n, -1), at, p)
             continue
         bands = torch.tensor([compared.entries[i].band for i in at.tolist()])
         altitude = compared.state.altitude_m[bands]
         for k, bump in enumerate(_bumps(altitude, KNOTS.get(quantity, OTHER_KNOTS))):
-            column = torch.zeros(n, p, dtype=torch.float64)
-            column[:, at] = size * bump
-            columns.append(column)
-            names.append(f"{quantity} {k}")
-        if quantity == "rate":
-            for name, weight in _covariates(compared).items():
-                column = torch.zeros(n, p, dtype=torch.float64)
-                column[:, at] = size * weight[:, bands]
-                columns.append(column)
-                names.append(f"rate by {name}")
-    return torch.stack(columns, 2), tuple(names)
+            alike[f"{quantity} {k}"] = _placed((size * bump).expand(n, -1), at, p)
+        for name, weight in _covariates(compared).items() if quantity == "rate" else ():
+            differing[f"rate by {name}"] = _placed(size * weight[:, bands], at, p)
+    found = {**differing, **alike}
+    return torch.stack(list(found.values()), 2), tuple(found)
+
+
+def _placed(values: Tensor, at: Tensor, p: int) -> Tensor:
+    """Values (n, k) at their entries: (n, p)."""
+    column = torch.zeros(len(values), p, dtype=torch.float64)
+    column[:, at] = values
+    return column
 
 
 def _bumps(altitude_m: Tensor, count: int) -> Tensor:

@@ -4,6 +4,7 @@ The free mean and the common columns are in every fit: they are summed and facto
 real flights alone; columns that are alike in all of them (how signatures may be off) need no sum over flights at all.
 """
 
+from copy import copy
 from dataclasses import dataclass
 
 import torch
@@ -11,11 +12,15 @@ from torch import Tensor
 
 from descentflow.core.recent import Recent
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS
-from descentflow.diagnosis.inference.linear_algebra import Common, Design, solve
+from descentflow.diagnosis.inference.linear_algebra import Block, Common, Design, solve
 from descentflow.diagnosis.inference.whitening import Whitening
 
-KEPT = 2
-"""Designs whose sums are kept: they are asked for several times in a row, and take 0.2 GB each at 2,000 flights."""
+BLOCKS = 16
+"""Blocks of columns that are kept: one fit starts where another ended."""
+SUMS = 512
+"""Sums of a block, and of two blocks, that are kept: a few hundred numbers each."""
+RESTS = 4
+"""Shifts for which it is kept what they leave of the flights: they are asked for several times in a row."""
 NUDGE = 1e-9
 """Share of the diagonal added to what is factored once: columns that the mean contains."""
 
@@ -31,6 +36,19 @@ class Sums:
 
     cross: Tensor
     inner: Tensor
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What a shift leaves of the flights: precision times it (r, p) of the real ones, in the order of their folds.
+
+    By fold its sum (F, p), its products with the common columns (F, b), and its square (F,), simulator included.
+    """
+
+    weighted: Tensor
+    total: Tensor
+    cross: Tensor
+    square: Tensor
 
 
 @dataclass(frozen=True)
@@ -76,8 +94,8 @@ class FoldSums:
         """
         self.whitening, self.y, self.real, self.free, self.fold = whitening, y, real, free, fold
         self.common = common.columns
-        self._known = Recent[tuple[Design, Sums]](KEPT)
-        self.of_real = whitening.rows(real)
+        self._blocks, self._crosses = Recent[tuple[Tensor, Block]](BLOCKS), Recent[tuple[Tensor, Tensor]](SUMS)
+        self._pairs, self._rests = Recent[Tensor](SUMS), Recent[tuple[Tensor, Rest]](RESTS)
         parts = [self._base(fold == k, common) for k in range(FOLDS)]
         self.base = torch.stack(parts)
         self.n_base = self.base.shape[1]
@@ -86,15 +104,25 @@ class FoldSums:
         whole = self._training(self.base) + torch.diag(prior)
         nudge = torch.diag_embed(NUDGE * whole.diagonal(dim1=1, dim2=2) + 1e-300)
         self.factor = torch.linalg.cholesky(whole + nudge) if self.n_base else whole
-        # What belongs to real flights alone.
-        self.members = [torch.nonzero(fold[real] == k)[:, 0] for k in range(FOLDS)]
-        self.common_real = common.columns[real]
-        within, shown = common.products[real], fold[real]
-        self.precision = torch.stack([self.of_real.total(shown == k) for k in range(FOLDS)])
-        self.common_precision = torch.stack([within[at].sum(0).T for at in self.members])
+        # What belongs to real flights alone, in the order of their folds.
+        shown = fold[real]
+        self.order = torch.argsort(shown, stable=True)
+        self.at = torch.nonzero(real)[:, 0][self.order]
+        self.parts = [slice(int((shown < k).sum()), int((shown <= k).sum())) for k in range(FOLDS)]
+        self.of_real = whitening.rows(self.at)
+        self.common_real = common.columns[self.at]
+        self.precision = torch.stack([self.of_real.total(shown[self.order] == k) for k in range(FOLDS)])
+        products = common.products[self.at]
+        self.common_precision = torch.stack([products[part].sum(0).T for part in self.parts])
         simulated = torch.where(real[:, None], 0.0, whitening.apply(torch.where(real[:, None], 0.0, y)))
         self.of_simulated = torch.stack([self.gradient(simulated, fold == k) for k in range(FOLDS)])
         self.square_simulated = torch.stack([(simulated * y)[fold == k].sum() for k in range(FOLDS)])
+
+    def of_other(self, y: Tensor) -> "FoldSums":
+        """The same for other values (n, p) of the real flights; those of the simulator are as they were."""
+        found = copy(self)
+        found.y, found._rests = y, Recent(RESTS)
+        return found
 
     def _base(self, at: Tensor, common: Common) -> Tensor:
         mean = self.whitening.total(at)[self.free][:, self.free]
@@ -111,48 +139,103 @@ class FoldSums:
         total = by_fold.sum(0, keepdim=True)
         return torch.cat([total - by_fold, total])
 
-    def of_columns(self, design: Design) -> Sums:
-        """Sums of the columns of the real flights; those of the last few designs are known, whatever their ridge."""
-        key = id(design.own), id(design.own_products), id(design.alike)
-        # The design stays with its sums, so that no other tensor can have its identity.
-        return self._known.get(key, lambda: (design, self._of_columns(design)))[1]
+    def block(self, columns: Tensor, *, kept: bool = False) -> Block:
+        """Columns (r, p, k) of the real flights in their own order; kept by their identity, if so wanted."""
 
-    def _of_columns(self, design: Design) -> Sums:
-        own, products, alike = design.own, design.own_products, design.alike
-        cross, inner = [], []
-        for k, at in enumerate(self.members):
-            total, mine = products[at].sum(0), own[at].flatten(0, 1)
-            weighted = products[at].flatten(0, 1)
-            answer = self.precision[k] @ alike
-            with_common = torch.cat(
-                [self.common_real[at].flatten(0, 1).T @ weighted, self.common_precision[k] @ alike], 1
+        def made() -> tuple[Tensor, Block]:
+            # The columns stay with their block, so that no other tensor can have their identity.
+            ordered = columns[self.order]
+            return columns, Block(ordered, self.of_real.apply(ordered))
+
+        return self._blocks.get(id(columns), made)[1] if kept else made()[1]
+
+    def of_columns(self, design: Design) -> Sums:
+        """Sums of the columns of the real flights."""
+        blocks, alike = design.blocks, design.alike
+        known = [self._cross(block) for block in blocks]
+        answer = self.precision @ alike
+        none = answer[:, :, :0]
+        total = torch.cat([none, *(one[0] for one in known)], 2)
+        cross = torch.cat([self._of_common(none, none[:, :0]), *(one[1] for one in known)], 2)
+        rows = [torch.cat([self._pair(a, b) for b in blocks], 2) for a in blocks]
+        own = torch.cat([torch.zeros(FOLDS, 0, total.shape[2], dtype=alike.dtype), *rows], 1)
+        both = total.transpose(1, 2) @ alike
+        inner = torch.cat([torch.cat([own, both], 2), torch.cat([both.transpose(1, 2), alike.T @ answer], 2)], 1)
+        return Sums(torch.cat([cross, self._of_common(answer, self.common_precision @ alike)], 2), inner)
+
+    def _of_common(self, total: Tensor, with_common: Tensor) -> Tensor:
+        """Products (F, b, k) with the free mean and the common columns."""
+        if not with_common.shape[2]:
+            with_common = torch.zeros(FOLDS, self.n_base - int(self.free.sum()), 0, dtype=total.dtype)
+        return torch.cat([total[:, self.free], with_common], 1)
+
+    def _cross(self, block: Block) -> tuple[Tensor, Tensor]:
+        """Sums (F, p, k) of precision times a block's columns, and products (F, b, k) with the common ones."""
+
+        def made() -> tuple[Tensor, Tensor]:
+            weighted = [block.products[part] for part in self.parts]
+            total = torch.stack([one.sum(0) for one in weighted])
+            pairs = zip(self.parts, weighted, strict=True)
+            return total, self._of_common(
+                total, torch.stack([self.common_real[part].flatten(0, 1).T @ one.flatten(0, 1) for part, one in pairs])
             )
-            cross.append(torch.cat([torch.cat([total, answer], 1)[self.free], with_common], 0))
-            both = total.T @ alike
-            inner.append(
-                torch.cat([torch.cat([mine.T @ weighted, both], 1), torch.cat([both.T, alike.T @ answer], 1)], 0)
-            )
-        return Sums(torch.stack(cross), torch.stack(inner))
+
+        return self._crosses.get(block.key, made)
+
+    def _pair(self, first: Block, second: Block) -> Tensor:
+        """Products (F, k, l) of the columns of two blocks."""
+        if first.key > second.key:
+            return self._pair(second, first).transpose(1, 2)
+
+        def made() -> Tensor:
+            left, right = first.products, second.columns
+            return torch.stack([left[part].flatten(0, 1).T @ right[part].flatten(0, 1) for part in self.parts])
+
+        return self._pairs.get((first.key, second.key), made)
+
+    def rest_of(self, shift: Tensor) -> "Rest":
+        """What a shift (n, p) leaves of the real flights; kept for the last few shifts."""
+
+        def made() -> tuple[Tensor, Rest]:
+            left = self.y[self.at] - shift[self.at]
+            weighted = self.of_real.apply(left)
+            total = torch.stack([weighted[part].sum(0) for part in self.parts])
+            common = [self.common_real[part].flatten(0, 1).T @ weighted[part].flatten() for part in self.parts]
+            square = torch.stack([(left[part] * weighted[part]).sum() for part in self.parts])
+            cross = torch.cat([total[:, self.free], torch.stack(common)], 1) + self.of_simulated
+            return shift, Rest(weighted, total, cross, square + self.square_simulated)
+
+        return self._rests.get(id(shift), made)[1]
 
     def rest(self, shift: Tensor, design: Design | None = None, sums: Sums | None = None) -> Sums:
         """Sums of columns and, last, of what a shift (n, p) leaves of the flights, the simulator's own included."""
-        left = self.y[self.real] - shift[self.real]
-        weighted = self.of_real.apply(left)
-        cross, square, own, alike = [], [], [], []
-        for k, at in enumerate(self.members):
-            total = weighted[at].sum(0)
-            of_common = self.common_real[at].flatten(0, 1).T @ weighted[at].flatten()
-            cross.append(torch.cat([total[self.free], of_common]) + self.of_simulated[k])
-            square.append((left[at] * weighted[at]).sum() + self.square_simulated[k])
-            if design is not None:
-                own.append(design.own[at].flatten(0, 1).T @ weighted[at].flatten())
-                alike.append(design.alike.T @ total)
-        mine, last = torch.stack(cross)[:, :, None], torch.stack(square)[:, None, None]
+        left = self.rest_of(shift)
+        mine, last = left.cross[:, :, None], left.square[:, None, None]
         if design is None or sums is None:
             return Sums(mine, last)
-        edge = torch.cat([torch.stack(own), torch.stack(alike)], 1)[:, :, None]
+        own = [
+            torch.stack([block.columns[part].flatten(0, 1).T @ left.weighted[part].flatten() for part in self.parts])
+            for block in design.blocks
+        ]
+        edge = torch.cat([*own, left.total @ design.alike], 1)[:, :, None]
         inner = torch.cat([torch.cat([sums.inner, edge], 2), torch.cat([edge.transpose(1, 2), last], 2)], 1)
         return Sums(torch.cat([sums.cross, mine], 2), inner)
+
+    def of_part(self, design: Design, keep: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Sums over some flights (n,): of the common columns (b, b), with them (b, k), and of the others (k, k)."""
+        mine, common = keep[self.at], design.shared
+        blank = self.common_real[mine][:, :, :0]
+        columns, products = (
+            torch.cat([blank, *(getattr(block, name)[mine] for block in design.blocks)], 2)
+            for name in ("columns", "products")
+        )
+        total, answer = products.sum(0), self.of_real.total(mine) @ design.alike
+        of_own = self.common_real[mine].flatten(0, 1).T @ products.flatten(0, 1)
+        of_alike = common.products[self.at][mine].sum(0).T @ design.alike
+        cross = torch.cat([torch.cat([total, answer], 1)[self.free], torch.cat([of_own, of_alike], 1)], 0)
+        own, both = columns.flatten(0, 1).T @ products.flatten(0, 1), total.T @ design.alike
+        inner = torch.cat([torch.cat([own, both], 1), torch.cat([both.T, design.alike.T @ answer], 1)], 0)
+        return self._base(keep, common), cross, inner
 
     def profiled(self, sums: Sums, *, everyone: bool = False) -> Profiled:
         """Training sums with the common columns at their best (of all flights alone, if so wanted)."""
@@ -174,12 +257,15 @@ class FoldSums:
 
     def errors(self, shift: Tensor, design: Design, steps: Tensor, common: Tensor) -> Tensor:
         """What is left (n, p) of each flight under coefficients (F, k) and common ones (F, b) of the other folds."""
-        left = self.y - torch.where(self.real[:, None], shift, 0.0)
-        k, f = design.own.shape[2], int(self.free.sum())
-        real = torch.nonzero(self.real)[:, 0]
-        for number, at in enumerate(self.members):
-            step = steps[number]
-            left[real[at]] -= design.own[at] @ step[:k] + design.alike @ step[k:]
+        left, f = self.y.clone(), int(self.free.sum())
+        of_real = self.y[self.at] - shift[self.at]
+        for number, part in enumerate(self.parts):
+            sizes = [block.count for block in design.blocks]
+            *own, alike = torch.split(steps[number], [*sizes, design.alike.shape[1]])
+            for block, step in zip(design.blocks, own, strict=True):
+                of_real[part] -= block.columns[part] @ step
+            of_real[part] -= design.alike @ alike
+        left[self.at] = of_real
         for number in range(FOLDS):
             out = self.fold == number
             left[out] -= self.common[out] @ common[number, f:]

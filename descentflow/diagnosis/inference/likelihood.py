@@ -16,9 +16,9 @@ from torch import Tensor
 
 from descentflow.core.recent import Recent
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS, by_aircraft, folds_of
-from descentflow.diagnosis.inference.effect_shifts import KEPT, EffectShifts, by_size
+from descentflow.diagnosis.inference.effect_shifts import EffectShifts
 from descentflow.diagnosis.inference.fold_sums import FoldSums, solved
-from descentflow.diagnosis.inference.linear_algebra import Common, Design, Moments, solve
+from descentflow.diagnosis.inference.linear_algebra import Block, Common, Design, Moments, solve
 from descentflow.diagnosis.inference.signature_columns import signature_columns
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.whitening import Whitening
@@ -117,7 +117,7 @@ class EffectsLikelihood(EffectShifts):
         super().__init__(compared, whitening, catalogue)
         self.fold = folds_of(compared.airframe, compared.real, seed)
         self.qy = whitening.apply(self.y)
-        self._products, self._beside = Recent[Tensor](KEPT), Recent[tuple[Tensor, Tensor]](1)
+        self._beside = Recent[tuple[Tensor, Block, Tensor]](1)
         self._designs = Recent[Design](DESIGNS)
         if nuisance is not None:
             self.common = Common(
@@ -168,15 +168,31 @@ class EffectsLikelihood(EffectShifts):
 
         What is beside the sensitivities has a prior precision: one, and that given for what else there is.
         """
-        parts = [self.real_jacobian(name, value) for name, value in theta.items()]
-        products = [self._weighted_jacobian(name, value) for name, value in theta.items()]
-        if extra is None:
-            return self.joined(parts, signature_columns(self, theta), products)
-        products.append(self._beside.get(id(extra), lambda: (extra, self.sums.of_real.apply(extra[self.real])))[1])
-        found, e = self.joined([*parts, extra[self.real]], signature_columns(self, theta), products), extra.shape[2]
-        prior, k = found.own_ridge.clone(), found.n_parameters - e
-        prior[k : k + e] = ridge
-        return replace(found, own_ridge=prior, n_parameters=k)
+        blocks = tuple(self.sums.block(self.real_jacobian(name, value), kept=True) for name, value in theta.items())
+        found = self._of_blocks(blocks, signature_columns(self, theta))
+        return found if extra is None else self.beside(found, extra, ridge)
+
+    def beside(self, design: Design, extra: Tensor, ridge: Tensor | float = 1.0) -> Design:
+        """A design with columns (n, p, e) after its own, and their prior precision (e,).
+
+        Most of them are alike in all flights, and need no sum over these.
+        """
+        block, alike = self._beside.get(id(extra), lambda: (extra, *self._split(extra)))[1:]
+        k = design.n_own
+        prior = torch.cat([design.own_ridge[:k], torch.ones(extra.shape[2], dtype=self.y.dtype) * ridge])
+        return replace(
+            design,
+            blocks=(*design.blocks, block),
+            alike=torch.cat([alike, design.alike], 1),
+            own_ridge=torch.cat([prior, design.own_ridge[k:]]),
+        )
+
+    def _split(self, extra: Tensor) -> tuple[Block, Tensor]:
+        """Columns up to the last that differs between real flights, and those (p, c) after it."""
+        mine = extra[self.real]
+        differ = torch.nonzero((mine != mine[:1]).any(1).any(0))[:, 0]
+        most = int(differ[-1]) + 1 if len(differ) else 0
+        return self.sums.block(mine[:, :, :most].clone()), mine[0, :, most:].clone()
 
     def kept(self, make: Callable[[], Design]) -> Callable[[], Design]:
         """A design that is kept for a while, and made again when it is asked for later.
@@ -193,60 +209,46 @@ class EffectsLikelihood(EffectShifts):
         key = object()
         return lambda: self._designs.get(key, make)
 
-    def _weighted_jacobian(self, name: str, theta: Tensor) -> Tensor:
-        """Precision times the sensitivity (r, p, k) of the real flights."""
-        return self._products.get(
-            by_size(name, theta), lambda: self.sums.of_real.apply(self.real_jacobian(name, theta))
-        )
-
     def with_common(self, own: Tensor, prior: Tensor | None = None) -> Design:
         """Columns (n, p, k) of the real flights beside those of all flights, with their prior precision (k,) if any."""
         found = self.joined([own[self.real]], torch.zeros(own.shape[1], 0, dtype=own.dtype))
         return found if prior is None else replace(found, own_ridge=prior)
 
-    def joined(self, parts: Sequence[Tensor], alike: Tensor, products: Sequence[Tensor] = ()) -> Design:
-        """Columns (r, p, k) of the real flights, and (p, c) alike in all of them, which have a prior precision of one.
+    def joined(self, parts: Sequence[Tensor], alike: Tensor) -> Design:
+        """Columns (r, p, k) of the real flights, and (p, c) alike in all of them with a prior precision of one."""
+        return self._of_blocks(tuple(self.sums.block(part) for part in parts), alike)
 
-        Precision times the first parts may be given, if it is known.
-        """
-        blank = torch.zeros(int(self.real.sum()), self.y.shape[1], 0, dtype=self.y.dtype)
-        k = sum(part.shape[2] for part in parts)
+    def _of_blocks(self, blocks: tuple[Block, ...], alike: Tensor) -> Design:
+        k = sum(block.count for block in blocks)
         prior = torch.cat([torch.zeros(k, dtype=self.y.dtype), torch.ones(alike.shape[1], dtype=self.y.dtype)])
-        weighted = [*products, *(self.sums.of_real.apply(part) for part in parts[len(products) :])]
-        own = torch.cat([blank, *parts], 2)
-        return Design(self.common, self.real, own, torch.cat([blank, *weighted], 2), alike, prior, k)
+        return Design(self.common, self.real, self.sums.order, blocks, alike, prior, k)
 
     def weighted_rest(self, shift: Tensor) -> Tensor:
         """Precision times what a shift leaves of each flight (n, p)."""
         q = self.qy.clone()
-        q[self.real] -= self.sums.of_real.apply(shift[self.real])
+        q[self.sums.at] = self.sums.rest_of(shift).weighted
         return q
 
     def moments(self, rest: Tensor, design: Design, keep: Tensor | None = None) -> Moments:
         """Sums over the flights to keep (n,) (all if absent) at :meth:`weighted_rest` (n, p)."""
-        sums = self.sums if keep is None else self._sums_of(keep)
-        f, here = int(self.compared.free.sum()), 0
-        found, base = sums.of_columns(design), sums.base[here] if keep is not None else sums.base.sum(0)
-        cross, inner = (
-            (found.cross[here], found.inner[here]) if keep is not None else (found.cross.sum(0), found.inner.sum(0))
-        )
-        keep = torch.ones(len(self.y), dtype=torch.bool) if keep is None else keep
+        sums, f = self.sums, int(self.compared.free.sum())
+        if keep is None:
+            found, keep = sums.of_columns(design), torch.ones(len(self.y), dtype=torch.bool)
+            base, cross, inner = sums.base.sum(0), found.cross.sum(0), found.inner.sum(0)
+        else:
+            base, cross, inner = sums.of_part(design, keep)
         gradient = sums.gradient(rest, keep)
-        weighted, mine = rest[self.real & keep], keep[self.real]
-        own = torch.cat([design.own[mine].flatten(0, 1).T @ weighted.flatten(), design.alike.T @ weighted.sum(0)])
+        weighted = torch.where(keep[sums.at, None], rest[sums.at], 0.0)
+        own = [block.columns.flatten(0, 1).T @ weighted.flatten() for block in design.blocks]
         corner = torch.cat([torch.cat([base[f:, f:], cross[f:]], 1), torch.cat([cross[f:].T, inner], 1)], 0)
         return Moments(
             base[:f, :f],
             torch.cat([base[:f, f:], cross[:f]], 1),
             corner,
             gradient[:f],
-            torch.cat([gradient[f:], own]),
+            torch.cat([gradient[f:], *own, design.alike.T @ weighted.sum(0)]),
             design.ridge,
         )
-
-    def _sums_of(self, keep: Tensor) -> FoldSums:
-        """Sums of some flights (n,), which are fold 0."""
-        return FoldSums(self.whitening, self.y, self.real, self.compared.free, self.common, (~keep).long())
 
     def log_likelihood(self, shift: Tensor, beside: Design | None = None) -> float:
         """Log-likelihood (nats, up to a constant) at a shift, with mean and other columns at their best."""
@@ -277,9 +279,7 @@ class EffectsLikelihood(EffectShifts):
         part.fold = self.fold
         # What all flights have in common would explain a quantity by itself if nothing else is looked at.
         whole = self.design(theta)
-        own = whole.own[:, at]
-        products = part.sums.of_real.apply(own)
-        design = replace(whole, shared=part.common, own=own, own_products=products, alike=whole.alike[at])
+        design = part.joined([whole.own[:, at]], whole.alike[at])
         return part.log_score(self.shift(theta)[:, at], design)
 
     def improbability(self, shift: Tensor, design: Design) -> float:

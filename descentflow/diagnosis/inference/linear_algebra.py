@@ -1,7 +1,8 @@
 """Normal equations of what is linear: a mean for all flights, what all show, and what real ones have."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import count
 
 import torch
 from torch import Tensor
@@ -32,6 +33,28 @@ class Common:
         return self.columns.shape[2]
 
 
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Columns (r, p, k) of the real flights and precision times them, flights in the order of their folds.
+
+    Sums over flights of a block, and of two blocks, are known by their ``key``: a fit shares most of them with others.
+
+    Example:
+        >>> first, second = (Block(torch.ones(3, 2, 1), torch.ones(3, 2, 1)) for _ in range(2))
+        >>> first.key == second.key, first.count
+        (False, 1)
+    """
+
+    columns: Tensor
+    products: Tensor
+    key: int = field(default_factory=count().__next__)
+
+    @property
+    def count(self) -> int:
+        """K."""
+        return self.columns.shape[2]
+
+
 @dataclass(frozen=True)
 class Design:
     """A linear model beside its mean: q columns of all flights, k of the r real ones, then c alike in all of these.
@@ -39,24 +62,25 @@ class Design:
     Attributes:
         shared: Of all flights.
         real: (n,) bool.
-        own: (r, p, k) columns, the first ``n_parameters`` of them sensitivities to parameters of effects.
-        own_products: Precision times them.
+        order: (r,) real flights in the order of the blocks.
+        blocks: Columns of the real flights, k in all.
         alike: (p, c) columns that all real flights have.
         own_ridge: (k + c,) prior precision.
-        n_parameters: Sensitivities among the columns.
+        n_parameters: How many columns are sensitivities to parameters of effects: those of the first blocks.
 
     Example:
         >>> shared = Common(torch.ones(4, 2, 1), torch.ones(4, 2, 1), torch.zeros(1))
-        >>> own = torch.ones(3, 2, 2)
-        >>> design = Design(shared, torch.arange(4) > 0, own, own, torch.ones(2, 1), torch.zeros(3), 2)
+        >>> block = Block(torch.ones(3, 2, 2), torch.ones(3, 2, 2))
+        >>> order, alike = torch.arange(3), torch.ones(2, 1)
+        >>> design = Design(shared, torch.arange(4) > 0, order, (block,), alike, torch.zeros(3), 2)
         >>> design.count, design.parameters, design.columns.shape
         (4, slice(1, 3, None), torch.Size([4, 2, 4]))
     """
 
     shared: Common
     real: Tensor
-    own: Tensor
-    own_products: Tensor
+    order: Tensor
+    blocks: tuple[Block, ...]
     alike: Tensor
     own_ridge: Tensor
     n_parameters: int
@@ -67,9 +91,14 @@ class Design:
         return self.shared.count
 
     @property
+    def n_own(self) -> int:
+        """K."""
+        return sum(block.count for block in self.blocks)
+
+    @property
     def count(self) -> int:
         """Q + k + c."""
-        return self.n_common + self.own.shape[2] + self.alike.shape[1]
+        return self.n_common + self.n_own + self.alike.shape[1]
 
     @property
     def parameters(self) -> slice:
@@ -81,23 +110,27 @@ class Design:
         """Prior precision (q + k + c,)."""
         return torch.cat([self.shared.ridge, self.own_ridge])
 
-    @cached_property
+    @property
+    def own(self) -> Tensor:
+        """Columns (r, p, k) of the real flights, in their own order."""
+        found = torch.zeros(len(self.order), self.alike.shape[0], self.n_own, dtype=self.alike.dtype)
+        found[self.order] = torch.cat([found[:, :, :0], *(block.columns for block in self.blocks)], 2)
+        return found
+
+    @property
     def columns(self) -> Tensor:
         """All of them (n, p, q + k + c), zero for the simulator's flights where they belong to the real ones."""
-        mine = torch.zeros(*self.shared.columns.shape[:2], self.count - self.n_common, dtype=self.own.dtype)
-        mine[self.real] = torch.cat([self.own, self.alike.expand(len(self.own), -1, -1)], 2)
+        own = self.own
+        mine = torch.zeros(*self.shared.columns.shape[:2], self.count - self.n_common, dtype=own.dtype)
+        mine[self.real] = torch.cat([own, self.alike.expand(len(own), -1, -1)], 2)
         return torch.cat([self.shared.columns, mine], 2)
 
     def without_parameters(self) -> "Design":
         """All but the sensitivities."""
-        k = self.n_parameters
-        return replace(
-            self,
-            own=self.own[:, :, k:],
-            own_products=self.own_products[:, :, k:],
-            own_ridge=self.own_ridge[k:],
-            n_parameters=0,
-        )
+        left, k = list(self.blocks), self.n_parameters
+        while k > 0:
+            k -= left.pop(0).count
+        return replace(self, blocks=tuple(left), own_ridge=self.own_ridge[self.n_parameters :], n_parameters=0)
 
 
 @dataclass(frozen=True)

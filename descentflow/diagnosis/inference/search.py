@@ -72,7 +72,7 @@ def score_test_gain(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, f
         design = likelihood.at_start(name)
         moments, windowed = likelihood.moments(rest, design), likelihood.windowed(name)
         if windowed is not None:
-            n_bands = design.own.shape[2]
+            n_bands = design.n_own
             found[name] = best_window(likelihood, windowed, moments, n_bands, FIRST_SIZE).gain
             continue
         information, gradient = moments.profiled()

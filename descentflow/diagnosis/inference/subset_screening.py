@@ -90,16 +90,18 @@ class Screening:
             precision: (e,) prior precision of their coefficients.
         """
         self.members = list(members)
-        parts = [m.sensitivity for m in members]
-        parts.append(torch.stack([m.offset for m in members], 2))
+        parts = [torch.cat([m.sensitivity for m in members], 2), torch.stack([m.offset for m in members], 2)]
         alike = torch.cat([m.alike for m in members], 1)
-        design = likelihood.joined(parts if discrepancy is None else [*parts, discrepancy[likelihood.real]], alike)
+        design = likelihood.joined(parts, alike)
+        if discrepancy is not None:
+            design = likelihood.beside(design, discrepancy)
         sums = likelihood.sums.rest(torch.zeros_like(likelihood.y), design, likelihood.sums.of_columns(design))
         profiled = likelihood.sums.profiled(sums)
         tables = profiled.inner, likelihood.sums.held_out(sums, profiled)
         if discrepancy is not None and precision is not None:
-            own, e = design.own.shape[2], discrepancy.shape[2]
-            tables = _profiled_out(*tables, torch.arange(own - e, own), precision)
+            own = sum(part.shape[2] for part in parts)
+            gone = torch.arange(own, own + discrepancy.shape[2])
+            tables = _profiled_out(*tables, gone, precision)
         self.inner, self.held_out = tables
         self.last = self.inner.shape[1] - 1
         self._place()

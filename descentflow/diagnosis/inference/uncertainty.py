@@ -49,7 +49,7 @@ def _by_negligible(likelihood: EffectsLikelihood, design: Design, common: Tensor
     """Covariance of the gradients if shifts were off by what is negligible; ``common`` (b, k + c) follows."""
     precision, free = likelihood.sums.precision.sum(0), likelihood.compared.free
     f = int(free.sum())
-    answer = torch.cat([design.own_products.sum(0), precision @ design.alike], 1)
+    answer = torch.cat([*(block.products.sum(0) for block in design.blocks), precision @ design.alike], 1)
     answer = answer - precision[:, free] @ common[:f] - likelihood.sums.common_precision.sum(0).T @ common[f:]
     answer = answer * likelihood.compared.negligible()[:, None]
     scatter = 0.5 * answer.T @ answer

@@ -129,7 +129,7 @@ class Diagnosis:
         if learn is not None and not bool((learn & compared.real).any()):
             mean = in_mean_air(compared, weights, catalogue)
             if mean is not compared:
-                self.searched = EffectsLikelihood(mean, weights, catalogue, settings.seed)
+                self.searched = EffectsLikelihood(mean, weights, catalogue, settings.seed, self.likelihood)
         self.discrepancy, _ = discrepancy_columns(compared)
 
     def report(self, counts: Mapping[str, int], frame: pl.DataFrame) -> GapReport:

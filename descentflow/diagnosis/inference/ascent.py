@@ -23,8 +23,9 @@ def ascend(likelihood: EffectsLikelihood, theta: dict[str, Tensor]) -> dict[str,
         >>> ascend(likelihood, {"temperature": torch.tensor([0.0]).double()})["temperature"].round()
         tensor([10.], dtype=torch.float64)
     """
+    shift = likelihood.shift(theta)
     for _ in range(MAX_STEPS if theta else 0):
-        design, shift = likelihood.design(theta), likelihood.shift(theta)
+        design = likelihood.design(theta)
         # What signatures may be off by changes little within a step.
         beside = design.without_parameters()
         value = likelihood.log_likelihood(shift, beside)
@@ -32,9 +33,10 @@ def ascend(likelihood: EffectsLikelihood, theta: dict[str, Tensor]) -> dict[str,
         gained = 0.0
         for factor in STEP_FACTORS:
             trial = likelihood.moved(theta, factor * step)
-            gained = likelihood.log_likelihood(likelihood.shift(trial), beside) - value
+            trial_shift = likelihood.shift(trial)
+            gained = likelihood.log_likelihood(trial_shift, beside) - value
             if gained > 0:
-                theta = trial
+                theta, shift = trial, trial_shift
                 break
         if gained < MIN_STEP_GAIN:
             break

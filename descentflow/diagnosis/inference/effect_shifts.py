@@ -8,6 +8,7 @@ from torch import Tensor
 
 from descentflow.core.recent import Recent
 from descentflow.diagnosis.inference.reference_coefficients import scaled_rows
+from descentflow.diagnosis.inference.signature_columns import misfit_columns
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects import Effect
@@ -20,6 +21,8 @@ CAS_RIDGE = 0.05
 
 FLIGHTS_BESIDE = 40
 """About so many real flights say how a mean shift answers to other coefficients: speeds differ little between them."""
+MISFITS = 64
+"""Mean shifts, and columns by which they may be off, that are kept: some thousand numbers each."""
 KEPT = 16
 """Shifts and sensitivities that are kept, for one fit starts where another ended; n p k numbers of eight bytes each."""
 
@@ -55,6 +58,14 @@ class EffectShifts:
         self.has_reference = bool((~self.real).any())
         self.cas_to_rate = cas_to_rate_gain(compared, whitening)
         self._shifts, self._jacobians = Recent[Tensor](KEPT), Recent[Tensor](KEPT)
+        self._misfits = Recent[tuple[Tensor, Tensor]](MISFITS)
+
+    def share(self, like: "EffectShifts") -> None:
+        """Know what another knows of the same flights, where the rate follows the CAS alike."""
+        same = self.compared.state is like.compared.state and self.compared.entries == like.compared.entries
+        if same and torch.equal(self.cas_to_rate, like.cas_to_rate):
+            self._shifts, self._jacobians, self._misfits = like._shifts, like._jacobians, like._misfits
+            self.__dict__.update({k: like.__dict__[k] for k in ("real_state", "seen_beside") if k in like.__dict__})
 
     def all_shift(self, name: str, theta: Tensor) -> Tensor:
         """Shift (n, p) that an effect makes, or would make, in every flight."""
@@ -81,6 +92,15 @@ class EffectShifts:
         """Mean shift (9, p) that an effect makes in :attr:`seen_beside`."""
         found = self.shift_seen(name, theta, self.seen_beside)
         return found.reshape(9, -1, found.shape[1]).mean(1)
+
+    def misfits(self, name: str, theta: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean shifts of :meth:`mean_shifts_beside`, and the columns (p, c) by which the first may be off."""
+
+        def made() -> tuple[Tensor, Tensor]:
+            means = self.mean_shifts_beside(name, theta)
+            return means, misfit_columns(self.compared, means[0])
+
+        return self._misfits.get(by_size(name, theta), made)
 
     @cached_property
     def real_state(self) -> FlightState:

@@ -111,26 +111,35 @@ class EffectsLikelihood(EffectShifts):
             whitening: Their precision.
             catalogue: Effects that may be named.
             seed: Of the folds.
-            like: Likelihood of the same flights with another precision, whose sensitivities are taken over.
+            like: Likelihood of the same flights with another precision or other values of the real flights, whose folds
+                and sensitivities are taken over.
             nuisance: (n, p, q) columns that all flights may have in any size, in place of the simulator's own habits.
         """
         super().__init__(compared, whitening, catalogue)
-        self.fold = folds_of(compared.airframe, compared.real, seed)
+        self.fold: Tensor = folds_of(compared.airframe, compared.real, seed) if like is None else like.fold
         self.qy = whitening.apply(self.y)
         self._beside = Recent[tuple[Tensor, Block, Tensor]](1)
         self._designs = Recent[Design](DESIGNS)
+        self._like: EffectsLikelihood | None = None
         if nuisance is not None:
             self.common = Common(
                 nuisance, whitening.apply(nuisance), torch.zeros(nuisance.shape[2], dtype=self.y.dtype)
             )
         elif like is not None:
-            self.common = replace(like.common, products=whitening.apply(like.common.columns))
+            self.share(like)
+            if whitening is not like.whitening:
+                self.common = replace(like.common, products=whitening.apply(like.common.columns))
+            else:
+                self.common, self._beside = like.common, like._beside
+                self._like = like if torch.equal(self.y[~self.real], like.y[~self.real]) else None
         else:
             self.common = self._habits()
 
     @cached_property
     def sums(self) -> FoldSums:
-        """What all fits share."""
+        """What all fits share; of other values of the same real flights little is to be summed again."""
+        if self._like is not None:
+            return self._like.sums.of_other(self.y)
         return FoldSums(self.whitening, self.y, self.real, self.compared.free, self.common, self.fold)
 
     @cached_property
@@ -163,23 +172,25 @@ class EffectsLikelihood(EffectShifts):
         joined = torch.cat(columns, 2)
         return Common(joined, self.whitening.apply(joined), torch.tensor(prior, dtype=self.y.dtype))
 
-    def design(self, theta: Mapping[str, Tensor], extra: Tensor | None = None, ridge: float = 1.0) -> Design:
+    def design(
+        self, theta: Mapping[str, Tensor], extra: Tensor | None = None, signatures: Tensor | None = None
+    ) -> Design:
         """Columns of the effects' sensitivities, of how their signatures may be off, and of anything else (n, p, e).
 
-        What is beside the sensitivities has a prior precision: one, and that given for what else there is.
+        What is beside the sensitivities has a prior precision of one. Signatures (p, c) may be given.
         """
         blocks = tuple(self.sums.block(self.real_jacobian(name, value), kept=True) for name, value in theta.items())
-        found = self._of_blocks(blocks, signature_columns(self, theta))
-        return found if extra is None else self.beside(found, extra, ridge)
+        found = self._of_blocks(blocks, signature_columns(self, theta) if signatures is None else signatures)
+        return found if extra is None else self.beside(found, extra)
 
-    def beside(self, design: Design, extra: Tensor, ridge: Tensor | float = 1.0) -> Design:
-        """A design with columns (n, p, e) after its own, and their prior precision (e,).
+    def beside(self, design: Design, extra: Tensor) -> Design:
+        """A design with columns (n, p, e) after its own, whose prior precision is one.
 
         Most of them are alike in all flights, and need no sum over these.
         """
         block, alike = self._beside.get(id(extra), lambda: (extra, *self._split(extra)))[1:]
         k = design.n_own
-        prior = torch.cat([design.own_ridge[:k], torch.ones(extra.shape[2], dtype=self.y.dtype) * ridge])
+        prior = torch.cat([design.own_ridge[:k], torch.ones(extra.shape[2], dtype=self.y.dtype)])
         return replace(
             design,
             blocks=(*design.blocks, block),

@@ -85,16 +85,12 @@ def _mixed(
     """The fit of the laws, and of the effects beside them that all flights have alike."""
     theta = {name: flights.laws[name] if name in flights.laws else alike[name] for name in fit.theta}
     signatures, shares = signature_columns(likelihood, theta), flights.shares()
-    of_alike = [likelihood.real_jacobian(name, theta[name]) for name in alike]
-    none = likelihood.real_jacobian(next(iter(theta)), theta[next(iter(theta))])[:, :, :0]
     return Fit(
         fit.effects,
         theta,
         likelihood.shift(alike) + flights.shift(),
         likelihood.kept(lambda: design_with_laws(likelihood, theta, shares)),
-        _log_score(
-            likelihood, cleaned, flights, likelihood.shift(alike), cleaned.joined([*of_alike, none], signatures)
-        ),
+        _log_score(likelihood, cleaned, flights, likelihood.shift(alike), cleaned.design(alike, signatures=signatures)),
         shares,
     )
 
@@ -117,6 +113,8 @@ def design_with_laws(
         1
     """
     held = _held_by(likelihood, shares)[likelihood.real][:, :, None]
+    if not bool(held.any()):
+        return likelihood.design(theta)
     own = {name: likelihood.real_jacobian(name, value) for name, value in theta.items()}
     moved = [torch.where(held & (name not in shares), 0.0, columns) for name, columns in own.items()]
     return likelihood.joined(moved, signature_columns(likelihood, theta))
@@ -184,9 +182,7 @@ def _without(likelihood: EffectsLikelihood, shift: Tensor, held: Tensor) -> Effe
     if bool(held.any()):
         whitening = whitening.only(torch.arange(y.shape[1]), y.isfinite())
     compared = replace(likelihood.compared, y=y)
-    part = EffectsLikelihood(compared, whitening, likelihood.catalogue, 0, like=likelihood)
-    part.fold = likelihood.fold
-    return part
+    return EffectsLikelihood(compared, whitening, likelihood.catalogue, 0, like=likelihood)
 
 
 def _log_score(

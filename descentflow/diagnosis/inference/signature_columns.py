@@ -11,16 +11,13 @@ signatures are uncertain are one group by themselves, and what a large effect le
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.measurements.quantity_registry import BY_BAND
-
-if TYPE_CHECKING:
-    from descentflow.diagnosis.inference.effect_shifts import EffectShifts
 
 MISFIT = 0.03
 """Share of its own shift by which an effect's equations may be off, at each knot and in each quantity by itself..."""
@@ -34,7 +31,17 @@ FELT = 0.3
 """Columns that move no entry by more than so many negligible shifts are left out, to save time."""
 
 
-def signature_columns(shifts: "EffectShifts", theta: Mapping[str, Tensor]) -> Tensor:
+class Shifts(Protocol):
+    """What effects shift, and by how much that may be off."""
+
+    compared: Compared
+
+    def misfits(self, name: str, theta: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean shifts (9, p) of an effect, and the columns (p, c) by which the first may be off."""
+        ...
+
+
+def signature_columns(shifts: Shifts, theta: Mapping[str, Tensor]) -> Tensor:
     """Columns (p, c) by which the mean effects at these parameters may be off, with unit prior spread.
 
     Example:
@@ -48,9 +55,9 @@ def signature_columns(shifts: "EffectShifts", theta: Mapping[str, Tensor]) -> Te
     compared = shifts.compared
     if not theta:
         return torch.zeros(len(compared.entries), 0, dtype=torch.float64)
-    means = [shifts.mean_shifts_beside(name, value) for name, value in theta.items()]
+    means, misfits = zip(*(shifts.misfits(name, value) for name, value in theta.items()), strict=True)
     above, below = torch.stack(means).sum(0)[1:].reshape(2, 4, -1)
-    columns = torch.cat([(above - below).T / 2, *(misfit_columns(compared, mean[0]) for mean in means)], 1)
+    columns = torch.cat([(above - below).T / 2, *misfits], 1)
     return columns[:, (columns.abs() / compared.negligible()[:, None]).amax(0) > FELT]
 
 

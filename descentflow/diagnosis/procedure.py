@@ -164,11 +164,14 @@ class Diagnosis:
         shifts, spreads = held_out_shifts(likelihood, fit)
         shift = together(shifts, likelihood)
         gap = measure.gap(shift)
-        causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if is_named else []
-        progress("asking at which stage the simulator loses most")
-        stages = stages_of(settings.simulator, frame, settings.seed)
+        made = self._made(frame, fit, spreads) if is_named else CorrectionMade()
+        with Begun(made.scored) as scored:
+            causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if is_named else []
+            progress("asking at which stage the simulator loses most")
+            stages = stages_of(settings.simulator, frame, settings.seed)
+            details = self._measured(self._details(chosen, test, fit.shift, counts), affected)
+            scores = scored.result()
         hidden = not_identifiable(settings, self.source)
-        made = self._made(frame, fit, spreads) if causes else CorrectionMade()
         return GapReport(
             verdict=verdict,
             p_value=test.p_value,
@@ -182,10 +185,10 @@ class Diagnosis:
             remaining=remaining_of(likelihood, fit.shift, gap.after - gap.floor, chosen.outside),
             would_split=hidden if verdict == "none" else would_split(likelihood, causes),
             dropped=dict(counts),
-            details=self._measured(self._details(chosen, test, fit.shift, counts), affected),
+            details=details,
             costs=costs_of(self.compared, shift if causes else None, settings.seed),
             recipe=recipe_of(causes, settings.catalogue, levels_compared(self.compared)),
-            scores=made.scores,
+            scores=scores,
             write_corrected=made.write,
             corrected_file=made.file_name,
             flights_worth_a_look=flights_worth_a_look(likelihood, shift, profile_of(self.compared))

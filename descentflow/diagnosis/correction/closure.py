@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from scipy.special import stdtrit
@@ -67,33 +68,53 @@ class GapMeasure:
         self.likelihood, self.affected, self.seed = likelihood, affected, seed
         self.y, self.real, self.scale = likelihood.compared.y, likelihood.real, likelihood.compared.scale
         names, self.index = torch.unique(likelihood.compared.airframe, return_inverse=True)
-        self.n_airframes = len(names)
+        self.n_airframes, self.at = len(names), torch.nonzero(affected)[:, 0]
+        self._floor: tuple[Tensor, float] | None = None
+
+    @cached_property
+    def before(self) -> float:
+        """Mean distance before a shift is taken off."""
+        return self._mean(self.y)
+
+    @cached_property
+    def before_of_fleets(self) -> list[tuple[Tensor, float]]:
+        """Fleets (n,) that lack a group of aircraft each, and the same of each."""
+        return [(kept, self._mean(self.y[kept], self.real[kept])) for kept in self._fleets()]
 
     def gap(self, shift: Tensor) -> Gap:
         """Distances before and after a shift (n, p) is taken off the real flights."""
-        return Gap(self._mean(self.y), self._mean(self.y - shift), self.floor(shift))
+        return Gap(self.before, self._mean(self.y - shift), self.floor(shift))
 
     def floor(self, shift: Tensor) -> float:
-        """Mean distance when the corrected flights of both sides are mixed."""
-        compared = self.likelihood.compared
-        dealt = [*labellings_of(compared, FLOORS, self.seed)][1:]
-        found = noise_floor(self.y - shift, self.real, dealt, self.scale, compared.counts())
-        return float(mean_over_quantities(compared, found, self.affected))
+        """Mean distance when the corrected flights of both sides are mixed; that of the last shift is known."""
+        if self._floor is None or not torch.equal(self._floor[0], shift):
+            dealt, left = (
+                [*labellings_of(self.likelihood.compared, FLOORS, self.seed)][1:],
+                (self.y - shift)[:, self.at],
+            )
+            counts = self.likelihood.compared.counts()[self.at]
+            self._floor = shift, self._over(noise_floor(left, self.real, dealt, self.scale[self.at], counts))
+        return self._floor[1]
 
     def _mean(self, y: Tensor, real: Tensor | None = None) -> float:
-        found = distances(y, self.real if real is None else real, self.scale, self.likelihood.compared.counts())
-        return float(mean_over_quantities(self.likelihood.compared, found, self.affected))
+        counts, sides = self.likelihood.compared.counts()[self.at], self.real if real is None else real
+        return self._over(distances(y[:, self.at], sides, self.scale[self.at], counts))
+
+    def _over(self, found: Tensor) -> float:
+        """Mean over quantities of the affected entries' values."""
+        whole = torch.zeros(len(self.affected), dtype=found.dtype)
+        whole[self.at] = found
+        return float(mean_over_quantities(self.likelihood.compared, whole, self.affected))
 
     def claimed(self, shift: Tensor, floor: float) -> float | None:
         """Share of the gap in distributions that a shift closes, down to a known floor."""
-        return _share(self._mean(self.y), self._mean(self.y - shift), floor)
+        return _share(self.before, self._mean(self.y - shift), floor)
 
     def marginal(self, shift: Tensor) -> ClosedShare:
         """The same with a floor of its own, and an interval."""
         floor, left = self.floor(shift), self.y - shift
         fleets = [
-            _share(self._mean(self.y[kept], self.real[kept]), self._mean(left[kept], self.real[kept]), floor)
-            for kept in self._fleets()
+            _share(before, self._mean(left[kept], self.real[kept]), floor) for kept, before in self.before_of_fleets
         ]
         return _with_interval(self.claimed(shift, floor), fleets)
 

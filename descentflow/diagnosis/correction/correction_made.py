@@ -1,7 +1,8 @@
 """The corrected simulator of a diagnosis: the file that holds it, what writes it, and its scores before and after."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import polars as pl
@@ -38,7 +39,7 @@ class CorrectionMade:
     Attributes:
         file_name: Of the corrected simulator; empty where there is none to write.
         write: Writes it to a path; None where there is none.
-        scores: Before and after.
+        scored: Works out the scores before and after.
         write_flights: Of a checkpoint, writes sampled flights with the causes in them; None where there is none.
 
     Example:
@@ -48,7 +49,7 @@ class CorrectionMade:
 
     file_name: str = ""
     write: Callable[[Path], None] | None = None
-    scores: list[Score] = field(default_factory=list)
+    scored: Callable[[], list[Score]] = list
     write_flights: Callable[[Path], None] | None = None
 
 
@@ -103,13 +104,13 @@ def correction_made(
     ):
         return CorrectionMade(CHECKPOINT if write is not None else "", write)
     flown, moved = _samples(simulator, frame, mass_kg, seed, spreads)
-    found = _scores_of_samples(simulator, frame, likelihood, fit, flown, moved, transition_fl, seed)
+    scored = _scores_of_samples(simulator, frame, likelihood, fit, flown, moved, transition_fl, seed)
     settings = None if parts.cleaning is None else asdict(parts.cleaning)
 
     def write_flights(path: Path) -> None:
         write_descents(sampled_descents(moved(fit.theta), simulator.aircraft.typecode, settings), path)
 
-    return CorrectionMade(CHECKPOINT if write is not None else "", write, found, write_flights)
+    return CorrectionMade(CHECKPOINT if write is not None else "", write, scored, write_flights)
 
 
 def _writer(simulator: Simulator, flights: pl.DataFrame, correction: Correction) -> Callable[[Path], None]:
@@ -127,7 +128,8 @@ def _scores_of_flights(
     fit: Fit,
     correction: Correction,
     transition_fl: float,
-) -> list[Score]:
+) -> Callable[[], list[Score]]:
+    """What works out the scores; all that needs tables is done here, for no copy of this process can use these."""
     low, high = simulator.levels(frame)
     names = flights["flight_id"].unique().sort()
     some = names.sample(min(MOST, len(names)), seed=correction.seed) if len(names) > MOST else names
@@ -136,14 +138,14 @@ def _scores_of_flights(
     )
     halves = _halves(frame, low, high, likelihood, fit, correction.seed)
     if own is None or halves is None:
-        return []
+        return list
 
     state = state_of_levels(own, simulator.aircraft, correction)
 
     def with_theta(theta: Mapping[str, Tensor]) -> DescentSet:
         return descents_of(with_effects(own, simulator.aircraft, replace(correction, theta=theta), state))
 
-    return scores_of(halves, descents_of(own), with_theta, transition_fl, correction.seed)
+    return partial(scores_of, halves, descents_of(own), with_theta, transition_fl, correction.seed)
 
 
 def _samples(
@@ -177,12 +179,17 @@ def _scores_of_samples(
     moved: Callable[[Mapping[str, Tensor]], Trajectories],
     transition_fl: float,
     seed: int,
-) -> list[Score]:
+) -> Callable[[], list[Score]]:
+    """The same of samples."""
     halves = _halves(frame, *simulator.levels(frame), likelihood, fit, seed)
     if halves is None:
-        return []
+        return list
     before = DescentSet.of_trajectories(flown)
-    return scores_of(halves, before, lambda theta: DescentSet.of_trajectories(moved(theta)), transition_fl, seed)
+
+    def with_theta(theta: Mapping[str, Tensor]) -> DescentSet:
+        return DescentSet.of_trajectories(moved(theta))
+
+    return partial(scores_of, halves, before, with_theta, transition_fl, seed)
 
 
 def _halves(

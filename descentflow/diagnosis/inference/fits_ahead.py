@@ -12,6 +12,7 @@ from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.linear_algebra import Design
 from descentflow.diagnosis.inference.mixed_fit import design_with_laws
 from descentflow.diagnosis.inference.search import fit_effects
+from descentflow.effects.flight_law import DiffersByFlight
 
 Names = tuple[str, ...]
 Asked = tuple[Names, Mapping[str, Tensor]]
@@ -39,9 +40,19 @@ def fits_side_by_side(
         tensor([10.], dtype=torch.float64)
     """
     _know_what_is_shared(likelihood)
-    calls = [partial(_fitted, likelihood, names, start) for names, start in asked]
-    found = side_by_side(calls, lambda place: progress(f"fitting {', '.join(asked[place][0])}"))
-    return [_with_design(likelihood, fit) for fit in found]
+    names = [one[0] for one in asked]
+    order = _long_ones_first(likelihood, names)
+    calls = [partial(_fitted, likelihood, *asked[at]) for at in order]
+    found = side_by_side(calls, lambda place: progress(f"fitting {', '.join(names[order[place]])}"))
+    return [
+        _with_design(likelihood, fit) for _, fit in sorted(zip(order, found, strict=True), key=lambda pair: pair[0])
+    ]
+
+
+def _long_ones_first(likelihood: EffectsLikelihood, asked: Sequence[Names]) -> list[int]:
+    """Places of fits in the order in which they begin: laws of flights take longest, nothing should wait for one."""
+    differ = [any(isinstance(likelihood.catalogue[name], DiffersByFlight) for name in names) for names in asked]
+    return sorted(range(len(asked)), key=lambda at: not (differ[at] and at_once() > 1))
 
 
 class FitsAhead:
@@ -73,6 +84,7 @@ class FitsAhead:
         if at_once() < 2 or len(left) < 2:
             return
         _know_what_is_shared(self.likelihood)
+        left = [left[at] for at in _long_ones_first(self.likelihood, [names for names, _ in left])]
         calls = [partial(self._both, *one) for one in left]
         found = side_by_side(calls, lambda place: self.progress(f"fitting {', '.join(left[place][0])}"))
         self._known |= {_key(*one): both for one, both in zip(left, found, strict=True)}

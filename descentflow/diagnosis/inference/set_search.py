@@ -151,11 +151,14 @@ class SetSearch:
             names = next((n for n in self._screened(members, beside) if frozenset(n) not in self.fits), None)
             if names is None:
                 break
-            self._credible_part(self.fit(self._first_part(names, set(beside.per_flight))))
+            parts = self._untried([*self._parts(names, set(beside.per_flight)), names])
+            # What comes next of the same set will probably be asked for, if it is not the set itself.
+            self.ahead.prepare([(part, self._begin(part, {})) for part in parts[: at_once()]])
+            self._credible_part(self.fit(parts[0]))
         return max(self._credible_fits(), key=self._score)
 
-    def _first_part(self, names: Names, laws: set[str]) -> Names:
-        """A set, or the part of it that is to be fitted first: a core, and the core with one effect more.
+    def _parts(self, names: Names, laws: set[str]) -> list[Names]:
+        """Parts of a set that are to be fitted before it, in turn: a core, and the core with one effect more.
 
         The core are laws that are known, or else the effects that all flights have alike. What a mean shift gains
         beside them may be theirs, or nothing, once each flight is asked.
@@ -165,7 +168,7 @@ class SetSearch:
         core = laws if laws and laws < set(names) else alike
         parts = [tuple(n for n in names if n in core)]
         parts += [tuple(n for n in names if n in core or n == other) for other in names if other not in core]
-        return next((part for part in parts if part and frozenset(part) not in self.fits), names)
+        return list(dict.fromkeys(part for part in parts if part and part != names))
 
     def _score(self, fit: Fit) -> float:
         """What the search holds against each other: held-out log score with priors, the better of with and without."""

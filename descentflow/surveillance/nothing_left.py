@@ -46,7 +46,9 @@ REASONS: dict[str, tuple[str, str]] = {
     "cleared_": ("fly a speed or level that was cleared", "pass flights without such clearances"),
     "too_few_levels": (
         "belong to descents of fewer than {fewest_levels} levels above FL{bottom_fl}",
-        "pass rows at shorter intervals and of higher levels; --bottom-fl and --fewest-levels say what is enough",
+        "check first that altitude is in ft (metres are to be multiplied by 3.2808, flight levels by 100); else pass "
+        "rows at shorter intervals and of higher levels; --bottom-fl and --fewest-levels of `descentflow prepare` say "
+        "what is enough",
     ),
 }
 """Step of cleaning, or the beginning of its name, -> what its rows have in common, and what to do about it."""

@@ -16,7 +16,7 @@ from descentflow.surveillance.formats.recognition import held_parts, recognised
 from descentflow.surveillance.formats.small_parts import SourceTable, put_together
 from descentflow.surveillance.rows.blocks import even_blocks, without_cycle_search
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.named_columns import with_named
+from descentflow.surveillance.rows.named_columns import lacks_only_mach, with_mach, with_named
 from descentflow.surveillance.rows.normalise import is_list_of_types, normalise
 from descentflow.surveillance.rows.units_check import check_units
 from descentflow.surveillance.unpacking.inputs import inputs
@@ -188,4 +188,4 @@ def _normalised(
         rows = normalise(given, table.label, report)
         if table.any_columns and (table.first or len(rows) >= MIN_IN_LATER_PARTS):
             check_units(rows, table.label)
-        yield rows
+        yield with_mach(rows, report) if lacks_only_mach(rows.columns) else rows

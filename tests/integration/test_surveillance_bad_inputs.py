@@ -82,7 +82,7 @@ REFUSED_TABLES: dict[str, tuple[Change, str]] = {
         lambda f: f.with_columns(pl.col("vertical_rate") / 100),
         "vertical_rate seems to be in hundreds of ft/min",
     ),
-    "Mach in percent": (lambda f: f.with_columns(pl.col("Mach") * 100), "a value of Mach outside"),
+    "Mach in percent": (lambda f: f.with_columns(pl.col("Mach") * 100), "Mach seems to be in hundredths"),
     "all of one time": (lambda f: f.with_columns(pl.col("timestamp").first()), "the time of another row"),
     "rate in m/s": (lambda f: f.with_columns(pl.col("vertical_rate") * 0.00508), "vertical_rate seems to be in m/s"),
     "sink rate": (lambda f: f.with_columns(-pl.col("vertical_rate")), "sign of a sink rate"),

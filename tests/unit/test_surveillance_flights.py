@@ -19,7 +19,7 @@ from descentflow.surveillance.cleaning.flights import (
 from descentflow.surveillance.cleaning.rates import local_slope, with_rate
 from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport, Step
-from descentflow.surveillance.rows.units_check import check_rate_units, check_units
+from descentflow.surveillance.rows.units_check import check_units
 
 
 def test_unusable_rows_and_duplicates_count_each_kind_of_bad_row_once() -> None:
@@ -144,7 +144,6 @@ def test_the_schema_s_units_pass_and_few_rows_say_nothing() -> None:
     check_units(rows, "rows")
     check_units(rows.head(19).with_columns(pl.col("altitude") * 0.3048), "rows")
     check_units(rows.drop("vertical_rate"), "rows")
-    check_rate_units(rows.head(19), "rows")
 
 
 def test_noise_and_position_error_are_no_wrong_unit() -> None:

@@ -1,7 +1,9 @@
 """What a surveillance row is: its schema, units and names, and the report of dropped rows.
 
 Reading order: :mod:`~descentflow.surveillance.rows.schema`, :mod:`~descentflow.surveillance.rows.normalise` (a table
-of any source in that schema), :mod:`~descentflow.surveillance.rows.units_check`,
-:mod:`~descentflow.surveillance.rows.blocks`, :mod:`~descentflow.surveillance.rows.drop_report`,
-:mod:`~descentflow.surveillance.rows.air_data`.
+of any source in that schema), :mod:`~descentflow.surveillance.rows.units_check` (with
+:mod:`~descentflow.surveillance.rows.reading`, :mod:`~descentflow.surveillance.rows.readings`,
+:mod:`~descentflow.surveillance.rows.rate_readings`, :mod:`~descentflow.surveillance.rows.units_words` and
+:mod:`~descentflow.surveillance.rows.other_checks`), :mod:`~descentflow.surveillance.rows.blocks`,
+:mod:`~descentflow.surveillance.rows.drop_report`, :mod:`~descentflow.surveillance.rows.air_data`.
 """

@@ -8,14 +8,16 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.named_columns import lacks_only_mach, with_mach
-from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, REQUIRED, TIMESTAMP
+from descentflow.surveillance.rows.named_columns import lacks_only_mach
+from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, FILLS, REQUIRED, TIMESTAMP
 
 STATE_VECTOR = "baroaltitude"
 """Column that only OpenSky's state vectors have; they are in SI units."""
 LONGEST_TEXT = 500
 """Bytes of the longest text that is read; a small file can repeat one of megabytes in every row, which takes no memory
 before it is processed."""
+RATES = ("vertical_rate", "geometric_rate")
+"""Columns in which a number that stands for none would be a possible one."""
 READABLE = {
     pl.Float64: "numbers",
     pl.Datetime: "dates with time, or seconds since 1970",
@@ -43,7 +45,8 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
         report: Takes the number of values that are no numbers or dates.
 
     Returns:
-        Columns of :data:`~descentflow.surveillance.rows.schema.COLUMNS` in their types and units.
+        Columns of :data:`~descentflow.surveillance.rows.schema.COLUMNS` in their types and units; without Mach where it
+        is to be computed (:func:`~descentflow.surveillance.rows.named_columns.with_mach`).
 
     Raises:
         DataError: If a required column is missing or occurs twice, or most of its values cannot be read.
@@ -72,6 +75,9 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
         lost = column.null_count() - table[name].null_count()
         if lost:
             report.note(f"values of {name} that could not be read", lost)
+        if name in RATES and (filled := column.is_in(FILLS).fill_null(False)).any():
+            report.note(f"values 9999 of {name} taken for missing", int(filled.sum()))
+            column = _where(column, ~filled)
         if name in REQUIRED and len(column) and lost > len(column) / 2:
             raise DataError(
                 f"{path}: {lost} of {len(column)} values of {name} cannot be read (the first: "
@@ -84,8 +90,7 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
     # A missing number may be written as NaN or infinity.
     numbers = [n for n in frame.columns if frame[n].dtype == pl.Float64]
     frame = frame.with_columns(pl.when(pl.col(n).is_finite()).then(pl.col(n)) for n in numbers)
-    frame = frame.with_columns(pl.col("icao24").str.strip_chars(" ~").str.to_lowercase())
-    return with_mach(frame, report) if without_mach else frame
+    return frame.with_columns(pl.col("icao24").str.strip_chars(" ~").str.to_lowercase())
 
 
 def is_list_of_types(columns: Sequence[str]) -> bool:

@@ -71,6 +71,9 @@ POSSIBLE = {
 }
 """What an airliner or business aircraft can report: register ranges of ICAO Doc 9684, narrowed to flight."""
 
+FILLS = (9999.0, -9999.0)
+"""Numbers that stand for none: rates of no register, whose steps are 32 and 64, and altitudes of no encoder."""
+
 ALIASES = {
     "time": "timestamp",
     "ts": "timestamp",

@@ -1,0 +1,101 @@
+"""Columns that nothing else of a row explains: times, angles, and values that stand for none."""
+
+import warnings
+
+import numpy as np
+import polars as pl
+
+from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED
+
+MIN_VALUES = 20
+"""Values below which nothing is checked."""
+MIN_AIRCRAFT = 3
+"""Aircraft below which angles are not checked: one may fly north all the time."""
+DAYS_FROM, DAYS_TO = 20_000.0, 80_000.0
+"""Days since 1899-12-30, in 1954 and 2119: what spreadsheets call a date."""
+LONGEST_STEP = 0.01
+"""Between two rows of an aircraft, a quarter of an hour in days; no source reports every hundredth of a second."""
+
+
+def check_numbers_of_days(rows: pl.DataFrame, source: str) -> None:
+    """Refuse times that are numbers of days, as spreadsheets write dates: read as seconds, all lie on one day of 1970.
+
+    Raises:
+        DataError: If they are.
+
+    Example:
+        >>> days = pl.DataFrame({"timestamp": pl.Series([46_000 + i / 86_400 for i in range(30)]) * 1e6})
+        >>> rows = days.select(pl.col("timestamp").cast(pl.Int64).cast(pl.Datetime("us", "UTC")), icao24=pl.lit("a"))
+        >>> check_numbers_of_days(rows, "rows.csv")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: rows.csv: timestamp seems to be in days since 1899-12-30...
+    """
+    seconds = rows["timestamp"].drop_nulls().dt.epoch("us") / 1e6
+    if len(seconds) < MIN_VALUES or not DAYS_FROM < float(seconds.median() or 0.0) < DAYS_TO:  # type: ignore[arg-type]
+        return
+    clock = rows.select("icao24", pl.col("timestamp").dt.epoch("us") / 1e6).drop_nulls().sort("icao24", "timestamp")
+    steps = clock.select(pl.col("timestamp").diff().filter(pl.col("icao24") == pl.col("icao24").shift())).to_series()
+    steps = steps.filter(steps > 0)
+    if len(steps) >= MIN_VALUES // 2 and float(steps.median() or 0.0) < LONGEST_STEP:  # type: ignore[arg-type]
+        raise DataError(
+            f"{source}: timestamp seems to be in days since 1899-12-30, as spreadsheets count (the first: "
+            f"{seconds[0]:.6f}); read as seconds, all rows lie within moments of 1970",
+            expected="dates with time, or seconds since 1970",
+            mend="subtract 25569 from the column timestamp and multiply by 86400",
+        )
+
+
+def check_angles(rows: pl.DataFrame, source: str) -> None:
+    """Refuse a track, heading or wind direction in radians: several aircraft that keep within seven degrees of north.
+
+    Raises:
+        DataError: If there is one.
+
+    Example:
+        >>> directions = pl.Series([0.06 * number for number in range(100)])
+        >>> check_angles(pl.DataFrame({"track": directions, "icao24": ["a", "b", "c", "d"] * 25}), "rows.csv")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: rows.csv: track seems to be in radians...
+    """
+    for name in ("track", "heading", "wind_direction"):
+        if name not in rows.columns or rows["icao24"].n_unique() < MIN_AIRCRAFT:
+            continue
+        angles = rows[name].drop_nulls().to_numpy()
+        angles = np.abs(angles[np.isfinite(angles)])
+        if len(angles) < MIN_VALUES or angles.max() > 2 * np.pi + 1e-6:
+            continue
+        # Of degrees near north some would be on the other side, at 350.
+        if angles.min() < np.pi / 2 < angles.max() and np.any(angles % 1) and angles.max() > 2.5:
+            raise DataError(
+                f"{source}: {name} seems to be in radians: none of {len(angles):,} values is above {angles.max():.2f}",
+                expected=f"{name} in degrees",
+                mend=f"multiply the column {name} by {180 / np.pi:.4f} before passing the rows",
+            )
+
+
+def check_possible(rows: pl.DataFrame, source: str) -> None:
+    """Warn of a column of which most values are impossible; they are set to missing, and counted, when rows are judged.
+
+    Example:
+        >>> rows = pl.DataFrame({"TAS": [9999.0] * 30})
+        >>> with warnings.catch_warnings(record=True) as caught:
+        ...     warnings.simplefilter("always")
+        ...     check_possible(rows, "rows.csv")
+        >>> print(caught[0].message)
+        rows.csv: 30 of 30 values of TAS are outside 40 to 700 and taken for missing (the most frequent: 9999): ...
+    """
+    for name in sorted(set(POSSIBLE) & set(rows.columns) - set(REQUIRED)):
+        values = rows[name].drop_nulls()
+        outside = values.filter(~values.is_between(*POSSIBLE[name]))
+        if len(values) >= MIN_VALUES and len(outside) > len(values) / 2:
+            low, high = POSSIBLE[name]
+            warnings.warn(
+                f"{source}: {len(outside):,} of {len(values):,} values of {name} are outside {low:g} to {high:g} and "
+                f"taken for missing (the most frequent: {outside.mode().sort()[0]:g}): check the unit of the column, "
+                "and leave values that stand for none empty",
+                DescentflowWarning,
+                stacklevel=4,
+            )

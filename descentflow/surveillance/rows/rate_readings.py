@@ -1,0 +1,99 @@
+"""A reported vertical rate beside what the altitude does between neighbouring rows."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import polars as pl
+
+from descentflow.core.units import FPM_MPS
+from descentflow.surveillance.rows.air_data import Array
+from descentflow.surveillance.rows.reading import AS_GIVEN, OFF, Reading
+from descentflow.surveillance.rows.schema import FILLS, POSSIBLE
+
+MIN_STEPS = 20
+"""Steps below which nothing is said."""
+SLOWEST_FPM, FASTEST_FPM = 800.0, 6000.0
+"""Rates of the steps that are compared: rounded altitudes say little of slower ones."""
+LEAP_FPM = 20_000.0
+"""Change that no aircraft makes: to a value that stands for none, or from one."""
+OPPOSITE = 99.0
+"""Difference of a rate from a change of the other sign: larger than any of units."""
+UNITS = (("in m/s", 1 / FPM_MPS), ("in hundreds of ft/min", 100.0), ("in ft/s", 60.0))
+SINKS = "with the sign of a sink rate"
+RATE_READINGS = (
+    AS_GIVEN,
+    *(Reading(words, factor) for words, factor in UNITS),
+    Reading(SINKS, -1.0),
+    *(Reading(f"{words} and {SINKS}", -factor) for words, factor in UNITS),
+    Reading("without a sign", meaning="unsigned"),
+    OFF,
+)
+"""How a vertical rate may be read, the expected way first."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Neighbouring rows of an aircraft.
+
+    Attributes:
+        change: (n,) altitude's change a minute, in the unit of the altitudes.
+        reported: (n,) rate that the later row reports.
+
+    Example:
+        >>> Steps(np.full(30, -2000.0), np.full(30, -10.16)).difference(1.0, 1 / FPM_MPS, "") < 1e-6
+        True
+    """
+
+    ALLOWED: ClassVar[float] = 0.7
+    """Difference at which rate and change still agree, a factor of two; medians of real sources are within 0.03."""
+
+    change: Array
+    reported: Array
+
+    @classmethod
+    def of(cls, rows: pl.DataFrame) -> "Steps | None":
+        """Steps of 2 to 60 s; none if the rows report no rate.
+
+        Args:
+            rows: Sorted by aircraft and time.
+
+        Example:
+            >>> Steps.of(pl.DataFrame({"altitude": [30e3]})) is None
+            True
+        """
+        if "vertical_rate" not in rows.columns:
+            return None
+        seconds = pl.col("timestamp").diff().dt.total_microseconds() / 1e6
+        possible = pl.col("vertical_rate").is_between(*POSSIBLE["vertical_rate"])
+        steps = rows.filter(~pl.col("altitude").is_in(FILLS)).select(
+            change=pl.col("altitude").diff() / seconds * 60,
+            reported=pl.when(possible).then(pl.col("vertical_rate")),
+            seconds=seconds,
+            same=pl.col("icao24") == pl.col("icao24").shift(),
+        )
+        steps = steps.filter(pl.col("same") & pl.col("seconds").is_between(2, 60) & (pl.col("change") != 0))
+        steps = steps.drop_nulls()
+        return cls(steps["change"].to_numpy(), steps["reported"].to_numpy())
+
+    def difference(self, altitude_factor: float, rate_factor: float, meaning: str) -> float:
+        """Logarithm of rate over change, the median of climbs or of descents, whichever is worse; NaN of too few.
+
+        Args:
+            altitude_factor: Of the altitudes to ft.
+            rate_factor: Of the rates to ft/min, negative for a sink rate.
+            meaning: `unsigned` for rates without a sign.
+        """
+        change, rate = self.change * altitude_factor, self.reported * rate_factor
+        moving = np.zeros(len(change), dtype=bool)
+        for speed in (change, rate):
+            moving |= (np.abs(speed) >= SLOWEST_FPM) & (np.abs(speed) <= FASTEST_FPM)
+        moving &= np.abs(change) < LEAP_FPM
+        found = []
+        for way in (-1, 1):
+            chosen = moving & (np.sign(change) == way)
+            if chosen.sum() >= MIN_STEPS:
+                ratio = float(np.median(rate[chosen] / np.abs(change[chosen]))) * (1 if meaning else way)
+                found.append(abs(float(np.log(ratio))) if ratio > 1e-9 else OPPOSITE)
+        # Rates without a sign are known by both: with descents alone they are sink rates.
+        return np.nan if not found else OPPOSITE if meaning and len(found) < 2 else max(found)

@@ -1,0 +1,169 @@
+"""Columns that contradict each other: the one that is wrong is named, with the factor that mends it."""
+
+from collections.abc import Callable
+from datetime import timedelta
+
+import numpy as np
+import polars as pl
+import pytest
+from surveillance_toys import fleet
+
+from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.surveillance.prepare import prepare
+from descentflow.surveillance.read_rows import read_rows
+from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.units_check import check_units
+
+Change = Callable[[pl.DataFrame], pl.DataFrame]
+KT_MPS, KT_KMH, KT_MPH = 0.514444, 1.852, 1.15078
+
+
+@pytest.fixture(scope="module")
+def rows() -> pl.DataFrame:
+    """Three aircraft in air 8 K warmer than standard, with winds of -40 to 40 kt and all tracks."""
+    frame = fleet(3)
+    tas = isa_tas_of_mach_kt(frame["Mach"].to_numpy(), frame["altitude"].to_numpy()) * 1.017
+    winds = 40.0 * (frame["icao24"].rank("dense") - 2.0)
+    track = pl.Series(np.arange(len(frame)) * 7.0 % 360)
+    return frame.with_columns(TAS=pl.Series(tas), groundspeed=pl.Series(tas) + winds, track=track)
+
+
+def times(name: str, factor: float) -> Change:
+    return lambda frame: frame.with_columns(pl.col(name) * factor)
+
+
+def both(*changes: Change) -> Change:
+    def changed(frame: pl.DataFrame) -> pl.DataFrame:
+        for change in changes:
+            frame = change(frame)
+        return frame
+
+    return changed
+
+
+SWAPPED: Change = lambda frame: frame.rename({"IAS": "TAS", "TAS": "IAS"})  # noqa: E731
+FLIGHT_LEVELS: Change = lambda frame: frame.with_columns((pl.col("altitude") / 100).round())  # noqa: E731
+WRONG: dict[str, tuple[Change, str, str]] = {
+    "groundspeed in km/h": (times("groundspeed", KT_KMH), "groundspeed seems to be in km/h", "groundspeed by 0.53996"),
+    "TAS in km/h": (times("TAS", KT_KMH), "TAS seems to be in km/h", "TAS by 0.53996"),
+    "TAS in mph": (times("TAS", KT_MPH), "TAS seems to be in miles per hour", "TAS by 0.86898"),
+    "IAS in mph": (times("IAS", KT_MPH), "IAS seems to be in miles per hour", "IAS by 0.86898"),
+    "IAS in m/s": (times("IAS", KT_MPS), "IAS seems to be in m/s", "IAS by 1.9438"),
+    "Mach in percent": (times("Mach", 100), "Mach seems to be in hundredths", "Mach by 0.01"),
+    "TAS that is IAS": (lambda f: f.with_columns(TAS="IAS"), "TAS seems to be IAS", "true airspeed"),
+    "groundspeed that is IAS": (lambda f: f.with_columns(groundspeed="IAS"), "groundspeed seems to be IAS", "take the"),
+    "IAS and TAS swapped": (SWAPPED, "IAS and TAS seem to be swapped", "indicated airspeed"),
+    "flight levels": (FLIGHT_LEVELS, "altitude seems to be in hundreds of feet", "altitude by 100"),
+    "altitude in metres": (times("altitude", 0.3048), "altitude seems to be in metres", "altitude by 3.2808"),
+    "rate in ft/s": (times("vertical_rate", 1 / 60), "vertical_rate seems to be in ft/s", "vertical_rate by 60"),
+    "all SI": (
+        both(times("altitude", 0.3048), times("IAS", KT_MPS), times("TAS", KT_MPS), times("groundspeed", KT_MPS)),
+        "altitude seems to be in metres and IAS in m/s and TAS in m/s and groundspeed in m/s",
+        "altitude by 3.2808 and IAS by 1.9438",
+    ),
+}
+
+
+@pytest.mark.parametrize("mach", [True, False], ids=["with Mach", "without Mach"])
+@pytest.mark.parametrize("kind", WRONG)
+def test_the_column_that_is_wrong_is_named_with_its_factor(kind: str, mach: bool, rows: pl.DataFrame) -> None:
+    change, words, mend = WRONG[kind]
+    if not mach and (kind == "IAS in mph" or "Mach" in words):
+        pytest.skip("15 % could be warm air, where there is no Mach")
+    changed = change(rows) if mach else change(rows).drop("Mach")
+    with pytest.raises(DataError) as caught:
+        read_rows([changed], DropReport())
+    assert words in caught.value.got
+    assert "read so, all columns agree" in caught.value.got
+    assert mend in caught.value.mend
+
+
+def test_columns_that_agree_are_read(rows: pl.DataFrame) -> None:
+    for frame in (rows, rows.drop("Mach"), rows.drop("Mach", "TAS"), rows.drop("Mach", "TAS", "groundspeed")):
+        assert len(read_rows([frame], DropReport())) == len(rows)
+
+
+ALONE = ("Mach", "TAS", "groundspeed")
+WITHOUT_OTHERS: dict[str, tuple[Change, tuple[str, ...], str]] = {
+    "flight levels, no rate": (FLIGHT_LEVELS, (*ALONE, "vertical_rate"), "altitude seems to be in hundreds of feet"),
+    "flight levels": (FLIGHT_LEVELS, ALONE, "altitude seems to be in hundreds of feet"),
+    "metres by the rate": (times("altitude", 0.3048), ALONE, "altitude seems to be in metres"),
+    "faster than sound": (times("IAS", KT_KMH), ALONE, "IAS seems to be in km/h or IAS seems to be TAS or groundspeed"),
+    "slower than a stall": (times("IAS", KT_MPS), ALONE, "IAS seems to be in m/s"),
+    "groundspeed as IAS": (
+        lambda f: f.with_columns(IAS="groundspeed"),
+        ("Mach",),
+        "IAS seems to be TAS or groundspeed",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", WITHOUT_OTHERS)
+def test_few_columns_say_what_they_can(kind: str, rows: pl.DataFrame) -> None:
+    change, without, words = WITHOUT_OTHERS[kind]
+    with pytest.raises(DataError) as caught:
+        read_rows([change(rows).drop(without)], DropReport())
+    assert words in caught.value.got
+
+
+@pytest.mark.parametrize(("name", "factor"), [("IAS", 1.1), ("Mach", 1.1), ("TAS", 1.4)])
+def test_a_column_that_no_unit_explains_is_named_and_the_others_agree(
+    name: str, factor: float, rows: pl.DataFrame
+) -> None:
+    with pytest.raises(DataError) as caught:
+        check_units(times(name, factor)(rows), "rows")
+    assert f"{name} contradicts the other columns" in caught.value.got
+    assert "while the others agree" in caught.value.got
+    assert f"what the column {name} holds" in caught.value.mend
+    with pytest.warns(DescentflowWarning, match=f"{name} contradicts the other columns"):
+        check_units(times(name, factor)(rows).filter(pl.col("icao24") == "4ca000"), "rows")
+
+
+def test_two_columns_that_contradict_each_other_are_both_named(rows: pl.DataFrame) -> None:
+    with pytest.raises(DataError, match="columns contradict each other: IAS and Mach differ by 10%"):
+        check_units(times("IAS", 1.1)(rows).drop("TAS", "groundspeed", "vertical_rate"), "rows")
+
+
+def test_a_poor_instrument_is_no_contradiction(rows: pl.DataFrame) -> None:
+    check_units(times("IAS", 1.08)(rows), "rows")
+
+
+def test_rates_without_a_sign_are_known_by_climbs(rows: pl.DataFrame) -> None:
+    last = rows["timestamp"].max()
+    climbs = rows.with_columns(timestamp=last + (last - pl.col("timestamp")) + timedelta(hours=1))
+    unsigned = pl.concat([rows, climbs]).with_columns(pl.col("vertical_rate").abs())
+    with pytest.raises(DataError, match="vertical_rate seems to be without a sign"):
+        check_units(unsigned, "rows")
+
+
+def test_numbers_that_stand_for_none_are_no_rates_and_counted(rows: pl.DataFrame) -> None:
+    half = pl.when(pl.int_range(pl.len()) % 2 == 0).then(9999.0).otherwise("vertical_rate")
+    found = prepare(rows.with_columns(half.alias("vertical_rate")))
+    assert found.report.notes["values 9999 of vertical_rate taken for missing"] == len(rows) // 2 + len(rows) % 2
+    assert found.flights == prepare(rows).flights
+    check_units(
+        rows.with_columns(altitude=pl.when(pl.int_range(pl.len()) % 5 == 0).then(9999.0).otherwise("altitude")), "r"
+    )
+
+
+def test_a_column_of_impossible_values_is_told(rows: pl.DataFrame) -> None:
+    with pytest.warns(DescentflowWarning, match=r"of TAS are outside 40 to 700 .*most frequent: 9999"):
+        check_units(rows.with_columns(TAS=9999.0), "rows")
+
+
+def test_tracks_in_radians_are_refused(rows: pl.DataFrame) -> None:
+    with pytest.raises(DataError, match="track seems to be in radians"):
+        check_units(times("track", np.pi / 180)(rows), "rows")
+    north = rows.with_columns(track=pl.when(pl.col("track") < 180).then(3.0).otherwise(357.0))
+    check_units(north, "rows")
+
+
+@pytest.mark.parametrize("text", [True, False])
+def test_days_of_a_spreadsheet_are_refused(text: bool, rows: pl.DataFrame) -> None:
+    days = pl.col("timestamp").dt.epoch("us") / 86_400e6 + 25_569
+    frame = rows.with_columns(timestamp=days.cast(pl.String) if text else days)
+    with pytest.raises(DataError, match=r"days since 1899-12-30.*subtract 25569"):
+        read_rows([frame], DropReport())
+    seconds = rows.with_columns(timestamp=(pl.col("timestamp") - rows["timestamp"].min()).dt.total_seconds() + 30_000)
+    assert len(read_rows([seconds], DropReport())) == len(rows), "seconds of a simulator"

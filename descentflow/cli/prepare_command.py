@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=COLUMN",
         help="column of the tables for a name of the rows, where it has another name there: altitude=alt_ft; may be "
         "given again (names and units: timestamp, icao24, altitude and geoaltitude in ft, IAS, TAS and groundspeed "
-        "in kt, Mach, vertical_rate in ft/min, ...; without Mach it is computed from IAS and altitude)",
+        "in kt, Mach, vertical_rate in ft/min, ..., or FL for flight levels; without Mach it is computed from IAS and "
+        "altitude); 'altitude=alt_m*3.2808' multiplies",
     )
     parser.add_argument("--types", type=Path, help="CSV of icao24,typecode for rows that do not name their type")
     parser.add_argument("--typecode", help="keep these types, for instance A320,A321 (default: all)")
@@ -116,11 +117,10 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.core.progress import stage
     from descentflow.surveillance.formats.embedded import embedded_rows, embedded_types
     from descentflow.surveillance.prepare import prepare
-    from descentflow.surveillance.read_rows import read_table
 
     _check(args)
     paths = [*args.rows, *([embedded_rows()] if args.embedded else [])]
-    types = read_table(args.types) if args.types else embedded_types() if args.embedded else None
+    types = args.types or (embedded_types() if args.embedded else None)
     was_there = args.out.is_dir() and any(args.out.iterdir())
     with stage("reading rows") as shown:
         descents = prepare(

@@ -9,6 +9,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.workers import Engine, LocalEngine
+from descentflow.surveillance.cleaning.flights import named_types
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.out_of_core.held_rows import clean_held
@@ -82,7 +83,7 @@ def prepare(
     rules = cleaning if isinstance(cleaning, Cleaning) else cleaning_of(cleaning or {}, "cleaning")
     request = Request(
         rows=[source_of(one) for one in (rows if isinstance(rows, Sequence) and not isinstance(rows, str) else [rows])],
-        types=read_table(Path(types)) if isinstance(types, str | Path) else types,
+        types=named_types(read_table(Path(types)), types) if isinstance(types, str | Path) else types,
         typecodes=_typecodes(typecode),
         cleaning=rules if bottom_fl is None else replace(rules, bottom_fl=bottom_fl),
         format=format,

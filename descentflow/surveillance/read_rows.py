@@ -15,9 +15,10 @@ from descentflow.surveillance.formats.known_formats import ACCEPTED, check_forma
 from descentflow.surveillance.formats.recognition import held_parts, recognised
 from descentflow.surveillance.formats.small_parts import SourceTable, put_together
 from descentflow.surveillance.rows.blocks import even_blocks, without_cycle_search
+from descentflow.surveillance.rows.column_names import note_unused
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.named_columns import lacks_only_mach, with_mach, with_named
-from descentflow.surveillance.rows.normalise import is_list_of_types, normalise
+from descentflow.surveillance.rows.normalise import is_list_of_types, normalise, wanted
 from descentflow.surveillance.rows.units_check import check_units
 from descentflow.surveillance.unpacking.inputs import inputs
 from descentflow.surveillance.unpacking.source_files import files_of
@@ -26,6 +27,8 @@ from descentflow.surveillance.unpacking.unreadable import Unreadable
 
 LISTS_OF_TYPES = "rows of lists of types (icao24, typecode), which are no surveillance rows"
 """How the report calls what it counts of tables that only say which aircraft is of which type."""
+WITHOUT_ROWS = "tables without a row"
+"""How the report calls tables that name columns and hold nothing."""
 MIN_IN_LATER_PARTS = 1000
 """Rows from which units are checked again in a later part of a file: the first may say nothing, a small one errs."""
 
@@ -181,10 +184,15 @@ def _normalised(
     A folder of rows often holds the list of their types (`--types`), which has none: it is counted and left out.
     """
     for table in tables:
-        given = with_named(table.columns, columns, table.label) if columns and table.any_columns else table.columns
+        named = columns and table.any_columns
+        given = with_named(table.columns, columns, table.label, report) if named else table.columns
         if table.any_columns and is_list_of_types(given.columns):
             report.note(LISTS_OF_TYPES, len(given))
             continue
+        if table.any_columns:
+            used = wanted(given.columns)
+            note_unused([name for name in given.columns if name not in used], len(given), report)
+            report.note(WITHOUT_ROWS, int(table.first and given.is_empty() and table.label != HELD))
         rows = normalise(given, table.label, report)
         if table.any_columns and (table.first or len(rows) >= MIN_IN_LATER_PARTS):
             check_units(rows, table.label)

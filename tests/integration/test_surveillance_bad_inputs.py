@@ -127,7 +127,7 @@ def test_columns_of_types_that_hold_no_number_are_refused(column, value, words, 
 
 
 BYTES: dict[str, tuple[str, bytes, str]] = {
-    "empty file": ("rows.csv", b"", "is empty"),
+    "empty file": ("rows.csv", b"", "take it out of what is read"),
     "blanks": ("rows.csv", b"\n \n", "holds no text"),
     "corrupt gzip": ("rows.csv.gz", b"\x1f\x8b\x08\x00" + bytes(range(90)), "damaged gzip"),
     "not UTF-8": ("rows.csv", "timestamp,icao24,altitude\n1,ä,3\n".encode("latin-1"), "not UTF-8 at byte 28"),
@@ -188,8 +188,9 @@ def test_types_that_do_not_fit_are_refused(good: pl.DataFrame, prepare: Prepared
     rows = written(good, prepare.folder / "rows.parquet")
     untyped = written(good.drop("typecode"), prepare.folder / "untyped.parquet")
     types = prepare.folder / "types.csv"
-    types.write_text("address,type\n4ca000,A320\n")
-    prepare.refuses(untyped, "--types", types, saying="types table without icao24, typecode")
+    types.write_text("aircraft,kind\n4ca000,A320\n")
+    prepare.refuses(untyped, "--types", types, saying="types.csv: a types table without icao24, typecode")
+    prepare.refuses(untyped, "--typecode", "A320", saying="it only selects among those")
     types.write_text("icao24,typecode\nffffff,A320\n")
     prepare.refuses(untyped, "--types", types, saying="a types table that names the type of no row")
     prepare.refuses(untyped, "--types", prepare.folder / "absent.csv", saying="absent.csv")

@@ -53,7 +53,7 @@ WRONG: dict[str, tuple[Change, str, str]] = {
     "Mach in percent": (times("Mach", 100), "Mach seems to be in hundredths", "Mach by 0.01"),
     "TAS that is IAS": (lambda f: f.with_columns(TAS="IAS"), "TAS seems to be IAS", "true airspeed"),
     "groundspeed that is IAS": (lambda f: f.with_columns(groundspeed="IAS"), "groundspeed seems to be IAS", "take the"),
-    "IAS and TAS swapped": (SWAPPED, "IAS and TAS seem to be swapped", "indicated airspeed"),
+    "IAS and TAS swapped": (SWAPPED, "IAS and TAS seem to be swapped", "--column IAS=TAS --column TAS=IAS"),
     "flight levels": (FLIGHT_LEVELS, "altitude seems to be in hundreds of feet", "altitude by 100"),
     "altitude in metres": (times("altitude", 0.3048), "altitude seems to be in metres", "altitude by 3.2808"),
     "rate in ft/s": (times("vertical_rate", 1 / 60), "vertical_rate seems to be in ft/s", "vertical_rate by 60"),

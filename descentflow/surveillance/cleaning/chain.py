@@ -27,6 +27,8 @@ USED = ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
 TURNS, CLEARED = ("roll", "track", "groundspeed"), ("cleared_speed_kt", "cleared_mach")
 CLEARED_LEVEL = ("cleared_flight_level",)
 """...and those that optional filters use."""
+DIFFERENCED = "rows whose vertical rate is differenced from altitude, for none is reported"
+"""Note in the report."""
 
 
 @dataclass(frozen=True)
@@ -223,6 +225,8 @@ def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFra
     # Numbers compare faster than names.
     narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW)
     narrow = before_rates(rules)(narrow, report)
+    absent = narrow["vertical_rate"].null_count() if "vertical_rate" in narrow.columns else len(narrow)
+    report.note(DIFFERENCED, absent)
     narrow = after_rates(rules)(with_rate(narrow), report)
     others = rows.drop(set(needed) - {"flight_id"})[narrow[ROW]]
     return pl.concat([narrow.drop("flight_id"), others], how="horizontal")

@@ -8,6 +8,7 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.windows import Index
+from descentflow.surveillance.rows.column_names import row_names
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
 
@@ -165,13 +166,7 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
     if "typecode" not in rows.columns:
         rows = rows.with_columns(pl.lit(None, pl.String).alias("typecode"))
     if types is not None:
-        absent = [name for name in ("icao24", "typecode") if name not in types.columns]
-        if absent:
-            raise DataError(
-                f"a types table without {', '.join(absent)} (it has {', '.join(types.columns)})",
-                expected="columns icao24,typecode",
-                mend="rename its columns",
-            )
+        types = named_types(types, "a types table")
         table = types.select(
             pl.col("icao24").cast(pl.String).str.strip_chars().str.to_lowercase(),
             pl.col("typecode").cast(pl.String).str.strip_chars().alias("_type"),
@@ -179,6 +174,32 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
         rows = rows.join(table, on="icao24", how="left", maintain_order="left")
         rows = rows.with_columns(pl.coalesce("typecode", "_type").alias("typecode")).drop("_type")
     return rows.with_columns(pl.col("typecode").str.to_uppercase())
+
+
+def named_types(types: pl.DataFrame, source: object) -> pl.DataFrame:
+    """A table of types with its columns named icao24 and typecode; other known names of these are taken, too.
+
+    Args:
+        types: Table of a user.
+        source: What it is called in the error.
+
+    Raises:
+        DataError: If it lacks a column.
+
+    Example:
+        >>> named_types(pl.DataFrame({"MODE_S": ["4CA001"], "actype": ["A320"]}), "types.csv").columns
+        ['icao24', 'typecode']
+    """
+    names = row_names(types.columns)
+    absent = [name for name in ("icao24", "typecode") if name not in names.values()]
+    if absent:
+        raise DataError(
+            f"{source}: a types table without {', '.join(absent)} (it has {', '.join(types.columns[:12])})",
+            expected="columns icao24,typecode",
+            mend="rename its columns",
+        )
+    found = {ours: next(name for name, target in names.items() if target == ours) for ours in ("icao24", "typecode")}
+    return types.rename({theirs: ours for ours, theirs in found.items() if ours not in types.columns})
 
 
 def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropReport) -> pl.DataFrame:
@@ -243,7 +264,8 @@ def check_left(
         raise DataError(
             "rows without any typecode",
             expected="a column typecode, or a types table",
-            mend="pass --types TABLE.csv with columns icao24,typecode",
+            mend="pass --types TABLE.csv with columns icao24,typecode, or add a column typecode; --typecode gives "
+            "rows no type, it only selects among those that they have",
         )
     if wanted is not None and not report.left("other_type"):
         often = sorted(present, key=lambda name: (-present[name], name))[:12]

@@ -57,7 +57,8 @@ def recognised(
     """
     head, source = source.head()
     if not head:
-        raise DataError(f"{source.label} is empty", expected=ACCEPTED, mend="check how it was written or copied")
+        mend = "check how it was written or copied, or take it out of what is read"
+        raise DataError(f"{source.label} is empty", expected=ACCEPTED, mend=mend)
     found = FORMATS[name] if name else format_of_bytes(head, source.label)
     if isinstance(found, FileFormat):
         return _table_or_frames(found, found.read(source, report, block_rows), report)
@@ -98,7 +99,7 @@ def held_parts(
         >>> len(next(parts))
         1000
     """
-    return _table_or_frames(HELD_TABLE, tables.held(table, label, block_rows, columns), report)
+    return _table_or_frames(HELD_TABLE, tables.held(table, label, report, block_rows, columns), report)
 
 
 def format_of_bytes(head: bytes, label: str) -> FileFormat | None:

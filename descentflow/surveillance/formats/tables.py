@@ -7,6 +7,7 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.parquet_pages import check_pages
+from descentflow.surveillance.rows.column_names import note_unused
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import check_types, wanted
 from descentflow.surveillance.unpacking.streams import LARGEST_LINE, Input
@@ -30,7 +31,7 @@ def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
     content = source.path or source.whole()
     check_pages(content)
     table = pl.scan_parquet(io.BytesIO(content) if isinstance(content, bytes) else content)
-    yield from _slices(table, rows, source.label, source.columns)
+    yield from _slices(table, rows, source.label, source.columns, report)
 
 
 def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
@@ -44,20 +45,23 @@ def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
         >>> next(feather(Input(io.BytesIO(content), "rows.feather"), DropReport(), 100)).rows()
         [(250.0,)]
     """
-    yield from _slices(pl.scan_ipc(source.path or io.BytesIO(source.whole())), rows, source.label, source.columns)
+    table = pl.scan_ipc(source.path or io.BytesIO(source.whole()))
+    yield from _slices(table, rows, source.label, source.columns, report)
 
 
-def held(table: pl.DataFrame, label: str, rows: int, columns: Sequence[str] = ()) -> Iterator[pl.DataFrame]:
+def held(
+    table: pl.DataFrame, label: str, report: DropReport, rows: int, columns: Sequence[str] = ()
+) -> Iterator[pl.DataFrame]:
     """Rows of a table in memory, with the columns whose names are known and those named here.
 
     Raises:
         DataError: If a column that is needed cannot hold values of a row (a list, for instance).
 
     Example:
-        >>> [len(part) for part in held(pl.DataFrame({"IAS": [250.0, 251.0, 252.0]}), "a table", 2)]
+        >>> [len(part) for part in held(pl.DataFrame({"IAS": [250.0, 251.0, 252.0]}), "a table", DropReport(), 2)]
         [2, 1]
     """
-    yield from _slices(table.lazy(), rows, label, columns)
+    yield from _slices(table.lazy(), rows, label, columns, report)
 
 
 def is_parquet(head: bytes) -> bool:
@@ -90,13 +94,16 @@ def may_be_csv(head: bytes) -> bool:
     return bool(head)
 
 
-def _slices(table: pl.LazyFrame, rows: int, label: str, columns: Sequence[str]) -> Iterator[pl.DataFrame]:
+def _slices(
+    table: pl.LazyFrame, rows: int, label: str, columns: Sequence[str], report: DropReport
+) -> Iterator[pl.DataFrame]:
     total = table.select(pl.len()).collect().item()
     schema = table.collect_schema()
     names = wanted(schema.names(), columns)
     # Before anything is read: a list that is long and always the same takes no place in a file.
     check_types({name: schema[name] for name in names}, label)
     table = table.select(names)
+    note_unused([name for name in schema.names() if name not in names], total, report)
     for start in range(0, max(total, 1), rows):
         yield table.slice(start, rows).collect()
 
@@ -120,10 +127,14 @@ def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
             mend="convert the table to CSV with commas, or to Parquet",
         )
     header = header.rstrip(b"\r\n") + b"\n"
-    names = wanted(_parsed(header, None, source.label).columns, source.columns)
+    theirs = _parsed(header, None, source.label).columns
+    names = wanted(theirs, source.columns)
+    unused = [name for name in theirs if name not in names]
     place, empty = len(header), True
     for chunk in _chunks(source):
-        yield _parsed(header + _checked(chunk, source.label, place), names, source.label)
+        table = _parsed(header + _checked(chunk, source.label, place), names, source.label)
+        note_unused(unused, len(table), report)
+        yield table
         place += len(chunk)
         empty = False
     if empty:

@@ -1,12 +1,14 @@
 """Columns that the user names, and the one column that can be computed from others."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.surveillance.rows.air_data import mach_of_cas
+from descentflow.surveillance.rows.column_names import LEVELS
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS, POSSIBLE
 
@@ -28,10 +30,12 @@ def check_named(columns: Mapping[str, str]) -> None:
         Traceback (most recent call last):
         descentflow.core.errors.ConfigError: a column for height; expected one of timestamp, ...
     """
-    unknown = [name for name in columns if name not in COLUMNS]
+    unknown = [name for name in columns if name not in (*COLUMNS, LEVELS)]
     if unknown:
         raise ConfigError(
-            f"a column for {', '.join(unknown)}", expected=f"one of {', '.join(COLUMNS)}", mend="correct the name"
+            f"a column for {', '.join(unknown)}",
+            expected=f"one of {', '.join(COLUMNS)}, or {LEVELS} for flight levels",
+            mend="correct the name",
         )
     if len(set(columns.values())) < len(columns):
         raise ConfigError(
@@ -39,30 +43,57 @@ def check_named(columns: Mapping[str, str]) -> None:
         )
 
 
-def with_named(table: pl.DataFrame, columns: Mapping[str, str], path: Path | str) -> pl.DataFrame:
+def with_named(table: pl.DataFrame, columns: Mapping[str, str], path: Path | str, report: DropReport) -> pl.DataFrame:
     """A table whose columns have the names that the user says; a column that had such a name before is left out.
 
     Args:
         table: As its source names the columns.
-        columns: As for :func:`check_named`.
+        columns: As for :func:`check_named`; a column may be multiplied, `"alt_m*3.2808"`.
         path: Named in errors.
+        report: Takes the number of values that could not be multiplied.
 
     Raises:
         DataError: If the table lacks one of the user's columns.
 
     Example:
-        >>> with_named(pl.DataFrame({"alt_ft": [300.0]}), {"altitude": "alt_ft"}, "rows.csv").columns
-        ['altitude']
+        >>> table = pl.DataFrame({"alt_ft": [300.0], "ias": [100.0]})
+        >>> with_named(table, {"altitude": "alt_ft", "IAS": "ias*1.9438"}, "rows.csv", DropReport()).row(0)
+        (300.0, 194.38)
     """
-    lacking = [name for name in columns.values() if name not in table.columns]
+    parts = {ours: _factor(theirs, table.columns) for ours, theirs in columns.items()}
+    lacking = [name for name, _ in parts.values() if name not in table.columns]
     if lacking:
         raise DataError(
             f"{path} has no column {', '.join(lacking)} (it has {', '.join(table.columns[:12])})",
             expected="the columns that --column names",
             mend="correct the names, or prepare files of other columns by themselves",
         )
-    before = [name for name in columns if name in table.columns and name not in columns.values()]
-    return table.drop(before).rename({theirs: ours for ours, theirs in columns.items()})
+    taken = {name for name, _ in parts.values()}
+    before = {ours for ours in columns if ours in table.columns and ours not in taken}
+    before |= {"altitude"} & set(table.columns) - taken if LEVELS in columns else set()
+    made = {ours: _multiplied(table[name], factor, ours, report) for ours, (name, factor) in parts.items()}
+    return table.drop(before | taken).with_columns(**made)
+
+
+def _factor(name: str, columns: Sequence[str]) -> tuple[str, float]:
+    """Column and factor of `alt_m*3.2808`; a column that is called so is itself."""
+    column, star, factor = name.rpartition("*")
+    if star and name not in columns:
+        with suppress(ValueError):
+            return column.strip(), float(factor)
+    return name, 1.0
+
+
+def _multiplied(column: pl.Series, factor: float, name: str, report: DropReport) -> pl.Series:
+    if factor == 1.0:
+        return column
+    if (name != LEVELS and COLUMNS[name] != pl.Float64) or column.dtype.is_nested() or column.dtype == pl.Binary:
+        raise ConfigError(f"{name} times {factor:g}", expected="a column of numbers", mend="leave the factor out")
+    if column.dtype == pl.String:
+        column = column.str.strip_chars().replace("", None)
+    numbers = column.cast(pl.Float64, strict=False) * factor
+    report.note(f"values of {name} that could not be read", numbers.null_count() - column.null_count())
+    return numbers
 
 
 def lacks_only_mach(names: Iterable[str]) -> bool:

@@ -7,9 +7,10 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
+from descentflow.surveillance.rows.column_names import LEVELS, row_names, with_altitude
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.named_columns import lacks_only_mach
-from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, FILLS, REQUIRED, TIMESTAMP
+from descentflow.surveillance.rows.schema import COLUMNS, FILLS, REQUIRED, TIMESTAMP
 
 STATE_VECTOR = "baroaltitude"
 """Column that only OpenSky's state vectors have; they are in SI units."""
@@ -57,13 +58,14 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
         >>> normalise(table, "rows.csv", DropReport()).select("icao24", "altitude", "IAS").row(0)
         ('4ca001', 30000.0, 270.0)
     """
+    theirs = table.columns
     table = _from_state_vectors(table, report) if STATE_VECTOR in table.columns else table
-    table = _renamed(table, path, report)
+    table = with_altitude(_renamed(table, path, report), path, report)
     without_mach = lacks_only_mach(table.columns)
     missing = [n for n in REQUIRED if n not in table.columns and not (without_mach and n == "Mach")]
     if missing:
         raise DataError(
-            f"{path} has no column {', '.join(missing)} (it has {', '.join(table.columns[:12])})",
+            f"{path} has no column {', '.join(missing)} (it has {', '.join(theirs[:12])})",
             expected=f"columns {', '.join(REQUIRED)}, named as the traffic library names them",
             mend=SAMPLES_MEND if set(table.columns) >= OF_SAMPLES else COLUMNS_MEND,
         )
@@ -100,15 +102,14 @@ def is_list_of_types(columns: Sequence[str]) -> bool:
         >>> is_list_of_types(["icao24", "registration", "typecode"]), is_list_of_types(["icao24", "typecode", "IAS"])
         (True, False)
     """
-    named = {ALIASES.get(name, ALIASES.get(name.lower(), name)) for name in columns}
-    rows = {*REQUIRED, STATE_VECTOR, "geoaltitude", "groundspeed"} - {"icao24"}
+    named = set(row_names(columns).values())
+    rows = {*REQUIRED, STATE_VECTOR, LEVELS, "geoaltitude", "groundspeed"} - {"icao24"}
     return {"icao24", "typecode"} <= named and not named & rows
 
 
 def _renamed(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
     renames: dict[str, str] = {}
-    for name in table.columns:
-        target = ALIASES.get(name, ALIASES.get(name.lower(), name))
+    for name, target in row_names(table.columns).items():
         if target == name:
             continue
         if target in table.columns:
@@ -252,11 +253,14 @@ def wanted(names: Sequence[str], named: Sequence[str] = ()) -> list[str]:
         >>> wanted(["timestamp", "icao24", "altitude", "ias", "mach", "squawk"])
         ['timestamp', 'icao24', 'altitude', 'ias', 'mach']
     """
-    targets = {name: ALIASES.get(name, ALIASES.get(name.lower(), name)) for name in names}
+    targets = row_names(names)
+    named = [*named, *(name.rpartition("*")[0] for name in named if "*" in name)]
     vectors = {*(old for old, _ in SI.values()), "heading", "lastcontact"} if STATE_VECTOR in names else set()
-    useful = [name for name in names if targets[name] in COLUMNS or name in vectors or name in named]
-    given = {targets[name] for name in useful} | ({"altitude"} if vectors else set())
-    return useful if given >= set(REQUIRED) else list(names)
+    known = {*COLUMNS, *(() if "altitude" in targets.values() else (LEVELS,))}
+    useful = [name for name in names if targets[name] in known or name in vectors or name in named]
+    given = {targets[name] for name in useful}
+    given |= {"altitude"} if vectors or LEVELS in given else set()
+    return useful if given >= set(REQUIRED) - ({"Mach"} if lacks_only_mach(given) else set()) else list(names)
 
 
 def in_seconds(s: pl.Expr) -> pl.Expr:

@@ -6,6 +6,7 @@ import numpy as np
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.rows.rate_readings import OPPOSITE
+from descentflow.surveillance.rows.reading import AS_GIVEN
 from descentflow.surveillance.rows.readings import Solution
 
 EXPECTED = {
@@ -16,6 +17,7 @@ EXPECTED = {
     "groundspeed": "groundspeed in kt",
     "vertical_rate": "vertical_rate in ft/min, negative in descent",
 }
+LEVEL_FT = 100.0
 OTHER_QUANTITY = {
     "IAS": "take the indicated airspeed of BDS 6,0; where there is none, compute CAS from Mach and altitude",
     "TAS": "take the true airspeed, or leave the column out",
@@ -81,11 +83,15 @@ def contradiction(source: str, given: Solution, best: Sequence[Solution]) -> Dat
     )
 
 
+def _swapped(one: Solution) -> bool:
+    meanings = {name: one.changed[name].meaning for name in ("IAS", "TAS") if name in one.changed}
+    return meanings == {"IAS": "TAS", "TAS": "IAS"}
+
+
 def _seems(one: Solution) -> str:
-    changed = one.changed
-    if {name: changed[name].meaning for name in ("IAS", "TAS") if name in changed} == {"IAS": "TAS", "TAS": "IAS"}:
+    if _swapped(one):
         return "IAS and TAS seem to be swapped"
-    first, *others = changed.items()
+    first, *others = one.changed.items()
     if first[0] == "vertical_rate" and first[1].words.startswith("with the sign"):
         return "vertical_rate has the sign of a sink rate: it is positive where the altitude falls"
     seems = f"{first[0]} seems to be {first[1].words}"
@@ -93,11 +99,18 @@ def _seems(one: Solution) -> str:
 
 
 def _mend(one: Solution) -> str:
-    multiplied = [f"{name} by {reading.factor:.5g}" for name, reading in one.changed.items() if reading.factor != 1]
-    said = [f"multiply the column{'s' * (len(multiplied) > 1)} {' and '.join(multiplied)} before passing the rows"]
-    said = said if multiplied else []
-    if one.changed.get("altitude") and one.readings["altitude"].factor == 100:
-        said.append("or name the column FL (--column FL=NAME), which is read as flight levels")
+    said = []
+    if factors := {name: f"{reading.factor:.5g}" for name, reading in one.changed.items() if reading.factor != 1}:
+        columns = " and ".join(f"{name} by {factor}" for name, factor in factors.items())
+        options = " ".join(f"--column '{name}={name}*{factor}'" for name, factor in factors.items())
+        said.append(
+            f"multiply the column{'s' * (len(factors) > 1)} {columns} before passing the rows, or let `prepare` do"
+        )
+        said[-1] += f" it ({options}, with the table's own name behind the sign =)"
+    if one.readings.get("altitude", AS_GIVEN).factor == LEVEL_FT:
+        said.append("or say that it holds flight levels (--column FL=NAME)")
+    if _swapped(one):
+        return ", ".join([*said, "swap them, or let `prepare` do it (--column IAS=TAS --column TAS=IAS)"])
     for name, reading in one.changed.items():
         if reading.meaning == "unsigned":
             said.append("give the rates of descents a minus")

@@ -9,7 +9,6 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.workers import Engine, LocalEngine
-from descentflow.surveillance.cleaning.flights import named_types
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.out_of_core.held_rows import clean_held
@@ -18,6 +17,7 @@ from descentflow.surveillance.out_of_core.resumable_run import prepare_to
 from descentflow.surveillance.out_of_core.spill import Memory, Spill
 from descentflow.surveillance.read_rows import read_table, source_of
 from descentflow.surveillance.request import Request, description
+from descentflow.surveillance.rows.column_names import named_types
 
 __all__ = ["MEMORY_BYTES", "Cleaning", "prepare"]
 

@@ -11,6 +11,7 @@ import polars as pl
 from descentflow.core.version import __version__
 from descentflow.core.workers import version
 from descentflow.surveillance.cleaning.chain import Work
+from descentflow.surveillance.cleaning.contradictions import check_report
 from descentflow.surveillance.cleaning.flights import check_left, names_shared
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import SCHEMA_VERSION, top_levels
@@ -105,11 +106,12 @@ class Request:
             parts: Report of each part, its rows per type, and its rows per address where the table of types names none.
 
         Raises:
-            DataError: If no usable row was left before the filters.
+            DataError: If no usable row was left before the filters, or most of them contradict themselves.
         """
         report.extend([part for part, _, _ in parts])
         present, untyped = (_summed(counts) for counts in ([p[1] for p in parts], [p[2] for p in parts]))
         check_left(report, self.typecodes, present, self.types, untyped)
+        check_report(report, self.cleaning)
 
 
 def _summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:

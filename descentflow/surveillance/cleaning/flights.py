@@ -8,12 +8,17 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.windows import Index
-from descentflow.surveillance.rows.column_names import row_names
+from descentflow.surveillance.rows.column_names import named_types
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
 
 MADE_NAME = r"^([0-9a-f]{6})_\d{8}T\d{6}$"
 """:func:`name_flights` makes such names of addresses."""
+
+
+MEASURED = ("altitude", "IAS", "Mach", "vertical_rate", "TAS", "groundspeed")
+OTHER_VALUES = "rows with the address and time of another row but other values, left out as duplicates"
+"""Note in the report."""
 
 
 def usable(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
@@ -49,6 +54,8 @@ def usable(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
 def in_order(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """Rows sorted by address and time; of rows with the same address and time the first is kept.
 
+    Those with other values than the one that is kept are counted by themselves: they are no copies.
+
     Example:
         >>> rows = pl.DataFrame({"icao24": ["b", "a", "b"], "timestamp": pl.from_epoch(pl.Series([5, 9, 5]))})
         >>> in_order(rows, DropReport())["icao24"].to_list()
@@ -61,9 +68,19 @@ def in_order(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     same = np.diff(address[order], prepend=-1) == 0
     report.note("rows put into time order", int((same & (np.diff(order, prepend=-1) < 0)).sum()))
     repeated = same & (np.diff(time[order], prepend=0) == 0)
+    if repeated.any():
+        kept = order[np.maximum.accumulate(np.where(repeated, 0, np.arange(len(order))))][repeated]
+        report.note(OTHER_VALUES, _differing(rows, order[repeated], kept))
     chosen = order[~repeated]
     ordered = rows if np.array_equal(chosen, np.arange(len(rows))) else rows[chosen]
     return report.count("duplicate", rows, ordered)
+
+
+def _differing(rows: pl.DataFrame, one: Index, other: Index) -> int:
+    """Number of pairs of rows that measure something differently."""
+    measured = [rows[name] for name in MEASURED if name in rows.columns]
+    differs = [(values[one] != values[other]).fill_null(False).to_numpy() for values in measured]
+    return int(np.any(differs, axis=0).sum()) if differs else 0
 
 
 def _order(address: Index, time: Index) -> Index:
@@ -174,32 +191,6 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
         rows = rows.join(table, on="icao24", how="left", maintain_order="left")
         rows = rows.with_columns(pl.coalesce("typecode", "_type").alias("typecode")).drop("_type")
     return rows.with_columns(pl.col("typecode").str.to_uppercase())
-
-
-def named_types(types: pl.DataFrame, source: object) -> pl.DataFrame:
-    """A table of types with its columns named icao24 and typecode; other known names of these are taken, too.
-
-    Args:
-        types: Table of a user.
-        source: What it is called in the error.
-
-    Raises:
-        DataError: If it lacks a column.
-
-    Example:
-        >>> named_types(pl.DataFrame({"MODE_S": ["4CA001"], "actype": ["A320"]}), "types.csv").columns
-        ['icao24', 'typecode']
-    """
-    names = row_names(types.columns)
-    absent = [name for name in ("icao24", "typecode") if name not in names.values()]
-    if absent:
-        raise DataError(
-            f"{source}: a types table without {', '.join(absent)} (it has {', '.join(types.columns[:12])})",
-            expected="columns icao24,typecode",
-            mend="rename its columns",
-        )
-    found = {ours: next(name for name, target in names.items() if target == ours) for ours in ("icao24", "typecode")}
-    return types.rename({theirs: ours for ours, theirs in found.items() if ours not in types.columns})
 
 
 def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropReport) -> pl.DataFrame:

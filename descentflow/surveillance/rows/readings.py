@@ -35,6 +35,8 @@ LOWEST_READ_FT = 10_000.0
 """Rows whose altitude is read in another unit reach this: what is below has no descents."""
 BETTER, MUCH_BETTER = 0.45, 0.25
 """What another reading leaves of the differences between columns, at most; the second where several are in others."""
+TIGHT = 0.035
+"""Difference of IAS and the CAS of Mach that another unit leaves, at most: half as much again as in any real source."""
 HALF, WORSE = 0.5, 0.05
 """The same of an IAS that is a groundspeed, and what it may add to differences of columns that agree as given."""
 
@@ -110,12 +112,15 @@ class Solution:
     def mends(self, given: "Solution") -> bool:
         """Whether columns that contradict each other as given agree far better so."""
         left = MUCH_BETTER if len(self.changed) > 1 else BETTER
-        left = HALF if self.readings["IAS"].meaning else left
-        return all(
-            abs(difference) <= (left * before if given.misfits[pair] > 1 else before + WORSE)
-            for pair, difference in self.differences.items()
-            if (before := abs(given.differences.get(pair, np.inf))) < np.inf
-        )
+        tight = TIGHT
+        if self.readings["IAS"].meaning:
+            left, tight = HALF, WIND
+        for pair, difference in self.differences.items():
+            before = abs(given.differences.get(pair, np.inf))
+            most = left * before if given.misfits.get(pair, 0.0) > 1 else before + WORSE
+            if abs(difference) > (min(most, tight) if pair == "IAS and Mach" and most < before else most):
+                return False
+        return True
 
 
 def as_given(evidence: Evidence) -> Solution:

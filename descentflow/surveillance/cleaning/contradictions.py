@@ -1,0 +1,47 @@
+"""What the report of all rows must not hide: most rows gone by a contradiction, and runs that were taken for copies."""
+
+import warnings
+
+from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.surveillance.cleaning.flights import OTHER_VALUES
+from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
+from descentflow.surveillance.rows.drop_report import DropReport
+
+
+def check_report(report: DropReport, rules: Cleaning) -> None:
+    """Refuse rows of which most contradict themselves; warn of rows of one time and address with other values.
+
+    Args:
+        report: Of all rows, with every step.
+        rules: Thresholds that were used.
+
+    Raises:
+        DataError: If IAS contradicts Mach in most rows.
+
+    Example:
+        >>> from descentflow.surveillance.rows.drop_report import Step
+        >>> check_report(DropReport([Step("IAS_contradicts_Mach", 9, 1, 1, 1)]), Cleaning())
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: IAS contradicts Mach and altitude by 25 kt or more in 9 of 10 rows; ...
+    """
+    step = next((one for one in report.steps if one.step == "IAS_contradicts_Mach"), None)
+    judged = step.rows_dropped + step.rows_left if step else 0
+    if step and step.rows_dropped > Fixed.contradicting_share * judged:
+        raise DataError(
+            f"IAS contradicts Mach and altitude by {rules.airspeeds_differ_kt:g} kt or more in {step.rows_dropped:,} "
+            f"of {judged:,} rows",
+            expected="indicated airspeed in kt, Mach and pressure altitude in ft of the same aircraft and time",
+            mend="check that IAS is the indicated airspeed (not TAS or groundspeed) and that both are of one time; "
+            "leave Mach out of the table if IAS is right, or say how far they may differ (--airspeeds-differ-kt)\n"
+            f"{report}",
+        )
+    read, other = report.left("read") or 0, report.notes.get(OTHER_VALUES, 0)
+    if other > Fixed.other_values_share * read and report.steps[-1].rows_left:
+        warnings.warn(
+            f"{other:,} of {read:,} rows have the address and the time of another row but other values, and are left "
+            "out as duplicates (the first of each is kept): if they are of another run or another receiver, give them "
+            "addresses (icao24) or times of their own",
+            DescentflowWarning,
+            stacklevel=3,
+        )

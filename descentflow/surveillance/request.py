@@ -11,7 +11,7 @@ import polars as pl
 from descentflow.core.version import __version__
 from descentflow.core.workers import version
 from descentflow.surveillance.cleaning.chain import Work
-from descentflow.surveillance.cleaning.contradictions import check_report
+from descentflow.surveillance.cleaning.contradictions import check_designators, check_report
 from descentflow.surveillance.cleaning.flights import check_left, names_shared
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import SCHEMA_VERSION, top_levels
@@ -134,6 +134,7 @@ def description(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame)
         >>> description(Request(["rows.parquet"]).facts([]), DropReport(), levels)["bottom_fl"]
         150
     """
+    check_designators(levels["typecode"].unique())
     return {
         "schema_version": SCHEMA_VERSION,
         "descentflow": __version__,

@@ -1,13 +1,15 @@
 """What the report of all rows must not hide: copies are told from other values, and most rows do not go in silence."""
 
 import warnings
+from pathlib import Path
 
 import polars as pl
 import pytest
-from surveillance_toys import fleet
+from surveillance_toys import fleet, flight
 
-from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.surveillance.cleaning.flights import OTHER_VALUES, in_order
+from descentflow.surveillance.out_of_core import intake
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows.drop_report import DropReport
 
@@ -44,3 +46,43 @@ def test_most_rows_of_many_small_files_do_not_go_in_silence() -> None:
         prepare(files)
     with pytest.warns(DescentflowWarning, match="contradict"):
         assert prepare(files, cleaning={"airspeeds_differ_kt": 90.0, "spike_agreeing_kt": 90.0}).flights == {"A320": 3}
+
+
+@pytest.mark.parametrize("small", [True, False])
+def test_flights_without_a_usable_row_are_counted(small: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where a flight has its usable rows in another group of files."""
+    rows = pl.concat([fleet(5).filter(pl.col("icao24") != "4ca004"), flight("4ca009", start_s=90_000.0)])
+    empty = pl.col("icao24").is_in(["4ca001", "4ca002"])
+    rows = rows.with_columns(Mach=pl.when(~empty).then(pl.col("Mach")))
+    halves = [rows.with_columns(Mach=pl.when(pl.col("icao24") != "4ca000").then(pl.col("Mach"))), rows]
+    for number, half in enumerate(halves):
+        half.write_parquet(tmp_path / f"{number}.parquet")
+    if small:
+        monkeypatch.setattr(intake, "GROUP_BYTES", 1000)
+    found = prepare([tmp_path / "0.parquet", tmp_path / "1.parquet"], out=tmp_path / "out.parquet")
+    assert found.report.notes[intake.LOST] == 2
+    assert sum(found.flights.values()) == rows["icao24"].n_unique() - 2
+
+
+def test_what_stands_for_no_type_is_none_and_odd_types_are_told() -> None:
+    rows = fleet(3)
+    first = pl.col("icao24") == "4ca000"
+    found = prepare(rows.with_columns(typecode=pl.when(first).then(pl.lit("zzzz")).otherwise("typecode")))
+    assert (
+        next(s.rows_dropped for s in found.report.steps if s.step == "unknown_type") == rows.select(first.sum()).item()
+    )
+    with pytest.raises(DataError, match="rows without any typecode"):
+        prepare(rows.with_columns(typecode=pl.lit("XXXX")))
+    typed = prepare(
+        rows.with_columns(typecode=pl.lit("XXXX")), types=pl.DataFrame({"icao24": ["4ca001"], "typecode": ["B738"]})
+    )
+    assert typed.flights == {"B738": 1}
+    with pytest.warns(DescentflowWarning, match="of type A-320, which is no designator"):
+        assert prepare(rows.with_columns(typecode=pl.lit("A-320"))).flights == {"A-320": 3}
+
+
+@pytest.mark.parametrize("name", ["s2.csv", "out.JSON", "d.tar.gz"])
+def test_a_name_of_another_format_makes_no_folder(name: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"a name that ends in \.parquet"):
+        prepare(fleet(1), out=tmp_path / name)
+    assert not list(tmp_path.iterdir())

@@ -1,11 +1,37 @@
 """What the report of all rows must not hide: most rows gone by a contradiction, and runs that were taken for copies."""
 
+import re
 import warnings
+from collections.abc import Iterable
 
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.surveillance.cleaning.flights import OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
 from descentflow.surveillance.rows.drop_report import DropReport
+
+DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
+"""A type in ICAO's Doc 8643."""
+
+
+def check_designators(typecodes: Iterable[str]) -> None:
+    """Warn of types that are no designators: no coefficients are found by them.
+
+    Example:
+        >>> with warnings.catch_warnings(record=True) as caught:
+        ...     warnings.simplefilter("always")
+        ...     check_designators(["A320", "A-320"])
+        >>> print(caught[0].message)
+        descents of type A-320, which is no designator of ICAO's Doc 8643; ...
+    """
+    odd = sorted({name for name in typecodes if not DESIGNATOR.fullmatch(name)})
+    if odd:
+        more = f" and {len(odd) - 5} more" if len(odd) > 5 else ""
+        warnings.warn(
+            f"descents of type {', '.join(name[:40] for name in odd[:5])}{more}, which is no designator of ICAO's "
+            "Doc 8643; coefficients are found by designators, such as A320: correct the column typecode",
+            DescentflowWarning,
+            stacklevel=3,
+        )
 
 
 def check_report(report: DropReport, rules: Cleaning) -> None:

@@ -16,6 +16,8 @@ MADE_NAME = r"^([0-9a-f]{6})_\d{8}T\d{6}$"
 """:func:`name_flights` makes such names of addresses."""
 
 
+NO_TYPES = ("ZZZZ", "XXXX", "UNKN", "UNKNOWN", "NONE", "NULL", "NAN", "N/A", "NA", "-", "?")
+"""What stands for no type: ZZZZ is ICAO's (Doc 8643) for one without a designator."""
 MEASURED = ("altitude", "IAS", "Mach", "vertical_rate", "TAS", "groundspeed")
 OTHER_VALUES = "rows with the address and time of another row but other values, left out as duplicates"
 """Note in the report."""
@@ -172,6 +174,8 @@ def _by_flight(rows: pl.DataFrame) -> pl.DataFrame:
 def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
     """Join a table of types (`icao24,typecode`); a type in the rows themselves has precedence.
 
+    What stands for no type (`ZZZZ`, `XXXX`) is none.
+
     Raises:
         DataError: If the table lacks a column.
 
@@ -182,6 +186,8 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
     """
     if "typecode" not in rows.columns:
         rows = rows.with_columns(pl.lit(None, pl.String).alias("typecode"))
+    typecode = pl.col("typecode").str.to_uppercase()
+    rows = rows.with_columns(pl.when(~typecode.is_in(NO_TYPES)).then(typecode).alias("typecode"))
     if types is not None:
         types = named_types(types, "a types table")
         table = types.select(
@@ -253,7 +259,7 @@ def check_left(
         raise _no_address_named(types, untyped)
     if not report.left("unknown_type"):
         raise DataError(
-            "rows without any typecode",
+            f"rows without any typecode ({', '.join(NO_TYPES[:2])} and the like are none)",
             expected="a column typecode, or a types table",
             mend="pass --types TABLE.csv with columns icao24,typecode, or add a column typecode; --typecode gives "
             "rows no type, it only selects among those that they have",

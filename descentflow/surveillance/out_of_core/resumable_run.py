@@ -22,6 +22,9 @@ from descentflow.surveillance.out_of_core.partitions import Cleaned, clean_parti
 from descentflow.surveillance.out_of_core.spill import Memory, Spill
 from descentflow.surveillance.request import Request, description
 
+TABLES = (".csv", ".tsv", ".txt", ".json", ".jsonl", ".feather", ".arrow", ".ipc", ".pq", ".xlsx", ".html", ".yaml")
+OTHER_ENDINGS = frozenset((*TABLES, ".gz", ".zip", ".tar", ".pickle", ".pkl", ".h5", ".nc"))
+"""Names of other formats, which nobody gives a folder."""
 Progress = Callable[[str], None]
 
 
@@ -52,6 +55,7 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
         >>> prepare_to(Path("prepared.parquet"), request, memory, LocalEngine(1), lambda stage: None).flights
         {'A320': 120}
     """
+    _check_ending(out)
     # An output inside a folder of inputs, and what an earlier run left beside it, are no inputs.
     own = (out.resolve(), work_folder(out).resolve())
     files = [path for path in request.files() if not any(path.resolve().is_relative_to(one) for one in own)]
@@ -87,6 +91,16 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
         raise DataError(
             f"{out}: {error}", expected="room and permission to write", mend="free or choose a disk"
         ) from error
+
+
+def _check_ending(out: Path) -> None:
+    """Refuse a name that asks for another format: a folder of Parquet files would get it."""
+    if out.suffix.lower() in OTHER_ENDINGS and not out.is_dir():
+        raise ConfigError(
+            f"output {out}, while descents are written as Parquet",
+            expected="a name that ends in .parquet, or that of a folder for a store of Parquet files by type",
+            mend=f"choose {out.with_suffix('.parquet').name}, which other libraries read",
+        )
 
 
 def _cleaned(

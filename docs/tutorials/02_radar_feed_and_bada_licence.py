@@ -50,6 +50,20 @@ descents = df.prepare(rows, typecode="A320")
 print(descents.report)
 
 # %%
+# The same in one call, or from a shell: a column with its factor. Names of the trade (``mode_s_address``,
+# ``mach_number``, ``ROCD``, ``FL``) are known. ``descentflow prepare feed.csv --column 'altitude=flight_level_m*3.28084'``
+# does so; ``diagnose``, ``evaluate`` and ``predict-descent`` take no ``--column``: prepare first, and pass them the
+# descents.
+
+columns = {
+    "timestamp": "time_of_track",
+    "altitude": "flight_level_m*3.28084",
+    "vertical_rate": "rocd_mps*196.850",
+    "IAS": "ias_mps*1.94384",
+}
+print(df.prepare(folder / "feed.csv", typecode="A320", columns=columns).flights)
+
+# %%
 # Had the units been forgotten, physics would have noticed: at a Mach number and an altitude there is one airspeed.
 
 try:

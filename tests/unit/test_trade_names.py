@@ -12,8 +12,9 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.surveillance.cleaning.chain import DIFFERENCED
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.read_rows import read_rows
-from descentflow.surveillance.rows.column_names import row_names
+from descentflow.surveillance.rows.column_names import LEVEL_NAMES, row_names
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, TRADE
 
 FEED = {"callsign": "ACID", "icao24": "MODE_S", "timestamp": "TIME_UTC", "IAS": "IAS_KT", "Mach": "MACH"}
 FEED |= {"vertical_rate": "ROCD", "track": "TRK"}
@@ -55,6 +56,10 @@ def test_surer_names_go_first_and_others_are_told(rows: pl.DataFrame) -> None:
     assert row_names(["FL", "ALT_FT"]) == {"FL": "FL", "ALT_FT": "altitude"}
     both = rows.rename({"altitude": "ALT_FT"}).with_columns(FL=pl.lit(1.0))
     assert_frame_equal(read_rows([both], DropReport()), rows)
+
+
+def test_names_in_capitals_are_known(rows: pl.DataFrame) -> None:
+    assert_frame_equal(read_rows([rows.rename(str.upper)], DropReport()), rows)
 
 
 def test_rates_that_are_differenced_are_told(rows: pl.DataFrame) -> None:
@@ -104,3 +109,8 @@ def test_a_file_without_a_row_is_counted(rows: pl.DataFrame, tmp_path: Path) -> 
     report = DropReport()
     assert len(read_rows([tmp_path], report)) == len(rows)
     assert report.notes == {"tables without a row": 1}
+
+
+def test_the_page_on_sources_lists_every_name() -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "how-to" / "sources_of_rows.md").read_text()
+    assert [name for name in (*COLUMNS, *ALIASES, *TRADE, *LEVEL_NAMES) if f"`{name}`" not in page] == []

@@ -7,8 +7,10 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.schema import ALIASES, TRADE
+from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, TRADE
 
+OF_ROWS = {name.lower(): name for name in COLUMNS}
+"""The rows' own names in small letters: `ALTITUDE` is no other column."""
 LEVELS = "FL"
 """Name of a column of flight levels, of which altitudes are made; also `flight_level`, and either in any case."""
 LEVEL_NAMES = ("fl", "flight_level")
@@ -34,7 +36,7 @@ def row_names(names: Sequence[str]) -> dict[str, str]:
     found = {name: ALIASES.get(name, ALIASES.get(name.lower(), name)) for name in names}
     taken = set(found.values())
     for name in names:
-        target = TRADE.get(name.lower())
+        target = TRADE.get(name.lower(), OF_ROWS.get(name.lower()))
         target = LEVELS if name.lower() in LEVEL_NAMES and "altitude" not in taken else target
         if target is not None and found[name] == name and target not in taken - {name}:
             found[name] = target

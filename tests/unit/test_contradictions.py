@@ -62,6 +62,9 @@ def test_flights_without_a_usable_row_are_counted(small: bool, tmp_path: Path, m
     found = prepare([tmp_path / "0.parquet", tmp_path / "1.parquet"], out=tmp_path / "out.parquet")
     assert found.report.notes[intake.LOST] == 2
     assert sum(found.flights.values()) == rows["icao24"].n_unique() - 2
+    fleet(3).with_columns(pl.col("timestamp") + pl.duration(days=3)).write_parquet(tmp_path / "2.parquet")
+    found = prepare([tmp_path / f"{number}.parquet" for number in range(3)], out=tmp_path / "other.parquet")
+    assert found.report.notes[intake.LOST] == 2, "they fly another day"
 
 
 def test_what_stands_for_no_type_is_none_and_odd_types_are_told() -> None:

@@ -167,3 +167,12 @@ def test_days_of_a_spreadsheet_are_refused(text: bool, rows: pl.DataFrame) -> No
         read_rows([frame], DropReport())
     seconds = rows.with_columns(timestamp=(pl.col("timestamp") - rows["timestamp"].min()).dt.total_seconds() + 30_000)
     assert len(read_rows([seconds], DropReport())) == len(rows), "seconds of a simulator"
+
+
+def test_a_rate_that_no_unit_explains_is_told_and_not_refused(rows: pl.DataFrame) -> None:
+    """Rows of several aircraft under one address make such rates; flights that are named are told apart."""
+    with pytest.warns(DescentflowWarning, match="vertical_rate contradicts .* different icao24"):
+        check_units(times("vertical_rate", 0.3)(rows), "rows")
+    number = pl.int_range(pl.len()).over("flight_id")
+    together = rows.rename({"icao24": "flight_id"}).with_columns(icao24=pl.lit("4ca001"))
+    check_units(together.with_columns(pl.col("timestamp").first() + pl.duration(seconds=5 * number)), "rows")

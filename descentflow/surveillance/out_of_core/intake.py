@@ -26,7 +26,7 @@ Item = TypeVar("Item")
 GROUP_BYTES = 256_000_000
 """Size of the files that are read as one group: what a worker reads at a time, and what a rerun reads again."""
 SEEN = {"flight": pl.String, "usable": pl.Boolean}
-LOST = "flights (or aircraft, where rows name no flight) without a usable row"
+LOST = "flights (or days of an aircraft, where rows name no flight) without a usable row"
 """Note in the report."""
 
 
@@ -40,7 +40,7 @@ class Intake:
         names: Flight names of the source (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
         held: The rows, if they fit in memory.
         buckets: The rows on disk, if they do not.
-        seen: Flights, or aircraft where rows name none, with a row, and whether one is usable (`flight usable`).
+        seen: Flights, or days of an aircraft where rows name none, with a row, and whether one is usable.
 
     Example:
         >>> intake = take_in(["rows.parquet"], None, Spill.unbounded())
@@ -151,8 +151,9 @@ def take_in(
 
 
 def _flights(rows: pl.DataFrame, *, usable_ones: bool) -> pl.DataFrame:
-    names = [name for name in ("flight_id", "icao24") if name in rows.columns]
-    flights = rows.select(pl.coalesce(names).alias("flight")).unique().drop_nulls()
+    day = pl.col("icao24") + "_" + pl.col("timestamp").dt.date().cast(pl.String).fill_null("")
+    names = [pl.col("flight_id")] if "flight_id" in rows.columns else []
+    flights = rows.select(pl.coalesce(*names, day).alias("flight")).unique().drop_nulls()
     return flights.with_columns(usable=pl.lit(usable_ones))
 
 

@@ -53,10 +53,10 @@ class Steps:
 
     @classmethod
     def of(cls, rows: pl.DataFrame) -> "Steps | None":
-        """Steps of 2 to 60 s; none if the rows report no rate.
+        """Steps of 2 to 60 s of one flight, or aircraft; none if the rows report no rate.
 
         Args:
-            rows: Sorted by aircraft and time.
+            rows: In any order.
 
         Example:
             >>> Steps.of(pl.DataFrame({"altitude": [30e3]})) is None
@@ -64,13 +64,15 @@ class Steps:
         """
         if "vertical_rate" not in rows.columns:
             return None
+        names = [name for name in ("flight_id", "icao24") if name in rows.columns]
+        rows = rows.sort(*names, "timestamp", maintain_order=True)
         seconds = pl.col("timestamp").diff().dt.total_microseconds() / 1e6
         possible = pl.col("vertical_rate").is_between(*POSSIBLE["vertical_rate"])
         steps = rows.filter(~pl.col("altitude").is_in(FILLS)).select(
             change=pl.col("altitude").diff() / seconds * 60,
             reported=pl.when(possible).then(pl.col("vertical_rate")),
             seconds=seconds,
-            same=pl.col("icao24") == pl.col("icao24").shift(),
+            same=pl.all_horizontal(pl.col(name).eq_missing(pl.col(name).shift()) for name in names),
         )
         steps = steps.filter(pl.col("same") & pl.col("seconds").is_between(2, 60) & (pl.col("change") != 0))
         steps = steps.drop_nulls()

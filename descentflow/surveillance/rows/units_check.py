@@ -74,9 +74,12 @@ def _refuse(evidence: Evidence, given: Solution, rows: pl.DataFrame, source: str
     if _is_poor_instrument(evidence, given):
         return
     error = contradiction(source, given, best)
-    if rows["icao24"].n_unique() >= MIN_AIRCRAFT:
+    off = {name for one in best for name, reading in one.readings.items() if reading.off}
+    if rows["icao24"].n_unique() >= MIN_AIRCRAFT and off != {"vertical_rate"}:
         raise error
-    warnings.warn(f"{error.got}; {error.mend}", DescentflowWarning, stacklevel=4)
+    # Rows of several aircraft under one address make such rates, too.
+    shared = ", or give rows of different aircraft different icao24" if off == {"vertical_rate"} else ""
+    warnings.warn(f"{error.got}; {error.mend}{shared}", DescentflowWarning, stacklevel=4)
 
 
 def _is_poor_instrument(evidence: Evidence, given: Solution) -> bool:
@@ -101,7 +104,7 @@ def _evidence(rows: pl.DataFrame) -> Evidence | None:
     if len(usable) < MIN_VALUES:
         return None
     usable = usable.gather_every(max(len(usable) // SAMPLE, 1))
-    steps = Steps.of(rows.head(RATE_SAMPLE).sort("icao24", "timestamp"))
+    steps = Steps.of(rows.head(RATE_SAMPLE))
     columns: dict[str, Array] = {
         name: usable[name].cast(pl.Float64).to_numpy() for name in names if usable[name].count() >= MIN_VALUES
     }

@@ -15,17 +15,19 @@ import sys
 import time
 from pathlib import Path
 
-import polars as pl
-
-from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli.ending import ended_in_order
-from descentflow.core.errors import DescentflowError
-from descentflow.core.workers import DaskEngine, Engine, ProcessEngine
-from descentflow.simulation.scenarios import scenario_settings
-from descentflow.studies.paper.study_plan import MODELS, PAPER_FLIGHTS, RECIPES, StudyPlan, begin, paper_plan
-from descentflow.studies.paper.study_report import write_report
-from descentflow.studies.paper.study_run import costs, run_study
-from descentflow.studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
+
+with ended_in_order("paper_study"):  # while the large libraries are loaded, too
+    import polars as pl
+
+    from descentflow.aircraft_types.registry import aircraft
+    from descentflow.core.errors import DescentflowError
+    from descentflow.core.workers import DaskEngine, Engine, ProcessEngine
+    from descentflow.simulation.scenarios import scenario_settings
+    from descentflow.studies.paper.study_plan import MODELS, PAPER_FLIGHTS, RECIPES, StudyPlan, begin, paper_plan
+    from descentflow.studies.paper.study_report import write_report
+    from descentflow.studies.paper.study_run import costs, run_study
+    from descentflow.studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
 
 _SPENT = (pl.col("cpu_s").sum(), pl.col("peak_mb").max())
 

@@ -8,13 +8,26 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.core.mode_s_steps import UNCERTAINTY
+from descentflow.core.mode_s_steps import STEPS
 from descentflow.core.units import FL_M, FT_M
 
 STENCIL = 5
 """Levels on either side whose mean is held against the level between: noise is shorter, flight is longer."""
 MIN_STENCILS = 15
 """Whole stencils that a flight must show for its noise to be measured."""
+QUIET = 0.8
+"""Share of the stencils that say the noise, those that leave least: where speed or rate change at once (from Mach
+number to CAS, at the tropopause) a step of the flight is left, and no noise."""
+OF_QUIET = 0.4377
+"""Mean square of the least 80 % of normal values, in the mean square of all: 1 - 2 z phi(z) / 0.8 with z = 1.2816."""
+NAMED = {"rate": "vertical_rate", "cas": "IAS", "mach": "Mach", "tas": "TAS", "groundspeed": "groundspeed"}
+"""Name of a noise -> the channel that has it; that of the altitude is in the times at which levels are crossed."""
+IN_STEPS = 0.5
+"""Noise that is told apart from rounding, in steps of the report."""
+KNOT = 1e-4
+"""Second difference, in a report's step or in seconds, from which a row of the report lies within a level."""
+LEAST_LAG = 0.5
+"""Rows within half a stencil of which noise is measured at least: of fewer, nearly all of it is interpolated away."""
 SHORT_GAP_LEVELS = 30
 """A level-off and the turns onto and off it take at most 3,000 ft out of a descent; a managed stretch mostly more."""
 LOST_S = 15.0
@@ -161,11 +174,17 @@ class Bands:
         return (self.grid.altitude_m[top][:, None] - self.altitude_m).clamp(min=0.0)
 
 
-def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
-    """Logarithm (n,) of what is left of each channel after the mean of the levels around is taken off.
+def short_scale_noise(grid: LevelGrid, *, least: bool = True) -> dict[str, Tensor]:
+    """Logarithm (n,) of the noise of one report of each channel, as far as the mean of the levels around shows it.
 
-    Less than the rounding of one report counts as that: a simulator that writes numbers without noise differs from
-    flights by their noise, and not by the number of digits it writes.
+    Of the quietest 80 % of a flight's levels, so that steps of the flight itself do not count. Levels are interpolated
+    between rows: what rows that are far apart lose by it is made up for (:func:`kept_of_noise`), so that equal noise is
+    equal however fast a flight descends.
+
+    Args:
+        grid: Flights on levels.
+        least: Whether less than half a step of the report counts as that, for so much may be rounding: a simulator that
+            writes numbers without noise differs from flights by their noise, and not by the number of digits.
 
     Example:
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
@@ -173,26 +192,73 @@ def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
         >>> round(float(short_scale_noise(grid)["noise_cas"].nanmedian().exp()), 1)  # kt
         0.5
     """
-    named = {"rate": "vertical_rate", "cas": "IAS", "mach": "Mach", "tas": "TAS", "groundspeed": "groundspeed"}
-    series = {name: grid.values[channel] for name, channel in named.items() if channel in grid.values}
+    series = {name: grid.values[channel] for name, channel in NAMED.items() if channel in grid.values}
     # The noise of an altitude is that of the time at which it is crossed, times the rate.
     rate_mps = -grid.values["vertical_rate"].nanmedian(1, keepdim=True).values / 60.0 * FT_M
     series["altitude"] = grid.time_s * rate_mps.clamp(min=1.0)
     # Every level of the stencil must be there, or a level-off in a gap would pass for noise.
     whole = grid.mask.double().unfold(1, 2 * STENCIL + 1, 1).amin(-1) > 0
-    found = {}
+    kept, found = kept_of_noise(grid), {}
     for name, values in series.items():
-        channel = named.get(name, "altitude")
-        least = UNCERTAINTY[channel] * (FT_M if channel == "altitude" else 1.0)
+        rounding = least_noise(name) if least else 0.0
         middle = values[:, STENCIL:-STENCIL]
         left = middle - (values[:, : -2 * STENCIL] + values[:, 2 * STENCIL :]) / 2
         seen = whole & left.isfinite()
         count = seen.sum(1)
-        mean_square = torch.where(seen, left, 0.0).square().sum(1) / count.clamp(min=1)
+        ordered = torch.where(seen, left.square(), torch.inf).sort(1).values
+        quiet = (QUIET * count).ceil().long().clamp(min=1)
+        ordered = torch.where(torch.arange(ordered.shape[1]) < quiet[:, None], ordered, 0.0).nan_to_num(posinf=0.0)
+        mean_square = ordered.sum(1) / quiet / OF_QUIET / kept
         found[f"noise_{name}"] = torch.where(
-            count >= MIN_STENCILS, 0.5 * mean_square.clamp(min=least**2).log(), torch.nan
+            count >= MIN_STENCILS, 0.5 * mean_square.clamp(min=max(rounding, 1e-9) ** 2).log(), torch.nan
         )
     return found
+
+
+def least_noise(name: str) -> float:
+    """Noise that is told apart from rounding: half a step of the report, and metres for the altitude.
+
+    Independent rounding shows as 0.29 of a step; of numbers that change steadily, the middle and both ends may be
+    rounded the opposite way, which shows as twice that.
+
+    Example:
+        >>> least_noise("rate"), least_noise("cas")  # ft/min and kt
+        (16.0, 0.5)
+    """
+    return IN_STEPS * STEPS[NAMED.get(name, name)] * (FT_M if name == "altitude" else 1.0)
+
+
+def kept_of_noise(grid: LevelGrid) -> Tensor:
+    """Share (n,) of the variance of one report's noise that a stencil shows, one where rows are close.
+
+    Interpolated noise is alike over a distance of two rows. With C the autocovariance of linear interpolation between
+    independent values (the cubic B-spline) and x half a stencil in rows, the middle minus the mean of both ends has the
+    variance 3/2 C(0) + C(2x)/2 - 2 C(x), which is one from x = 2 on. Rows show as bends: between two of them, all
+    channels and the time are straight lines.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> grid = LevelGrid.of_frame(read_descents("descents.parquet").frame, 150, 340, ["IAS", "vertical_rate"])
+        >>> round(float(kept_of_noise(grid).median()), 2)  # a row every few seconds
+        1.0
+    """
+    steps = {"time_s": 1.0, **{name: STEPS[name] for name in grid.values if name in STEPS}}
+    bent = torch.zeros_like(grid.mask[:, 1:-1])
+    for name, step in steps.items():
+        values = grid.time_s if name == "time_s" else grid.values[name]
+        bend = values[:, 2:] - 2 * values[:, 1:-1] + values[:, :-2]
+        bent |= (bend.abs() > KNOT * step) & bend.isfinite()
+    whole = grid.mask.double().unfold(1, 3, 1).amin(-1) > 0
+    share = (bent & whole).sum(1) / whole.sum(1).clamp(min=1)
+    # A row within a level bends the line at the levels on either side of it.
+    lag = (STENCIL * share / 2).clamp(min=LEAST_LAG)
+    return 1.5 * _alike(torch.zeros_like(lag)) + _alike(2 * lag) / 2 - 2 * _alike(lag)
+
+
+def _alike(lag: Tensor) -> Tensor:
+    """Autocovariance of linear interpolation between independent values of variance one, by the lag in rows."""
+    near = 2 / 3 - lag.square() + lag**3 / 2
+    return torch.where(lag < 1, near, (2 - lag).clamp(min=0.0) ** 3 / 6)
 
 
 def gaps_of(grid: LevelGrid) -> dict[str, Tensor]:

@@ -16,11 +16,13 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.measurements.along_track import drift_cosine, level_part_kt
 from descentflow.measurements.level_channels import LevelGrid, gaps_of, short_scale_noise
-from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.measurements.quantity_registry import CHANNELS, QUANTITIES
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
 
-VERSION = 2
+VERSION = 3
 """Of the state that checkpoints carry."""
+OTHER_NOISE = 2
+"""Version that measured noise in another way, and all else alike."""
 N_BANDS = 15
 """About this many bands cover the grid; each is a multiple of 500 ft high."""
 MAX_REFERENCE = 2000
@@ -89,13 +91,16 @@ class Quantities:
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Quantities":
-        """Rebuild from :meth:`to_state`.
+        """Rebuild from :meth:`to_state`; without noise, which is then not compared, where that was measured otherwise.
 
         Raises:
             KeyError: If the state is of another version.
         """
-        if state["version"] != VERSION:
+        if state["version"] not in (OTHER_NOISE, VERSION):
             raise KeyError(f"reference of version {state['version']}")
+        if state["version"] == OTHER_NOISE:
+            kept = {name: value for name, value in state["values"].items() if not QUANTITIES[name].is_noise}
+            state = {**state, "values": kept}
         return cls(
             (float(state["levels_fl"][0]), float(state["levels_fl"][1])),
             float(state["band_fl"]),

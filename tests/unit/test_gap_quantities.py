@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import gap_toys
+import numpy as np
 import polars as pl
 import pytest
 import torch
 
 from descentflow.measurements.level_channels import LevelGrid, short_scale_noise
-from descentflow.measurements.quantities import of_some_aircraft, reference_state
+from descentflow.measurements.quantities import Quantities, of_some_aircraft, reference_state
+from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.descents.prepared_descents import read_descents
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
@@ -41,9 +43,51 @@ def test_the_change_over_a_band_is_that_between_its_edges() -> None:
 
 
 def test_noise_below_the_rounding_of_a_report_counts_as_that(tmp_path: Path) -> None:
-    """A simulator that writes a constant rate has the noise of a rounded one: 32 ft/min over the root of twelve."""
+    """A simulator that writes a constant rate has the noise that rounding to 32 ft/min may show: half of that."""
     frame = read_descents(gap_toys.flights(tmp_path, 20, seed=5)).frame.with_columns(vertical_rate=pl.lit(-1500.0))
     grid = LevelGrid.of_frame(frame, 150, 340, ["IAS", "vertical_rate"])
     found = short_scale_noise(grid)["noise_rate"]
-    assert found[found.isfinite()].exp().tolist() == pytest.approx([32 / 12**0.5] * int(found.isfinite().sum()))
+    assert found[found.isfinite()].exp().tolist() == pytest.approx([16.0] * int(found.isfinite().sum()))
     assert int(found.isfinite().sum()) > 10
+
+
+def reported(mean_fpm: float, every_s: float, step_fpm: float = 0.0) -> LevelGrid:
+    """Flights at about a rate that is larger by a step from FL260 down, all with the same noise of reports."""
+    generator, parts = np.random.default_rng(0), []
+    for flight in range(60):
+        # Rows at other levels in each flight.
+        rate_fpm = mean_fpm * generator.uniform(0.9, 1.1)
+        time_s = np.arange(0.0, 60 * 21_000 / rate_fpm, every_s) + generator.uniform(0, every_s)
+        exact_ft = 37_000 - rate_fpm / 60 * time_s
+        below = (26_000 - exact_ft).clip(min=0.0)
+        rate = rate_fpm + np.where(below > 0, step_fpm, 0.0)
+        noise = {
+            "vertical_rate": -(rate + 40 * generator.standard_normal(len(rate))) // 32 * 32,
+            "IAS": np.round(280 - below / 400 + 0.8 * generator.standard_normal(len(rate))),
+            "TAS": np.round((450 - below / 100) / 2) * 2,
+        }
+        rows = {"flight_id": f"f{flight:02d}", "icao24": f"a{flight:02d}", "typecode": "A320", "callsign": "", **noise}
+        stamps = (time_s * 1e6).astype("int64")
+        parts.append(pl.DataFrame({**rows, "altitude": np.round(exact_ft / 25) * 25, "timestamp": stamps}))
+    frame = pl.concat(parts).with_columns(pl.from_epoch("timestamp", time_unit="us"))
+    falling = frame.filter(pl.col("altitude").diff().over("flight_id").fill_null(-1.0) < 0)
+    levels = to_levels(falling, 150, longest_gap_s=60.0, highest_gap_ft=3000.0)
+    return LevelGrid.of_frame(levels, 150, 360, ["IAS", "vertical_rate", "TAS"])
+
+
+@pytest.mark.parametrize("every_s", [1.0, 4.0, 8.0, 12.0])
+def test_equal_noise_is_equal_however_fast_a_flight_descends(every_s: float) -> None:
+    """To less than a tenth, from which noise is named; nor do steps of the flight count, as from Mach number to CAS."""
+    slow, fast = (short_scale_noise(reported(fpm, every_s, 0.2 * fpm)) for fpm in (2000.0, 2800.0))
+    for name in ("noise_rate", "noise_cas", "noise_tas"):
+        assert float(fast[name].nanmean() - slow[name].nanmean()) == pytest.approx(0.0, abs=0.09), name
+    assert float(slow["noise_rate"].nanmean().exp()) == pytest.approx(41.0, rel=0.25)
+    assert float(slow["noise_cas"].nanmean().exp()) == pytest.approx(0.85, rel=0.15)
+
+
+def test_a_reference_that_measured_noise_otherwise_is_compared_without_it(tmp_path: Path) -> None:
+    frame = read_descents(gap_toys.flights(tmp_path, 60, seed=5)).frame
+    state = reference_state(frame, 150, 340, frame["flight_id"].unique().to_list())
+    old = Quantities.from_state({**state, "version": 2}).values
+    new = Quantities.from_state(state).values
+    assert set(new) - set(old) == {name for name in new if name.startswith("noise_")} != set()

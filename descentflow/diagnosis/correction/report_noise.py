@@ -8,10 +8,10 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FPM_MPS
-from descentflow.measurements.level_channels import LevelGrid, short_scale_noise
+from descentflow.measurements.level_channels import NAMED, LevelGrid, least_noise, short_scale_noise
 
-CHANNELS = {"rate": "vertical_rate", "cas": "IAS", "mach": "Mach", "tas": "TAS", "groundspeed": "groundspeed"}
-"""Name of a noise -> the channel that has it; that of the altitude is in the times at which levels are crossed."""
+LEAST_GROWTH = 0.05
+"""Logarithm of a factor from which noise is added: less than that is none to a simulator that has none."""
 OF_A_STENCIL = 1.5
 """Variance of a report minus the mean of two others, in the variance of independent reports."""
 
@@ -21,7 +21,7 @@ def with_noise(grid: LevelGrid, ln_ratio: Mapping[str, Tensor], seed: int) -> Le
 
     Independent noise of variance v adds 1.5 v to the variance that
     :func:`~descentflow.measurements.level_channels.short_scale_noise` measures: so much is added to each flight that
-    its own noise m becomes m exp(ln_ratio).
+    its own noise m, or the least that is measured where it has less or none, becomes m exp(ln_ratio).
 
     Args:
         grid: Flights on levels.
@@ -39,18 +39,20 @@ def with_noise(grid: LevelGrid, ln_ratio: Mapping[str, Tensor], seed: int) -> Le
     """
     if not ln_ratio:
         return grid
-    own, generator = short_scale_noise(grid), np.random.default_rng(seed)
+    own, generator = short_scale_noise(grid, least=False), np.random.default_rng(seed)
     values, time_s = dict(grid.values), grid.time_s
     for name, ratio in ln_ratio.items():
         if f"noise_{name}" not in own:
             continue
-        size = own[f"noise_{name}"].exp() * (((2 * ratio).exp() - 1).clamp(min=0.0) / OF_A_STENCIL).sqrt()
+        has = own[f"noise_{name}"].exp()
+        wanted = torch.where(ratio > LEAST_GROWTH, has.clamp(min=least_noise(name)) * ratio.exp(), has)
+        size = ((wanted.square() - has.square()).clamp(min=0.0) / OF_A_STENCIL).sqrt()
         drawn = torch.from_numpy(generator.standard_normal(tuple(time_s.shape))) * size.nan_to_num(0.0)[:, None]
         if name == "altitude":
             fall = (-values["vertical_rate"] * FPM_MPS).nanmedian(1, keepdim=True).values.clamp(min=1.0)
             time_s = _falling(time_s + drawn / fall)
         else:
-            values[CHANNELS[name]] = values[CHANNELS[name]] + drawn
+            values[NAMED[name]] = values[NAMED[name]] + drawn
     return replace(grid, values=values, time_s=time_s)
 
 

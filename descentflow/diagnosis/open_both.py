@@ -22,7 +22,6 @@ from descentflow.diagnosis.simulator_flights import (
 from descentflow.diagnosis.simulator_kind import kind_of, name_of
 from descentflow.diagnosis.weather_taken_out import without_weather
 from descentflow.representation.comparable_descents import comparable_descents
-from descentflow.representation.correction import Correction
 from descentflow.representation.own_air import AirSource
 from descentflow.representation.own_mass import check_reference_mass
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -86,12 +85,12 @@ def open_both(
     Raises:
         AircraftError: If a type has no coefficients.
         CheckpointError: If a checkpoint cannot be read.
-        ConfigError: If the simulator and the source contradict each other.
+        ConfigError: If the simulator and the source contradict each other, or a checkpoint is corrected already.
         DataError: If flights cannot be read, or both sides are of different types.
 
     Warns:
-        DescentflowWarning: If flights of other types are left out, a checkpoint is corrected already, or it knows the
-            air of its flights, which is then taken out of both sides.
+        DescentflowWarning: If flights of other types are left out, or a checkpoint knows the air of its flights, which
+            is then taken out of both sides.
 
     Example:
         >>> opened = open_both("rows.parquet", "descents.parquet", SignatureSource())
@@ -116,13 +115,11 @@ def open_both(
     parts = found.representation
     if parts is not None:
         check_reference_mass(parts, "a diagnosis")
-    if parts is not None and isinstance(parts.decoder.correction, Correction):
-        warnings.warn(
-            f"{found.name} adds {', '.join(parts.decoder.correction.effects)} to its samples, and the flights that it "
-            "carries are those before: they are compared, so this is the diagnosis of the simulator without the "
-            "effects; add them to the simulator, fly again, and diagnose its flights",
-            DescentflowWarning,
-            stacklevel=3,
+    if parts is not None and parts.decoder.correction is not None:
+        raise ConfigError(
+            f"{found.name}, a simulator that is corrected already: the flights that it carries are those before",
+            expected="the checkpoint that `descentflow fit` wrote, or flights",
+            mend="diagnose what it flies: corrected.parquet beside it, or samples (descentflow sample) as --simulator",
         )
     descents = open_descents(real, progress=say) if parts is None else comparable_descents(real, parts, progress=say)
     own = input_of_flights(name_of(real), descents)

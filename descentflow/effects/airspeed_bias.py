@@ -1,5 +1,6 @@
 """A position or instrument error of indicated airspeed: IAS disagrees with Mach number and pressure."""
 
+import torch
 from torch import Tensor
 
 from descentflow.core.units import KT_MPS
@@ -21,6 +22,10 @@ class AirspeedBias(Effect):
     name = "airspeed_bias"
     says = "biased airspeed reports"
     directions = ("airspeeds that read too high", "airspeeds that read too low")
+    against = (
+        "airspeeds that read higher than those of the simulator's flights",
+        "airspeeds that read lower than those of the simulator's flights",
+    )
     inherited_from = 0.7
     parameters = (
         Parameter("bias_kt", -25.0, 25.0, "kt", 1.0, label="bias of IAS at Mach 0.65"),
@@ -38,6 +43,18 @@ class AirspeedBias(Effect):
             bias = _bias_kt(theta, cas_to_mach(state.cas_mps - bias * KT_MPS, state.altitude_m))
         other = log_rate(state, cas_mps=state.cas_mps + sign * bias * KT_MPS)
         return {"cas": bias, "mismatch": bias, "rate": sign * (state.own_log_rate - other)}
+
+    def measured(self, state: FlightState, shown: Shift) -> Tensor | None:
+        """The line of IAS minus the CAS of the Mach number over the Mach number."""
+        if "mismatch" not in shown:
+            return None
+        seen = shown["mismatch"].isfinite()
+        if int(seen.sum()) <= len(self.parameters):
+            return None
+        mach = (state.mach()[seen] - 0.65) / 0.1
+        columns = torch.stack([torch.ones_like(mach), mach], 1)
+        line: Tensor = torch.linalg.lstsq(columns, shown["mismatch"][seen][:, None]).solution
+        return line[:, 0]
 
     def change(self, state: FlightState, theta: Tensor) -> FlightChange:
         """Reported CAS alone: the rate of the shift is what a wrong speed makes of the residual, the rate is right."""

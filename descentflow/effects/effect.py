@@ -15,6 +15,8 @@ from descentflow.effects.scale_group import ScaleGroup
 
 Heterogeneity = Literal["constant", "gaussian", "window mixture", "measured covariate"]
 """How an effect differs between flights: not at all, by a normal law, in a share of them, or by what they report."""
+NONE = 0.1
+"""Share of a size that matters up to which flights count as having none of an effect."""
 STEP = 1e-4
 """Of differences, in sizes of a parameter that matter."""
 AT_BOUND = 1e-6
@@ -147,6 +149,8 @@ class Effect(ABC):
     """What it is, for readers who are no specialists: 'air warmer or colder than the standard atmosphere'."""
     directions: ClassVar[tuple[str, str] | None] = None
     """What a positive and a negative first parameter mean, where that has a name."""
+    against: ClassVar[tuple[str, str] | None] = None
+    """The same against a simulator whose own flights have some of it, where ``directions`` speak of none."""
     scale_group: ClassVar[ScaleGroup | None] = None
     """Effects of which only ratios can be observed, this one among them."""
     heterogeneity: ClassVar[Heterogeneity] = "constant"
@@ -170,11 +174,12 @@ class Effect(ABC):
         """Its name for readers."""
         return self.label or self.name.replace("_", " ")
 
-    def in_words(self, size: float | None) -> str:
+    def in_words(self, size: float | None, *, has_some: bool = False) -> str:
         """What it is, with the direction that the first parameter says; the name where the class has no words.
 
         Args:
             size: Estimate of the first parameter; None where the data say nothing of it.
+            has_some: Whether the simulator's own flights have some of it: sizes are differences to those.
 
         Example:
             >>> from descentflow.effects import EFFECTS
@@ -183,9 +188,10 @@ class Effect(ABC):
             >>> EFFECTS["temperature"].in_words(None)
             'air warmer or colder than the standard atmosphere'
         """
-        if self.directions is None or size is None:
+        words = (self.against if has_some else None) or self.directions
+        if words is None or size is None:
             return self.says or self.text
-        return self.directions[0 if size > 0 else 1]
+        return words[0 if size > 0 else 1]
 
     def recipe(self, told: Mapping[str, str]) -> str:
         """What the owner of a simulator enters to have the effect; levels and the share of the flights come after it.
@@ -225,6 +231,18 @@ class Effect(ABC):
         kept = [quantity for quantity in shift if quantity in FLOWN or (self.is_noise and quantity.startswith(NOISE))]
         part = {quantity: shift[quantity] for quantity in kept}
         return FlightChange(reported=part) if self.sensor else FlightChange(flown=part)
+
+    def measured(self, state: FlightState, shown: Shift) -> Tensor | None:
+        """Parameters (k,) that flights of one side show by themselves, held against physics and no other flights.
+
+        Args:
+            state: Flights of that side.
+            shown: Quantities of them, (n, K), NaN where not seen.
+
+        Returns:
+            None where nothing that is shown says them, as of all effects that do not say otherwise.
+        """
+        return None
 
     def start(self) -> Tensor:
         """Parameters (k,) from which a fit starts, and where sensitivities are taken."""

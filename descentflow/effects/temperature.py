@@ -6,7 +6,7 @@ from torch import Tensor
 from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.physics.airspeed import mach_to_tas_mps
-from descentflow.physics.atmosphere import geometric_altitude_m
+from descentflow.physics.atmosphere import geometric_altitude_m, isa_temperature_k
 
 
 class Temperature(Effect):
@@ -22,6 +22,7 @@ class Temperature(Effect):
     name = "temperature"
     says = "air warmer or colder than the standard atmosphere"
     directions = ("air warmer than the standard atmosphere", "air colder than the standard atmosphere")
+    against = ("air warmer than that of the simulator's flights", "air colder than that of the simulator's flights")
     inherited_from = 2.0
     parameters = (
         Parameter("deviation_k", -40.0, 40.0, "K", 5.0, label="deviation from the standard atmosphere", symbol="ISA"),
@@ -40,3 +41,11 @@ class Temperature(Effect):
             "tas": tas.log(),
             "height": state.centred(height + torch.zeros_like(state.cas_mps)),
         }
+
+    def measured(self, state: FlightState, shown: Shift) -> Tensor | None:
+        """Deviation by TAS and Mach number: the square of TAS over that in standard air is the temperature's ratio."""
+        if "tas" not in shown or not bool(shown["tas"].isfinite().any()):
+            return None
+        standard_k = isa_temperature_k(state.altitude_m)
+        by_band = (standard_k * ((2 * shown["tas"]).exp() - 1)).nanmean(0)
+        return by_band.nanmean()[None]

@@ -28,6 +28,11 @@ class VerticalRateLag(Effect):
 
     name = "vertical_rate_lag"
     says = "vertical rates reported late"
+    directions = ("vertical rates reported late", "vertical rates reported early")
+    against = (
+        "vertical rates reported later than in the simulator's flights",
+        "vertical rates reported earlier than in the simulator's flights",
+    )
     inherited_from = 6.0
     parameters = (
         Parameter("lag_s", -10.0, 60.0, "s", 2.0, label="lag"),

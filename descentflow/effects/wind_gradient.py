@@ -20,6 +20,10 @@ class WindGradient(Effect):
     name = "wind_gradient"
     says = "an along-track wind that changes with altitude"
     directions = ("a tailwind that grows with altitude", "a tailwind that falls with altitude")
+    against = (
+        "a tailwind that grows more with altitude than in the simulator's flights",
+        "a tailwind that grows less with altitude than in the simulator's flights",
+    )
     inherited_from = 0.0005
     parameters = (
         Parameter(
@@ -42,3 +46,13 @@ class WindGradient(Effect):
             "rate": log_rate(state, wind_slope_per_s=theta[0]) - state.own_log_rate,
             "wind": state.centred(wind),
         }
+
+    def measured(self, state: FlightState, shown: Shift) -> Tensor | None:
+        """Slope of the wind along the track within flights, by groundspeed and TAS."""
+        if "wind" not in shown:
+            return None
+        seen = shown["wind"].isfinite()
+        height = torch.where(seen, state.altitude_m, torch.nan)
+        height = (height - height.nanmean(1, keepdim=True)).nan_to_num(0.0)
+        spread = height.square().sum()
+        return None if float(spread) == 0.0 else ((shown["wind"].nan_to_num(0.0) * height).sum() / spread)[None]

@@ -59,6 +59,10 @@ class Correction:
     """Effect -> how widely its size spreads between flights, in its mean: of effects that all flights have, and that
     say no law of their own."""
 
+    of_training: dict[str, list[float]] = field(default_factory=dict)
+    """Effect -> its parameters in the air that the training flights flew in. Their rates, and so the drag that was
+    inferred in standard air, hold it already; the TAS of the samples does not, and gets it here."""
+
     def apply(self, aircraft: Aircraft, flown: Trajectories, draws: DrawNumbers = FIRST_DRAWS) -> Trajectories:
         """The descents as they are with the effects.
 
@@ -149,7 +153,19 @@ class Correction:
                         continue
                     own = torch.where(taken, value * size, 0.0)
                     total[quantity] = total[quantity] + own * (KT_MPS if quantity == "cas" else 1.0)
-        return {**flies, "rate": torch.where(held, rate_held, flies["rate"])}, reports
+        tas = flies["tas"] + self._air_of_training(state)
+        return {**flies, "rate": torch.where(held, rate_held, flies["rate"]), "tas": tas}, reports
+
+    def _air_of_training(self, state: "FlightState") -> Tensor:
+        """What the air of the training flights adds to ln TAS (n, L), beside what the effects change of it."""
+        from descentflow.effects import EFFECTS
+
+        found = torch.zeros_like(state.cas_mps)
+        for name, had in self.of_training.items():
+            effect, own = EFFECTS[name], torch.tensor(had, dtype=torch.float64)
+            added = torch.tensor(self.effects.get(name, [0.0] * len(had)), dtype=torch.float64)
+            found = found + effect.shift(state, own + added)["tas"] - effect.shift(state, added)["tas"]
+        return found
 
     def _size(self, name: str, draws: DrawNumbers | None, like: Tensor, place: int) -> Tensor:
         """Size (n, 1) in which each flight has an effect, in its mean: normal; far out without draws."""
@@ -169,6 +185,7 @@ class Correction:
             "mass_kg": self.mass_kg,
             "inherited": self.inherited,
             "spreads": dict(self.spreads),
+            "of_training": dict(self.of_training),
         }
 
     @classmethod
@@ -192,9 +209,10 @@ class Correction:
             # A checkpoint of before flights could differ lacks the spreads, which come last and are zero there.
             start = EFFECTS[name].start().tolist()
             effects[name] = [float(v) for v in theta] + start[len(theta) :]
-        # Nor does it say how widely sizes spread.
+        # Nor does it say how widely sizes spread, or what air its flights flew in.
         spreads = dict(state.get("spreads", {}))
-        return cls(effects, state["mass_kg"], state["inherited"], cleaning or Cleaning(), spreads)
+        of_training = {name: [float(v) for v in had] for name, had in state.get("of_training", {}).items()}
+        return cls(effects, state["mass_kg"], state["inherited"], cleaning or Cleaning(), spreads, of_training)
 
 
 def _state(

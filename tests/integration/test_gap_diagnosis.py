@@ -11,13 +11,17 @@ import pytest
 import torch
 
 from descentflow.cli.entry import main
-from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.findings.read_gap import read_gap
 from descentflow.diagnosis.report.gap_report import KEYS, GapReport
 from descentflow.effects import EFFECTS
 from descentflow.generation.rejection import sample_descents
+from descentflow.measurements.level_channels import LevelGrid
+from descentflow.physics.airspeed import mach_to_tas_mps
+from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.representation.context import ContextEncoder
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import read_descents
@@ -179,10 +183,56 @@ def test_bad_input_gets_a_clear_error(plain: Path, folder: Path, checkpoint: Pat
         diagnose(frame, given)
 
 
-def test_a_corrected_simulator_is_not_corrected_again(warm: tuple[GapReport, Path], folder: Path) -> None:
-    carries = pytest.warns(DescentflowWarning, match="adds temperature to its samples, and the flights that it carries")
-    with carries, pytest.raises(ConfigError, match="corrected already"):
+def test_a_corrected_simulator_is_refused_before_anything_is_done(warm: tuple[GapReport, Path], folder: Path) -> None:
+    with pytest.raises(ConfigError, match=r"corrected.ckpt, a simulator that is corrected already.*corrected.parquet"):
         diagnose(folder / "descents1.parquet", warm[1] / "corrected.ckpt", catalogue=SMALL, out=folder / "again")
+    assert not (folder / "again" / "gap.json").exists()
+
+
+def test_real_flights_in_other_air_than_the_training_flights(plain: Path, folder: Path) -> None:
+    """Trained in ISA+10, real flights in ISA+0: samples agree with the real flights in rate, time and TAS."""
+    inside = folder / "trained_warm"
+    inside.mkdir()
+    trained = gap_toys.flights(inside, 120, seed=1, config=WorldConfig(deviation_mean_k=10.0))
+    checkpoint = gap_toys.simulator(inside, trained)
+    report = diagnose(plain, checkpoint, catalogue=SMALL, out=inside / "gap")
+    assert [cause.effect for cause in report.causes] == ["temperature"]
+    cause = report.causes[0]
+    assert cause.text == "air colder than that of the simulator's flights"
+    (sides,) = cause.on_both_sides
+    assert (sides.flights, sides.simulator) == (pytest.approx(0.0, abs=1.0), pytest.approx(10.0, abs=1.5))
+    assert re.match(r"-9.*K \(.*\): ISA .* against the simulator's ISA \+", report.recipe[0].text)
+    assert "itself report the TAS of standard air" in str(report)
+    model = load_model(inside / "gap" / "corrected.ckpt")
+    parts = model.representation
+    flown = sample_descents(model, parts.decoder, parts.plausibility, 400, seed=0).trajectories
+    levels = flown.levels_fl
+    real = LevelGrid.of_frame(
+        read_descents(plain).frame, float(levels[0]), float(levels[-1]), ["IAS", "vertical_rate", "TAS", "Mach"]
+    )
+    every = (real.values["TAS"] * KT_MPS, real.values["Mach"], real.mask)
+    sampled = (flown.tas_mps, flown.mach, flown.mask)
+    for tas, mach, mask in (every, sampled):
+        ratio = tas / mach_to_tas_mps(mach.double(), levels * FL_M)
+        deviation = isa_temperature_k(levels.double() * FL_M) * (ratio.square() - 1)
+        assert float(deviation[mask].nanmean()) == pytest.approx(0.0, abs=1.0)
+    written = read_descents(inside / "gap" / "corrected.parquet").frame
+    assert written["TAS"].mean() == pytest.approx(read_descents(plain).frame["TAS"].mean(), rel=0.01)
+    middle = (levels >= 160) & (levels <= 260)
+    rates = [
+        torch.where(mask, rate, torch.nan)[:, middle].nanmean()
+        for rate, mask in ((real.values["vertical_rate"] * FPM_MPS, real.mask), (flown.rate_mps, flown.mask))
+    ]
+    # Means of 86 training flights and of 120 others differ by one to two per cent.
+    assert float(rates[1] / rates[0]) == pytest.approx(1.0, abs=0.03)
+    # The same draws before: what ten kelvin take of the rate, they add to the time.
+    model = load_model(checkpoint)
+    before = model.representation.decoder(model.sample(400, seed=0))
+    after = parts.decoder(model.sample(400, seed=0))
+    rate = float(after.rate_mps.mean() / before.rate_mps.mean())
+    time = float(after.time_s.mean() / before.time_s.mean())
+    assert rate == pytest.approx(1.023, abs=0.008)
+    assert time == pytest.approx(1 / rate, abs=0.01)
 
 
 def test_torch_is_left_as_it_was(plain: Path, checkpoint: Path) -> None:

@@ -8,10 +8,14 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import ConfigError
+from descentflow.diagnosis.inference.compared_state import state_of
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS, Effect
+from descentflow.effects.effect import NONE
+from descentflow.measurements.quantities import Quantities
 from descentflow.representation.correction import Correction
 from descentflow.representation.plausibility import Plausibility
+from descentflow.representation.representation import Representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 SECTION = "descentflow"
@@ -57,7 +61,8 @@ def corrected(
         content = read()
         sizes = {name: value.tolist() for name, value in theta.items()}
         own = {name: float(spread) for name, spread in (spreads or {}).items() if name in sizes}
-        correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning(), own)
+        air = {} if inherited else air_of_training(parts)
+        correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning(), own, air)
         state: dict[str, Any] = content[SECTION]["representation"]
         before = state["decoder"].get("correction")
         if before is not None:
@@ -73,6 +78,26 @@ def corrected(
         torch.save(content, path)
 
     return write
+
+
+def air_of_training(parts: Representation) -> dict[str, list[float]]:
+    """Air that the training flights of a model flew in, as parameters of its effect; empty for standard air.
+
+    Also empty where nothing says it: the flights reported no TAS or no Mach number, or the model knows the air of each.
+
+    Example:
+        >>> from descentflow.diagnosis.open_simulator import open_simulator
+        >>> air_of_training(open_simulator("best.ckpt").representation)  # in standard air
+        {}
+    """
+    if parts.reference is None or parts.air is not None:
+        return {}
+    flights, effect = Quantities.from_state(parts.reference), EFFECTS["temperature"]
+    state = state_of(flights, parts.decoder.aircraft, float(parts.decoder.aircraft.mass_reference_kg))
+    found = effect.measured(state, flights.values)
+    if found is None or abs(float(found[0])) < NONE * effect.parameters[0].scale:
+        return {}
+    return {effect.name: [float(found[0])]}
 
 
 def _widened(bounds: Plausibility, levels_fl: Tensor, correction: Correction, aircraft: Any) -> dict[str, Any]:

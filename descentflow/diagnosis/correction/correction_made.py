@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.correction.corrected_descents import corrected_descents
-from descentflow.diagnosis.correction.corrected_simulator import corrected
+from descentflow.diagnosis.correction.corrected_simulator import air_of_training, corrected
 from descentflow.diagnosis.correction.correction_scores import MOST, NEEDED, Halves, descents_of, scores_of
 from descentflow.diagnosis.correction.effects_in_flights import Correction, state_of_levels, with_effects
 from descentflow.diagnosis.correction.sampled_descents import sampled_descents
@@ -164,7 +164,8 @@ def _samples(
     def moved(theta: Mapping[str, Tensor]) -> Trajectories:
         sizes = {name: value.tolist() for name, value in theta.items()}
         own = {name: float(spreads.get(name, 0.0)) for name in sizes}
-        correction = DecoderCorrection(sizes, mass_kg, cleaning=parts.cleaning or Cleaning(), spreads=own)
+        cleaning, air = parts.cleaning or Cleaning(), air_of_training(parts)
+        correction = DecoderCorrection(sizes, mass_kg, cleaning=cleaning, spreads=own, of_training=air)
         return correction.apply(simulator.aircraft, flown)
 
     return flown, moved

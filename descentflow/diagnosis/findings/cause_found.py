@@ -100,6 +100,27 @@ class TradeSize:
 
 
 @dataclass(frozen=True)
+class OnBothSides:
+    """What either side shows of an effect by itself: sizes are differences of the two, or for a noise their ratio.
+
+    Attributes:
+        parameter: Name of the parameter.
+        unit: Of both numbers.
+        flights: What the real flights have.
+        simulator: What the simulator's flights have (of a checkpoint, those it was trained on).
+
+    Example:
+        >>> OnBothSides("deviation_k", "K", flights=9.9, simulator=5.1).unit
+        'K'
+    """
+
+    parameter: str
+    unit: str
+    flights: float
+    simulator: float
+
+
+@dataclass(frozen=True)
 class ScoreGain:
     """Gain in held-out log score over the same effects without this one, with its 90 % interval.
 
@@ -163,7 +184,10 @@ class Cause:
         inclusion: Probability that it, or an effect that stands in its place, is among them; None where not computed.
         share_of_flights: Share of the flights that have it; None where all have.
         own_closure: How much of the gap it closes alone, without the other causes.
-        sizes: What ``parameters`` are in units of the trade, of the flights that have the effect.
+        sizes: What ``parameters`` are in units of the trade, of the flights that have the effect: real flights against
+            the simulator's, so what to add to what it has.
+        on_both_sides: What either side has by itself, where what is broadcast says it (temperature by TAS and Mach
+            number, wind by groundspeed and TAS, noise).
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -190,6 +214,7 @@ class Cause:
     share_of_flights: ClosedShare | None = None
     own_closure: ClosedShare | None = None
     sizes: list[TradeSize] = field(default_factory=list)
+    on_both_sides: list[OnBothSides] = field(default_factory=list)
 
     def __str__(self) -> str:
         """Its name and its size."""

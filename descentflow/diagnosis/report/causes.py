@@ -12,6 +12,7 @@ from descentflow.diagnosis.inference.heterogeneity import together
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.selection import Chosen
 from descentflow.diagnosis.inference.uncertainty import covariance
+from descentflow.diagnosis.report.both_sides import BothSides, on_both_sides, told_of_both
 from descentflow.diagnosis.report.sizes import NINETY, known_errors, share_of, sizes_of
 from descentflow.effects import UNKNOWN, Effect
 
@@ -68,6 +69,8 @@ def causes_of(
         effect, (gain, error) = likelihood.catalogue[name], chosen.gains[name]
         sizes = parameters(effect, fit.theta[name], errors[name], int(likelihood.real.sum()))
         first = next(iter(sizes.values()), None)
+        both = BothSides() if inherited else on_both_sides(likelihood.compared, effect)
+        told = sizes_of(effect, fit.theta[name], errors[name], int(likelihood.real.sum()))
         cause = Cause(
             effect=name,
             group=list(chosen.groups[name]),
@@ -80,10 +83,11 @@ def causes_of(
             rivals=[row for row in rivals if row.effect != name],
             inherited=inherited,
             label=effect.text,
-            text=effect.in_words(None if first is None else first.estimate),
+            text=effect.in_words(None if first is None else first.estimate, has_some=both.has_some),
             share_of_flights=share_of(effect, fit.theta[name], errors[name], int(likelihood.real.sum())),
             own_closure=closure.marginal if len(shifts) == 1 else measure.marginal(shifts[name]),
-            sizes=sizes_of(effect, fit.theta[name], errors[name], int(likelihood.real.sum())),
+            sizes=told_of_both(effect, told, both),
+            on_both_sides=both.measured,
         )
         causes.append(cause)
     return causes

@@ -3,6 +3,7 @@
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.report.trade_units import level_range, trade_number
 from descentflow.diagnosis.report.words import simulator_name, size_words, spoken
+from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import label_of
 
 SHOWN_FLIGHTS = 8
@@ -30,8 +31,11 @@ def _recipe(found: Findings) -> list[str]:
     texts = texts or [size_words(cause) or cause.text for cause in found.causes]
     if not texts:
         return []
+    change = ""
+    if found.details.normal_from != "physics" and found.details.regime == "anchored":
+        change = " Each is a change of what its flights have now."
     return [
-        f"Put into {simulator_name(found)}: {'; '.join(texts)}.",
+        f"Put into {simulator_name(found)}: {'; '.join(texts)}.{change}",
         "Fly it again and diagnose it with --previous gap.json: predicted and achieved closure are set side by side.",
     ]
 
@@ -40,7 +44,7 @@ def _corrected(found: Findings) -> list[str]:
     name = found.corrected_file
     if name.endswith(".ckpt"):
         command = f"descentflow sample {name} -n 1000 --out samples.parquet"
-        return [f"Sample the corrected simulator, {name} beside this report: {command}"]
+        return [f"Sample the corrected simulator, {name} beside this report: {command}", *_air_of_samples(found)]
     if name:
         return [
             f"Use the corrected flights: {name} beside this report holds the simulator's own flights with the causes."
@@ -49,6 +53,24 @@ def _corrected(found: Findings) -> list[str]:
         own = spoken([cause.label for cause in found.causes])
         return [f"There is no corrected checkpoint: {own} cannot be held by one, being an effect of your own."]
     return []
+
+
+def _air_of_samples(found: Findings) -> list[str]:
+    """What a corrected checkpoint makes of air that its training flights had and its decoder does not know."""
+    warm = next((cause for cause in found.causes if cause.effect == "temperature"), None)
+    if warm is None or warm.inherited:
+        return []
+    if not warm.on_both_sides:
+        return [
+            "Mind that its TAS takes the training flights' air for standard, for no TAS says it: fit with --data.air "
+            "measured, on flights that report TAS, where TAS matters."
+        ]
+    if warm.text in (EFFECTS["temperature"].directions or ()):
+        return []
+    return [
+        f"Its samples fly in the real flights' air. Those of {simulator_name(found)} itself report the TAS of standard "
+        "air, although its training flights flew in another: the TAS that is compared is theirs."
+    ]
 
 
 def _channels(found: Findings) -> list[str]:

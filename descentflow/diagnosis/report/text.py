@@ -20,6 +20,8 @@ from descentflow.diagnosis.report.words import (
 )
 from descentflow.measurements.quantity_registry import label_of
 
+SPEEDS = ("cas_kt", "bias_kt")
+"""Parameters of causes that are a matter of speed."""
 SHOWN_SMALL = 3
 """Quantities that are told of a gap that does not matter."""
 
@@ -125,7 +127,7 @@ def _shrunk(found: Findings) -> str:
     """What the costs become, or the share that is closed where nothing costs anything."""
     costs = whole_costs(found)
     # Where no cause is one of speed, how fast crews happen to fly would hide what the causes do.
-    speed = any(size.unit == "kt" for cause in found.causes for size in cause.sizes)
+    speed = any(p in SPEEDS for cause in found.causes for p in cause.parameters)
     told = [
         became(costs[name])
         for name in (("time", "cas") if speed else ("time_at_speed",))

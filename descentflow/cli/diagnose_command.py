@@ -50,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bada-dir", type=Path, help="BADA 3 files for --typecode or a simulator's flights (default: open aircraft)"
     )
-    parser.add_argument("--out", type=Path, required=True, help="folder for the report")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder for the report; not one of other flights or another simulator"
+    )
     air_arguments.add_source(parser)
     parser.add_argument("--channels", help="use these alone, for instance IAS,Mach,TAS,groundspeed (default: all)")
     parser.add_argument(

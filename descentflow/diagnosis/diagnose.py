@@ -9,6 +9,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder
 from descentflow.diagnosis.correction.previous_round import previous_round
 from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.earlier_report import check_no_other_report
 from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.procedure import run
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
@@ -58,7 +59,8 @@ def diagnose(
         previous: `gap.json` of an earlier diagnosis of the same real flights, after which the simulator was changed:
             what it predicted is held against what was achieved.
         seed: Of permutations, bootstrap and samples: the same seed gives the same answer.
-        out: Folder for `gap.json`, `gap.html` and the corrected simulator; nothing is written if absent.
+        out: Folder for `gap.json`, `gap.html` and the corrected simulator; nothing is written if absent. One that holds
+            the report of other flights or another simulator is refused; the same may be run again.
         any_type: Whether real flights of other types than a checkpoint's or a nominal descent's are taken too; if not,
             they are left out, counted and named.
         air: Where the real flights' air is known from, for a model that knows the air of its own: ``measured``, or a
@@ -74,7 +76,7 @@ def diagnose(
         ConfigError: If no simulator is named, the catalogue cannot be used, or a channel does not exist.
         DataError: If the flights of either side cannot be used, are too few, or both have no type, no level or no
             needed channel in common; if the earlier diagnosis is of other flights, another type or version; or if the
-            folder cannot be written, which is told at once.
+            folder cannot be written or holds another report, which is told before anything is computed.
 
     Warns:
         DescentflowWarning: If prepared descents were cleaned with other settings than the simulator's, or the settings
@@ -99,12 +101,15 @@ def diagnose(
         )
     if out is not None:
         check_folder(out, *FILES)
+        check_no_other_report(out, previous)
     wanted = _channels(channels)
     effects, user_files = _catalogue(catalogue, say)
     source = SignatureSource(typecode, bada_dir, nearest_type)
     opened = open_both(real, simulator, source, say, any_type=any_type, air=air)
     made = opened.provenance({"seed": str(seed), "channels": ", ".join(wanted)})
     made = replace(made, user_files=user_files)
+    if out is not None:
+        check_no_other_report(out, previous, made)
     settings = Settings(opened.simulator, effects, wanted, seed, say)
     if previous is not None:
         before = previous_round(previous, made, opened.simulator.aircraft.typecode)

@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 import numpy as np
 import polars as pl
+from torch import Tensor
 
 from descentflow.diagnosis.findings.inputs_found import InputUsed
 from descentflow.diagnosis.simulator import Simulator
@@ -65,7 +66,21 @@ def input_of_simulator(simulator: Simulator) -> InputUsed:
         flights=len(parts.split.train),
         settings=_settings(parts.cleaning),
         files=[str(provenance["descents"])] if provenance.get("descents") else [],
+        fingerprint=_of_weights(simulator),
     )
+
+
+def _of_weights(simulator: Simulator) -> str | None:
+    """SHA-256 of the weights in a checkpoint; None where it holds none."""
+    weights = {} if simulator.content is None else simulator.content().get("state_dict", {})
+    tensors = {name: value for name, value in weights.items() if isinstance(value, Tensor)}
+    if not tensors:
+        return None
+    digest = hashlib.sha256()
+    for name in sorted(tensors):
+        digest.update(name.encode())
+        digest.update(tensors[name].detach().cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()
 
 
 def _settings(cleaning: Cleaning | None) -> dict[str, str]:

@@ -169,7 +169,8 @@ class Diagnosis:
             causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if is_named else []
             progress("asking at which stage the simulator loses most")
             stages = stages_of(settings.simulator, frame, settings.seed)
-            details = self._measured(self._details(chosen, test, fit.shift, counts), affected)
+            details = self._details(chosen, test, fit.shift, counts)
+            details = self._measured(details, affected, shift if causes else None)
             scores = scored.result()
         hidden = not_identifiable(settings, self.source)
         return GapReport(
@@ -203,10 +204,20 @@ class Diagnosis:
         c = self.compared
         return below_rounding(c, cells, costs_of(c, None, self.settings.seed), profile_of(c))
 
-    def _measured(self, details: Details, affected: Tensor) -> Details:
-        """With what the gap was measured over, for the next round."""
-        found = measured_gap(self.compared, affected, self.settings.seed)
-        return replace(details, measured_over=found.entries, gap_error=found.error)
+    def _measured(self, details: Details, affected: Tensor, shift: Tensor | None) -> Details:
+        """With what the gap was measured over, for the next round: of flights, apart from the noise of reports."""
+        of_flights = affected & ~self._noise()
+        apart = bool((affected & self._noise()).any()) and bool(of_flights.any())
+        found = measured_gap(self.compared, of_flights if apart else affected, self.settings.seed)
+        details = replace(details, measured_over=found.entries, gap_error=found.error)
+        if shift is None or not apart:
+            return details
+        closure = GapMeasure(self.likelihood, of_flights, self.settings.seed).marginal(shift)
+        return replace(details, closure_of_flights=closure)
+
+    def _noise(self) -> Tensor:
+        """Entries (p,) that are noise of reports."""
+        return torch.tensor([QUANTITIES[e.quantity].is_noise for e in self.compared.entries])
 
     def _made(self, frame: pl.DataFrame, fit: Fit, spreads: Mapping[str, float]) -> CorrectionMade:
         """The simulator with the causes in it, and its scores."""
@@ -230,7 +241,7 @@ class Diagnosis:
 
         Edges of windows and changes of path raise it as well, and no effect claims to undo that.
         """
-        noise = torch.tensor([QUANTITIES[e.quantity].is_noise for e in self.compared.entries])
+        noise = self._noise()
         is_matter = any(self.settings.catalogue[name].is_noise for name in effects)
         return affected if is_matter or not bool((affected & ~noise).any()) else affected & ~noise
 

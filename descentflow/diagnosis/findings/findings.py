@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from descentflow.diagnosis.findings.cause_found import Cause
+from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep, Score
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell, Remaining, Stage, WouldSplit
@@ -125,6 +125,8 @@ class Details:
         profile: What the simulator flies on average by level.
         measured_over: What the gap was measured over, for the next round.
         gap_error: Standard error of the gap before the causes, in spreads.
+        closure_of_flights: Where noise of reports is a cause: how much of the gap in all else the causes close, for the
+            next round judges the flights, and the noise of their reports apart.
         narrow_simulator: Whether the simulator's flights scatter so much less than the real ones that how flights
             differ was learnt from these.
 
@@ -155,6 +157,7 @@ class Details:
     profile: list[LevelMeans] = field(default_factory=list)
     measured_over: list[MeasuredEntry] = field(default_factory=list)
     gap_error: float | None = None
+    closure_of_flights: ClosedShare | None = None
     narrow_simulator: bool = False
 
     def label(self, effect: str) -> str:

@@ -18,7 +18,7 @@ class InputUsed:
         version: Version of descentflow that prepared the flights; None where not known.
         settings: Cleaning settings by name, as text; empty where not known.
         files: Names of the files of rows behind the flights.
-        fingerprint: SHA-256 of the flights; None where there are none.
+        fingerprint: SHA-256 of the flights, or of a checkpoint's weights; None where there are none.
 
     Example:
         >>> InputUsed("rows.parquet", "rows", 400, 80, "2026-10-01", "2026-10-31", ["A320"]).flights

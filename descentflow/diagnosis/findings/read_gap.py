@@ -36,7 +36,8 @@ def read_gap(path: str | Path) -> Findings:
     try:
         content = json.loads(source.read_text(encoding="utf-8"))
     except OSError as error:
-        raise DataError(f"{source}: {error.strerror}", expected=whole, mend="name the file") from error
+        mend = f"name {source / 'gap.json'}" if source.is_dir() else "name the file"
+        raise DataError(f"{source}: {error.strerror}", expected=whole, mend=mend) from error
     except ValueError as error:
         raise DataError(f"{source}: {error}", expected=whole, mend="write it again") from error
     if not isinstance(content, dict) or "schema_version" not in content:

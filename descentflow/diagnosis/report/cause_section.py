@@ -93,7 +93,11 @@ def _refused(found: Findings) -> list[Html]:
     ]
     if not told:
         return []
-    return [paragraph(f"Would explain held-out flights alone, and is not named, for it cannot be so: {spoken(told)}.")]
+    return [
+        paragraph(
+            f"Would explain held-out flights alone, but not as what it is, so it is not named: {'; '.join(told)}."
+        )
+    ]
 
 
 def _others(found: Findings) -> list[Html]:

@@ -29,6 +29,12 @@ def cost_section(found: Findings) -> list[Html]:
         f"Means of the {flights_name(found)} minus those of {simulator_name(found)}. The noise floor is what nine of "
         "ten pairs of fleets of this size stay below that differ by chance alone."
     )
+    if found.causes:
+        lead += (
+            " With the causes: the causes are taken off the real flights, at the speeds that these fly. How fast crews "
+            "fly and how heavy aircraft are differs between fleets by more than most causes do, and is left in these "
+            "numbers: where a cause is no matter of speed, judge it by the time at equal speed."
+        )
     parts = [
         paragraph(lead),
         drawn_for_both(lambda narrow: costs_figure(found.costs, narrow=narrow), "costs", costs_in_words(found)),

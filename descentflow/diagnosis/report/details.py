@@ -59,7 +59,12 @@ def _refused(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> str:
         at_bound = value != 0.0 and not p.low + BOUND < value < p.high - BOUND
         if at_bound and not p.from_heterogeneity and not p.by_product:
             return f"{told_text(p, Measured(p.told(value)))} is the limit of what is possible"
-    return "with such parameters it is not what it says"
+    sizes = [
+        told_text(p, Measured(p.told(value)))
+        for p, value in zip(effect.parameters, theta.tolist(), strict=True)
+        if value != 0.0 and not p.by_product and not p.is_spread
+    ]
+    return f"it fits best with sizes that it cannot have: {', '.join(sizes)}"
 
 
 def subsets_of(chosen: Chosen) -> list[Subset]:

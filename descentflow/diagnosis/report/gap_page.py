@@ -31,6 +31,13 @@ VERDICTS = {
     "unknown": "a gap whose cause is not in the catalogue",
 }
 """Verdict -> how the page's title ends."""
+OF_SCORES = (
+    "Here the causes are put into the simulator's flights, above under What it costs they are taken off the real ones. "
+    "Half of the real flights says the sizes and the other half is scored, so these are scores of flights that nothing "
+    "was fitted to. A score compares whole flights as they are: those of a fleet that happens to fly faster, or to "
+    "begin elsewhere, may score worse with a right cause in them, where two differences had made up for each other."
+)
+"""What is said below the table of scores, for it need not agree with the costs."""
 BOXES = {"none": "good", "effect": "", "partial": "warn", "unknown": "warn"}
 """Verdict -> colour of the box with the answer."""
 
@@ -134,6 +141,7 @@ def _rounds(found: Findings) -> list[Html]:
         parts.append(
             stacked_table(["simulator's flights against the real ones", "before", "after", "noise floor"], rows)
         )
+        parts.append(paragraph(OF_SCORES))
     return parts or [paragraph("This is the first round, and the simulator's flights were not scored.")]
 
 

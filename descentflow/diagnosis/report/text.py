@@ -2,7 +2,7 @@
 
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.findings import Findings
-from descentflow.diagnosis.findings.gap_found import BelowRounding
+from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.next_steps import next_steps
 from descentflow.diagnosis.report.trade_units import in_trade, level_range, trade_number
@@ -37,7 +37,8 @@ def sentences(found: Findings) -> list[str]:
         'The cause is lighter aircraft '
     """
     if found.verdict == "none":
-        return [_no_gap(found), f"{_alike(found)}.", "No effect is named, and nothing need be changed."]
+        rest = "Pass the simulator's own flights." if same_flights(found) else "Nothing need be changed."
+        return [_no_gap(found), f"{_alike(found)}.", f"No effect is named. {rest}"]
     closing = {"effect": _shrinks, "partial": _remains, "unknown": _unexplained}[found.verdict]
     return [f"{_differ(found)}: {_cost(found)}.", _why(found), closing(found)]
 
@@ -46,7 +47,26 @@ def _p_value(found: Findings) -> str:
     return f"p = {found.p_value if found.global_p is None else found.global_p:.2g}"
 
 
+def same_flights(found: Findings) -> bool:
+    """Whether the flights of both sides are the very same.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> same_flights(diagnose("rows.parquet", "descents.parquet"))
+        True
+    """
+    made = found.provenance
+    if made is None or made.real.fingerprint is None:
+        return False
+    return made.real.fingerprint == made.simulator.fingerprint
+
+
 def _no_gap(found: Findings) -> str:
+    if same_flights(found):
+        return (
+            f"The flights of both sides are the same ({simulator_name(found)}): nothing can differ, and nothing is "
+            "said of any simulator."
+        )
     both = f"{simulator_name(found)} and the {flights_name(found)}"
     if found.is_small:
         rows = sorted(found.below_rounding, key=lambda row: -row.share)[:SHOWN_SMALL]
@@ -116,7 +136,9 @@ def _why(found: Findings) -> str:
     begin = "The cause is" if len(found.causes) == 1 else "The causes are"
     if found.verdict == "partial":
         begin = "One cause is" if len(found.causes) == 1 else "Causes are"
-    return f"{begin} {spoken([cause_words(cause) for cause in found.causes])}{doubt}."
+    noise = any("reports have none" in size.text for cause in found.causes for size in cause.sizes)
+    no_fault = " Reports without noise are no fault of the flights that they tell." if noise else ""
+    return f"{begin} {spoken([cause_words(cause) for cause in found.causes])}{doubt}.{no_fault}"
 
 
 def _them(found: Findings) -> str:
@@ -141,9 +163,11 @@ def _shrunk(found: Findings) -> str:
 
 def _cell_became(found: Findings) -> list[str]:
     """What the difference that is the largest share of the gap becomes."""
-    cell = next((c for c in found.where if c.share > 0 and c.regime != "all"), None)
-    if cell is None or cell.quantity not in found.details.curves:
-        return []
+    cells = [c for c in found.where if c.share > 0 and c.regime != "all" and c.quantity in found.details.curves]
+    return next((told for told in (_one_cell(found, cell) for cell in cells) if told), [])
+
+
+def _one_cell(found: Findings, cell: GapCell) -> list[str]:
     curve = found.details.curves[cell.quantity]
     inside = [
         k for k, fl in enumerate(curve.level_fl) if fl is not None and cell.level_low_fl <= fl <= cell.level_high_fl
@@ -155,6 +179,9 @@ def _cell_became(found: Findings) -> list[str]:
     before, now = (
         trade_number(*in_trade(cell.quantity, mean, *levels, found.details.profile), signed=True) for mean in means
     )
+    if before == now:
+        # What no cause moves: of it nothing can be said.
+        return []
     return [f"the {label_of(cell.quantity)} ({level_range(*levels)}) goes from {before} to {now}"]
 
 

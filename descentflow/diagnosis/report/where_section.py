@@ -85,9 +85,14 @@ def _cell(found: Findings, cell: GapCell) -> list[str]:
         level_range(cell.level_low_fl, cell.level_high_fl),
         cell.regime,
         cell.slice,
-        trade_number(value, unit, signed=True),
+        f"{trade_number(value, unit, signed=True)}{_in_scatter(value, unit)}",
         percent(cell.share),
     ]
+
+
+def _in_scatter(value: float, unit: str) -> str:
+    """What is said of a cell whose mean is alike: the gap is one of distributions."""
+    return ": it scatters otherwise" if trade_number(abs(value), unit) == trade_number(0.0, unit) else ""
 
 
 def _below_rounding(found: Findings) -> list[Html]:

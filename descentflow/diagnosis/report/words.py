@@ -49,7 +49,10 @@ def flights_name(found: Findings) -> str:
         '120 real A320 flights'
     """
     count = found.details.flights.get("flights_compared")
-    return f"{'' if count is None else f'{count:,} '}real {found.details.typecode} flights"
+    used = None if found.provenance is None else found.provenance.coefficients
+    # Another type's coefficients may stand for theirs.
+    types = found.details.typecode if used is None or not used.of_flights else spoken(used.of_flights)
+    return f"{'' if count is None else f'{count:,} '}real {types} flights"
 
 
 def whole_costs(found: Findings) -> dict[str, Cost]:

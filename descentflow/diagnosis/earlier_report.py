@@ -1,0 +1,70 @@
+"""A folder that holds the report of another diagnosis is not written over; the same inputs may be run again."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from descentflow.core.errors import DataError
+from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
+
+NAME = "gap.json"
+"""Of the report in its folder."""
+SAME = ("name", "kind", "flights", "files")
+"""What tells inputs apart that have no fingerprint."""
+
+
+def check_no_other_report(out: str | Path, previous: str | Path | None, made: Provenance | None = None) -> None:
+    """Refuse a folder of outputs that holds the report of other inputs, or the round before.
+
+    Args:
+        out: The folder.
+        previous: `gap.json` of the round before, if there is one.
+        made: What is diagnosed now; None where it is not known yet, and only the round before is looked for.
+
+    Raises:
+        DataError: If it does.
+
+    Example:
+        >>> check_no_other_report("gap", previous="gap/gap.json")
+        Traceback (most recent call last):
+        descentflow.core.errors.DataError: output gap is the folder of the round before (--previous gap/gap.json); ...
+    """
+    if previous is not None and Path(previous).parent.resolve() == Path(out).resolve():
+        raise DataError(
+            f"output {out} is the folder of the round before (--previous {previous})",
+            expected="a folder of its own for every round",
+            mend="choose another output, for instance the next number",
+        )
+    there = Path(out) / NAME
+    if made is None or not there.exists():
+        return
+    then = _provenance(there)
+    for what, earlier, now in (
+        ("other real flights", then.get("real"), made.real),
+        ("another simulator", then.get("simulator"), made.simulator),
+    ):
+        if not _same(earlier, now):
+            name = f" ({earlier['name']})" if isinstance(earlier, Mapping) and "name" in earlier else ""
+            raise DataError(
+                f"output {out} holds the report of another diagnosis, of {what}{name}",
+                expected="a new folder, or that of the same flights and simulator",
+                mend=f"choose another output, or remove {there}",
+            )
+
+
+def _provenance(path: Path) -> Mapping[str, Any]:
+    """What a report says of its inputs, of whatever version it is; nothing where it is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8")).get("provenance")
+    except (OSError, ValueError, AttributeError):
+        return {}
+    return found if isinstance(found, Mapping) else {}
+
+
+def _same(then: Any, now: InputUsed) -> bool:
+    if not isinstance(then, Mapping):
+        return False
+    if then.get("fingerprint") is not None and now.fingerprint is not None:
+        return bool(then["fingerprint"] == now.fingerprint)
+    return all(then.get(name) == getattr(now, name) for name in SAME)

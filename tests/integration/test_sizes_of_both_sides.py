@@ -1,0 +1,138 @@
+"""Sizes against a simulator that has some itself, reports without noise, and folders that hold another report."""
+
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import gap_toys
+import pytest
+import torch
+
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.errors import DataError
+from descentflow.diagnosis.diagnose import diagnose
+from descentflow.diagnosis.findings.read_gap import read_gap
+from descentflow.diagnosis.report.details import _refused
+from descentflow.diagnosis.report.gap_page import page
+from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.effects import EFFECTS
+from descentflow.measurements.level_channels import LevelGrid, short_scale_noise
+from descentflow.simulation.world import simulate
+from descentflow.simulation.world_config import WorldConfig
+from descentflow.surveillance.descents.prepared_descents import read_descents, write_descents
+from descentflow.surveillance.prepare import prepare
+
+pytestmark = pytest.mark.usefixtures("worlds_once")
+
+CATALOGUE = {name: EFFECTS[name] for name in ("temperature", "mass", "measurement_noise")}
+NONE = {"rate_noise_fpm": 0.0, "cas_noise_kt": 0.0, "mach_noise": 0.0, "tas_noise_kt": 0.0, "altitude_noise_ft": 0.0}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Real flights with noise in ISA+10; simulators without noise in ISA+0 and +10, and one with noise in ISA+5."""
+    place = tmp_path_factory.mktemp("sides")
+    for name, n, seed, config in (
+        ("real", 120, 1, WorldConfig(deviation_mean_k=10.0, cas_noise_kt=0.9, rate_noise_fpm=60.0)),
+        ("quiet", 150, 0, WorldConfig(**NONE)),
+        ("quiet_added", 150, 3, WorldConfig(deviation_mean_k=10.0, **NONE)),
+        ("half", 150, 4, WorldConfig(deviation_mean_k=5.0, cas_noise_kt=0.9, rate_noise_fpm=60.0)),
+    ):
+        write_descents(prepare(simulate(open_aircraft("A320"), n, seed, config).rows), place / f"{name}.parquet")
+    return place
+
+
+@pytest.fixture(scope="module")
+def first(folder: Path) -> GapReport:
+    return diagnose(folder / "real.parquet", folder / "quiet.parquet", catalogue=CATALOGUE, out=folder / "gap")
+
+
+def test_what_the_simulator_has_itself_is_told_beside_the_size(folder: Path) -> None:
+    report = diagnose(folder / "real.parquet", folder / "half.parquet", catalogue=CATALOGUE)
+    (cause,) = report.causes
+    assert cause.text == "air warmer than that of the simulator's flights"
+    assert re.search(r"\(\+\S+ K: ISA \+\S+ K against the simulator's ISA \+\S+ K\)", str(report))
+    assert "Each is a change of what its flights have now." in str(report)
+    (sides,) = cause.on_both_sides
+    assert sides.simulator == pytest.approx(5.0, abs=0.7)
+    assert sides.flights - sides.simulator == pytest.approx(cause.sizes[0].value.estimate, abs=0.7)
+    # To add, and not what the real air has.
+    assert report.recipe[0].numbers[0].value.estimate == pytest.approx(5.0, abs=1.0)
+
+
+def test_noise_is_told_in_its_unit_where_the_simulator_has_none(first: GapReport) -> None:
+    assert {cause.effect for cause in first.causes} == {"temperature", "measurement_noise"}
+    (air,) = (cause for cause in first.causes if cause.effect == "temperature")
+    assert air.sizes[0].text.startswith("ISA +")  # the simulator's own air is standard
+    (noise,) = (cause for cause in first.causes if cause.effect == "measurement_noise")
+    assert all(size.text.endswith("where the simulator's reports have none") for size in noise.sizes)
+    assert [size.unit for size in noise.sizes[:2]] == ["ft/min", "kt"]
+    rows = {row.parameter: row for row in noise.on_both_sides}
+    ratios = [rows[size.parameter].flights / rows[size.parameter].simulator for size in noise.sizes]
+    assert ratios == sorted(ratios, reverse=True)
+    assert f"({noise.sizes[0].short})" in str(first)  # the headline quotes what differs most
+    assert "no fault of the flights" in page(first)
+    assert first.details.closure_of_flights is not None
+
+
+def test_corrected_flights_have_the_noise_that_is_told(folder: Path, first: GapReport) -> None:
+    found = {}
+    for name in ("real.parquet", "gap/corrected.parquet"):
+        frame = read_descents(folder / name).frame
+        found[name] = short_scale_noise(LevelGrid.of_frame(frame, 150, 340, ["IAS", "vertical_rate"]))
+    for quantity in ("noise_cas", "noise_rate"):
+        real, corrected = (float(one[quantity].nanmean()) for one in found.values())
+        assert corrected == pytest.approx(real, abs=0.12)
+
+
+def test_the_loop_judges_the_flights_apart_from_the_noise_of_reports(folder: Path, first: GapReport) -> None:
+    report = diagnose(
+        folder / "real.parquet",
+        folder / "quiet_added.parquet",
+        catalogue=CATALOGUE,
+        previous=folder / "gap" / "gap.json",
+    )
+    found = report.previous
+    assert found.predicted == first.details.closure_of_flights
+    assert found.achieved.estimate == pytest.approx(found.predicted.estimate, abs=0.2)
+    assert "less than predicted" not in found.text
+    assert "With temperature in the simulator" in found.text
+    assert "The noise of reports is judged apart" in found.text
+    assert "no gap between flights. Nothing is left to add to the flights." in found.text
+
+
+def test_a_folder_with_the_report_of_other_inputs_is_not_written_over(folder: Path, first: GapReport) -> None:
+    real, out = folder / "real.parquet", folder / "gap"
+    before = (out / "gap.json").read_bytes()
+    with pytest.raises(DataError, match=r"of another simulator \(quiet.parquet\); expected a new folder"):
+        diagnose(real, folder / "half.parquet", catalogue=CATALOGUE, out=out)
+    with pytest.raises(DataError, match=r"of other real flights \(real.parquet\)"):
+        diagnose(folder / "half.parquet", folder / "quiet.parquet", catalogue=CATALOGUE, out=out)
+    with pytest.raises(DataError, match="is the folder of the round before"):
+        diagnose(real, folder / "quiet_added.parquet", catalogue=CATALOGUE, out=out, previous=out / "gap.json")
+    with pytest.raises(DataError, match=r"to mend it, name .*gap.json"):
+        diagnose(real, folder / "quiet_added.parquet", catalogue=CATALOGUE, previous=out)
+    assert (out / "gap.json").read_bytes() == before
+    # The same once more, as after a kill.
+    diagnose(real, folder / "quiet.parquet", catalogue=CATALOGUE, out=out)
+    assert read_gap(out / "gap.json").verdict == first.verdict
+
+
+def test_the_same_flights_on_both_sides_are_said_to_be_so(folder: Path) -> None:
+    report = diagnose(folder / "real.parquet", folder / "real.parquet", catalogue={"mass": EFFECTS["mass"]})
+    assert report.verdict == "none"
+    assert "The flights of both sides are the same" in str(report)
+    assert "nothing need be changed" not in str(report).lower()
+
+
+def test_flights_are_called_by_their_own_type_and_not_that_of_the_coefficients(folder: Path) -> None:
+    mass = {"mass": EFFECTS["mass"]}
+    report = diagnose(folder / "real.parquet", folder / "quiet.parquet", typecode="B738", catalogue=mass)
+    assert "120 real A320 flights" in str(report)
+    assert "real B738 flights" not in page(report)
+
+
+def test_why_an_effect_is_not_named_is_told_with_its_sizes() -> None:
+    likelihood = SimpleNamespace(catalogue=EFFECTS, compared=SimpleNamespace(state=gap_toys.state()))
+    told = _refused(likelihood, "measurement_noise", torch.tensor([0.5, 0.02, 0.0, 0.0, 0.0, 0.0]))
+    assert told.startswith("it fits best with sizes that it cannot have: noise of the vertical rate x 1.65")

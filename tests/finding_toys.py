@@ -7,6 +7,7 @@ from descentflow.diagnosis.findings.cause_found import (
     ClosedShare,
     Closure,
     Heterogeneity,
+    OnBothSides,
     ParameterEstimate,
     RivalClosure,
     ScoreGain,
@@ -55,6 +56,7 @@ def cause(effect: str, parameters: dict[str, ParameterEstimate], **more: object)
         text=EFFECTS[effect].in_words(first),
         inclusion=0.99,
         own_closure=ClosedShare(0.5, 0.45, 0.55),
+        on_both_sides=[OnBothSides(next(iter(parameters)), "K", first, 0.0)],
     )
     return replace(plain, **more)  # type: ignore[arg-type]
 
@@ -115,6 +117,7 @@ def details() -> Details:
         quantities=["rate", "tas", "level"],
         measured_over=[MeasuredEntry("rate", 150.0, 165.0, spread=0.07, distance=0.4, floor=0.05)],
         gap_error=0.02,
+        closure_of_flights=CLOSED,
         narrow_simulator=True,
         transition_fl=318.0,
         mass_kg=60_000.0,

@@ -124,7 +124,7 @@ def test_three_sentences_name_the_simulator_the_cost_and_the_cause() -> None:
     for verdict in ("none", "effect", "partial", "unknown"):
         told = sentences(of_verdict(verdict))
         assert len(told) == 3
-        assert told[0].startswith("house_simulator.parquet and the 400 real A320 flights differ by")
+        assert told[0].startswith("house_simulator.parquet and the 400 real A20N flights differ by")
         for word in ("spreads", "nats", "relative"):
             assert word not in " ".join(told)
     first, second, third = sentences(of_verdict("partial"))

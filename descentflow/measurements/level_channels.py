@@ -209,9 +209,9 @@ def short_scale_noise(grid: LevelGrid, *, least: bool = True) -> dict[str, Tenso
         quiet = (QUIET * count).ceil().long().clamp(min=1)
         ordered = torch.where(torch.arange(ordered.shape[1]) < quiet[:, None], ordered, 0.0).nan_to_num(posinf=0.0)
         mean_square = ordered.sum(1) / quiet / OF_QUIET / kept
-        found[f"noise_{name}"] = torch.where(
-            count >= MIN_STENCILS, 0.5 * mean_square.clamp(min=max(rounding, 1e-9) ** 2).log(), torch.nan
-        )
+        noise = 0.5 * mean_square.clamp(min=max(rounding, 1e-9) ** 2).log()
+        # A checkpoint keeps single precision: the least of one side must be the least of the other.
+        found[f"noise_{name}"] = torch.where(count >= MIN_STENCILS, noise.float().double(), torch.nan)
     return found
 
 

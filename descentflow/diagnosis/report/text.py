@@ -37,8 +37,8 @@ def sentences(found: Findings) -> list[str]:
         'The cause is lighter aircraft '
     """
     if found.verdict == "none":
-        rest = "Pass the simulator's own flights." if same_flights(found) else "Nothing need be changed."
-        return [_no_gap(found), f"{_alike(found)}.", f"No effect is named. {rest}"]
+        rest = ": pass the simulator's own flights." if same_flights(found) else ", and nothing need be changed."
+        return [_no_gap(found), f"{_alike(found)}.", f"No effect is named{rest}"]
     closing = {"effect": _shrinks, "partial": _remains, "unknown": _unexplained}[found.verdict]
     return [f"{_differ(found)}: {_cost(found)}.", _why(found), closing(found)]
 

@@ -30,6 +30,8 @@ DAMPING = 0.9
 GAMMA_RATE = 0.2 * torch.pi / 180
 """Bound of the path's turn, rad/s: 0.08 g at 230 m/s."""
 STEEPEST = -8 * torch.pi / 180
+LEAST_FPM = 600.0
+"""Least rate of descent where the planned speed changes, ft/min: above the 500 of UK airspace (section 3)."""
 PATH_LAG_S = 3.0
 CAPTURE_S = 20.0
 """Time constant of the flare onto a level."""
@@ -94,9 +96,10 @@ def target_tas_mps(dynamics: Dynamics, altitude_m: Tensor, time_s: float) -> Ten
     """
     p = dynamics.parameters
     wander = (p.wander_mps * torch.sin(p.wander_rad_s * time_s + p.wander_phase)).sum(-1)
-    cas = p.cas_mps + wander
-    by_mach = mach_to_tas_mps(p.mach * (cas / p.cas_mps), altitude_m, p.deviation_k)
-    return torch.minimum(by_mach, cas_to_tas_mps(cas, altitude_m, p.deviation_k))
+    planned = p.cas_mps if p.speed_changes is None else p.cas_mps * p.speed_changes.factor(altitude_m)
+    cas, deviation = planned + wander, dynamics.deviation_k(altitude_m)
+    by_mach = mach_to_tas_mps(p.mach * (cas / p.cas_mps), altitude_m, deviation)
+    return torch.minimum(by_mach, cas_to_tas_mps(cas, altitude_m, deviation))
 
 
 def start(dynamics: Dynamics) -> tuple[Motion, Pilot]:
@@ -119,7 +122,8 @@ def start(dynamics: Dynamics) -> tuple[Motion, Pilot]:
     """
     p = dynamics.parameters
     zero = torch.zeros_like(p.mass_kg)
-    state = Motion(target_tas_mps(dynamics, p.top_m, 0.0), p.top_m, geometric_altitude_m(p.top_m, p.deviation_k))
+    column = p.deviation_k if p.weather is None else p.deviation_k + p.weather.mean_deviation_k(p.top_m)
+    state = Motion(target_tas_mps(dynamics, p.top_m, 0.0), p.top_m, geometric_altitude_m(p.top_m, column))
     off = torch.zeros_like(zero, dtype=torch.bool)
     mode = torch.full_like(p.operator, CRUISE)
     extra = dynamics.drag_n(state) - dynamics.idle_n(state)
@@ -151,15 +155,18 @@ def decide(
         ([0.0, 0.0], [1.0, 1.0])
     """
     p = dynamics.parameters
-    fraction = isa_fraction(state.altitude_m, p.deviation_k)
+    deviation = dynamics.deviation_k(state.altitude_m)
+    fraction = isa_fraction(state.altitude_m, deviation)
     rate = state.tas_mps * torch.sin(pilot.gamma) * fraction
     pilot = _select_mode(dynamics, state, pilot, rate, period_s)
     error = state.tas_mps - target_tas_mps(dynamics, state.altitude_m, time_s)
     gamma_rate = _gamma_rate(dynamics, state, pilot, error, fraction, period_s)
     drag, idle = dynamics.drag_n(state), dynamics.idle_n(state)
-    limit = max_climb_thrust_n(dynamics.aircraft, state.altitude_m, state.tas_mps, p.deviation_k) - idle
+    limit = max_climb_thrust_n(dynamics.aircraft, state.altitude_m, state.tas_mps, deviation) - idle
     hold = drag - idle + p.mass_kg * (G0_MPS2 * torch.sin(pilot.gamma) - error / SPEED_LAG_S)
-    idling = 0.0 if p.injected is None else _kept_n(p.injected, state, pilot, drag - idle)
+    idling = torch.zeros_like(drag) if p.injected is None else _kept_n(p.injected, state, pilot, drag - idle)
+    if p.off_idle is not None:
+        idling = idling + p.off_idle.power(state.altitude_m) * (drag - idle)
     wanted = torch.where(pilot.mode == IDLE, idling, hold.clamp(min=0.0).minimum(limit.clamp(min=0.0)))
     change = wanted - pilot.extra_n
     extra_rate = change * torch.where(change > 0, _lag(SPOOL_UP_S, period_s), _lag(SPOOL_DOWN_S, period_s))
@@ -282,4 +289,10 @@ def _gamma_rate(
     angle = torch.asin(sine.clamp(-0.3, 0.05))
     by_path = (angle - pilot.gamma) / PATH_LAG_S
     turn = torch.where(pilot.mode == IDLE, by_speed, by_path).clamp(-GAMMA_RATE, GAMMA_RATE)
+    if p.speed_changes is not None:
+        # Who has to lose much speed, or cannot at idle thrust, keeps descending.
+        shallowest = -torch.asin((LEAST_FPM * FPM_MPS / (state.tas_mps * fraction)).clamp(max=0.3))
+        descends = (pilot.mode == IDLE) & (pilot.gamma + period_s * turn > shallowest)
+        back = ((shallowest - pilot.gamma) / period_s).clamp(-GAMMA_RATE, GAMMA_RATE)
+        turn = torch.where(descends, back, turn)
     return ((pilot.gamma + period_s * turn).clamp(STEEPEST, 0.02) - pilot.gamma) / period_s

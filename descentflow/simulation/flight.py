@@ -111,7 +111,8 @@ def _fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig) 
 
 def _measured(dynamics: Dynamics, state: Motion, gamma: Tensor) -> list[Tensor]:
     """Altitudes, speeds and rate, in the order of :class:`Flown`."""
-    tas, altitude, deviation = state.tas_mps, state.altitude_m, dynamics.parameters.deviation_k
+    tas, altitude = state.tas_mps, state.altitude_m
+    deviation = dynamics.deviation_k(altitude)
     cas, mach = tas_to_cas_mps(tas, altitude, deviation), tas_to_mach(tas, altitude, deviation)
     over_ground = tas * torch.cos(gamma) + dynamics.wind_mps(state)
     rate = tas * torch.sin(gamma) * isa_fraction(altitude, deviation)

@@ -67,21 +67,26 @@ class Injected:
 
     def drag_gain(self, altitude_m: Tensor, mach: Tensor) -> Tensor:
         """Factor of CD0 at an altitude and a Mach number."""
-        brakes = self.brake_gain * _inside(altitude_m, self.brake_low_m, self.brake_high_m)
+        brakes = self.brake_gain * inside(altitude_m, self.brake_low_m, self.brake_high_m)
         beyond = (mach - self.wave_onset).clamp(min=0.0) / (self.wave_mach - self.wave_onset)
         return 1 + brakes + self.wave_gain * beyond * beyond
 
     def power(self, altitude_m: Tensor) -> Tensor:
         """Thrust above idle that is never taken back, in units of drag minus idle thrust."""
-        return self.power_share + self.ice_share * _inside(altitude_m, self.ice_low_m, self.ice_high_m)
+        return self.power_share + self.ice_share * inside(altitude_m, self.ice_low_m, self.ice_high_m)
 
     def bank(self, altitude_m: Tensor) -> Tensor:
         """Bank at an altitude, radians."""
-        return self.bank_rad * _inside(altitude_m, self.turn_low_m, self.turn_high_m)
+        return self.bank_rad * inside(altitude_m, self.turn_low_m, self.turn_high_m)
 
 
-def _inside(altitude_m: Tensor, low_m: Tensor, high_m: Tensor) -> Tensor:
-    """One between two altitudes, zero outside, and linear over :data:`EDGE_M` at both ends."""
+def inside(altitude_m: Tensor, low_m: Tensor, high_m: Tensor) -> Tensor:
+    """One between two altitudes, zero outside, and linear over :data:`EDGE_M` at both ends.
+
+    Example:
+        >>> inside(torch.tensor([8000.0, 7045.0, 6000.0]), torch.tensor(7000.0), torch.tensor(9000.0))
+        tensor([1.0000, 0.5000, 0.0000])
+    """
     return (((high_m - altitude_m) / EDGE_M).clamp(0.0, 1.0)) * (((altitude_m - low_m) / EDGE_M).clamp(0.0, 1.0))
 
 

@@ -107,22 +107,40 @@ class Dynamics:
 
     def _drag_n(self, state: Motion) -> Tensor:
         p = self.parameters
-        where = state.tas_mps, state.altitude_m, p.deviation_k
+        where = state.tas_mps, state.altitude_m, self.deviation_k(state.altitude_m)
+        clean = self.aircraft
+        if p.off_idle is not None:
+            clean = replace(clean, cd0_cr=clean.cd0_cr * p.off_idle.drag_gain(state.altitude_m))
         if p.injected is None:
-            return drag_n(self.aircraft, *where, p.mass_kg)
+            return drag_n(clean, *where, p.mass_kg)
         gain = p.injected.drag_gain(state.altitude_m, tas_to_mach(*where))
         load_factor = 1 / torch.cos(p.injected.bank(state.altitude_m))
         induced = self.aircraft.cd2_cr * (1 + p.injected.induced_gain)
-        braked = replace(self.aircraft, cd0_cr=self.aircraft.cd0_cr * gain, cd2_cr=induced)
+        braked = replace(clean, cd0_cr=clean.cd0_cr * gain, cd2_cr=induced)
         return drag_n(braked, *where, p.mass_kg, load_factor=load_factor)
 
     def _idle_n(self, state: Motion) -> Tensor:
         p = self.parameters
-        return p.thrust_factor * descent_thrust_n(self.aircraft, state.altitude_m, state.tas_mps, p.deviation_k)
+        deviation = self.deviation_k(state.altitude_m)
+        return p.thrust_factor * descent_thrust_n(self.aircraft, state.altitude_m, state.tas_mps, deviation)
 
     def wind_mps(self, state: Motion) -> Tensor:
         """Tailwind."""
-        return self.parameters.wind_mps + self.parameters.wind_slope_per_s * state.height_m
+        p = self.parameters
+        steady = p.wind_mps + p.wind_slope_per_s * state.height_m
+        return steady if p.weather is None else steady + p.weather.wind_mps(state.height_m)
+
+    def wind_slope_per_s(self, state: Motion) -> Tensor:
+        """Growth of the tailwind with geometric altitude."""
+        p = self.parameters
+        if p.weather is None:
+            return p.wind_slope_per_s
+        return p.wind_slope_per_s + p.weather.wind_slope_per_s(state.height_m)
+
+    def deviation_k(self, altitude_m: Tensor) -> Tensor:
+        """Deviation of the temperature from the standard atmosphere at pressure altitudes (n,)."""
+        p = self.parameters
+        return p.deviation_k if p.weather is None else p.deviation_k + p.weather.deviation_k(altitude_m)
 
     def rates(self, state: Motion, gamma: Tensor, extra_n: Tensor) -> Motion:
         """Time derivative of the state.
@@ -140,9 +158,10 @@ class Dynamics:
         height_rate = state.tas_mps * sine
         drag, idle = self.forces_n(state)
         thrust = idle + extra_n
-        wind_rate = p.wind_slope_per_s * height_rate * torch.cos(gamma)
+        wind_rate = self.wind_slope_per_s(state) * height_rate * torch.cos(gamma)
         acceleration = (thrust - drag) / p.mass_kg - G0_MPS2 * sine - wind_rate
-        return Motion(acceleration, height_rate * isa_fraction(state.altitude_m, p.deviation_k), height_rate)
+        fraction = isa_fraction(state.altitude_m, self.deviation_k(state.altitude_m))
+        return Motion(acceleration, height_rate * fraction, height_rate)
 
     def step(self, state: Motion, controls: Controls, time_s: float, substeps: int = 1) -> Motion:
         """Fly one autopilot period by the classical fourth-order Runge-Kutta method.

@@ -29,6 +29,7 @@ def observe(
     numbers: Sequence[int],
     config: WorldConfig,
     injected: Injected | None = None,
+    tracks_rad: Sequence[float] | None = None,
 ) -> pl.DataFrame:
     """Report flights as Mode S does; a flight's reports depend on the seed and its own number only.
 
@@ -39,6 +40,7 @@ def observe(
         numbers: Numbers of the flights in the world.
         config: Interval, jitter, losses and noise.
         injected: Instrument errors and turns of the flights, if any.
+        tracks_rad: Track of each flight, where its wind goes by it; drawn if not given.
 
     Returns:
         Rows in the package's schema, sorted by flight and time.
@@ -55,9 +57,14 @@ def observe(
     lengths = truth.group_by("flight_id", maintain_order=True).len()["len"].to_numpy()
     columns = truth.select(_TRUTH).to_numpy()
     ends = np.cumsum(lengths)
+    instruments = _instruments(injected, len(named))
+    tracks: Sequence[float | None] = tracks_rad or [None] * len(named)
+    generators = [np.random.default_rng((seed, number, _STREAM)) for number in numbers]
     reports = [
-        _report(columns[end - length : end], np.random.default_rng((seed, number, _STREAM)), config, about)
-        for end, length, number, about in zip(ends, lengths, numbers, _instruments(injected, len(named)), strict=True)
+        _report(columns[end - length : end], generator, config, instrument, track)
+        for end, length, generator, instrument, track in zip(
+            ends, lengths, generators, instruments, tracks, strict=True
+        )
     ]
     kept = [len(r["time_s"]) for r in reports]
     fields = {name: np.concatenate([r[name] for r in reports]) for name in reports[0]}
@@ -101,7 +108,11 @@ def _instruments(injected: Injected | None, n: int) -> list[_Instrument]:
 
 
 def _report(
-    truth: Array, generator: np.random.Generator, config: WorldConfig, instrument: _Instrument
+    truth: Array,
+    generator: np.random.Generator,
+    config: WorldConfig,
+    instrument: _Instrument,
+    known_track: float | None,
 ) -> dict[str, Array]:
     """Report one flight; linear between truth rows, which are closer than any field changes."""
     due = truth[:, 0]
@@ -115,6 +126,7 @@ def _report(
         keep &= (time < begin) | (time > begin + length)
     noise = instrument.noise_factor * generator.standard_normal((5, n))
     track, latitude, longitude, distance = _place(generator)
+    track = track if known_track is None else known_track
     _, altitude, height, cas, mach, tas, groundspeed, rate = truth.T
     rate_fpm = _smoothed(rate / FPM_MPS, due, config.rate_smoothing_s + instrument.rate_lag_s)
     cas = cas + instrument.cas_bias_mps + instrument.cas_bias_slope_mps * (mach - REFERENCE_MACH)

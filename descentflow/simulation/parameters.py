@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,6 +15,9 @@ from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.envelope import maximum_altitude_m
 from descentflow.simulation.constant_segments import ConstantRates, draw_constant_rates
 from descentflow.simulation.injected import Injected
+from descentflow.simulation.off_idle import OffIdle, draw_off_idle
+from descentflow.simulation.speed_changes import SpeedChanges, draw_speed_changes
+from descentflow.simulation.weather import Weather, draw_weather
 from descentflow.simulation.world_config import Operator, WorldConfig, default_operators, largest_landing_mass_kg
 
 N_WAVES = 3
@@ -21,6 +25,8 @@ N_WAVES = 3
 WIDTH = 64
 """Batches are filled up to a multiple of this: the last few entries of a vector take another path through the
 processor, and with it another last bit, so that a flight's numbers would depend on its place in the batch."""
+PARTS = ("injected", "constant_rates", "weather", "speed_changes", "off_idle")
+"""Parameters that are tables of their own, or None."""
 _DRAWS = 40
 _THOUSAND_FT_M = 1000 * FT_M
 
@@ -79,6 +85,12 @@ class FlightParameters:
     """Effects beyond these parameters; None for none."""
     constant_rates: ConstantRates | None = None
     """Constant-rate segments from the top of descent; None for none."""
+    weather: Weather | None = None
+    """Wind and temperature that change with height, beside those above; None for none."""
+    speed_changes: SpeedChanges | None = None
+    """None for none."""
+    off_idle: OffIdle | None = None
+    """Stretches with thrust or brakes; None for none."""
     planted: Mapping[str, Tensor] = field(default_factory=dict)
     """What each flight has got of the causes that were planted, by ``cause_value``; NaN for none."""
 
@@ -88,13 +100,12 @@ class FlightParameters:
 
     def rows(self, index: Tensor) -> "FlightParameters":
         """Return the flights of an index tensor."""
-        other = ("injected", "constant_rates", "planted")
-        own = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in other}
-        injected = None if self.injected is None else self.injected.rows(index)
+        parts = {name: getattr(self, name) for name in PARTS}
+        taken: dict[str, Any] = {name: None if part is None else part.rows(index) for name, part in parts.items()}
+        own = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in (*PARTS, "planted")}
         return FlightParameters(
             **own,
-            injected=injected,
-            constant_rates=None if self.constant_rates is None else self.constant_rates.rows(index),
+            **taken,
             planted={name: values[index] for name, values in self.planted.items()},
         )
 
@@ -132,7 +143,10 @@ def _draw(aircraft: Aircraft, numbers: Sequence[int], seed: int, config: WorldCo
     normal = torch.special.ndtri(own.clamp(1e-9, 1 - 1e-9))
     n = len(numbers)
     airframes = [number // config.flights_per_aircraft for number in numbers]
-    operator, cas_kt, mach = _schedules(config.operators or default_operators(aircraft), _uniform(airframes, seed, 2))
+    of_airframe = _uniform(airframes, seed, 2)
+    operator, cas_kt, mach = _schedules(config.operators or default_operators(aircraft), of_airframe)
+    cas_mps = (cas_kt + config.cas_spread_kt * normal[:, 14]) * KT_MPS
+    days = _days(numbers, of_airframe[:, 1], config)
     deviation = config.deviation_mean_k + config.deviation_spread_k * normal[:, 3]
     slope = config.wind_slope_mean_per_s + config.wind_slope_spread_per_s * normal[:, 4]
     lowest, heaviest = (share * largest_landing_mass_kg(aircraft) for share in config.mass_range)
@@ -154,7 +168,7 @@ def _draw(aircraft: Aircraft, numbers: Sequence[int], seed: int, config: WorldCo
         wind_mps=config.wind_mean_mps + 5000 * config.wind_slope_spread_per_s * normal[:, 12],
         wind_slope_per_s=slope,
         mach=mach + config.mach_spread * normal[:, 13],
-        cas_mps=(cas_kt + config.cas_spread_kt * normal[:, 14]) * KT_MPS,
+        cas_mps=cas_mps,
         operator=operator,
         top_m=top,
         bottom_m=bottom,
@@ -169,9 +183,18 @@ def _draw(aircraft: Aircraft, numbers: Sequence[int], seed: int, config: WorldCo
         managed_rate=_ranged(config.managed_rate, own[:, 18]),
         number=torch.tensor(numbers, dtype=torch.int64),
         airframe=torch.tensor(airframes, dtype=torch.int64),
-        day=torch.tensor([number % config.flights_per_aircraft for number in numbers], dtype=torch.int64),
+        day=torch.tensor(days, dtype=torch.int64),
         constant_rates=draw_constant_rates(numbers, seed, config, top, bottom),
+        weather=draw_weather(numbers, days, seed, config),
+        speed_changes=draw_speed_changes(numbers, seed, config, cas_mps, top),
+        off_idle=draw_off_idle(numbers, seed, config, top, bottom),
     )
+
+
+def _days(numbers: Sequence[int], of_airframe: Tensor, config: WorldConfig) -> list[int]:
+    """Day of each flight: an airframe flies on consecutive days from one of its own, or from the first."""
+    first = (of_airframe * (config.days - config.flights_per_aircraft + 1)).floor().clamp(min=0).long().tolist()
+    return [begin + number % config.flights_per_aircraft for begin, number in zip(first, numbers, strict=True)]
 
 
 def _uniform(numbers: Sequence[int], seed: int, stream: int) -> Tensor:

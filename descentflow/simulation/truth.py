@@ -13,7 +13,7 @@ from torch import Tensor
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.simulation.autopilot import LABELS
 from descentflow.simulation.flight import Flown
-from descentflow.simulation.parameters import FlightParameters
+from descentflow.simulation.parameters import PARTS, FlightParameters
 from descentflow.simulation.world_config import Operator
 
 FIRST_DAY = datetime(2024, 3, 4, tzinfo=UTC)
@@ -53,7 +53,12 @@ class Flight:
 
 
 def name_flights(
-    typecode: str, numbers: Sequence[int], seed: int, flights_per_aircraft: int, prefixes: Sequence[str]
+    typecode: str,
+    numbers: Sequence[int],
+    seed: int,
+    flights_per_aircraft: int,
+    prefixes: Sequence[str],
+    days: Sequence[int] | None = None,
 ) -> list[Flight]:
     """Give flights their names, aircraft and start times, which depend on seed and number alone.
 
@@ -63,6 +68,7 @@ def name_flights(
         seed: Seed of the world.
         flights_per_aircraft: Consecutive numbers share an aircraft and fly on consecutive days.
         prefixes: First letters of each flight's callsign.
+        days: Day of each flight; that of its number among those of its aircraft if not given.
 
     Returns:
         One entry per flight.
@@ -74,8 +80,10 @@ def name_flights(
     offset = zlib.crc32(f"{typecode}-{seed}".encode())
     first_us = int(FIRST_DAY.timestamp()) * 1_000_000
     named = []
-    for number, prefix in zip(numbers, prefixes, strict=True):
-        airframe, day = divmod(number, flights_per_aircraft)
+    if days is None:
+        days = [number % flights_per_aircraft for number in numbers]
+    for number, prefix, day in zip(numbers, prefixes, days, strict=True):
+        airframe = number // flights_per_aircraft
         hour = np.random.default_rng((seed, number, _START_STREAM)).uniform(5, 22)
         start = first_us + int((day * DAY_S + hour * 3600) * 1e6)
         address = f"{_FIRST_ADDRESS + (offset + airframe) % _N_ADDRESSES:06x}"
@@ -121,9 +129,8 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
         "number",
         "airframe",
         "day",
-        "injected",
-        "constant_rates",
         "planted",
+        *PARTS,
     }
     plain = [f.name for f in fields(parameters) if f.name not in already and not f.name.startswith("wander")]
     more = [pl.Series(name, getattr(parameters, name).numpy()) for name in plain]
@@ -140,8 +147,21 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
             for name, value in values.items()
             for k, which in enumerate(("first", "second"))
         ]
+    more += _tables(parameters)
     more += [pl.Series(f"planted_{name}", value.numpy()).fill_nan(None) for name, value in parameters.planted.items()]
     return table.with_columns(more).with_columns(pl.col("level_off_fl", "managed_fl").fill_nan(None))
+
+
+def _tables(parameters: FlightParameters) -> list[pl.Series]:
+    """Changes of speed and stretches off idle, a column for each number of each; the weather is too long for a row."""
+    parts = {"speed_change": parameters.speed_changes, "off_idle": parameters.off_idle}
+    return [
+        pl.Series(f"{name}_{k + 1}_{f.name}", column.numpy())
+        for name, part in parts.items()
+        if part is not None
+        for f in fields(part)
+        for k, column in enumerate(getattr(part, f.name).unbind(1))
+    ]
 
 
 def truth_table(named: Sequence[Flight], flown: Flown) -> pl.DataFrame:

@@ -194,7 +194,10 @@ def _chunk(
     operators = config.operators or default_operators(aircraft)
     parameters = change(draw_parameters(aircraft, numbers, seed, config))
     prefixes = [operators[i].name for i in parameters.operator.tolist()]
-    named = name_flights(aircraft.typecode, numbers, seed, config.flights_per_aircraft, prefixes)
+    named = name_flights(
+        aircraft.typecode, numbers, seed, config.flights_per_aircraft, prefixes, parameters.day.tolist()
+    )
     truth = truth_table(named, fly(aircraft, parameters, config))
-    rows = observe(named, truth, seed, numbers, config, parameters.injected)
+    tracks = None if parameters.weather is None else parameters.weather.track_rad.tolist()
+    rows = observe(named, truth, seed, numbers, config, parameters.injected, tracks)
     return rows, flights_table(named, parameters, operators), truth

@@ -88,6 +88,42 @@ class WorldConfig:
     second_rate_fpm: tuple[float, float] = (1200.0, 1500.0)
     switch_fl: tuple[float, float] = (160.0, 220.0)
     """Flight level where the second rate takes over; from the top on for flights that start below it."""
+    speed_change_share: float = 0.0
+    """Chance of each of two changes of the planned speed on the way down."""
+    faster_share: float = 0.25
+    """Of the changes; the others are slow-downs."""
+    speed_change_kt: tuple[float, float] = (10.0, 30.0)
+    speed_change_fl: tuple[float, float] = (160.0, 330.0)
+    """Flight level where a change begins."""
+    speed_change_kt_per_kft: tuple[float, float] = (6.0, 14.0)
+    """CAS by which it changes in 1,000 ft, kt."""
+    thrust_share: float = 0.0
+    """Chance of each of two stretches with thrust above idle..."""
+    thrust_of_needed: tuple[float, float] = (0.1, 0.4)
+    """...of this share of drag minus idle thrust."""
+    brakes_share: float = 0.0
+    """Chance of each of two stretches with speed brakes..."""
+    brake_gain: tuple[float, float] = (0.2, 0.6)
+    """...that raise CD0 by this share."""
+    off_idle_fl: tuple[float, float] = (20.0, 70.0)
+    """Height of such stretches, flight levels."""
+    shear_spread_per_s: float = 0.0
+    """Of the growth of wind with height in layers, m/s per m, in any one direction."""
+    layer_m: tuple[float, float] = (600.0, 6000.0)
+    """Vertical wavelengths of layers of wind and temperature."""
+    layer_spread_k: float = 0.0
+    """Of the temperature in layers."""
+    layers_own_share: float = 0.5
+    """Share of the layers' variance that is each flight's own; the rest is its day's."""
+    jet_mps: tuple[float, float] = (0.0, 0.0)
+    """Wind at the core of the day's jet stream, mostly westerly."""
+    jet_fl: tuple[float, float] = (300.0, 400.0)
+    jet_depth_m: float = 3000.0
+    """Height above and below its core where a jet has 1/e of its wind."""
+    daily_spread_k: float = 0.0
+    """Of the day's deviation from the standard atmosphere."""
+    days: int = 0
+    """Days over which airframes' first flights are spread; 0 for all on the first."""
     cruise_s: tuple[float, float] = (20.0, 60.0)
     """Level flight before the descent."""
     flights_per_aircraft: int = 5

@@ -38,7 +38,7 @@ def _idle_path(fleet: Fleet, high_m: Tensor, low_m: Tensor) -> tuple[Tensor, Ten
         slope = (target_tas_mps(dynamics, altitude + 50, 0.0) - target_tas_mps(dynamics, altitude - 50, 0.0)) / 100
         state = Motion(tas, altitude, altitude)
         force = (dynamics.idle_n(state) - dynamics.drag_n(state)) / p.mass_kg
-        sine = force / (G0_MPS2 + tas * (slope + p.wind_slope_per_s))
+        sine = force / (G0_MPS2 + tas * (slope + dynamics.wind_slope_per_s(state)))
         angles.append(torch.asin(sine))
         rates.append(tas * sine)
     return torch.stack(angles).amax(0), torch.stack(rates).amax(0)

@@ -51,6 +51,8 @@ def test_the_page_holds_the_tables_and_figures(study: Path) -> None:
 
 def test_ratios_of_the_page_are_those_of_the_scores_and_the_worst_type_is_a_large_one(study: Path) -> None:
     found = pl.read_csv(study / "over_floor.csv", infer_schema_length=None)
+    # A column that is empty for all types, as of times where few flights span the grid, is read as text.
+    found = found.with_columns(pl.exclude("typecode", "model").cast(pl.Float64))
     scores = pl.read_csv(study / "DH8D" / "gmm" / "scores.csv", infer_schema_length=None)
     one = scores.filter(quantity="cas_below_transition", statistic="ks")
     row = found.filter(typecode="DH8D", model="gmm")

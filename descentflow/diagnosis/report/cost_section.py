@@ -35,6 +35,11 @@ def cost_section(found: Findings) -> list[Html]:
             "fly and how heavy aircraft are differs between fleets by more than most causes do, and is left in these "
             "numbers: where a cause is no matter of speed, judge it by the time at equal speed."
         )
+    if any(cause.effect == "speed_schedule" for cause in found.causes):
+        lead += (
+            " Another speed also moves the level where flights go over from Mach number to CAS, and with it the rate "
+            "between both levels, which is not taken off here: a simulator that flies the causes shows less there."
+        )
     parts = [
         paragraph(lead),
         drawn_for_both(lambda narrow: costs_figure(found.costs, narrow=narrow), "costs", costs_in_words(found)),

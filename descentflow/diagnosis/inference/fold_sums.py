@@ -157,7 +157,10 @@ class FoldSums:
         none = answer[:, :, :0]
         total = torch.cat([none, *(one[0] for one in known)], 2)
         cross = torch.cat([self._of_common(none, none[:, :0]), *(one[1] for one in known)], 2)
-        rows = [torch.cat([self._pair(a, b) for b in blocks], 2) for a in blocks]
+        # Either of a pair may be the weighted one: the first, so that nothing depends on what was summed before.
+        above = {(i, j): self._pair(blocks[i], blocks[j]) for j in range(len(blocks)) for i in range(j + 1)}
+        places = range(len(blocks))
+        rows = [torch.cat([above[i, j] if i <= j else above[j, i].transpose(1, 2) for j in places], 2) for i in places]
         own = torch.cat([torch.zeros(FOLDS, 0, total.shape[2], dtype=alike.dtype), *rows], 1)
         both = total.transpose(1, 2) @ alike
         inner = torch.cat([torch.cat([own, both], 2), torch.cat([both.transpose(1, 2), alike.T @ answer], 2)], 1)
@@ -184,8 +187,6 @@ class FoldSums:
 
     def _pair(self, first: Block, second: Block) -> Tensor:
         """Products (F, k, l) of the columns of two blocks."""
-        if first.key > second.key:
-            return self._pair(second, first).transpose(1, 2)
 
         def made() -> Tensor:
             left, right = first.products, second.columns

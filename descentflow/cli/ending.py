@@ -62,8 +62,11 @@ def ended_in_order(name: str) -> Iterator[None]:
             # Whoever read the output has what they wanted (`| head`); Python would write the rest once more at its end.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise SystemExit(0) from None
-        except Exception as error:
-            # Libraries written in C take the interruption for a failure of theirs, and raise an error in its place.
+        except (SystemExit, GeneratorExit):
+            raise
+        except BaseException as error:
+            # Libraries written in C or Rust take the interruption for a failure of theirs, and raise an error in its
+            # place; a panic of Rust is no Exception.
             if signal.SIGINT in told:
                 _end_interrupted(name)
             if signal.SIGTERM in told:

@@ -117,11 +117,18 @@ def test_what_the_system_refuses_to_a_thread_is_a_line(capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-@pytest.mark.parametrize("error", [ValueError("not a valid PEP 3118 buffer format string"), OSError(5, "failed")])
+@pytest.mark.parametrize(
+    "error",
+    [
+        ValueError("not a valid PEP 3118 buffer format string"),
+        OSError(5, "failed"),
+        pl.exceptions.PanicException("called `Result::unwrap()` on an `Err` value"),
+    ],
+)
 def test_an_interruption_that_a_library_takes_for_a_failure_is_none(
-    number: signal.Signals, status: int, error: Exception, capsys: pytest.CaptureFixture[str]
+    number: signal.Signals, status: int, error: BaseException, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """NumPy did so with a buffer's format, in the middle of an evaluation."""
+    """NumPy did so with a buffer's format, and Polars when it first looked for NumPy."""
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
 
     def library() -> None:

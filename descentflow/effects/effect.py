@@ -169,6 +169,9 @@ class Effect(ABC):
     rate_follows_cas: ClassVar[bool] = False
     """Whether a shift of CAS takes the rate along as between flights that fly slower and faster."""
 
+    is_air: ClassVar[bool] = False
+    """Whether it is the temperature of the air, which a decoder takes for standard."""
+
     @property
     def text(self) -> str:
         """Its name for readers."""

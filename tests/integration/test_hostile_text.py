@@ -15,6 +15,7 @@ from surveillance_toys import fleet
 
 import descentflow as df
 from descentflow.cli.entry import main
+from descentflow.core.errors import DescentflowWarning
 from descentflow.core.tabular import safe_in_spreadsheets, write_table
 from descentflow.reporting.html_page import HtmlPage
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -53,6 +54,7 @@ def hostile_rows(number: int) -> pl.DataFrame:
 
 
 @pytest.mark.skipif(BROWSER is None, reason="there is no browser here")
+@pytest.mark.filterwarnings("ignore:descents of type .*SCRIPT")
 def test_no_script_runs_and_no_request_leaves(tmp_path: Path) -> None:
     """A browser opens the page of the cleaning; one that lets script through is told from it."""
     hostile_rows(3).write_parquet(tmp_path / "rows.parquet")
@@ -94,7 +96,8 @@ def test_types_that_are_paths_stay_in_the_store(tmp_path: Path) -> None:
         typecode=pl.col("icao24").str.slice(3).cast(pl.Int32).map_elements(names.__getitem__, pl.String)
     )
     (tmp_path / "inside").mkdir()
-    df.prepare(rows, out=tmp_path / "inside" / "store")
+    with pytest.warns(DescentflowWarning, match=r"descents of type .*ETC/PASSWD.* no designator"):
+        df.prepare(rows, out=tmp_path / "inside" / "store")
     assert {path.name for path in tmp_path.iterdir()} == {"inside"}
     assert {path.name for path in (tmp_path / "inside").iterdir()} == {"store"}
     inside = (tmp_path / "inside" / "store").resolve()

@@ -9,6 +9,7 @@ import pytest
 from surveillance_toys import fleet
 
 from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.simulation.world import simulate
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
@@ -176,3 +177,11 @@ def test_a_rate_that_no_unit_explains_is_told_and_not_refused(rows: pl.DataFrame
     number = pl.int_range(pl.len()).over("flight_id")
     together = rows.rename({"icao24": "flight_id"}).with_columns(icao24=pl.lit("4ca001"))
     check_units(together.with_columns(pl.col("timestamp").first() + pl.duration(seconds=5 * number)), "rows")
+
+
+@pytest.mark.parametrize("typecode", ["BE20", "PC12", "AT76", "C56X"])
+@pytest.mark.parametrize("without", [(), ("Mach",), ("Mach", "TAS"), ("Mach", "TAS", "groundspeed")])
+def test_slow_and_low_types_are_read_as_they_are(typecode: str, without: tuple[str, ...]) -> None:
+    """A King Air holds Mach 0.44 at FL300, less than any jet."""
+    rows = simulate(typecode, 12, 3, "london-fir-2019").rows
+    check_units(rows.drop(without), "rows.parquet")

@@ -7,6 +7,7 @@ from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.report.gap_figures import costs_figure
 from descentflow.diagnosis.report.trade_units import level_range, trade_number
 from descentflow.diagnosis.report.words import flights_name, simulator_name, whole_costs
+from descentflow.effects import EFFECTS
 from descentflow.reporting.html_elements import Html, details, paragraph, stacked_table
 from descentflow.reporting.svg_figures import drawn_for_both
 
@@ -35,7 +36,7 @@ def cost_section(found: Findings) -> list[Html]:
             "fly and how heavy aircraft are differs between fleets by more than most causes do, and is left in these "
             "numbers: where a cause is no matter of speed, judge it by the time at equal speed."
         )
-    if any(cause.effect == "speed_schedule" for cause in found.causes):
+    if any(one.effect in EFFECTS and EFFECTS[one.effect].rate_follows_cas for one in found.causes):
         lead += (
             " Another speed also moves the level where flights go over from Mach number to CAS, and with it the rate "
             "between both levels, which is not taken off here: a simulator that flies the causes shows less there."

@@ -57,7 +57,7 @@ def _corrected(found: Findings) -> list[str]:
 
 def _air_of_samples(found: Findings) -> list[str]:
     """What a corrected checkpoint makes of air that its training flights had and its decoder does not know."""
-    warm = next((cause for cause in found.causes if cause.effect == "temperature"), None)
+    warm = next((one for one in found.causes if one.effect in EFFECTS and EFFECTS[one.effect].is_air), None)
     if warm is None or warm.inherited:
         return []
     if not warm.on_both_sides:
@@ -65,7 +65,7 @@ def _air_of_samples(found: Findings) -> list[str]:
             "Mind that its TAS takes the training flights' air for standard, for no TAS says it: fit with --data.air "
             "measured, on flights that report TAS, where TAS matters."
         ]
-    if warm.text in (EFFECTS["temperature"].directions or ()):
+    if warm.text in (EFFECTS[warm.effect].directions or ()):
         return []
     return [
         f"Its samples fly in the real flights' air. Those of {simulator_name(found)} itself report the TAS of standard "

@@ -27,8 +27,9 @@ WINDS = 0.25
 """Median of a groundspeed over TAS, as a logarithm: winds of all tracks nearly cancel; 0.16 in a jet of 210 kt."""
 SHORT_FT = 3000.0
 """Altitude below which TAS and groundspeed are not compared."""
-HIGH_FT, SLOWEST_MACH, FASTEST_MACH = 28_000.0, 0.45, 0.98
-"""Above this altitude most rows of airliners and business aircraft fly between these Mach numbers."""
+HIGH_FT, SLOWEST_KT, FASTEST_MACH = 28_000.0, 145.0, 0.98
+"""Above this altitude most rows of airliners and business aircraft have more CAS and less Mach: a PC12 flies
+some 150 kt at its ceiling, and 270 kt in m/s are 139."""
 LOWEST_TOP_FT, TAXI_KT = 700.0, 150.0
 """Rows of which none is above this, at more than this speed, are of flight levels that are taken for feet."""
 LOWEST_READ_FT = 10_000.0
@@ -249,7 +250,8 @@ def _possible(altitude: Array, mach: Array | None, ias: Array, top_ft: float) ->
         return False
     if mach is None:
         return True
-    high = _median(mach, (altitude > HIGH_FT) & (altitude < POSSIBLE["altitude"][1]))
-    if not np.isnan(high):
-        return bool(SLOWEST_MACH < high < FASTEST_MACH)
+    high = (altitude > HIGH_FT) & (altitude < POSSIBLE["altitude"][1])
+    cas_kt = _median(cas_of_mach_kt(mach, altitude), high)
+    if not np.isnan(cas_kt):
+        return bool(cas_kt > SLOWEST_KT and _median(mach, high) < FASTEST_MACH)
     return not _median(mach, altitude < POSSIBLE["altitude"][1]) > FASTEST_MACH

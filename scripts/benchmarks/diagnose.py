@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> None:
             for case in args.cases:
                 real = _descents(Path(name), number, 2, CASES[case])
                 words = ("--real", str(real), "--simulator", str(simulator), "--typecode", "A320", "--quiet")
-                wall, cpu, peak = measured("diagnose", *words, "--out", str(Path(name) / "gap"))
+                wall, cpu, peak = measured("diagnose", *words, "--out", str(Path(name) / f"gap-{number}-{case}"))
                 flights = pl.read_parquet(real, columns=["flight_id"])["flight_id"].n_unique()
                 print_row([f"{flights:,}", case, f"{wall:.1f}", f"{cpu:.1f}", f"{peak / 1e6:,.0f}"], width=WIDTH)
                 slowest = max(slowest, (wall, case))

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
@@ -151,8 +152,9 @@ class DaskEngine(Engine):
             ) from error
         try:
             _check_versions(client)
-            shared = client.scatter(common, broadcast=True, hash=False)
-            futures = client.map(function, tasks, [shared] * len(tasks), pure=False, key=function.__name__)
+            # Data that is scattered is lost with the worker that dies before another one has it.
+            work = partial(_called, function, common)
+            futures = client.map(work, tasks, pure=False, key=function.__name__)
             for future in distributed.as_completed(futures):
                 # Results are not fetched: nothing needs them, and their worker may be dead by now.
                 if future.status != "finished":
@@ -177,6 +179,10 @@ class DaskEngine(Engine):
             expected=f"memory and processes for {self.workers} workers",
             mend="start it again, with fewer --workers, or without --engine dask",
         )
+
+
+def _called(function: Callable[[Task, Any], object], common: object, task: Task) -> None:
+    function(task, common)
 
 
 def _check_versions(client: Any) -> None:

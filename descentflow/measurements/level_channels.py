@@ -8,7 +8,7 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.core.mode_s_steps import STEPS
+from descentflow.core.mode_s_steps import STEPS, UNCERTAINTY
 from descentflow.core.units import FL_M, FT_M
 
 STENCIL = 5
@@ -22,8 +22,6 @@ OF_QUIET = 0.4377
 """Mean square of the least 80 % of normal values, in the mean square of all: 1 - 2 z phi(z) / 0.8 with z = 1.2816."""
 NAMED = {"rate": "vertical_rate", "cas": "IAS", "mach": "Mach", "tas": "TAS", "groundspeed": "groundspeed"}
 """Name of a noise -> the channel that has it; that of the altitude is in the times at which levels are crossed."""
-IN_STEPS = 0.5
-"""Noise that is told apart from rounding, in steps of the report."""
 KNOT = 1e-4
 """Second difference, in a report's step or in seconds, from which a row of the report lies within a level."""
 LEAST_LAG = 0.5
@@ -183,8 +181,8 @@ def short_scale_noise(grid: LevelGrid, *, least: bool = True) -> dict[str, Tenso
 
     Args:
         grid: Flights on levels.
-        least: Whether less than half a step of the report counts as that, for so much may be rounding: a simulator that
-            writes numbers without noise differs from flights by their noise, and not by the number of digits.
+        least: Whether less than the rounding of a report counts as that: a simulator that writes numbers without noise
+            differs from flights by their noise, and not by the number of digits.
 
     Example:
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
@@ -216,16 +214,13 @@ def short_scale_noise(grid: LevelGrid, *, least: bool = True) -> dict[str, Tenso
 
 
 def least_noise(name: str) -> float:
-    """Noise that is told apart from rounding: half a step of the report, and metres for the altitude.
-
-    Independent rounding shows as 0.29 of a step; of numbers that change steadily, the middle and both ends may be
-    rounded the opposite way, which shows as twice that.
+    """Noise that is told apart from rounding: that of independent rounding to a report's step; metres for the altitude.
 
     Example:
-        >>> least_noise("rate"), least_noise("cas")  # ft/min and kt
-        (16.0, 0.5)
+        >>> round(least_noise("rate"), 1), round(least_noise("cas"), 1)  # ft/min and kt
+        (9.2, 0.3)
     """
-    return IN_STEPS * STEPS[NAMED.get(name, name)] * (FT_M if name == "altitude" else 1.0)
+    return UNCERTAINTY[NAMED.get(name, name)] * (FT_M if name == "altitude" else 1.0)
 
 
 def kept_of_noise(grid: LevelGrid) -> Tensor:

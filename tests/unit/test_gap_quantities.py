@@ -43,11 +43,11 @@ def test_the_change_over_a_band_is_that_between_its_edges() -> None:
 
 
 def test_noise_below_the_rounding_of_a_report_counts_as_that(tmp_path: Path) -> None:
-    """A simulator that writes a constant rate has the noise that rounding to 32 ft/min may show: half of that."""
+    """A simulator that writes a constant rate has the noise that rounding to 32 ft/min makes."""
     frame = read_descents(gap_toys.flights(tmp_path, 20, seed=5)).frame.with_columns(vertical_rate=pl.lit(-1500.0))
     grid = LevelGrid.of_frame(frame, 150, 340, ["IAS", "vertical_rate"])
     found = short_scale_noise(grid)["noise_rate"]
-    assert found[found.isfinite()].exp().tolist() == pytest.approx([16.0] * int(found.isfinite().sum()))
+    assert found[found.isfinite()].exp().tolist() == pytest.approx([32 / 12**0.5] * int(found.isfinite().sum()))
     assert int(found.isfinite().sum()) > 10
 
 

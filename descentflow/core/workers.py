@@ -170,7 +170,7 @@ class DaskEngine(Engine):
         for _ in range(STARTS):
             try:
                 return distributed.LocalCluster(
-                    n_workers=self.workers, threads_per_worker=1, memory_limit=0, dashboard_address=None
+                    n_workers=self.workers, threads_per_worker=1, memory_limit=0, dashboard_address="127.0.0.1:0"
                 )
             except RuntimeError as error:
                 failed = f"{error.__cause__ or error}"

@@ -5,8 +5,8 @@ import glob
 import hashlib
 import json
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -120,9 +120,10 @@ def _is_named(lock: IO[str], path: Path) -> bool:
 
 def _remove(folder: Path) -> None:
     """Rename the folder, then remove its files: half of them would pass for work that a rerun can go on with."""
-    retired = Path(tempfile.mkdtemp(dir=folder.parent, prefix=_retired(folder)))
-    folder.replace(retired)
-    shutil.rmtree(retired, ignore_errors=True)
+    retired = folder.with_name(f"{_retired(folder)}{secrets.token_hex(4)}")
+    with suppress(OSError):  # a full disk may not take another name: what ended the run is told, and not this
+        folder = folder.replace(retired)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _remove_retired(folder: Path) -> None:

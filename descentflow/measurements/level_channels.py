@@ -8,7 +8,7 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.core.mode_s_steps import STEPS, UNCERTAINTY
+from descentflow.core.mode_s_steps import STEPS
 from descentflow.core.units import FL_M, FT_M
 
 STENCIL = 5
@@ -214,13 +214,15 @@ def short_scale_noise(grid: LevelGrid, *, least: bool = True) -> dict[str, Tenso
 
 
 def least_noise(name: str) -> float:
-    """Noise that is told apart from rounding: that of independent rounding to a report's step; metres for the altitude.
+    """Noise that is told apart from rounding: half a report's step; metres for the altitude.
+
+    Rounding of a number that changes steadily is not independent from report to report, and may show as so much.
 
     Example:
         >>> round(least_noise("rate"), 1), round(least_noise("cas"), 1)  # ft/min and kt
-        (9.2, 0.3)
+        (16.0, 0.5)
     """
-    return UNCERTAINTY[NAMED.get(name, name)] * (FT_M if name == "altitude" else 1.0)
+    return STEPS[NAMED.get(name, name)] / 2 * (FT_M if name == "altitude" else 1.0)
 
 
 def kept_of_noise(grid: LevelGrid) -> Tensor:

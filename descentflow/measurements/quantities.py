@@ -19,10 +19,10 @@ from descentflow.measurements.level_channels import LevelGrid, gaps_of, short_sc
 from descentflow.measurements.quantity_registry import CHANNELS, QUANTITIES
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
 
-VERSION = 3
+VERSION = 4
 """Of the state that checkpoints carry."""
-OTHER_NOISE = 2
-"""Version that measured noise in another way, and all else alike."""
+OTHER_NOISE = (2, 3)
+"""Versions that measured noise in another way, and all else alike."""
 N_BANDS = 15
 """About this many bands cover the grid; each is a multiple of 500 ft high."""
 MAX_REFERENCE = 2000
@@ -96,9 +96,9 @@ class Quantities:
         Raises:
             KeyError: If the state is of another version.
         """
-        if state["version"] not in (OTHER_NOISE, VERSION):
+        if state["version"] not in (*OTHER_NOISE, VERSION):
             raise KeyError(f"reference of version {state['version']}")
-        if state["version"] == OTHER_NOISE:
+        if state["version"] in OTHER_NOISE:
             kept = {name: value for name, value in state["values"].items() if not QUANTITIES[name].is_noise}
             state = {**state, "values": kept}
         return cls(

@@ -63,6 +63,29 @@ def likelihood(compared: Compared, *, blind: bool = False) -> EffectsLikelihood:
     return EffectsLikelihood(compared, weights, EFFECTS, seed=0)
 
 
+def with_least_noise(half: Quantities, share: float) -> Quantities:
+    """Flights of which so many show the least noise of IAS, and the others up to three quarters more."""
+    n = len(half)
+    above = torch.linspace(-share / (1 - share), 1.0, n, dtype=torch.float64).clamp(min=0.0)
+    return dataclasses.replace(half, values={**half.values, "noise_cas": -0.7 + 0.55 * above})
+
+
+def test_extremes_of_both_sides_are_drawn_in_alike(halves: tuple[Quantities, Quantities]) -> None:
+    """More than half of one side show the least noise, and fewer than half of the other."""
+    compared = compare(with_least_noise(halves[0], 0.51), with_least_noise(halves[1], 0.49), open_aircraft("A320"))
+    noise = compared.y[:, compared.columns("noise_cas")[0]]
+    assert float(noise[compared.real].max()) == pytest.approx(float(noise[~compared.real].max()), abs=0.02)
+
+
+def test_an_odd_flight_is_drawn_in_on_either_side(halves: tuple[Quantities, Quantities]) -> None:
+    odd = [dataclasses.replace(half, values={**half.values, "cas": half.values["cas"].clone()}) for half in halves]
+    for half in odd:
+        half.values["cas"][0] += 500.0
+    compared, plain = (compare(*both, open_aircraft("A320")) for both in (odd, halves))
+    at = compared.columns("cas")
+    assert float((compared.y[:, at] - plain.y[:, at]).nan_to_num(0.0).abs().max()) < 400.0
+
+
 @pytest.mark.parametrize(
     ("name", "theta"),
     [

@@ -9,7 +9,7 @@ from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.normal_flights import is_narrow, normal_flights
 from descentflow.diagnosis.inference.search import fit_effects
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.inference.two_sides import Compared, Entry
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.effects import EFFECTS
 
@@ -48,6 +48,17 @@ def test_an_effect_in_the_real_flights_makes_no_simulator_narrow(effect: str) ->
     for one in (sides, replace(sides, y=wider)):
         assert not is_narrow(one)
         assert torch.equal(normal_flights(one), ~one.real)
+
+
+def test_air_and_reports_that_scatter_less_make_no_simulator_narrow() -> None:
+    """A simulator in one air, whose reports have one noise, still says how crews and aircraft differ."""
+    sides = example_sides(n=120)
+    entries = (*sides.entries, *(Entry(f"noise_{name}", -1) for name in ("cas", "mach", "tas", "groundspeed")))
+    noise = 0.1 * torch.randn(len(sides.y), 4, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+    y = torch.cat([sides.y, noise], 1)
+    still = torch.tensor([entry.quantity == "tas" or entry.band < 0 for entry in entries])
+    one = replace(sides, entries=entries, y=torch.where(~sides.real[:, None] & still, 0.0, y))
+    assert not is_narrow(one)
 
 
 def test_simulators_that_scatter_alike_are_rarely_called_narrow() -> None:

@@ -6,6 +6,7 @@ from torch import Tensor
 from descentflow.diagnosis.inference.heterogeneity import spreads_as_claimed
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mixed_fit import differs_by_flight
+from descentflow.diagnosis.inference.model_weights import ODD
 
 MIN_MEAN_SHIFT = 1.5
 """Mean shift, in negligible shifts of its quantity, below which no effect is named however sure it is.
@@ -28,6 +29,9 @@ def is_credible(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bool:
     if not likelihood.catalogue[name].plausible(likelihood.compared.state, theta):
         return False
     share, _ = likelihood.catalogue[name].mixture(theta)
+    if share <= ODD:
+        # As many flights may be odd, whatever they have.
+        return False
     if share < 1 and differs_by_flight(likelihood, name) and name not in fit.per_flight:
         # What some flights have shows in them one by one; a cause that all have alike may imitate the mean of it.
         return False

@@ -1,6 +1,6 @@
 """Quantities as one vector a flight: which entries are compared, and what the simulator claims of each."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import torch
@@ -212,8 +212,9 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
             if float(column[column.isfinite()].std()) < 1e-9:
                 continue
             entries.append(Entry(name, band if name in BY_BAND else -1))
-            shown = _drawn_in(column[is_real])
-            normal = _drawn_in(column[~is_real]) if anchored else (shown - shown.nanmean())[stand_in]
+            sides = [column[is_real], column[~is_real]] if anchored else [column[is_real]]
+            shown, *known = _drawn_in(sides, NEGLIGIBLE["noise" if QUANTITIES[name].is_noise else name])
+            normal = known[0] if anchored else (shown - shown.nanmean())[stand_in]
             columns.append(torch.cat([normal, shown]))
             free.append(reference is not None)
     y = torch.stack(columns, 1)
@@ -238,17 +239,22 @@ def _enough(column: Tensor) -> bool:
     return count >= MIN_FLIGHTS and count >= MIN_SHARE * len(column)
 
 
-def _drawn_in(column: Tensor) -> Tensor:
-    """One side's values without its extremes."""
-    if not bool(column.isfinite().any()):
-        return column
-    middle = column.nanmedian()
-    spread = 1.4826 * (column - middle).abs().nanmedian()
-    if float(spread) < 1e-9:
-        return column
-    return torch.where(
-        column.isfinite(), column.clamp(float(middle - EXTREME * spread), float(middle + EXTREME * spread)), column
-    )
+def _drawn_in(sides: Sequence[Tensor], least: float) -> list[Tensor]:
+    """Values of sides without the extremes of each, by the spread of the wider one, which is at least so much.
+
+    One spread for both, for nothing but their values may tell them apart where there is no gap; and at least what is
+    negligible, for where half of the flights show the least noise that there is, the robust spread is nearly nothing.
+    """
+    middles = [column.nanmedian() for column in sides]
+    away = [(column - middle).abs().nanmedian() for column, middle in zip(sides, middles, strict=True)]
+    spread = 1.4826 * max(float(one.nan_to_num(0.0)) for one in away)
+    if spread < 1e-9:
+        return list(sides)
+    most = EXTREME * max(spread, least)
+    return [
+        torch.where(column.isfinite(), column.clamp(float(middle) - most, float(middle) + most), column)
+        for column, middle in zip(sides, middles, strict=True)
+    ]
 
 
 def _spread(y: Tensor, real: Tensor) -> Tensor:

@@ -23,7 +23,7 @@ folder = Path(kept.name)
 
 a320 = df.aircraft("A320")
 model = df.fit(df.prepare(df.simulate(a320, 400, seed=0).rows), model="gaussian")
-warmer = {"temperature": {"deviation_k": 12.0, "spread_k": 3.0}}  # `descentflow simulate --plant` does the same
+warmer = {"temperature": {"deviation_k": 12.0}}  # `descentflow simulate --plant` does the same
 real = df.prepare(df.simulate(a320, 400, seed=1, plant=warmer).rows)
 
 # %%
@@ -72,7 +72,8 @@ print("with the effect\n", after)
 # Read it with care
 # -----------------
 # **A gap that closes does not prove the cause.** Without true airspeed, warm air and a handful of other effects
-# change the rate in nearly the same way, and the answer is a group:
+# change the rate in nearly the same way, and the answer is a group. (Where the air differs between flights as well,
+# there may be no answer without true airspeed: it alone says which flight flew in which air.)
 
 blind = df.diagnose(real, model, channels=["IAS", "Mach", "vertical_rate"])
 print(blind)

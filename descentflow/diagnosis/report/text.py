@@ -195,7 +195,8 @@ def _remains(found: Findings) -> str:
 
 
 def _unexplained(found: Findings) -> str:
-    return f"Its cause lies outside the catalogue; most stands out in {_left(found)}."
+    where = "outside the catalogue, or is one that these flights do not tell"
+    return f"Its cause lies {where}; most stands out in {_left(found)}."
 
 
 def _left(found: Findings) -> str:

@@ -16,7 +16,7 @@ from descentflow.diagnosis.correction.measured_gap import measured_gap
 from descentflow.diagnosis.correction.previous_round import held_against
 from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.diagnosis_settings import Settings
-from descentflow.diagnosis.findings.findings import Details, NullTest, Verdict
+from descentflow.diagnosis.findings.findings import SIGNIFICANT, Details, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.findings.selection_found import DetectionLimit
 from descentflow.diagnosis.inference.blind_whitening import blind_whitening
@@ -24,6 +24,7 @@ from descentflow.diagnosis.inference.detection_limit import detection_limits
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.held_out import held_out_shifts
 from descentflow.diagnosis.inference.heterogeneity import together
+from descentflow.diagnosis.inference.inclusion import NAMED
 from descentflow.diagnosis.inference.left_over import LeftOver, least_left
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mean_air import in_mean_air
@@ -32,7 +33,7 @@ from descentflow.diagnosis.inference.normal_flights import is_narrow, normal_fli
 from descentflow.diagnosis.inference.permutation import null_test
 from descentflow.diagnosis.inference.selection import Chosen, select
 from descentflow.diagnosis.inference.two_sides import Compared, compare
-from descentflow.diagnosis.inference.where import where
+from descentflow.diagnosis.inference.where import FALSE_CELLS, where
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.diagnosis.left_out_channels import left_out_channels
 from descentflow.diagnosis.not_identifiable import not_identifiable
@@ -48,8 +49,6 @@ from descentflow.measurements.quantity_registry import QUANTITIES
 SAMPLES_SLACK = 5.0
 """How much larger negligible shifts are against samples: they miss what components and energy share leave out, up to a
 percent of the rate about the transition."""
-SIGNIFICANT = 0.02
-"""A gap is called up to this global p-value, so in 2 of 100 comparisons without one; five would be too many."""
 
 
 def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> GapReport:
@@ -146,7 +145,7 @@ class Diagnosis:
             cells, affected = where(likelihood, settings.transition_fl, settings.seed)
             chosen = select(self.searched, self.discrepancy, progress)
             test = asked.result()
-        verdict = self.verdict(test.p_value, chosen)
+        verdict = self.verdict(test.p_value, chosen, cells)
         small = [] if verdict == "none" else self._below_rounding(cells)
         if small:
             verdict = "none"
@@ -245,16 +244,17 @@ class Diagnosis:
         is_matter = any(self.settings.catalogue[name].is_noise for name in effects)
         return affected if is_matter or not bool((affected & ~noise).any()) else affected & ~noise
 
-    def verdict(self, p_value: float, chosen: Chosen) -> Verdict:
+    def verdict(self, p_value: float, chosen: Chosen, cells: Sequence[GapCell]) -> Verdict:
         """Whether there is a gap, and whether the named causes are all, a part, or none of it.
 
         Args:
             p_value: Of the null test.
             chosen: Outcome of the selection.
+            cells: Quantities and levels, with a p-value each.
         """
         # Samples always differ from flights a little, however many permutations say so: it must matter too.
         idle = self.source == "samples" and not chosen.fit.effects and not chosen.outside.named
-        if p_value > SIGNIFICANT or idle:
+        if p_value > SIGNIFICANT or idle or _is_negligible(chosen, cells):
             return "none"
         if not chosen.fit.effects:
             return "unknown"
@@ -300,3 +300,12 @@ class Diagnosis:
             profile=profile_of(self.compared),
             detection_limits=self._detection_limits(chosen.fit),
         )
+
+
+def _is_negligible(chosen: Chosen, cells: Sequence[GapCell]) -> bool:
+    """Whether what differs is less than what is negligible, of which the likelihood knows nothing and the test does.
+
+    Then no effect and no shift without a cause is probable, and no quantity stands out at any level.
+    """
+    nothing = sum(one.weight for one in chosen.sets if not one.effects and not one.discrepancy)
+    return nothing >= NAMED and all(cell.p_value > FALSE_CELLS for cell in cells)

@@ -1,7 +1,7 @@
 """The answer in words, for the terminal and the top of the page."""
 
 from descentflow.diagnosis.findings.cause_found import Cause
-from descentflow.diagnosis.findings.findings import Findings
+from descentflow.diagnosis.findings.findings import SIGNIFICANT, Findings
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.next_steps import next_steps
@@ -75,6 +75,8 @@ def _no_gap(found: Findings) -> str:
             f"{both} differ measurably ({_p_value(found)}), but everywhere by less than the rounding of one flight's "
             f"reports leaves open (most: {spoken(most)})."
         )
+    if found.p_value <= SIGNIFICANT:
+        return f"{both} differ by more than chance would in all ({_p_value(found)}), but by less than what matters."
     return f"{both} differ by no more than chance would ({_p_value(found)})."
 
 

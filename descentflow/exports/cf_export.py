@@ -25,6 +25,8 @@ COORDINATES = {
 }
 """Column -> its variable and axis."""
 DATA = ("CAS", "Mach", "TAS", "vertical_rate", "groundspeed", "track", "drag_n", "distance_nm", "distance_to_go_nm")
+OWN = ("mass_kg", "deviation_k", "tailwind")
+"""Columns that are there where samples have a mass or an air of their own."""
 
 
 def write(request: ExportRequest) -> list[Path]:
@@ -74,7 +76,7 @@ def _fill_file(file: Any, request: ExportRequest) -> None:
             variable.units, variable.calendar = "seconds since 1970-01-01T00:00:00Z", "standard"
             variable.units_metadata = "leap_seconds: none"
         _fill(variable, place, _numbers(table, column))
-    for column in DATA:
+    for column in (*DATA, *(name for name in OWN if name in table.columns)):
         variable = _variable(file, column, column)
         variable.coordinates = "time lat lon altitude"
         _fill(variable, place, _numbers(table, column))
@@ -86,6 +88,8 @@ def _variable(file: Any, name: str, column: str) -> Any:
     variable.units, variable.long_name = about.unit, about.meaning
     if about.standard_name is not None:
         variable.standard_name = about.standard_name
+    if column == "deviation_k":
+        variable.units_metadata = "temperature: difference"
     return variable
 
 

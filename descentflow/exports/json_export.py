@@ -15,8 +15,8 @@ from descentflow.exports.export_request import ExportRequest
 
 FORMAT = "descentflow-samples"
 VERSION = 1
-ONCE = ("top_of_descent_nm",)
-"""Columns with one value for each sample."""
+ONCE = ("top_of_descent_nm", "mass_kg")
+"""Columns with one value for each sample; the mass where samples have their own."""
 DECIMALS = {"latitude": 7, "longitude": 7, "Mach": 6}
 """Digits kept after the point; 4 of all other columns: a millimetre a second, a decimetre, a tenth of a millisecond."""
 
@@ -44,7 +44,8 @@ def document(request: ExportRequest) -> dict[str, Any]:
     """
     table = request.flights()
     about = [name for name in table.columns if name.startswith("given_")]
-    columns = [name for name in table.columns if name not in (*ONCE, *about) and name not in table.columns[:5]]
+    once = [name for name in ONCE if name in table.columns]
+    columns = [name for name in table.columns if name not in (*once, *about) and name not in table.columns[:5]]
     first = table.unique("sample_id", keep="first", maintain_order=True).rows(named=True)
     starts = np.flatnonzero(np.diff(table["sample_id"].to_numpy(), prepend=-1))
     values = {
@@ -60,7 +61,7 @@ def document(request: ExportRequest) -> dict[str, Any]:
             "sample_id": row["sample_id"],
             "callsign": row["callsign"],
             **({"given": {name.removeprefix("given_"): row[name] for name in about}} if about else {}),
-            **{name: round(row[name], 4) for name in ONCE},
+            **{name: round(row[name], 4) for name in once},
             **{name: parts[i] for name, parts in values.items()},
         }
         for i, row in enumerate(first)
@@ -71,7 +72,7 @@ def document(request: ExportRequest) -> dict[str, Any]:
         "made_by": f"descentflow {__version__}",
         "typecode": request.typecode,
         "seed": request.seed,
-        "units": {name: COLUMNS[name].unit for name in (*columns, *ONCE)},
+        "units": {name: COLUMNS[name].unit for name in (*columns, *once)},
         "samples": samples,
     }
 

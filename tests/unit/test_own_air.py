@@ -1,5 +1,6 @@
 """Models of drag in measured air: what they keep, what they fly in, and what refuses them."""
 
+import json
 import warnings
 from pathlib import Path
 
@@ -14,8 +15,12 @@ from descentflow.air.measured_air import measured_airs
 from descentflow.air.standard_air import in_standard_air
 from descentflow.core.errors import CheckpointError, ConfigError, DataError
 from descentflow.core.units import KT_MPS
+from descentflow.exports.columns import COLUMNS
+from descentflow.exports.export import export
+from descentflow.exports.json_export import schema
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import airs_of
+from descentflow.generation.sample_tables import UNITS
 from descentflow.representation.decoder.flown_air import flown_in
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.simulation.world_config import WorldConfig
@@ -84,6 +89,36 @@ def test_a_table_by_level_and_the_wind_over_the_ground(checkpoint: Path, tmp_pat
     placed = samples.placed(end=(52.0, 4.0), track=90.0, wind="270/30")
     with pytest.raises(ConfigError, match="in a wind of their own"):
         placed.to_polars()
+
+
+@pytest.mark.parametrize(("to", "name"), [("json", "s.json"), ("bluesky", "s.py"), ("bluebird", "b.py")])
+def test_documents_of_samples_have_the_air_that_they_are_flown_in(
+    checkpoint: Path, tmp_path: Path, to: str, name: str
+) -> None:
+    jsonschema = pytest.importorskip("jsonschema", reason="jsonschema checks the schema; part of the test extra")
+    export(checkpoint, to, tmp_path / name, n=5, seed=2)
+    found = json.loads((tmp_path / name).with_suffix(".json").read_text())
+    jsonschema.Draft202012Validator(schema()).validate(found)
+    assert (found["units"]["deviation_k"], found["units"]["tailwind"]) == ("K", "knot")
+    table = df.sample(checkpoint, 5, seed=2).to_polars().filter(sample_id=3)
+    for column in ("deviation_k", "tailwind", "TAS"):
+        assert found["samples"][3][column] == pytest.approx(table[column].to_list(), abs=6e-5)
+
+
+def test_parquet_and_cf_say_what_the_columns_of_the_air_are(checkpoint: Path, tmp_path: Path) -> None:
+    io = pytest.importorskip("arro3.io", reason="arro3 is an extra of descentflow (parquet-units)")
+    netcdf = pytest.importorskip("netCDF4", reason="netCDF4 is an extra of descentflow (wind)")
+    assert set(UNITS) - {"unix_s"} <= set(COLUMNS), "every column of samples has a unit in the exports"
+    (path,) = export(checkpoint, "parquet", tmp_path / "s.parquet", n=5)
+    fields = io.read_parquet(path).schema
+    assert fields.field("deviation_k").metadata_str["units"] == "K"
+    assert "positive from behind" in fields.field("tailwind").metadata_str["description"]
+    where = {"end": (52.3, 4.76), "track": 184.0, "end_time": "2026-11-22T10:00:00Z"}
+    (path,) = export(checkpoint, "cf", tmp_path / "s.nc", n=5, **where)
+    with netcdf.Dataset(path) as file:
+        one = df.sample(checkpoint, 5).to_polars().filter(sample_id=2)
+        assert file["deviation_k"][2].compressed() == pytest.approx(one["deviation_k"].to_list())
+        assert file["deviation_k"].units_metadata == "temperature: difference"
 
 
 def test_airs_that_cannot_be_are_refused(checkpoint: Path) -> None:

@@ -4,16 +4,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars as pl
-import torch
 from torch import Tensor
 
 from descentflow.air.kept_air import STRONGEST_MPS, WARMEST_K
 from descentflow.air.level_air import LevelAir
 from descentflow.air.weather_file import SUFFIXES
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
+from descentflow.generation.air_tables import air_of_table
 from descentflow.representation.context_columns import read_table
 from descentflow.representation.representation import Representation
 
@@ -23,8 +22,6 @@ STANDARD, TRAINING = "standard", "training"
 GROWTH = "tailwind_growth"
 NAMES = ("deviation_k", GROWTH)
 """What is given for all levels: kelvins, and knots of tailwind more for each 1,000 ft."""
-COLUMNS = ("deviation_k", "tailwind")
-"""What a table has beside ``level_fl``: kelvins, and knots from behind; the second may be absent."""
 TABLES = (".csv", ".parquet")
 
 
@@ -34,13 +31,13 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
     Args:
         asked: ``standard``; ``training``: drawn from the training flights' own, for a model of drag in measured air;
             ``{"deviation_k": 10, "tailwind_growth": 1.5}``; or a table with ``level_fl``, ``deviation_k`` and
-            ``tailwind`` (kt), linear between its levels and held outside of them. If absent, ``training`` where the
+            ``tailwind`` (kt), see :func:`~.air_tables.air_of_table`. If absent, ``training`` where the
             model knows the training flights' airs, else ``standard``.
         representation: The model's.
 
     Raises:
         ConfigError: If there is no such air, or a value cannot be.
-        DataError: If the table cannot be read, or lacks a column.
+        DataError: If the table cannot be read, lacks a column, or has one that is not known.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
@@ -49,8 +46,8 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
         True
         >>> airs_of({"deviation_k": 10}, known).deviation_k[0, :2]
         tensor([10., 10.], dtype=torch.float64)
-        >>> table = pl.DataFrame({"level_fl": [100, 300], "deviation_k": [10.0, 20.0]})
-        >>> bool(airs_of(table, known).deviation_k[0, 0] == 12.5)  # at FL150
+        >>> table = pl.DataFrame({"level_fl": [100, 350], "deviation_k": [10.0, 20.0]})
+        >>> bool(airs_of(table, known).deviation_k[0, 0] == 12.0)  # at FL150
         True
     """
     levels_fl, kept = representation.decoder.levels_fl.cpu(), representation.air
@@ -61,7 +58,8 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
     if isinstance(asked, Mapping):
         return _of_values(asked, levels_fl)
     if isinstance(asked, pl.DataFrame) or (isinstance(asked, str | Path) and Path(asked).suffix in TABLES):
-        return _of_table(asked if isinstance(asked, pl.DataFrame) else read_table(Path(asked)), levels_fl)
+        table = asked if isinstance(asked, pl.DataFrame) else read_table(Path(asked))
+        return _checked(air_of_table(table, levels_fl), len(levels_fl))
     if asked == STANDARD:
         return None
     if asked == TRAINING:
@@ -109,26 +107,6 @@ def _of_values(values: Mapping[str, Any], levels_fl: Tensor) -> LevelAir:
     # No wind at the lowest level: what it is there does not change how a descent is flown.
     growth = numbers.get(GROWTH, 0.0) * KT_MPS * (levels_fl - levels_fl[0]).double() / 10
     return _checked(LevelAir(air.deviation_k, growth[None]), len(levels_fl))
-
-
-def _of_table(table: pl.DataFrame, levels_fl: Tensor) -> LevelAir:
-    kept = table.select(name for name in ("level_fl", *COLUMNS) if name in table.columns)
-    numeric = all(kept[name].dtype.is_numeric() for name in kept.columns)
-    if not {"level_fl", "deviation_k"} <= set(kept.columns) or kept.is_empty() or not numeric:
-        raise DataError(
-            f"a table of air with {', '.join(table.columns)} and {len(table)} rows",
-            expected="for each level numbers: level_fl, deviation_k (K) and, if there is wind, tailwind (kt)",
-            mend="add the columns",
-        )
-    kept = kept.with_columns(pl.all().cast(pl.Float64)).sort("level_fl")
-    if kept["level_fl"].n_unique() < len(kept):
-        raise DataError("a table of air with a level twice", expected="one row for each level", mend="keep one of each")
-    at = levels_fl.numpy()
-    parts = [
-        np.interp(at, kept["level_fl"], kept[name]) if name in kept.columns else np.zeros(len(at)) for name in COLUMNS
-    ]
-    deviation, tailwind = (torch.from_numpy(part)[None] for part in parts)
-    return _checked(LevelAir(deviation, tailwind * KT_MPS), len(levels_fl))
 
 
 def _checked(air: LevelAir, n_levels: int) -> LevelAir:

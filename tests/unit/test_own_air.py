@@ -13,11 +13,12 @@ from descentflow.air.kept_air import KeptAir
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import measured_airs
 from descentflow.air.standard_air import in_standard_air
-from descentflow.core.errors import CheckpointError, ConfigError, DataError
+from descentflow.core.errors import CheckpointError, ConfigError, DataError, DescentflowWarning
 from descentflow.core.units import KT_MPS
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export import export
 from descentflow.exports.json_export import schema
+from descentflow.generation.air_tables import air_of_table
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import airs_of
 from descentflow.generation.sample_tables import UNITS
@@ -79,7 +80,7 @@ def test_one_air_flies_as_the_decoder_does_with_it(checkpoint: Path) -> None:
 
 
 def test_a_table_by_level_and_the_wind_over_the_ground(checkpoint: Path, tmp_path: Path) -> None:
-    table = pl.DataFrame({"level_fl": [150, 350], "deviation_k": [0, 20], "tailwind": [10.0, 50.0]})
+    table = pl.DataFrame({"level_fl": [150, 350, 370], "deviation_k": [0, 20, 20], "tailwind": [10.0, 50.0, 50.0]})
     table.write_csv(tmp_path / "air.csv")
     samples = df.sample(checkpoint, 20, seed=0, air=tmp_path / "air.csv", entry_fl=300)
     row = samples.to_polars().filter(level_fl=250).row(0, named=True)
@@ -119,6 +120,33 @@ def test_parquet_and_cf_say_what_the_columns_of_the_air_are(checkpoint: Path, tm
         one = df.sample(checkpoint, 5).to_polars().filter(sample_id=2)
         assert file["deviation_k"][2].compressed() == pytest.approx(one["deviation_k"].to_list())
         assert file["deviation_k"].units_metadata == "temperature: difference"
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"level_fl": [15_000, 37_000], "deviation_k": [5, 8]}, r"level_fl goes from 15000 to 37000; .* divide feet"),
+        ({"level_fl": [0, 37_000], "deviation_k": [5, 8]}, "FL150 to FL350; to mend it, divide feet by 100"),
+        ({"level_fl": [10, 100], "deviation_k": [5, 8]}, "from 10 to 100; .* levels of the model's grid"),
+        ({"level_fl": [150, 370], "deviation_k": [5, 8], "wind": [1, 2]}, "wind is not known; .* call wind tailwind"),
+        ({"level_fl": [150, 370], "deviation_k": [5, 8], "note": [1, 2]}, "note is not known; .* leave other columns"),
+        ({"Level_FL": [150, 370], "deviation_k": [5, 8]}, "call Level_FL level_fl"),
+        ({"level_fl": [150, 370]}, "add the columns"),
+        ({"level_fl": [150, 150], "deviation_k": [5, 8]}, "a level twice"),
+    ],
+)
+def test_a_table_of_other_levels_or_columns_is_refused(columns: dict[str, list[float]], message: str) -> None:
+    with pytest.raises((ConfigError, DataError), match=message):
+        air_of_table(pl.DataFrame(columns), torch.arange(150.0, 351.0))
+
+
+def test_a_table_that_covers_a_part_of_the_grid_is_told() -> None:
+    levels, part = torch.arange(150.0, 351.0), {"level_fl": [200, 300], "deviation_k": [5, 8]}
+    with pytest.warns(DescentflowWarning, match="from FL200 to FL300, the model from FL150 to FL350"):
+        assert air_of_table(pl.DataFrame(part), levels).deviation_k[0, [0, -1]].tolist() == [5, 8]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        air_of_table(pl.DataFrame({"level_fl": [155, 345], "deviation_k": [5, 8]}), levels)
 
 
 def test_airs_that_cannot_be_are_refused(checkpoint: Path) -> None:

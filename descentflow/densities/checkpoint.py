@@ -2,7 +2,10 @@
 
 import warnings
 from pathlib import Path
+from threading import Lock
 from typing import Any
+
+import torch
 
 from descentflow import densities
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
@@ -15,10 +18,13 @@ from descentflow.representation.representation import Representation
 
 PREFIX = "_density."
 """Prefix of the names of the density's parameters in a checkpoint."""
+_BUILDING = Lock()
 
 
 def load_model(path: str | Path) -> Density:
     """Load a latent density with its representation, ready to sample; no trainer is imported.
+
+    Torch's global generator is left as it was.
 
     Args:
         path: Checkpoint that ``descentflow fit`` wrote.
@@ -137,6 +143,9 @@ def density_of(section: dict[str, Any]) -> Density:
         )
     kind = Density.kinds[name] if name in Density.kinds else getattr(densities, name)
     representation = Representation.from_state(section["representation"])
-    density: Density = kind(representation.decoder.dimension, **section["settings"])
+    # Networks draw their first parameters, which are overwritten, from torch's global generator. It is the caller's:
+    # one at a time, for what another thread puts back would be a state of while this one drew.
+    with _BUILDING, torch.random.fork_rng(devices=[]):
+        density: Density = kind(representation.decoder.dimension, **section["settings"])
     density.attach(representation)
     return density

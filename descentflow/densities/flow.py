@@ -154,7 +154,9 @@ class FlowDensity(Density):
     def _assembled(self, flows: list[nf.flows.Flow]) -> nf.NormalizingFlow:
         base = nf.distributions.DiagGaussian(self.dimension, trainable=False)
         kind = nf.ConditionalNormalizingFlow if self.n_context else nf.NormalizingFlow
-        return kind(base, flows)
+        # In one precision whatever torch's default is: draws are made in it, and another one draws other numbers.
+        found: nf.NormalizingFlow = kind(base, flows).to(torch.float32)
+        return found
 
     def _own_settings(self) -> dict[str, Any]:
         """Settings that older checkpoints do not have, where they are not the defaults."""

@@ -66,6 +66,35 @@ def test_a_checkpoint_alone_samples_as_its_model_did(name: str, tmp_path: Path) 
     assert len(samples.trajectories) == 5
 
 
+def unfitted(name: str, folder: Path) -> Path:
+    """A checkpoint of a density with the parameters that it starts with."""
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        density = {"flow": MaskedAffineFlowDensity, "spline": SplineFlowDensity}[name](DIMENSION, n_flows=1)
+    density.attach(toys.representation_of(DIMENSION))
+    torch.save(content_of(density), folder / "model.ckpt")
+    return folder / "model.ckpt"
+
+
+@pytest.mark.parametrize("name", ["flow", "spline"])
+def test_loading_leaves_the_callers_generator_as_it_was(name: str, tmp_path: Path) -> None:
+    path = unfitted(name, tmp_path)
+    before = torch.random.get_rng_state()
+    load_model(path)
+    assert torch.equal(torch.random.get_rng_state(), before)
+
+
+@pytest.mark.parametrize("name", ["flow", "spline"])
+def test_draws_are_the_same_under_another_default_precision(name: str, tmp_path: Path) -> None:
+    path = unfitted(name, tmp_path)
+    single = load_model(path).sample(50, seed=1)
+    torch.set_default_dtype(torch.float64)
+    try:
+        assert torch.equal(load_model(path).sample(50, seed=1), single)
+    finally:
+        torch.set_default_dtype(torch.float32)
+
+
 @pytest.mark.parametrize("name", ["gaussian", "mixture", "flow"])
 def test_lightnings_own_loading_works_too(name: str, tmp_path: Path) -> None:
     model, path = saved(name, tmp_path)

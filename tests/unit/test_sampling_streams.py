@@ -118,8 +118,8 @@ def test_another_process_draws_the_same() -> None:
 
 RANDOM = {"rand", "randn", "randint", "randperm", "multinomial", "normal", "bernoulli", "rand_like", "randn_like"}
 MOVES_THE_GLOBAL_GENERATOR = {"manual_seed", "fork_rng", "seed_everything", "seed", "RandomState"}
-TRAINS = {"training/fit.py"}
-"""Fits seed what Lightning and initial parameters draw from."""
+TRAINS = {"training/fit.py", "densities/checkpoint.py"}
+"""Fits seed what Lightning and initial parameters draw from; loading puts back what initial parameters drew."""
 
 
 def test_no_code_draws_by_a_global_generator() -> None:

@@ -62,6 +62,13 @@ def context_rows(context: Contexts | None, encoder: ContextEncoder | None) -> pl
 
 
 def _one_row(context: Mapping[str, Any], encoder: ContextEncoder) -> pl.DataFrame:
+    several = [name for name, value in context.items() if np.ndim(value) > 0]
+    if several:
+        raise ConfigError(
+            f"context {', '.join(f'{name} = {context[name]!r:.60}' for name in several)}",
+            expected="one value of each name, for all descents",
+            mend="pass a table with a row for each descent: pl.DataFrame({name: values, ...})",
+        )
     encoder.encode_one(context)  # refuses unknown names and values
     kinds = {column.name: pl.String if column.kind == "category" else pl.Float64 for column in encoder.columns}
     row = pl.DataFrame([pl.Series(name, [value]).cast(kinds[name]) for name, value in context.items()])

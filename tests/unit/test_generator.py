@@ -258,6 +258,12 @@ def test_what_was_flown_may_be_a_sample_of_ours() -> None:
         generator().next(flown=drawn, cas_kt={330: 280})
 
 
+@pytest.mark.parametrize("multiple", [-1, 0, float("nan"), 1e9, "much"])
+def test_a_multiple_of_the_noise_that_is_none_is_refused_at_once(multiple: object) -> None:
+    with pytest.raises(ConfigError, match=f"a noise multiple of '?{multiple}"):
+        df.Generator(toy.mixture(), noise_multiple=multiple)
+
+
 def test_a_context_is_given_to_the_density() -> None:
     """A Gaussian whose mean follows a number: weights of two contexts lie as far apart as its slope says."""
     parts = replace_context(ContextEncoder.fit(pl.DataFrame({"wind": [-20.0, 0.0, 20.0]}), ["wind"]))

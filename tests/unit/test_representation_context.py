@@ -80,6 +80,9 @@ def test_a_context_that_no_training_flight_was_near_is_refused_at_once() -> None
     assert context_rows(near, encoder)["deviation_k"].to_list() == [59.0]
     with pytest.raises(ConfigError, match=r"deviation_k = 59.1; expected 0 to 59, as the training flights had"):
         context_rows({**near, "deviation_k": "59.1"}, encoder)
+    for several in ([59.0, 58.0], torch.tensor([59.0, 58.0]), np.array([59.0]), (59.0,)):
+        with pytest.raises(ConfigError, match=r"one value of each name, for all descents; .* a row for each descent"):
+            context_rows({**near, "deviation_k": several}, encoder)
     table = pl.DataFrame([near, {**near, "deviation_k": "-1"}, {**near, "deviation_k": "-2"}])
     with pytest.raises(ConfigError, match=r"deviation_k = -1 \(and 1 more\)"):
         context_rows(table, encoder)

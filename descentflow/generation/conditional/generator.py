@@ -27,6 +27,7 @@ from descentflow.generation.conditional.latent_draws import ConditionedTarget, D
 from descentflow.generation.conditional.latent_parts import LatentParts, parts_after, parts_of, sample_profiles
 from descentflow.generation.conditional.nearest_plausible import implausible
 from descentflow.generation.conditional.refused_models import check_generates
+from descentflow.generation.conditional.noise_multiple import checked_multiple
 from descentflow.generation.conditional.requests import Request
 from descentflow.generation.conditional.speed_cells import NothingPlausible
 from descentflow.generation.prediction.posterior import prior_of
@@ -75,7 +76,8 @@ class Generator:
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
-        ConfigError: If drag was inferred in its flights' own air or at their own mass, or the seed is no whole number.
+        ConfigError: If drag was inferred in its flights' own air or at their own mass, the seed is no whole number, or
+            the multiple of the noise is none.
 
     Example:
         >>> generator = Generator("best.ckpt", seed=0)
@@ -96,7 +98,7 @@ class Generator:
             density.attach(deepcopy(density.representation).cpu())
         self.density: Density = density
         self.representation = density.representation
-        self.seed, self.noise_multiple = checked_seed(seed), float(noise_multiple)
+        self.seed, self.noise_multiple = checked_seed(seed), checked_multiple(noise_multiple)
         self.decoder, self.bounds = self.representation.decoder, self.representation.plausibility
         self.grid = FlownProfiles(self.decoder)
         self.levels_fl: list[float] = self.decoder.levels_fl.cpu().tolist()

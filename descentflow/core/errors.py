@@ -125,11 +125,11 @@ class SamplingError(DescentflowError):
 
 
 class ImplausibleError(SamplingError):
-    """A constraint that no descent of the model meets, with the nearest value that some do.
+    """A constraint that no descent of the model meets, with a near value that some do.
 
     Attributes:
         constraint: Name of what cannot be met, for instance ``cas_kt``.
-        nearest: The nearest value that a plausible descent has which meets everything else, in the unit of the name.
+        nearest: The nearest value, in the unit of the name, of 1,000 plausible draws that meet everything else.
 
     Example:
         >>> import descentflow as df

@@ -132,7 +132,7 @@ def test_flows_are_the_same_in_any_batch_to_single_precision() -> None:
 )
 def test_what_no_descent_meets_is_an_error_that_names_the_nearest(asked: dict[str, object], name: str) -> None:
     one = generator()
-    with pytest.raises(ImplausibleError, match=f"nearest of theirs, {name}") as caught:
+    with pytest.raises(ImplausibleError, match=f"1,000 plausible draws have .* nearest of theirs, {name}") as caught:
         one.next(entry_fl=350, **asked)
     error = pickle.loads(pickle.dumps(caught.value))
     assert error.constraint == name
@@ -157,11 +157,16 @@ def test_what_no_descent_meets_is_an_error_that_names_the_nearest(asked: dict[st
         ({"time_s": 100, "level": 200}, "FL270"),
         ({"cas_kt": {360: 280}}, "still to be flown"),
         ({"cas_kt": {900: 280}}, "flight levels from 270 to 370"),
-        ({"cas_kt": (290, 280)}, "pair of the least and the greatest"),
-        ({"cas_kt": -5}, "number in the units"),
-        ({"mach": 280}, "number in the units"),
-        ({"cas_kt": "fast"}, "number in the units"),
-        ({"cas_kt": (None, None)}, "number in the units"),
+        ({"cas_kt": (290, 280)}, r"put the least first, cas_kt=\(280, 290\)"),
+        ({"mach": (0.78, 0.76)}, r"put the least first, mach=\(0.76, 0.78\)"),
+        ({"time_s": 100, "level": (310, 290)}, r"put the least first, level=\(290, 310\)"),
+        ({"cas_kt": -5}, "a number of knots, or a pair"),
+        ({"mach": 280}, "a Mach number up to 1.5, or a pair of the least .* for instance mach=0.78"),
+        ({"mach": float("nan")}, "mach nan; expected a Mach number up to 1.5"),
+        ({"mach": "0.78"}, "mach '0.78'; expected a Mach number up to 1.5"),
+        ({"cas_kt": "fast"}, "a number of knots"),
+        ({"cas_kt": (None, None)}, "a number of knots"),
+        ({"cas_kt": {300: 280, 300.2: 290}}, "cas_kt twice at FL300, the nearest to level 300.2"),
         ({"context": {"wind": 3}}, "knows no context"),
     ],
 )

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, isfinite, isnan
+from math import inf, isfinite, isnan, nan
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, KT_MPS, NM_M
@@ -12,6 +12,21 @@ Band = float | tuple[float | None, float | None]
 """A value, or the least and the greatest allowed; None leaves a side open."""
 BySpeed = Band | Mapping[float, Band]
 """A speed at the level meant by default, or speeds by flight level."""
+KINDS = {
+    "cas_kt": "a number of knots",
+    "mach": "a Mach number up to 1.5",
+    "time_s": "a number of seconds",
+    "distance_nm": "a number of NM",
+    "level": "a flight level",
+}
+"""What a value of each name is."""
+EXAMPLES = {
+    "cas_kt": "cas_kt=280 or cas_kt=(275, 285)",
+    "mach": "mach=0.78 or mach=(0.76, 0.78)",
+    "time_s": "time_s=420 or time_s=(400, 450)",
+    "distance_nm": "distance_nm=44 or distance_nm=(42, 46)",
+    "level": "level=200 or level=(190, 210)",
+}
 
 
 @dataclass(frozen=True)
@@ -124,7 +139,7 @@ def speeds_asked(name: str, asked: BySpeed | None, default: int, levels_fl: "lis
         return []
     if not isinstance(asked, Mapping):
         return [SpeedAsked(name, default, *_band(name, asked))]
-    found = []
+    found: list[SpeedAsked] = []
     for level, band in asked.items():
         if not (isinstance(level, int | float) and levels_fl[0] <= level <= levels_fl[-1]):
             raise ConfigError(
@@ -133,6 +148,12 @@ def speeds_asked(name: str, asked: BySpeed | None, default: int, levels_fl: "lis
                 mend="choose a level of the model's grid",
             )
         nearest = min(range(len(levels_fl)), key=lambda k: abs(levels_fl[k] - level))
+        if any(one.level == nearest for one in found):
+            raise ConfigError(
+                f"{name} twice at FL{levels_fl[nearest]:g}, the nearest to level {level:g}",
+                expected="each level of the model's grid once",
+                mend="leave one of them out, or ask for a band",
+            )
         found.append(SpeedAsked(name, nearest, *_band(name, band)))
     return found
 
@@ -173,17 +194,21 @@ def point_asked(time_s: Band | None, distance_nm: Band | None, level: Band | Non
 def _band(name: str, asked: Band) -> tuple[float, float]:
     values = asked if isinstance(asked, tuple | list) else (asked, asked)
     try:
-        if len(values) != 2 or values[0] is values[1] is None:
+        if len(values) != 2 or values[0] is values[1] is None or any(isinstance(one, str | bytes) for one in values):
             raise ValueError
         low = -inf if values[0] is None else float(values[0])
         high = inf if values[1] is None else float(values[1])
     except (TypeError, ValueError):
-        low = high = float("nan")
-    at_all = not (isnan(low) or isnan(high) or low > high or low == inf or high == -inf)
-    if not at_all or (name in ("cas_kt", "mach") and high <= 0) or (name == "mach" and max(low, 0) > 1.5):
+        low = high = nan
+    kind, most = KINDS[name], 1.5 if name == "mach" else inf
+    turned = isfinite(low) and isfinite(high) and low > high
+    wrong = isnan(low) or isnan(high) or low > high or low == inf or high == -inf
+    if wrong or (name in ("cas_kt", "mach") and high <= 0) or max(low, 0) > most:
         raise ConfigError(
-            f"{name} {asked!r}",
-            expected="a number in the units of its name, or a pair of the least and the greatest",
-            mend="correct it",
+            f"{name} {asked!r:.80}",
+            expected=f"{kind}, or a pair of the least and the greatest, None for an open side",
+            mend=f"put the least first, {name}=({high:g}, {low:g})"
+            if turned
+            else f"write for instance {EXAMPLES[name]}",
         )
     return low, high

@@ -26,8 +26,8 @@ from descentflow.generation.conditional.judged_draws import DrawnDescents
 from descentflow.generation.conditional.latent_draws import ConditionedTarget, Drawn, Numbers
 from descentflow.generation.conditional.latent_parts import LatentParts, parts_after, parts_of, sample_profiles
 from descentflow.generation.conditional.nearest_plausible import implausible
-from descentflow.generation.conditional.refused_models import check_generates
 from descentflow.generation.conditional.noise_multiple import checked_multiple
+from descentflow.generation.conditional.refused_models import check_generates
 from descentflow.generation.conditional.requests import Request
 from descentflow.generation.conditional.speed_cells import NothingPlausible
 from descentflow.generation.prediction.posterior import prior_of
@@ -153,7 +153,7 @@ class Generator:
             number: Of the first descent, in place of the next.
 
         Raises:
-            ImplausibleError: If no descent of the model meets a constraint; it names the nearest value that some do.
+            ImplausibleError: If no descent of the model meets a constraint; it names the nearest value of 1,000 draws.
             ConfigError: If constraints contradict each other or the model, or have no such units.
             DataError: If what was flown cannot be used.
             SamplingError: If descents that meet all constraints together are too rare.

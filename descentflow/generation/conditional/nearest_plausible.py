@@ -1,4 +1,4 @@
-"""What is said where no descent meets a request: the nearest value that descents have which meet the rest of it."""
+"""What is said where no descent meets a request: the nearest value among draws that meet the rest of it."""
 
 from dataclasses import replace
 from math import ceil, floor
@@ -37,7 +37,8 @@ def implausible(
         metres: Distance (n, L) of descents, in the way of :meth:`FlownProfiles.metres`.
 
     Returns:
-        The error, with the name of what cannot be met and the nearest value, in its own units.
+        The error, with the name of what cannot be met and the nearest value of :data:`LOOKED_AT` draws, in its own
+        units. One descent in some thousands may be nearer.
 
     Example:
         >>> from descentflow.core.units import KT_MPS
@@ -76,9 +77,10 @@ def implausible(
             nearest=nearest,
         )
     told = min(max(nearest, ceil(least / step) * step), floor(most / step) * step)
+    ends = f"{least:.{digits}f} to {most:.{digits}f}"
     return ImplausibleError(
         found,
-        expected=f"{least:.{digits}f} to {most:.{digits}f}, as {LOOKED_AT:,} plausible descents have",
+        expected=f"{ends}, as {LOOKED_AT:,} plausible draws have (rarer ones lie beyond)",
         mend=f"ask for the nearest of theirs, {name} {told:.{digits}f}, or for a band that holds it",
         constraint=name,
         nearest=nearest,

@@ -3,7 +3,8 @@
 import argparse
 import re
 import sys
-from typing import NoReturn
+from collections.abc import Sequence
+from typing import Any, NoReturn
 
 from descentflow.core.errors import ConfigError, nearest
 
@@ -49,7 +50,24 @@ class OneLineParser(argparse.ArgumentParser):
         >>> print(parser.told("unrecognized arguments: --sede 3"))
         no option --sede 3; expected an option of descentflow sample; to mend it, try --seed, or see \
 descentflow sample --help, which has every option
+        >>> _ = parser.add_argument("--out", required=True)
+        >>> _ = parser.parse_known_args(["--out", "a.csv", "--seed", "3"])
+        >>> parser.words = ("--ouput", "a.csv")
+        >>> print(parser.told("the following arguments are required: --out"))
+        no --out, and no option --ouput is known; expected what has no default; to mend it, try --out, or see \
+descentflow sample --help, which has every option
     """
+
+    words: Sequence[str] = ()
+    """What is parsed."""
+
+    # The overloads of argparse differ in the namespace alone.
+    def parse_known_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: Any = None
+    ) -> tuple[Any, list[str]]:
+        """As argparse does; the words are kept for what is said of them."""
+        self.words = sys.argv[1:] if args is None else args
+        return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong in a line, and end with status 2."""
@@ -58,7 +76,7 @@ descentflow sample --help, which has every option
 
     def told(self, message: str) -> str:
         """What argparse says as every message here: what was got, what was expected, how to mend it."""
-        got, expected, words = message, f"what {self.prog} --help says", ""
+        got, expected, words, parts = message, f"what {self.prog} --help says", "", dict[str, str]()
         for pattern, of_got, of_expected in SAID:
             if found := pattern.fullmatch(message):
                 parts = found.groupdict() | {"prog": self.prog}
@@ -66,6 +84,14 @@ descentflow sample --help, which has every option
                 got, expected, words = of_got.format(**parts), of_expected.format(**parts), parts.get("words", "")
                 break
         typed = [word.partition("=")[0] for word in words.split() if word.startswith("-")]
+        # argparse misses what is required before it looks at what it does not know: the latter is the mistake.
+        if "names" in parts and (typed := self._unknown()):
+            got += f", and no option {', '.join(typed)} is known"
         meant = ", ".join(filter(None, (nearest(word, self._option_string_actions) for word in typed)))
         mend = f"{f'try {meant}, or ' if meant else ''}see {self.prog} --help, which has every option"
         return str(ConfigError(got, expected=expected, mend=mend))
+
+    def _unknown(self) -> list[str]:
+        """Options among the words that are neither known nor the beginning of one that is."""
+        typed = [word.partition("=")[0] for word in self.words if word.startswith("--") and len(word) > len("--")]
+        return [word for word in typed if not any(known.startswith(word) for known in self._option_string_actions)]

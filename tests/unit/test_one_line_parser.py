@@ -26,6 +26,11 @@ def test_a_mistake_is_told_in_a_line(command: str, words: list[str], capsys: pyt
         (["sample", "m.ckpt", "--track"], "--track without its value; expected one argument;"),
         (["sample", "m.ckpt", "--track", "north"], "--track is 'north'; expected a number;"),
         (["predict-descent", "m.ckpt", "d", "--out", "x"], "no --from-fl; expected what has no default;"),
+        (
+            ["sample", "m.ckpt", "-n", "10", "--ouput", "a.parquet"],
+            "no --out, and no option --ouput is known; expected what has no default; to mend it, try --out, or see",
+        ),
+        (["export", "m.ckpt", "--ot=json", "--prec", "float64"], "no --to, --out, and no option --ot is known;"),
         (["predict-descent", "m.ckpt", "d", "--from-fl", "9", "--step-s", "-1"], "--step-s is '-1'; expected a num"),
         (["export", "m.ckpt", "--to", "wav", "--out", "x"], "--to is 'wav'; expected one of "),
         (["prepare", "r", "--stale-s", "\ufeff"], "--stale-s is '\\ufeff'; expected a number"),

@@ -92,8 +92,8 @@ def _whole(number: object) -> int | None:
 
 
 def _shown(number: object) -> str:
-    """A number as it is written, anything else as Python shows it, in a few letters."""
-    return str(number)[:40] if isinstance(number, int | float) else repr(number)[:40]
+    """A number as it is written, anything else as Python shows it, in a few letters of one line."""
+    return str(number)[:40] if isinstance(number, int | float) else " ".join(repr(number).split())[:40]
 
 
 def seed_word(text: str) -> int:

@@ -86,7 +86,7 @@ def as_density(model: object) -> Density:
         raise ConfigError(
             f"a model of type {type(model).__name__}",
             expected="the path of a checkpoint, a Density, or a fitted model such as descentflow.training.fit returns",
-            mend="pass one of these",
+            mend="pass one of these" + (" first, and the number after it" if isinstance(model, int | float) else ""),
         )
     density.representation  # noqa: B018 - raises where there is none
     return density

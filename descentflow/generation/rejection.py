@@ -12,7 +12,7 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.core.counter_random import DrawNumbers, seed_of
 from descentflow.core.errors import SamplingError
-from descentflow.core.seeds import checked_seed
+from descentflow.core.seeds import checked_count, checked_seed
 from descentflow.generation.draw_owners import (
     Interchangeable,
     OfContexts,
@@ -73,7 +73,7 @@ def sample_descents(
 
     Raises:
         SamplingError: If the budget is spent first; the message names the rules that rejected most.
-        ConfigError: If the density does not take such a context.
+        ConfigError: If the density does not take such a context, or the budget is no number of draws.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -83,7 +83,7 @@ def sample_descents(
         >>> samples.report.accepted, samples.weights.shape[0]
         (100, 100)
     """
-    budget = max(100 * n, 10_000) if draw_budget is None else draw_budget
+    budget = max(100 * n, 10_000) if draw_budget is None else checked_count(draw_budget, "draws at most")
     generator = torch.Generator().manual_seed(checked_seed(seed))
     draws: Interchangeable | OfContexts | OfEntries | OfSamples
     own = None if air is None and mass_kg is None else OwnConditions(air, mass_kg, n, seed, context, entry)

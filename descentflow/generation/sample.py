@@ -76,11 +76,11 @@ def sample(
         >>> len(samples), samples.to_polars()["level_fl"].max()
         (200, 330)
         >>> print(samples)
-        200 samples from ... draws (... plausible; broken: ...)
+        200 samples from ... draws (... plausible...; broken: ...)
         levels FL150 to FL...; entry FL330 (FL330 to FL330); time to the lowest level ... min (...)
     """
-    n = checked_count(n, "descents")
     density = as_density(model)
+    n = checked_count(n, "descents")
     representation = density.representation
     _check_memory(n, len(representation.decoder.levels_fl))
     contexts = context_rows(context, representation.context)

@@ -35,7 +35,7 @@ class RejectionReport:
     Example:
         >>> report = RejectionReport(drawn=110, accepted=100, rejected=8, surplus=2, broken={"not_finite": 8})
         >>> print(report)
-        100 samples from 110 draws (92.7% plausible; broken: not_finite 8)
+        100 samples from 110 draws (92.7% plausible, 2 of them more than asked for; broken: not_finite 8)
     """
 
     drawn: int
@@ -57,7 +57,8 @@ class RejectionReport:
         """One line for a terminal."""
         reasons = ", ".join(f"{rule} {count}" for rule, count in self.broken.items() if count) or "none"
         samples, draws = _counted(self.accepted, "sample"), _counted(self.drawn, "draw")
-        return f"{samples} from {draws} ({self.acceptance:.1%} plausible; broken: {reasons})"
+        more = f", {self.surplus:,} of them more than asked for" if self.surplus else ""
+        return f"{samples} from {draws} ({self.acceptance:.1%} plausible{more}; broken: {reasons})"
 
 
 def _counted(number: int, word: str) -> str:

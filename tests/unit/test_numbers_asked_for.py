@@ -37,6 +37,26 @@ def test_what_is_no_number_of_things_is_refused(function: str, n: object, model:
         DRAWS[function](model, tmp_path, n)
 
 
+def test_a_number_in_the_models_place_is_told_in_a_line(model: Density) -> None:
+    with pytest.raises(ConfigError, match=r"a model of type int; .* first, and the number after it"):
+        df.sample(100, model)
+    with pytest.raises(ConfigError, match=r"^[^\n]*whole number[^\n]*$"):
+        df.sample(model, model)
+
+
+@pytest.mark.parametrize("budget", [0, -1, 2.5])
+def test_a_budget_of_no_draw_is_refused(budget: object, model: Density) -> None:
+    with pytest.raises(ConfigError, match=f"{budget} draws at most; expected a whole number"):
+        df.sample(model, 5, draw_budget=budget)
+
+
+def test_plausible_draws_beyond_the_number_asked_for_are_told(model: Density) -> None:
+    report = df.sample(model, 50).report
+    assert report.accepted + report.rejected + report.surplus == report.drawn
+    assert report.surplus > 0
+    assert f"plausible, {report.surplus} of them more than asked for; broken:" in str(report)
+
+
 @pytest.mark.parametrize("seed", [0.5, "1", None, 1 << 64])
 def test_what_is_no_seed_is_refused(seed: object, model: Density) -> None:
     for call in (df.sample, lambda path, _, seed: df.Generator(path, seed=seed)):

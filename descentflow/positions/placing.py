@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
+from descentflow.air.kept_air import STRONGEST_MPS
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
 from descentflow.positions.ground_path import GroundPath
@@ -74,7 +75,7 @@ def place(
         tailwind_mps: (n, L) wind along the track in which the descents were flown, where ``wind`` is absent.
 
     Raises:
-        ConfigError: If the wind is stronger than the airspeed, or there are two winds.
+        ConfigError: If the wind is stronger than the airspeed or than winds are, or there are two winds.
         DataError: If a field of wind does not hold a place or a time.
 
     Example:
@@ -166,9 +167,17 @@ def _groundspeed(
     sine, cosine = np.sin(np.radians(track)), np.cos(np.radians(track))
     along, across = east * sine + north * cosine, east * cosine - north * sine
     speed = air.speed_mps[on, level]
+    strength = np.hypot(along, across)
+    # A tailwind in another unit leaves every flight on its track: no limit of the airspeed finds it.
+    if (strength > STRONGEST_MPS).any():
+        raise ConfigError(
+            f"a wind of {float(strength.max()) / KT_MPS:.0f} kt at FL{air.levels_fl[level]:.0f}",
+            expected=f"up to {STRONGEST_MPS / KT_MPS:.0f} kt, beyond which no wind on earth is",
+            mend="check its speed and unit: it is FROM/KT as 270/35 on the command line, m/s in a file",
+        )
     found: Array = np.sqrt(np.clip(speed**2 - across**2, 0, None)) + along
     if (np.abs(across) >= speed).any() or (found <= 0).any():
-        strongest = float(np.hypot(along, across).max()) / KT_MPS
+        strongest = float(strength.max()) / KT_MPS
         raise ConfigError(
             f"a wind of {strongest:.0f} kt at FL{air.levels_fl[level]:.0f}, in which a flight cannot hold its track",
             expected="less wind than airspeed",

@@ -38,18 +38,26 @@ class Target:
     """Whether it needs an end point and a track, or a route."""
     times: bool = False
     """Whether it needs the time of arrival."""
+    precise: bool = False
+    """Whether numbers go in and come out in a precision that can be chosen."""
 
     def check(self, name: str, request: "ExportRequest") -> None:
         """Refuse a request that the target cannot serve.
 
         Raises:
-            ConfigError: If the extension is another, or the place or the time is missing.
+            ConfigError: If the extension is another, the place or time is missing, or it has no precision to choose.
         """
         if request.path.suffix not in self.suffixes:
             raise ConfigError(
                 f"output {request.path.name} for {name}",
                 expected=f"an extension among {', '.join(self.suffixes)}",
                 mend="rename the output",
+            )
+        if request.precision != "float64" and not self.precise:
+            raise ConfigError(
+                f"the precision {request.precision} for {name}",
+                expected=f"no precision: only {' and '.join(n for n, t in TARGETS.items() if t.precise)} have one",
+                mend="leave --precision out",
             )
         if self.places and request.plan.path is None:
             raise ConfigError(
@@ -78,8 +86,10 @@ TARGETS = {
     "bluesky": Target("a scenario for BlueSky (.scn), or a plugin that flies samples (.py)", (".scn", ".py")),
     "bluebird": Target("tables for bluebird-dt (.json), or a predictor that flies samples (.py)", (".json", ".py")),
     "wrap": Target("OpenAP's WRAP file of the type, its descents those of the samples", (".txt",)),
-    "onnx": Target("the sampler itself, for onnxruntime in any language: random numbers in, descents out", (".onnx",)),
-    "torch": Target("the same as a program of torch.export, which runs without descentflow", (".pt2",)),
+    "onnx": Target(
+        "the sampler itself, for onnxruntime in any language: random numbers in, descents out", (".onnx",), precise=True
+    ),
+    "torch": Target("the same as a program of torch.export, which runs without descentflow", (".pt2",), precise=True),
     "safetensors": Target("the model itself, as weights and a JSON header, with a model card", (".safetensors",)),
 }
 """Every target by its name."""

@@ -108,6 +108,7 @@ def test_a_cf_file_that_lacks_something_fails_the_checker(a320: Path, tmp_path: 
         ("cf", "s.nc", {}, "cf without places"),
         ("cf", "s.nc", {"end": (52.0, 4.0), "track": 90.0}, "cf without a time"),
         ("json", "s.json", {"n": 0}, "0 samples"),
+        ("json", "s.json", {"precision": "float32"}, "float32 for json; expected no precision: only onnx and torch"),
     ],
 )
 def test_what_a_target_cannot_serve_is_refused(

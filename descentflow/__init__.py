@@ -22,6 +22,7 @@ Example:
 """
 
 import os
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,17 @@ from descentflow.core.version import __version__
 # Threads of OpenMP that wait for work spin by default: beside other work one descent took 53 ms instead of 8, and it is
 # read when torch is first loaded, so it is set before. Whoever sets it themselves keeps what they set.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+
+def _one_thread_in_a_copy() -> None:
+    """Keep torch to one thread in a forked copy of this process: others are not copied, and it would wait for them."""
+    set_num_threads = getattr(sys.modules.get("torch"), "set_num_threads", None)
+    if set_num_threads is not None:
+        set_num_threads(1)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_one_thread_in_a_copy)
 
 if TYPE_CHECKING:
     from descentflow.aircraft_types.registry import aircraft

@@ -1,6 +1,7 @@
 """Every draw has generators of its own: torch's global one is neither read nor moved, whatever other threads do."""
 
 import ast
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -114,6 +115,25 @@ def test_another_process_draws_the_same() -> None:
     script = f"import sys; sys.path[:0] = {folders!r}; {code}"
     found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == digest()
+
+
+FORKED = """
+import multiprocessing, torch, descentflow
+(torch.ones(1000, 1000) @ torch.ones(1000, 1000)).sum()  # makes torch's threads, which a fork does not copy
+def draw(seed):
+    return float(torch.ones(100_000).exp().sum()), torch.get_num_threads()
+with multiprocessing.get_context("fork").Pool(1) as pool:
+    print(pool.map_async(draw, [0]).get(timeout=60)[0][1], torch.get_num_threads())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks by default")
+def test_a_forked_process_does_not_wait_for_threads_that_it_has_not() -> None:
+    environment = {**os.environ, "OMP_NUM_THREADS": "2"}
+    folder = str(Path(descentflow.__file__).parents[1])
+    words = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", FORKED]
+    found = subprocess.run(words, capture_output=True, text=True, check=True, env=environment, cwd=folder, timeout=120)
+    assert found.stdout.split() == ["1", "2"], "the parent keeps its own"
 
 
 RANDOM = {"rand", "randn", "randint", "randperm", "multinomial", "normal", "bernoulli", "rand_like", "randn_like"}

@@ -109,14 +109,19 @@ def _inputs(
     }
 
 
+IN_AIR = ("TAS", "distance_nm")
+"""Outputs that the temperature of the air would change."""
+
+
 def _outputs(sampler: SamplerGraph, precision: Precision) -> dict[str, Any]:
     n_levels = len(sampler.descents.decoder.levels_fl)
+    air = ", in standard air whatever the temperature of the context" if sampler.n_context else ""
     profiles = {
         name: {
             "shape": ["n", n_levels],
             "type": precision,
             "unit": COLUMNS[name].unit,
-            "meaning": f"{COLUMNS[name].meaning}; NaN above the entry level",
+            "meaning": f"{COLUMNS[name].meaning}{air if name in IN_AIR else ''}; NaN above the entry level",
         }
         for name in PROFILES
     }

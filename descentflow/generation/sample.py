@@ -12,6 +12,12 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.seeds import checked_count
 from descentflow.densities.checkpoint import as_density
 from descentflow.generation.air_along_path import AirAlongPath
+from descentflow.generation.given_temperature import (
+    check_one_temperature,
+    given_deviation_k,
+    samples_in_given_air,
+    tell_drawn_airs,
+)
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import Airs, airs_of, field_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
@@ -45,7 +51,8 @@ def sample(
         seed: The same seed gives the same ``n`` descents, in any thread or process, and touches no other generator.
             Another ``n`` gives others; a :class:`~descentflow.Generator` numbers its descents.
         context: For a conditional model: values by name for all descents, or a table (in memory or as a path) with a
-            row for each context; sample i has row i, beginning again after the last.
+            row for each context; sample i has row i, beginning again after the last. Where it has ``deviation_k``
+            (K from the standard atmosphere), TAS, groundspeed and distances are those of that temperature.
         entry_fl: Flight level where the descents start: one, several to draw from, or one for each row of
             ``context``. If absent, the context's ``entry_fl`` where it has one, else as the training flights entered.
         air: Air that they are flown in, see :func:`~.sample_airs.airs_of`: ``standard``, ``{"deviation_k": 10}``, a
@@ -66,8 +73,8 @@ def sample(
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
-        ConfigError: If ``n`` is not positive, or the context, the entry levels or the air do not fit the model, or the
-            plan does not fit the weather field.
+        ConfigError: If ``n`` is not positive, or the context, the entry levels or the air do not fit the model, the air
+            has a temperature beside the context's, or the plan does not fit the weather field.
         DataError: If a table or a weather field cannot be read, or a descent leaves the field.
         SamplingError: If too few draws are plausible.
 
@@ -85,7 +92,10 @@ def sample(
     _check_memory(n, len(representation.decoder.levels_fl))
     contexts = context_rows(context, representation.context)
     encoded = None if contexts is None or representation.context is None else representation.context.encode(contexts)
-    field = field_of(air)
+    given, field = given_deviation_k(representation, encoded), field_of(air)
+    airs = None if field is not None else airs_of(air, representation)
+    check_one_temperature(given, airs, field=field is not None)
+    tell_drawn_airs(representation, air)
     with nullcontext() if field is None else weather_field(field) as opened:
         along = None if opened is None else AirAlongPath(opened, plan)
         found = sample_descents(
@@ -96,7 +106,7 @@ def sample(
             seed,
             context=encoded,
             entry=entry_levels(representation, contexts, entry_fl),
-            air=airs_of(air, representation) if along is None else along,
+            air=airs if along is None else along,
             mass_kg=masses_asked(mass, representation),
             draw_budget=draw_budget,
             compiled=compiled,
@@ -105,6 +115,7 @@ def sample(
         if along is not None:
             there = along.found(found.trajectories)
             found = replace(found, air=there.air, flown_at=there.positions)
+    found = found if given is None else samples_in_given_air(found, given)
     return replace(found, context=contexts, plan=plan)
 
 

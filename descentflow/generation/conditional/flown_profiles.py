@@ -6,6 +6,7 @@ jumps in what would be padding, and profiles are summed number by number
 (:mod:`~descentflow.generation.conditional.latent_profiles`).
 """
 
+from copy import copy
 from dataclasses import fields, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 from descentflow.core.units import FL_M
+from descentflow.generation.given_temperature import airspeed_ratio
 from descentflow.physics.fused_table import LevelTable, fused_rate
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.flight_grid import flight_grid
@@ -61,6 +63,17 @@ class FlownProfiles:
         self.half_step_m = grid.half_step_m.numpy()
         self.cells = [(cell, float(lower), float(upper)) for cell, lower, upper in breaks.cells]
         self.inner = breaks.inner.numpy()
+        self.airspeed_ratio = np.ones(self.width)
+
+    def in_air(self, deviation_k: float) -> "FlownProfiles":
+        """The same grid with distances in air of another temperature: at the same Mach number, which sets the rate."""
+        if deviation_k == 0.0:
+            return self
+        found = copy(self)
+        found.airspeed_ratio = self.columns(
+            airspeed_ratio(torch.tensor([deviation_k], dtype=torch.float64), torch.from_numpy(self.levels_fl)).numpy()
+        )[0]
+        return found
 
     def columns(self, values: Array) -> Array:
         """Values (..., L) of the levels in all columns (..., W): continued to the jumps, padded."""
@@ -120,7 +133,7 @@ class FlownProfiles:
     def metres(self, tas_mps: Array, rate_mps: Array, seconds: Array) -> Array:
         """Distance through the air (n, L) in the same way: horizontal speed is taken as linear in time."""
         n = self.n_levels
-        speed = np.sqrt(np.clip(tas_mps[:, :n] ** 2 - rate_mps[:, :n] ** 2, 0.0, None))
+        speed = np.sqrt(np.clip((tas_mps[:, :n] * self.airspeed_ratio[:n]) ** 2 - rate_mps[:, :n] ** 2, 0.0, None))
         return _summed(0.5 * (speed[:, 1:] + speed[:, :-1]) * np.diff(seconds, axis=1))
 
     def nearest(self, level_fl: float) -> int:

@@ -30,6 +30,7 @@ from descentflow.generation.conditional.noise_multiple import checked_multiple
 from descentflow.generation.conditional.refused_models import check_generates
 from descentflow.generation.conditional.requests import Request
 from descentflow.generation.conditional.speed_cells import NothingPlausible
+from descentflow.generation.given_temperature import given_deviation_k, in_given_air
 from descentflow.generation.prediction.posterior import prior_of
 from descentflow.generation.sample_contexts import context_rows, entry_levels
 from descentflow.generation.samples import RejectionReport
@@ -147,7 +148,8 @@ class Generator:
             time_s: Seconds from entry to ``level``.
             distance_nm: NM through still air from entry to ``level``, in place of a time.
             level: Where ``time_s`` or ``distance_nm`` holds; a pair of them for a level within a band at one time.
-            context: For a conditional model: values by name, or a table of one row.
+            context: For a conditional model: values by name, or a table of one row. Where it has ``deviation_k``, TAS
+                and distances are those of that temperature.
             flown: Levels flown so far (``level_fl``, ``CAS`` in kt, ``vertical_rate`` in ft/min). The descent goes on
                 from the lowest of them, where its time and distance are zero.
             number: Of the first descent, in place of the next.
@@ -191,10 +193,11 @@ class Generator:
             first = self._next if number is None else checked_number(number)
             self._next += n if number is None else 0
         found = self._accepted(request, n, Numbers(self.seed, first))
+        descents = self._descents.of(found.drawn, first + np.arange(n))
         report = RejectionReport(found.tried, n, found.rejected, found.tried - n - found.rejected, found.broken)
         return GeneratedSamples(
             torch.from_numpy(found.drawn.u[:, : self.decoder.dimension].copy()),
-            self._descents.of(found.drawn, first + np.arange(n)),
+            in_given_air(descents, torch.full((n,), request.deviation_k)) if request.deviation_k else descents,
             report,
             contexts,
             asked=request.words(self.levels_fl),
@@ -218,7 +221,9 @@ class Generator:
                 )
             row = contexts.row(0, named=True)
             key = tuple((name, str(value)) for name, value in row.items())
-            request = Request(key=key, context=self.representation.context.encode(contexts))
+            encoded = self.representation.context.encode(contexts)
+            given = given_deviation_k(self.representation, encoded)
+            request = Request(key=key, context=encoded, deviation_k=0.0 if given is None else float(given[0]))
         if flown is not None:
             if entry_fl is not None:
                 raise ConfigError("entry_fl beside what was flown", expected="one of them", mend="leave entry_fl out")
@@ -263,7 +268,7 @@ class Generator:
         def draws(request: Request, n: int) -> Drawn:
             return self._accepted(request, n, Numbers(self.seed, 0)).drawn
 
-        raise implausible(request, culprit, draws, self.levels_fl, self.grid.metres)
+        raise implausible(request, culprit, draws, self.levels_fl, self.grid.in_air(request.deviation_k).metres)
 
     def _target(self, request: Request) -> ConditionedTarget | FreeTarget:
         """The density given a request, kept for the next call that asks the same."""
@@ -271,7 +276,7 @@ class Generator:
             prior = prior_of(self.density, self.seed, request.context)
             curves = linear_curves(self.decoder)
             after = parts_after(self.decoder, curves, prior, self.grid, request.flown, self.noise_multiple)
-            return conditioned_target(request, after, self.grid, self._shares, self.bounds)
+            return conditioned_target(request, after, self.grid.in_air(request.deviation_k), self._shares, self.bounds)
         key = (request.entry, request.speeds, request.point, request.key)
         with self._lock:
             found = self._targets.get(key)
@@ -296,7 +301,7 @@ class Generator:
             if request.key not in self._parts:
                 self._parts[request.key] = parts_of(self.density, self.grid, request.context, self.seed)
             parts = self._parts[request.key]
-        return conditioned_target(request, parts, self.grid, self._shares, self.bounds)
+        return conditioned_target(request, parts, self.grid.in_air(request.deviation_k), self._shares, self.bounds)
 
     def __getstate__(self) -> dict[str, Any]:
         """All but the lock and what can be computed again."""

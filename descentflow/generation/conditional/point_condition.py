@@ -235,7 +235,7 @@ class PointCondition:
 
     def _integrand(self, drag: Array, cas: Array) -> Array:
         _, tas, _, slowness = self.grid.fly(drag, cas)
-        return slowness * tas if self.asked.name == "distance_nm" else slowness
+        return slowness * tas * self.grid.airspeed_ratio if self.asked.name == "distance_nm" else slowness
 
     def _log_share(self, level: float) -> Array:
         """Log probability (C,) of what is asked at a level (an index), by the slopes."""

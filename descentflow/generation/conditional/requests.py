@@ -20,6 +20,7 @@ class Request:
         key: Of the context, (1, c) in ``context``; empty without one.
         context: What the density is given.
         flown: Levels flown so far; its lowest is where the descent goes on.
+        deviation_k: Temperature that the context gives, in which distances are flown.
 
     Example:
         >>> Request(50, (SpeedAsked("cas_kt", 20, 280.0, 280.0),)).words([150.0 + k for k in range(201)])
@@ -32,6 +33,7 @@ class Request:
     key: tuple[tuple[str, str], ...] = ()
     context: Tensor | None = None
     flown: Profiles | None = None
+    deviation_k: float = 0.0
 
     @property
     def is_free(self) -> bool:

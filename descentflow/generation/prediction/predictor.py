@@ -10,6 +10,7 @@ from descentflow.core.errors import DataError, SamplingError
 from descentflow.core.seeds import checked_seed
 from descentflow.core.units import FL_M
 from descentflow.densities.density import Density
+from descentflow.generation.given_temperature import given_deviation_k, in_given_air
 from descentflow.generation.prediction.posterior import Posterior, Prior, posterior_of, prior_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
@@ -174,6 +175,9 @@ class DescentPredictor:
                 expected=f"{fewest} at least, of a flight not unlike those trained on",
                 mend="check the flight's rows, or train on flights like it",
             )
+        given = given_deviation_k(self.representation, context)
+        if given is not None:
+            flown = in_given_air(flown, given.expand(len(flown)))
         return Continuations(flight.flight_ids[0], flown.subset(good), effective, int((~good).sum()))
 
     def _observed(self, flight: Profiles, from_fl: float) -> Tensor:

@@ -76,7 +76,7 @@ print(model)
 # %%
 # Sample, and score
 # -----------------
-# Samples descend from the levels at which flights did; what lies outside the bounds of the training flights is
+# Samples descend from the levels at which flights did; what lies beyond what flights did there by more than a margin is
 # drawn again.
 
 samples = df.sample(model, n=1_000, seed=0)

@@ -1,6 +1,7 @@
 """A fitted model as a generation of the library traffic (its ``GenerationProtocol``), without importing traffic."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,7 +86,7 @@ class TrafficGeneration:
         """
         drawn = sample(self.density, n_samples, seed=self.seed)
         self.seed += 1
-        flown, placed = drawn.trajectories, self.plan.place(drawn.trajectories)
+        flown, placed = drawn.trajectories, replace(drawn, plan=self.plan).positions
         columns: dict[str, Any] = {
             "altitude": (flown.levels_fl * 100).expand(flown.time_s.shape).numpy(),
             "vertical_rate": flown.rate_mps.numpy() / FPM_MPS,

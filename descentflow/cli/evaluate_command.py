@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Sample a checkpoint and score the samples against real descents: time to bottom, CAS and rate above and below "
         "transition, as Kolmogorov-Smirnov and Wasserstein distance and error of the mean, each beside the distance "
         "between as many real flights and beside nominal BADA. Flights that the checkpoint was trained or "
-        "validated on are left out."
+        "validated on are left out, by aircraft and time where they come under another flight_id."
     )
     parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
     parser.add_argument(

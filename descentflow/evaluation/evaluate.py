@@ -44,7 +44,7 @@ def evaluate(
     Args:
         model: A checkpoint's path, a density, or a fitted model.
         real: Path of rows or of prepared descents, or descents in memory. Flights that the model was trained or
-            validated on are left out and counted.
+            validated on are left out and counted; they are recognised by aircraft and time under other names, too.
         n: Number of samples.
         seed: Of sampling, and of the splits behind the noise floors.
         context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model, or the

@@ -26,7 +26,7 @@ def model_card(density: Density, name: str) -> str:
         >>> print(model_card(load_model("best.ckpt"), "a320.safetensors"))
         # Descents of the A320
         ...
-        | flights | 86 train, 10 validation, 24 test; their identifiers are in the file |
+        | flights | 86 train, 10 validation, 24 test; their identifiers, aircraft and times are in... |
         ...
     """
     parts = density.representation
@@ -41,7 +41,7 @@ def model_card(density: Density, name: str) -> str:
         "data": f"{made.get('descents', 'unknown: say it here')}",
         "period": " to ".join(period) if period else "not kept in the checkpoint: say it here",
         "flights": f"{len(split.train):,} train, {len(split.validation):,} validation, {len(split.test):,} test; their "
-        "identifiers are in the file",
+        "identifiers, aircraft and times are in the file",
         "levels": f"FL{levels[0]:.0f} to FL{levels[-1]:.0f}",
         "context": "none" if parts.context is None else parts.context.describe(),
         "licence": "not said yet: whoever publishes the model says it here, for the model and for its data",

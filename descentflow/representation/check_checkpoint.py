@@ -29,8 +29,9 @@ OF_REPRESENTATION: dict[str, tuple[type, ...]] = {
     "gaps": (str, type(None)),
     "air": (dict, type(None)),
     "own_mass": (dict, type(None)),
+    "seen_flights": (dict, type(None)),
 }
-"""The same of its representation; the last six may be absent."""
+"""The same of its representation; the last seven may be absent."""
 OF_A_CONTEXT_COLUMN: dict[str, tuple[type, ...]] = {
     "name": (str,),
     "kind": (str,),
@@ -52,7 +53,7 @@ TENSORS = (
 """Places of the representation that are dictionaries, and tensors."""
 OF_MACH = "mach_basis"
 """What a decoder has as well whose speed is a Mach number and a CAS, together with ``speed_residual``."""
-MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "air", "own_mass", "low", "high")
+MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "air", "own_mass", "seen_flights", "low", "high")
 MAY_HAVE_GAPS = "reference"
 """What flights measured: not a number where they showed no level."""
 MEND = "take the file as `descentflow fit` wrote it, or fit again"

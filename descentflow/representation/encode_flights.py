@@ -1,13 +1,14 @@
 """Descents as a model sees them: on its grid, as standardised weights, with their context, in parts."""
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import polars as pl
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError
+from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.context_columns import flight_context, read_context_table
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
@@ -58,7 +59,8 @@ def encode_flights(
 ) -> dict[Part, EncodedFlights]:
     """Encode descents with a model's representation, in parts.
 
-    Flights that the model was trained or validated on keep their part; every other flight is a test flight.
+    Flights that the model was trained or validated on keep their part; every other flight is a test flight. They are
+    recognised by their identifier, and by aircraft and time where they come under another one.
 
     Args:
         descents: Prepared descents, a row for each flight and level.
@@ -94,8 +96,40 @@ def encode_flights(
     if representation.mass is not None:
         masses = masses_of(descents, representation.mass.column, context_table)
         profiles = with_own_mass(profiles, decoder.aircraft, masses, say)
-    split = rest_is_test(profiles.flight_ids, representation.split)
+    split = split_by_model(descents, profiles.flight_ids, representation)
     return encode_parts(profiles, split, decoder, table, encoder, say)
+
+
+def split_by_model(descents: pl.DataFrame, flight_ids: Sequence[str], representation: Representation) -> Split:
+    """The split of other flights by a model's: those that it never saw, under whatever identifier, are test flights.
+
+    Args:
+        descents: Prepared descents.
+        flight_ids: Which of their flights are split.
+        representation: The model's.
+
+    Warns:
+        DescentflowWarning: If the model keeps nothing but identifiers of its flights, and none of these is one.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> known, frame = load_representation("best.ckpt"), pl.read_parquet("descents.parquet")
+        >>> renamed = frame.with_columns(flight_id="other-" + pl.col("flight_id"))
+        >>> len(split_by_model(renamed, renamed["flight_id"].unique().to_list(), known).test)
+        24
+    """
+    seen = representation.seen
+    found = rest_is_test(tuple(flight_ids), representation.split, None if seen is None else seen.among(descents))
+    had = len(representation.split.train) + len(representation.split.validation)
+    if seen is None and had and not found.train and not found.validation:
+        warnings.warn(
+            f"this model keeps only the identifiers of the {had:,} flights that it was trained or validated on, and "
+            "none of them is met here: those of its flights that come under another flight_id count as held out; to "
+            "have them recognised by aircraft and time, fit again",
+            DescentflowWarning,
+            stacklevel=4,
+        )
+    return found
 
 
 def encode_parts(

@@ -1,6 +1,6 @@
 """Flights in their parts: what trains, what validates, what tests."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 import torch
@@ -30,23 +30,23 @@ def top_level(train: Profiles) -> int:
     return int(entries[needed - 1])
 
 
-def rest_is_test(flight_ids: tuple[str, ...], split: Split) -> Split:
+def rest_is_test(flight_ids: tuple[str, ...], split: Split, known_as: Mapping[str, str] | None = None) -> Split:
     """The split of other flights by a model's: those that it never saw are test flights.
 
     Args:
         flight_ids: Identifiers of the flights.
         split: The model's.
+        known_as: Part of the flights that the model saw under another identifier, see
+            :meth:`.seen_flights.SeenFlights.among`.
 
     Example:
         >>> rest_is_test(("a", "c", "e"), Split(train=("a", "b"), validation=("c",), test=("d",)))
         Split(train=('a',), validation=('c',), test=('e',))
+        >>> rest_is_test(("a", "b2"), Split(train=("a", "b"), validation=(), test=()), {"b2": "train"})
+        Split(train=('a', 'b2'), validation=(), test=())
     """
-    train, validation = set(split.train), set(split.validation)
-    return Split(
-        tuple(f for f in flight_ids if f in train),
-        tuple(f for f in flight_ids if f in validation),
-        tuple(f for f in flight_ids if f not in train and f not in validation),
-    )
+    part = {**(known_as or {}), **dict.fromkeys(split.validation, "validation"), **dict.fromkeys(split.train, "train")}
+    return Split(*(tuple(f for f in flight_ids if part.get(f, "test") == name) for name in PARTS))
 
 
 def with_levels(profiles: Profiles, say: Callable[[str], None]) -> Profiles:

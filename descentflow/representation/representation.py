@@ -22,6 +22,7 @@ from descentflow.representation.observed_channels import observed_channels
 from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
 from descentflow.representation.profiles import Profiles, Speed
 from descentflow.representation.residual import residual_drag, residual_speed
+from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -71,6 +72,7 @@ class Representation(nn.Module):
         gaps: Gaps | None = "marginal",
         air: KeptAir | None = None,
         mass: KeptMass | None = None,
+        seen: SeenFlights | None = None,
     ) -> None:
         """Hold the parts.
 
@@ -89,12 +91,14 @@ class Representation(nn.Module):
                 for a checkpoint of before there was a choice, which is fitted to filled gaps.
             air: In which air drag was inferred, and the training flights' own; None for standard air.
             mass: The column of masses at which drag was inferred, and the training flights' own; None for one mass.
+            seen: By which training and validation flights are recognised under other identifiers; None if the
+                identifiers alone are known.
         """
         super().__init__()
         self.decoder, self.plausibility = decoder, plausibility
         self.split, self.provenance = split, provenance
         self.reference, self.context, self.cleaning, self.gaps = reference, context, cleaning, gaps
-        self.air, self.mass = air, mass
+        self.air, self.mass, self.seen = air, mass, seen
 
     @property
     def n_context(self) -> int:
@@ -115,6 +119,8 @@ class Representation(nn.Module):
             state["air"] = self.air.to_state()
         if self.mass is not None:
             state["own_mass"] = self.mass.to_state()
+        if self.seen is not None:
+            state["seen_flights"] = self.seen.to_state()
         if self.reference is not None:
             state["reference"] = self.reference
         if self.context is not None:
@@ -140,6 +146,7 @@ class Representation(nn.Module):
             state.get("gaps"),
             None if state.get("air") is None else KeptAir.from_state(state["air"], len(state["decoder"]["levels_fl"])),
             None if state.get("own_mass") is None else KeptMass.from_state(state["own_mass"]),
+            None if state.get("seen_flights") is None else SeenFlights.from_state(state["seen_flights"]),
         )
 
 

@@ -36,6 +36,7 @@ from descentflow.representation.plausibility import MARGIN, Bounds
 from descentflow.representation.profiles import Profiles, Speed, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation, Split, fit_representation
+from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_prepared
 from descentflow.training.chosen_descents import aircraft_of, at_mass, cleaning_told, name_of, of_typecodes
@@ -188,6 +189,7 @@ class DescentDataModule(LightningDataModule):
                 representation.reference = reference_state(shown, float(levels[0]), float(levels[-1]), seen)
                 representation.context = self._encoder(table, split)
                 representation.cleaning = cleaning_told(source)
+                representation.seen = SeenFlights.of(frame, split.train, split.validation)
                 representation.gaps = self.gaps if has_noise_model(representation.decoder) else "filled"
                 # A gigabyte for forty thousand flights, which what follows has no use for.
                 del frame, shown, source

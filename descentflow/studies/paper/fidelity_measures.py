@@ -21,6 +21,7 @@ from descentflow.densities.density import Density
 from descentflow.evaluation.evaluate import evaluate
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.generation.prediction.predict import predict
+from descentflow.representation.encode_flights import split_by_model
 from descentflow.studies.paper.study_plan import StudyPlan
 from descentflow.surveillance.descents.prepared_descents import read_descents
 
@@ -90,9 +91,9 @@ def in_flight(model: Density, descents: Path, seed: int = 0, flights: int = MOST
         >>> in_flight(load_model("best.ckpt"), Path("descents.parquet"), flights=10).columns
         ['from_fl', 'level_fl', 'flights', 'covered']
     """
-    levels, split = model.representation.decoder.levels_fl, model.representation.split
+    levels = model.representation.decoder.levels_fl
     source = read_descents(descents)
-    unseen = sorted(set(source.frame["flight_id"].unique()) - {*split.train, *split.validation})
+    unseen = split_by_model(source.frame, sorted(source.frame["flight_id"].unique()), model.representation).test
     order = torch.randperm(len(unseen), generator=torch.Generator().manual_seed(seed)).tolist()
     chosen = [unseen[i] for i in order[:flights]]
     found = []

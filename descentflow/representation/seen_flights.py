@@ -1,0 +1,195 @@
+"""Flights that a model has seen, recognised by aircraft and time: the same rows may come under another flight_id."""
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import CheckpointError
+
+N_MARKS = 5
+"""Levels of a flight whose times are kept: its highest, its lowest, and some between, so that other thresholds of the
+cleaning, which cut flights at their ends, leave some."""
+SAME_S = 3.0
+"""Times at one level up to which two records are of one flight: whole seconds and thinned rows move them by a second or
+two. A simulator that flies a flight again is soon further off."""
+HEX = re.compile(r"(0x)?[0-9a-f]{1,6}")
+DECIMAL = re.compile(r"[0-9]{7,8}")
+OTHER = 1 << 61
+"""Addresses that are none of 24 bits are numbered from here on, by their text."""
+PARTS = ("train", "validation")
+
+
+@dataclass(frozen=True)
+class SeenFlights:
+    """When the aircraft of n training and validation flights passed some of their levels.
+
+    Attributes:
+        address: (n,) 24-bit addresses, or numbers of other texts, see :func:`address_number`.
+        part: (n,) 0 of training flights, 1 of validation flights.
+        level_fl: (n, 5) levels.
+        time_s: (n, 5) when they passed these, seconds since 1970 in UTC.
+
+    Example:
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> first, second, *_ = frame["flight_id"].unique().sort()
+        >>> kept = SeenFlights.of(frame, train=[first], validation=[second])
+        >>> renamed = frame.with_columns(flight_id="other-" + pl.col("flight_id"))
+        >>> kept.among(renamed) == {f"other-{first}": "train", f"other-{second}": "validation"}
+        True
+    """
+
+    address: Tensor
+    part: Tensor
+    level_fl: Tensor
+    time_s: Tensor
+
+    def __len__(self) -> int:
+        """Number of flights."""
+        return len(self.address)
+
+    @classmethod
+    def of(cls, descents: pl.DataFrame, train: Sequence[str], validation: Sequence[str]) -> "SeenFlights":
+        """Of some flights of prepared descents; those without an address are left out.
+
+        Args:
+            descents: Prepared descents.
+            train: Identifiers of those that trained the model.
+            validation: Identifiers of those that validated it.
+        """
+        parts = [*(0 for _ in train), *(1 for _ in validation)]
+        kinds = {"flight_id": pl.String, "part": pl.Int64}
+        names = pl.DataFrame({"flight_id": [*train, *validation], "part": parts}, schema=kinds)
+        rows = _passed(descents).join(names, on="flight_id").sort("flight_id", "level_fl", descending=[False, True])
+        place = pl.Series(np.linspace(0.0, 1.0, N_MARKS))
+        marks = ((pl.len() - 1) * pl.lit(place)).round().cast(pl.Int64)
+        flights = rows.group_by("flight_id", maintain_order=True).agg(
+            pl.col("address", "part").first(), pl.col("level_fl", "passed_s").gather(marks)
+        )
+        shape = (len(flights), N_MARKS)
+        return cls(
+            torch.from_numpy(flights["address"].to_numpy().copy()),
+            torch.from_numpy(flights["part"].to_numpy().copy()),
+            torch.from_numpy(flights["level_fl"].explode().to_numpy().astype(np.int64)).reshape(shape),
+            torch.from_numpy(flights["passed_s"].explode().to_numpy().astype(np.float64)).reshape(shape),
+        )
+
+    def among(self, descents: pl.DataFrame) -> dict[str, str]:
+        """Flights of prepared descents that are some of these, under whatever name, each with its part.
+
+        A flight is one of these if its aircraft has the same address and passed most of the levels that both have at
+        the same time.
+
+        Args:
+            descents: Prepared descents.
+        """
+        marks = pl.DataFrame(
+            {
+                "seen": np.repeat(np.arange(len(self)), N_MARKS),
+                "address": np.repeat(self.address.numpy(), N_MARKS),
+                "level_fl": self.level_fl.numpy().ravel(),
+                "time_s": self.time_s.numpy().ravel(),
+            }
+        )
+        rows = _passed(descents).join(marks, on=["address", "level_fl"], how="semi")
+        met = marks.sort("time_s").join_asof(
+            rows.sort("passed_s"),
+            left_on="time_s",
+            right_on="passed_s",
+            by=["address", "level_fl"],
+            strategy="nearest",
+            tolerance=SAME_S,
+            check_sortedness=False,
+        )
+        agreed = met.drop_nulls("flight_id").group_by("seen", "flight_id").len("agreed")
+        levels = rows.select("flight_id", "level_fl").unique()
+        common = agreed.join(marks.select("seen", "level_fl"), on="seen").join(levels, on=["flight_id", "level_fl"])
+        compared = common.group_by("seen", "flight_id").agg(pl.col("agreed").first(), pl.len().alias("common"))
+        same = compared.filter(2 * pl.col("agreed") > pl.col("common")).sort("seen")
+        parts = self.part.tolist()
+        return {name: PARTS[parts[row]] for name, row in same.select("flight_id", "seen").iter_rows()}
+
+    def to_state(self) -> dict[str, Tensor]:
+        """Tensors for a checkpoint."""
+        return {name: getattr(self, name) for name in ("address", "part", "level_fl", "time_s")}
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> "SeenFlights":
+        """Rebuild from :meth:`to_state`.
+
+        Raises:
+            CheckpointError: If it is not what :meth:`to_state` gives.
+        """
+        address, part, level, time = (_tensor(state, name) for name in ("address", "part", "level_fl", "time_s"))
+        shape = (len(address), N_MARKS) if address.dim() else ()
+        whole = (
+            (address.dtype, part.dtype, level.dtype) == (torch.int64,) * 3
+            and time.dtype == torch.float64
+            and address.dim() == 1
+            and part.shape == address.shape
+            and level.shape == time.shape == shape
+            and bool(((part == 0) | (part == 1)).all())
+            and bool(time.isfinite().all())
+        )
+        if not whole:
+            raise _wrong(
+                f"tensors of shapes {', '.join(str(tuple(one.shape)) for one in (address, part, level, time))}"
+            )
+        return cls(address, part, level, time)
+
+
+def address_number(text: str) -> int:
+    """A number for an aircraft's address: the same for every spelling of a 24-bit one.
+
+    Args:
+        text: Six hexadecimal digits, also without leading zeros or after ``0x``; seven or eight decimal digits, which
+            no hexadecimal address has; or any other text.
+
+    Example:
+        >>> [address_number(text) for text in ("00801A", "801a", "0x00801a", "16323968")]
+        [32794, 32794, 32794, 16323968]
+        >>> address_number("ghost") == address_number("host")
+        False
+    """
+    name = text.strip(" ~").lower()
+    if HEX.fullmatch(name):
+        return int(name.removeprefix("0x"), 16)
+    if DECIMAL.fullmatch(name):
+        return int(name)
+    return OTHER + int.from_bytes(hashlib.blake2b(name.encode(), digest_size=7).digest())
+
+
+def _passed(descents: pl.DataFrame) -> pl.DataFrame:
+    """Columns ``flight_id address level_fl passed_s`` of prepared descents, of rows with an address and a time."""
+    texts = descents.select(pl.col("icao24").cast(pl.String)).to_series()
+    spelled = texts.unique().drop_nulls()
+    numbers = pl.Series("address", [address_number(text) for text in spelled.to_list()], dtype=pl.Int64)
+    rows = descents.select(
+        pl.col("flight_id").cast(pl.String),
+        texts.alias("icao24"),
+        pl.col("level_fl").cast(pl.Int64),
+        (pl.col("timestamp").dt.epoch("us") / 1e6).alias("passed_s"),
+    )
+    known = pl.DataFrame({"icao24": spelled, "address": numbers})
+    return rows.drop_nulls().join(known, on="icao24").drop("icao24")
+
+
+def _tensor(state: dict[str, Any], name: str) -> Tensor:
+    found = state.get(name)
+    if not isinstance(found, Tensor):
+        raise _wrong(f"{name} of type {type(found).__name__}")
+    return found
+
+
+def _wrong(got: str) -> CheckpointError:
+    return CheckpointError(
+        f"flights that were seen, with {got}",
+        expected=f"address, part, and {N_MARKS} levels and times of each training and validation flight",
+        mend="take the file as `descentflow fit` wrote it, or fit again",
+    )

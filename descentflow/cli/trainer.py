@@ -10,6 +10,7 @@ from lightning.pytorch import Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
+from descentflow.cli.resumed_model import check_resumed_model
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.threads import one_thread_unless_told
@@ -60,6 +61,9 @@ class DescentCLI(LightningCLI):
         """Remember which options were given: what is chosen by default steps back behind them."""
         self.words = list(args)
         super().parse_arguments(parser, args)
+        resumed = self.config.get("fit.ckpt_path")
+        if resumed is not None and Path(resumed).is_file():
+            check_resumed_model(Path(resumed), self.config.fit.model)
 
     def before_instantiate_classes(self) -> None:
         """Choose the folder that is written to, unless an option of the logger does."""

@@ -176,6 +176,26 @@ def test_resuming_on_other_flights_is_refused(run: Path, tmp_path: Path, capsys)
     assert "trained on other flights" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (["--model", "SplineFlow"], "is of a Gaussian, where the options ask for a SplineFlow"),
+        (["--config", "gmm"], "is of a Gaussian, where the options ask for a GaussianMixture"),
+        (["--config", "gaussian", "--model.jitter", "0.5"], r"jitter 1e-06 \(the options: 0.5\)"),
+    ],
+)
+def test_resuming_as_another_model_is_refused(
+    asked: list[str], words: str, run: Path, descents: Path, tmp_path: Path, capsys
+) -> None:
+    where = ["--trainer.logger.init_args.save_dir", str(tmp_path), "--data.descents", str(descents)]
+    resumed = ["--ckpt_path", str(run / "checkpoints" / "last.ckpt"), "--trainer.max_epochs=2"]
+    assert main(["fit", *asked, *where, *resumed]) == 2
+    told = capsys.readouterr().err
+    assert re.search(words, told)
+    assert "config.yaml, or leave --ckpt_path out" in told
+    assert not list(tmp_path.iterdir())
+
+
 def test_resuming_with_speed_held_in_another_way_is_refused(run: Path, tmp_path: Path, capsys) -> None:
     words = ["--config", str(run / "config.yaml"), "--ckpt_path", str(run / "checkpoints" / "last.ckpt")]
     where = ["--trainer.logger.init_args.save_dir", str(tmp_path), "--data.speed=mach_cas"]

@@ -102,6 +102,17 @@ def test_lightnings_own_loading_works_too(name: str, tmp_path: Path) -> None:
     assert torch.equal(loaded.sample(5, seed=1), model.sample(5, seed=1))
 
 
+def test_no_model_goes_on_as_another(tmp_path: Path) -> None:
+    _, path = saved("gaussian", tmp_path)
+    content = read_checkpoint(path)
+    flow = SplineFlow(n_flows=2)
+    flow.attach(load_representation(path))
+    with pytest.raises(
+        CheckpointError, match=r"of a GaussianDensity, to be gone on with as a SplineFlowDensity.*config"
+    ):
+        flow.on_load_checkpoint(content)
+
+
 def test_the_split_and_versions_are_recorded(tmp_path: Path) -> None:
     _, path = saved("gaussian", tmp_path)
     content = read_checkpoint(path)["descentflow"]

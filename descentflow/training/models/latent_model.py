@@ -187,8 +187,14 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         checkpoint[TRAINING] = {"seed": self._seed, "stopped": stopped}
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Restore the density's shape and representation; refuse a checkpoint of other flights when a fit resumes."""
+        """Restore density and representation; refuse one of another model or other flights when a fit resumes."""
         saved: D = density_of(checkpoint[SECTION])  # type: ignore[assignment]
+        if self._density is not None and type(self._density) is not type(saved):
+            raise CheckpointError(
+                f"a checkpoint of a {type(saved).__name__}, to be gone on with as a {type(self._density).__name__}",
+                expected="the model of the run that is resumed",
+                mend="use that run's own config.yaml, or start a new fit",
+            )
         if self._density is not None and self.representation.split != saved.representation.split:
             raise CheckpointError(
                 "a checkpoint that was trained on other flights than those of data.descents",

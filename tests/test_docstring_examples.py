@@ -73,6 +73,8 @@ def diagnosed_once(name: str, lighter: GapReport, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(module, "diagnose", diagnose)
 
 
+# The examples' flights are those that their checkpoint was trained on.
+@pytest.mark.filterwarnings("ignore:.*and are no test of it:descentflow.core.errors.DescentflowWarning")
 @pytest.mark.usefixtures("diagnosed_once")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in module_names()]

@@ -80,13 +80,15 @@ def diagnose(
 
     Warns:
         DescentflowWarning: If prepared descents were cleaned with other settings than the simulator's, or the settings
-            of either are unknown.
+            of either are unknown; or if most of the real flights are some that a checkpoint was trained or validated
+            on, which are compared all the same and counted.
 
     Example:
         >>> print(diagnose("rows.parquet", "best.ckpt"))
         best.ckpt and the 120 real A320 flights differ by no more than chance would (p = ...).
         From FL... down to FL150 both take, fly and descend alike, to within ... s, ... NM and ... ft/min.
-        No effect is named, and nothing need be changed...
+        No effect is named, and nothing need be changed.
+        96 of the 120 real flights are some that best.ckpt was trained or validated on, and are no test of it...
         >>> diagnose("descents.parquet", "A320").causes[0].parameters["relative_change"].unit  # lighter than nominal
         '1'
         >>> diagnose("rows.parquet", "descents.parquet").verdict  # flights of a simulator, here the same ones

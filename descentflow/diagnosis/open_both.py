@@ -12,6 +12,7 @@ from descentflow.core.version import __version__
 from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
 from descentflow.diagnosis.input_descriptions import input_of_flights, input_of_simulator
 from descentflow.diagnosis.open_simulator import open_simulator
+from descentflow.diagnosis.own_flights import own_flights
 from descentflow.diagnosis.simulator import Simulator, of_its_type
 from descentflow.diagnosis.simulator_flights import (
     SignatureSource,
@@ -89,8 +90,8 @@ def open_both(
         DataError: If flights cannot be read, or both sides are of different types.
 
     Warns:
-        DescentflowWarning: If flights of other types are left out, or a checkpoint knows the air of its flights, which
-            is then taken out of both sides.
+        DescentflowWarning: If flights of other types are left out, a checkpoint knows the air of its flights, which is
+            then taken out of both sides, or most of the real flights are its own.
 
     Example:
         >>> opened = open_both("rows.parquet", "descents.parquet", SignatureSource())
@@ -141,7 +142,8 @@ def open_both(
             DescentflowWarning,
             stacklevel=3,
         )
-    return Opened(frame, found, own, input_of_simulator(found), {**_rows_dropped(descents), **others})
+    seen = {} if parts is None or parts.seen is None else own_flights(frame, found.name, parts.seen)
+    return Opened(frame, found, own, input_of_simulator(found), {**_rows_dropped(descents), **others, **seen})
 
 
 def _with_flights(real: Any, simulator: Any, source: SignatureSource, say: Callable[[str], None]) -> Opened:

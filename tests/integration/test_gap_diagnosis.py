@@ -11,11 +11,12 @@ import pytest
 import torch
 
 from descentflow.cli.entry import main
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.findings.read_gap import read_gap
+from descentflow.diagnosis.report.gap_page import page
 from descentflow.diagnosis.report.gap_report import KEYS, GapReport
 from descentflow.effects import EFFECTS
 from descentflow.generation.rejection import sample_descents
@@ -258,7 +259,12 @@ def test_a_cause_that_the_simulator_inherited_is_found_against_physics(folder: P
     inside = folder / "inherited"
     inside.mkdir()
     path = gap_toys.simulator(inside, folder / "descents1.parquet")
-    report = diagnose(folder / "descents1.parquet", path)
+    words = "96 of the 120 real flights are some that simulator.ckpt was trained or validated on"
+    with pytest.warns(DescentflowWarning, match=words):
+        report = diagnose(folder / "descents1.parquet", path)
+    assert words in str(report)
+    assert words in page(report)
+    assert report.dropped["flights_that_the_simulator_has_seen"] == 96
     assert report.details.regime == "refit"
     assert [cause.effect for cause in report.causes] == ["temperature"]
     assert report.causes[0].inherited

@@ -11,6 +11,9 @@ from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOu
 from descentflow.diagnosis.findings.measured_entry import MeasuredEntry
 from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
 
+SEEN = "flights_that_the_simulator_has_seen"
+"""Among the counts: real flights that the simulator was trained or validated on, which are compared as the others are.
+"""
 Verdict = Literal["none", "effect", "partial", "unknown"]
 """``none``: no gap, or none that matters; ``effect``: a gap with named causes; ``partial``: the named causes are real,
 and what they leave is still a gap, of no named cause; ``unknown``: a gap of no named cause."""
@@ -184,7 +187,7 @@ class Findings:
         gap_after: Gap once the causes are in the simulator.
         remaining: What is left, and where.
         would_split: Channels or slices that would separate what these data cannot.
-        dropped: Counts of flights and rows left out, by reason.
+        dropped: Counts of flights and rows left out, by reason; and of flights that the simulator has seen.
         details: Everything else: settings, every effect alone, curves behind the figures.
         global_p: The p-value corrected for how many effects were looked for; None where not computed.
         costs: What the gap costs, the whole range of levels first, then parts of it.

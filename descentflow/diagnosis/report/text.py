@@ -1,7 +1,7 @@
 """The answer in words, for the terminal and the top of the page."""
 
 from descentflow.diagnosis.findings.cause_found import Cause
-from descentflow.diagnosis.findings.findings import SIGNIFICANT, Findings
+from descentflow.diagnosis.findings.findings import SEEN, SIGNIFICANT, Findings
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.next_steps import next_steps
@@ -27,7 +27,7 @@ SHOWN_SMALL = 3
 
 
 def sentences(found: Findings) -> list[str]:
-    """What differs and what it costs, why, and how far it shrinks: three sentences.
+    """What differs and what it costs, why, and how far it shrinks; and how many flights the simulator learnt from.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -38,9 +38,21 @@ def sentences(found: Findings) -> list[str]:
     """
     if found.verdict == "none":
         rest = ": pass the simulator's own flights." if same_flights(found) else ", and nothing need be changed."
-        return [_no_gap(found), f"{_alike(found)}.", f"No effect is named{rest}"]
+        return [_no_gap(found), f"{_alike(found)}.", f"No effect is named{rest}", *_seen(found)]
     closing = {"effect": _shrinks, "partial": _remains, "unknown": _unexplained}[found.verdict]
-    return [f"{_differ(found)}: {_cost(found)}.", _why(found), closing(found)]
+    return [f"{_differ(found)}: {_cost(found)}.", _why(found), closing(found), *_seen(found)]
+
+
+def _seen(found: Findings) -> list[str]:
+    """How many of the real flights the simulator learnt from: of these it says nothing that it was not told."""
+    count, total = found.dropped.get(SEEN, 0), found.dropped.get("flights_given", 0)
+    if not count:
+        return []
+    which = f"{count:,} of the {total:,} real flights are" if count < total else f"All {total:,} real flights are"
+    return [
+        f"{which} some that {simulator_name(found)} was trained or validated on, and are no test of it: pass others to "
+        "learn how it descends beside flights that it has not seen."
+    ]
 
 
 def _p_value(found: Findings) -> str:

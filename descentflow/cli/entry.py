@@ -143,7 +143,9 @@ def _run(name: str, rest: list[str]) -> int:
             print(trainer_help.text(name), end="")
             return 0
         words = [word for word in rest if word != QUIET]
-        import_module("descentflow.cli.trainer_words").check_words(name, words)
+        options = import_module("descentflow.cli.trainer_words").check_words(name, words)
+        if name == "fit":
+            import_module("descentflow.cli.trainer_inputs").check_descents_to_fit(options)
         with _without_cycle_search():
             trainer = import_module("descentflow.cli.trainer")
         trainer.run(name, words)

@@ -10,6 +10,7 @@ from lightning.pytorch import Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
+from descentflow.cli.parser_errors import config_error
 from descentflow.cli.resumed_model import check_resumed_model
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
@@ -75,7 +76,14 @@ class DescentCLI(LightningCLI):
 
     def instantiate_trainer(self, **kwargs: Any) -> Trainer:
         """A trainer whose checkpoints are written whole."""
-        trainer = super().instantiate_trainer(**kwargs)
+        try:
+            trainer = super().instantiate_trainer(**kwargs)
+        except (TypeError, ValueError) as error:
+            raise ConfigError(
+                f"options of the trainer that it does not take: {str(error).splitlines()[0]}",
+                expected="values as `descentflow fit --help_all` lists them",
+                mend="correct the one that is named, or leave it out",
+            ) from error
         trainer.strategy.checkpoint_io = WholeCheckpoints()
         return trainer
 
@@ -148,11 +156,7 @@ def run(command: str, rest: Sequence[str]) -> None:
         )
     except ArgumentError as error:
         # The parser's own way is two pages of usage before the line that says what is wrong.
-        raise ConfigError(
-            "; ".join(part.strip(" -:") for part in str(error).splitlines() if part.strip()),
-            expected="options, files and values as `descentflow fit --help_all` lists them",
-            mend="correct the value that is named first",
-        ) from None
+        raise config_error(str(error)) from None
     except MisconfigurationException as error:
         raise ConfigError(
             str(error).splitlines()[0],

@@ -1,8 +1,8 @@
 """A first look at the words after ``fit``, ``validate``, ``test`` and ``predict``, before seconds of imports.
 
-What is wrong in a name is said at once and in a line. The names are read from the sources of the classes that take
-them, without importing these, so they cannot go stale. Values, and options of the Trainer (which Lightning owns), are
-left to the full parser.
+What is wrong in a name is said at once and in a line, and what is surely wrong in a value. Names and types are read
+from the sources of the classes that take them, without importing these, so they cannot go stale. Other values, and
+options of the Trainer (which Lightning owns), are left to the full parser.
 """
 
 import ast
@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from descentflow.cli.option_kinds import how_to_write, in_words, is_wrong
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import ConfigError, nearest
 from descentflow.core.settings_file import read_settings
@@ -32,15 +33,20 @@ NOTHING = "null"
 """What YAML and the command line call None; the full parser lets it pass where a number is expected."""
 SETTINGS = ("data", "trainer", "scores", "checkpoint")
 """Sections that take a file of settings where they are given a value themselves."""
+DESCENTS = ("descents", "aircraft", "bada_dir", "checkpoint", "typecodes")
+"""Options of the data that say which flights are fitted, with whose coefficients."""
 SETTINGS_FILES = (".yaml", ".yml", ".json")
 
 
-def check_words(command: str, words: Sequence[str]) -> None:
+def check_words(command: str, words: Sequence[str]) -> dict[str, str]:
     """Refuse what cannot be an option, a model or a settings file.
 
     Args:
         command: ``fit``, ``validate``, ``test`` or ``predict``.
         words: The words after it.
+
+    Returns:
+        Options with their values, as far as they are looked at here; none where help is asked for.
 
     Raises:
         ConfigError: With the valid names and the nearest of them.
@@ -50,7 +56,11 @@ def check_words(command: str, words: Sequence[str]) -> None:
         Traceback (most recent call last):
         descentflow.core.errors.ConfigError: no model Gausian; expected ...; to mend it, did you mean Gaussian?
     """
-    options = [_named(words, position) for position in range(len(words)) if words[position].startswith("--")]
+    # What `--NAME+` adds to a list is one of its values.
+    options = [
+        (name.removesuffix("+"), "" if name.endswith("+") else value)
+        for name, value in (_named(words, place) for place in range(len(words)) if words[place].startswith("--"))
+    ]
     from_files = [option for name, value in options if name == "config" for option in _in_file(config_file(value))]
     # What stands later counts; a file's model is replaced by the one that is named.
     models = [value for name, value in from_files + options if name == "model"]
@@ -66,12 +76,13 @@ def check_words(command: str, words: Sequence[str]) -> None:
     asks = any(name.rpartition(".")[2] in ("help", "help_all", "print_config") for name in given)
     if command == "fit" and "config" not in given and not asks:
         _check_complete(given)
+    return {} if asks else dict(from_files + options)
 
 
 def _named(words: Sequence[str], position: int) -> tuple[str, str]:
     name, equals, value = words[position][2:].partition("=")
     following = words[position + 1] if position + 1 < len(words) else ""
-    return name.removesuffix("+"), value if equals else following
+    return name, value if equals else following
 
 
 def _in_file(file: Path) -> list[tuple[str, str]]:
@@ -85,10 +96,17 @@ def _in_file(file: Path) -> list[tuple[str, str]]:
             options = inside.get("init_args")
             inside = options if isinstance(options, dict) else {}
         if section in SECTIONS_OF_CLASSES:
-            found += [(f"{section}.{name}", NOTHING if value is None else "") for name, value in inside.items()]
+            found += [(f"{section}.{name}", _value(section, name, value)) for name, value in inside.items()]
         else:
             found.append((str(section), ""))
     return found
+
+
+def _value(section: str, name: Any, value: Any) -> str:
+    """What a settings file says, as far as it is looked at here: nothing, and which descents."""
+    if value is None:
+        return NOTHING
+    return value if section == "data" and name in DESCENTS and isinstance(value, str) else ""
 
 
 def _check_section(file: Path, section: str, content: Any) -> None:
@@ -137,6 +155,11 @@ def _check_name(name: str, value: str, model: str | None) -> None:
             expected="a value of its own type",
             mend="leave the option out for its default, or see `descentflow fit --help`",
         )
+    kinds = _kinds(*source).get(rest.removeprefix("init_args."), ())
+    if is_wrong(value, kinds):
+        raise ConfigError(
+            f"--{name} is {value}", expected=in_words(kinds), mend=how_to_write(f"--{name}", value, kinds)
+        )
 
 
 def _check_model(value: str) -> None:
@@ -173,8 +196,8 @@ def _known(shown: str, name: str, names: Iterable[str], prefix: str) -> None:
 
 
 @cache
-def _arguments(module: str, name: str) -> dict[str, bool]:
-    """Arguments of a class's constructor, from its source, and whether they may be None."""
+def _kinds(module: str, name: str) -> dict[str, tuple[str, ...]]:
+    """Arguments of a class's constructor, from its source, with the names of the types that they take."""
     # Finding a module imports the packages that it lies in, and these are light.
     spec = find_spec(module)
     if spec is None or spec.origin is None:
@@ -182,12 +205,21 @@ def _arguments(module: str, name: str) -> dict[str, bool]:
     tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
     found = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name)
     start = next(node for node in found.body if isinstance(node, ast.FunctionDef) and node.name == "__init__")
-    return {one.arg: _may_be_none(one) for one in [*start.args.args[1:], *start.args.kwonlyargs]}
+    return {one.arg: _types(one.annotation) for one in [*start.args.args[1:], *start.args.kwonlyargs]}
 
 
-def _may_be_none(argument: ast.arg) -> bool:
-    kinds = [] if argument.annotation is None else list(ast.walk(argument.annotation))
-    return not kinds or any(isinstance(kind, ast.Constant) and kind.value is None for kind in kinds)
+def _types(annotation: ast.expr | None) -> tuple[str, ...]:
+    if annotation is None:
+        return ()
+    if isinstance(annotation, ast.BinOp):
+        return (*_types(annotation.left), *_types(annotation.right))
+    is_none = isinstance(annotation, ast.Constant) and annotation.value is None
+    return ("NoneType",) if is_none else (ast.unparse(annotation),)
+
+
+def _arguments(module: str, name: str) -> dict[str, bool]:
+    """Arguments of a class's constructor, and whether they may be None."""
+    return {one: not kinds or "NoneType" in kinds for one, kinds in _kinds(module, name).items()}
 
 
 def _is_file(name: str) -> bool:

@@ -253,13 +253,34 @@ def read_descents(path: str | Path) -> Descents:
     return Descents(checked_descents(frame, path), metadata)
 
 
+def read_description(path: str | Path) -> dict[str, Any]:
+    """What a file of prepared descents says of them, without reading them.
+
+    Raises:
+        DataError: If the file is missing, damaged, or not written by `descentflow prepare`.
+
+    Example:
+        >>> read_description("descents.parquet")["bottom_fl"]
+        150
+    """
+    if not Path(path).is_file():
+        raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
+    with whole_input(path, "a whole Parquet file", MEND):
+        metadata = pl.read_parquet_metadata(path)
+    return _description(metadata, path)
+
+
 def _read_file(path: str | Path) -> tuple[pl.DataFrame, dict[str, Any]]:
     if not Path(path).is_file():
         raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
     with whole_input(path, "a whole Parquet file", MEND):
         check_pages(Path(path))
-        description = pl.read_parquet_metadata(path).get(KEY)
+        metadata = pl.read_parquet_metadata(path)
         frame = pl.read_parquet(path)
-    if description is None:
+    return frame, _description(metadata, path)
+
+
+def _description(metadata: dict[str, str], path: str | Path) -> dict[str, Any]:
+    if KEY not in metadata:
         raise DataError(f"{path}: Parquet, but not prepared descents", expected="a prepared table", mend=MEND)
-    return frame, described(description, path)
+    return described(metadata[KEY], path)

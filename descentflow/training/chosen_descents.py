@@ -9,6 +9,7 @@ import polars as pl
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.surveillance.cleaning.absent_types import tell_absent_types
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 
@@ -31,6 +32,9 @@ def of_typecodes(source: Descents, typecodes: list[str] | str | None, name: str)
     Raises:
         DataError: If there is none of them.
 
+    Warns:
+        DescentflowWarning: If there is none of one of several.
+
     Example:
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> of_typecodes(read_descents("descents.parquet"), ["A320"], "descents.parquet")["flight_id"].n_unique()
@@ -48,6 +52,7 @@ def of_typecodes(source: Descents, typecodes: list[str] | str | None, name: str)
             expected=f"some of {', '.join(sorted(source.frame['typecode'].unique()))}",
             mend="change --data.typecodes (in Python: typecodes=)",
         )
+    tell_absent_types(typecodes, source.flights, "descent", "data.typecodes")
     return frame
 
 

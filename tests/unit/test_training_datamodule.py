@@ -7,7 +7,7 @@ import pytest
 import torch
 import toys
 
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.representation.flight_parts import rest_is_test, top_level
 from descentflow.representation.plausibility import level_bounds
 from descentflow.representation.representation import Split
@@ -116,6 +116,10 @@ def test_a_pool_of_types_needs_an_aircraft(descents: Path, tmp_path: Path) -> No
     )
     with pytest.raises(DataError, match="no descent of B738"):
         module(pool, typecodes=["B738"])
+    with pytest.warns(
+        DescentflowWarning, match=r"no descent of type A321X, which data.typecodes asks for.* A320, A321"
+    ):
+        module(pool, typecodes="A321,A321x")
     # What it was trained on is what was kept, so that flights of the other type are told later.
     assert module(pool, typecodes="a321").representation.provenance["typecodes"] == ["A321"]
 

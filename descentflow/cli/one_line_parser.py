@@ -36,6 +36,7 @@ SAID = tuple(
     )
 )
 """What argparse says, and the parts of our message: the first that matches. Our own types say what they expected."""
+BEGINS_AS_A_NUMBER = re.compile(r"-\.?\d")
 KINDS = {"int": "a whole number", "float": "a number", "Path": "a path"}
 
 
@@ -60,6 +61,11 @@ descentflow sample --help, which has every option
 
     words: Sequence[str] = ()
     """What is parsed."""
+
+    def __init__(self, *words: Any, **settings: Any) -> None:
+        """As argparse's own, but what begins with a minus and a digit is a value: a southern point is no option."""
+        super().__init__(*words, **settings)
+        self._negative_number_matcher = BEGINS_AS_A_NUMBER
 
     # The overloads of argparse differ in the namespace alone.
     def parse_known_args(  # type: ignore[override]

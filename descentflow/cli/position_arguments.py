@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--end",
         type=_point,
         metavar="LAT,LON",
-        help="point where descents end, a threshold or a fix: 51.47,-0.45; a southern one as 33.95S,151.18E",
+        help="point where descents end, a threshold or a fix: 51.47,-0.45; or -33.95,151.18, also as 33.95S,151.18E",
     )
     group.add_argument("--track", type=float, metavar="DEG", help="true track on which they arrive there")
     group.add_argument(

@@ -2,7 +2,9 @@
 
 import pytest
 
+from descentflow.cli import position_arguments
 from descentflow.cli.entry import COMMANDS, TRAINER, main
+from descentflow.cli.one_line_parser import OneLineParser
 
 
 @pytest.mark.parametrize("command", sorted(set(COMMANDS) - set(TRAINER)))
@@ -46,6 +48,28 @@ def test_a_mistake_is_told_in_three_parts(words: list[str], told: str, capsys: p
     said = capsys.readouterr().err
     assert said.startswith(f"descentflow {words[0]}: {told}")
     assert "; to mend it, " in said
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--end", "-33.95,151.18", "--track", "270"],
+        ["--end=-33.95,151.18", "--track", "9e1"],
+        ["--end", "33.95S,151.18E", "--track", "270", "--to-go", "9e-1"],
+        ["--route", "-33.5,-70.8", "-33.4,-70.79"],
+    ],
+)
+def test_southern_and_western_points_are_no_options(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sample", "no.ckpt", "-n", "1", "--out", "samples.parquet", *words]) == 2
+    assert "no file no.ckpt" in capsys.readouterr().err
+
+
+def test_points_are_read_as_they_are_written() -> None:
+    parser = OneLineParser()
+    position_arguments.add_arguments(parser)
+    args = parser.parse_args(["--route", "-33.5,-70.8", "33.95S,151.18E", "--to-go", "-1"])
+    assert args.route == [(-33.5, -70.8), (-33.95, 151.18)]
+    assert args.to_go == -1.0
 
 
 def test_the_nearest_names_are_told(capsys: pytest.CaptureFixture[str]) -> None:

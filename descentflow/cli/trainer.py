@@ -205,7 +205,8 @@ def _with_run_settings(command: str, words: list[str]) -> list[str]:
         raise ConfigError(
             f"{command} without a checkpoint",
             expected="--ckpt_path FILE (otherwise random parameters would be scored)",
-            mend="pass the run's checkpoints/best.ckpt",
+            mend="pass the run's checkpoints/best.ckpt"
+            + ("; the rest of descents, df.predict, is `descentflow predict-descent`" if command == "predict" else ""),
         )
     content = read_checkpoint(checkpoint)
     if _option(words, "--config") is None:

@@ -23,6 +23,15 @@ TOP = (
     *("seed_everything", "weights_only", "print_config", "verbose", "help", "help_all"),
 )
 MODELS = tuple(sorted(set(MODULES) - {"LatentModel"}))
+IN_PYTHON = ("gaussian", "mixture", "flow", "spline")
+"""What :func:`descentflow.training.fit.fit` calls the models."""
+OTHER_NAMES = {
+    "gaussian": ("Gaussian", "gaussian"),
+    **dict.fromkeys(("mixture", "gmm", "gaussianmixture"), ("GaussianMixture", "gmm")),
+    **dict.fromkeys(("flow", "maskedaffineflow"), ("MaskedAffineFlow", "flow")),
+    **dict.fromkeys(("spline", "splineflow"), ("SplineFlow", "spline")),
+}
+"""Names that models have elsewhere -> the model, and the settings file that trains it."""
 OWN = {
     "data": ("descentflow.training.datamodule", "DescentDataModule"),
     "scores": ("descentflow.training.callbacks.score_callback", "ScoreCallback"),
@@ -164,8 +173,18 @@ def _check_name(name: str, value: str, model: str | None) -> None:
 
 def _check_model(value: str) -> None:
     """A short name, the path of a class of the user's own, or a YAML file of its settings."""
-    if "." not in value and "/" not in value and not _is_file(value) and not value.startswith("{"):
-        _known(f"no model {value}", value, MODELS, "")
+    if "." in value or "/" in value or _is_file(value) or value.startswith("{"):
+        return
+    named = OTHER_NAMES.get(value.lower())
+    if named is not None and value not in MODELS:
+        kind, file = named
+        python = f"; {value} is what df.fit(..., model=...) takes in Python" if value in IN_PYTHON else ""
+        raise ConfigError(
+            f"no model {value}",
+            expected=f"one of {', '.join(MODELS)}",
+            mend=f"write --model {kind}, or --config {file} for the settings that go with it{python}",
+        )
+    _known(f"no model {value}", value, MODELS, "")
 
 
 def _check_settings(section: str, value: str) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,7 +12,7 @@ from lightning.pytorch import Trainer, seed_everything
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.utilities.seed import isolate_rng
 
-from descentflow.core.errors import ConfigError
+from descentflow.core.errors import ConfigError, nearest
 from descentflow.core.files import check_output
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.read_checkpoint import read_checkpoint
@@ -20,6 +21,9 @@ from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.quiet import quiet
 from descentflow.training.training_settings import TrainingSettings, accelerator, settings_of, training_settings
+
+OWN_OPTIONS = {"out", "seed", "max_epochs", "aircraft", "context", "progress_bar", "device"}
+"""Options of :func:`fit` that are not the DataModule's."""
 
 
 def fit(
@@ -61,7 +65,7 @@ def fit(
 
     Raises:
         DataError: If the descents cannot be read or are too few, or the output cannot be written.
-        ConfigError: If there is no such model, or the options contradict the descents.
+        ConfigError: If there is no such model or option, or the options contradict the descents.
 
     Example:
         >>> model = fit("descents.parquet", "gaussian", out="fitted.ckpt")
@@ -87,6 +91,10 @@ def fit(
 
 def _data_module(source: Any, settings: dict[str, Any], options: dict[str, Any]) -> DescentDataModule:
     """The DataModule that was passed, or one with the options of the call over those of the settings."""
+    known = {*signature(DescentDataModule).parameters} - {"descents"}
+    for name in options:
+        if name not in known:
+            raise _no_option(name, known | OWN_OPTIONS)
     if not isinstance(source, DescentDataModule):
         return DescentDataModule(source, **(settings | options))
     if options:
@@ -96,6 +104,15 @@ def _data_module(source: Any, settings: dict[str, Any], options: dict[str, Any])
             mend="pass the options to DescentDataModule",
         )
     return source
+
+
+def _no_option(name: str, known: set[str]) -> ConfigError:
+    near = nearest(name, known)
+    return ConfigError(
+        f"an option {name} of fit",
+        expected=f"one of {', '.join(sorted(known))}",
+        mend=f"did you mean {near}?" if near else "leave it out; a model's own are passed to it, as Gaussian(ridge=2)",
+    )
 
 
 def _train(

@@ -10,7 +10,7 @@ import torch
 from lightning.pytorch import Callback
 
 from descentflow.configs.packaged_config import config_file
-from descentflow.core.errors import ConfigError
+from descentflow.core.errors import ConfigError, nearest
 from descentflow.core.settings_file import read_settings
 from descentflow.training.models.latent_model import LatentModel
 
@@ -78,7 +78,7 @@ def training_settings(name: str | Path) -> TrainingSettings:
         raise ConfigError(
             f"a model {str(name)!r}",
             expected=f"{', '.join(NAMES)}, a model such as Gaussian(), or a YAML file of settings",
-            mend="choose one of them",
+            mend=_mend_of_name(str(name)),
         ) from error
     found = read_settings(path)
     model = found.get("model")
@@ -96,6 +96,15 @@ def training_settings(name: str | Path) -> TrainingSettings:
         TRAINER_DEFAULTS | trainer,
         tuple((one["class_path"], dict(one.get("init_args") or {})) for one in callbacks),
     )
+
+
+def _mend_of_name(name: str) -> str:
+    """The name in Python of a model that is called as on the command line, by its class or in other letters."""
+    by_class = {kind: next(ours for ours, file in NAMES.items() if file == of) for kind, of in SETTINGS_OF.items()}
+    ours = by_class.get(name) or nearest(name.lower(), NAMES)
+    if name in by_class:
+        return f"pass {ours!r}, or {name}(): {name} is what `descentflow fit --model` takes"
+    return f"did you mean {ours!r}?" if ours else "choose one of them"
 
 
 def settings_of(model: LatentModel[Any]) -> TrainingSettings:

@@ -131,6 +131,12 @@ def test_an_instance_is_trained_with_the_settings_of_its_class() -> None:
 def test_what_cannot_be_fitted_is_refused(descents: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="gaussian, mixture, flow, spline"):
         fit(descents, "transformer")
+    with pytest.raises(ConfigError, match=r"a model 'MaskedAffineFlow'.*pass 'flow', or MaskedAffineFlow\(\)"):
+        fit(descents, "MaskedAffineFlow")
+    with pytest.raises(ConfigError, match=r"an option epochs of fit; .*did you mean max_epochs\?"):
+        fit(descents, "gaussian", epochs=3)
+    with pytest.raises(ConfigError, match=r"an option n_clusters of fit; .*as Gaussian\(ridge=2\)"):
+        fit(descents, "mixture", n_clusters=3)
     with pytest.raises(ConfigError, match="max_epochs 0"):
         fit(descents, "gaussian", max_epochs=0)
     with pytest.raises(ConfigError, match="a DataModule and split_by"):

@@ -8,7 +8,7 @@ from typing import get_args
 
 import pytest
 
-from descentflow.cli.trainer_words import MODELS, OWN, _arguments, check_words
+from descentflow.cli.trainer_words import IN_PYTHON, MODELS, OTHER_NAMES, OWN, _arguments, check_words
 from descentflow.configs.packaged_config import packaged_configs
 from descentflow.core.errors import ConfigError
 
@@ -20,6 +20,9 @@ FILE = ["--data.descents", "descents.parquet"]
     [
         (["--model", "Gausian", *FILE], "no model Gausian", "Gaussian"),
         (["--model=gaussian", *FILE], "no model gaussian", "Gaussian"),
+        (["--model", "flow", *FILE], "no model flow", "--model MaskedAffineFlow, or --config flow"),
+        (["--model", "gmm", *FILE], "no model gmm", "--model GaussianMixture, or --config gmm"),
+        (["--model", "spline", *FILE], "no model spline", "df.fit(..., model=...) takes in Python"),
         (["--modle", "Gaussian", *FILE], "no option --modle", "--model"),
         (["--model", "Gaussian", "--data.descentz", "d"], "no option --data.descentz", "--data.descents"),
         (["--model", "MaskedAffineFlow", "--model.n_flowz=3", *FILE], "no option --model.n_flowz", "--model.n_flows"),
@@ -84,6 +87,14 @@ def test_a_settings_file_is_read_like_the_command_line(text: str, message: str, 
 )
 def test_what_is_valid_passes(words: list[str]) -> None:
     check_words("fit", words)
+
+
+def test_names_of_models_elsewhere_are_those_that_are_taken_there() -> None:
+    from descentflow.training.training_settings import NAMES, SETTINGS_OF
+
+    assert tuple(NAMES) == IN_PYTHON
+    assert dict(OTHER_NAMES.values()) == SETTINGS_OF
+    assert {OTHER_NAMES[name][1] for name in NAMES} == set(NAMES.values())
 
 
 def test_other_commands_need_no_model() -> None:

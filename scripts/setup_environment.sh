@@ -8,6 +8,14 @@ python="${PYTHON:-python3}"
     exit 1
 }
 [ -x .venv/bin/python ] || "$python" -m venv .venv
+case ",${1:-}," in
+*,traffic,*)
+    echo "setup_environment: the extra traffic wants pandas below 3, and .venv has constraints.txt with a later one:" \
+        "it needs an environment of its own (docs/how-to/export_traffic.md):" \
+        "python3 -m venv traffic_env && traffic_env/bin/pip install '.[traffic]'" >&2
+    exit 1
+    ;;
+esac
 extras="${1:+[$1]}"
 # A stamp of what was installed spares the second run a minute of pip.
 stamp=".venv/.installed-$(cat pyproject.toml constraints.txt | cksum | cut -d' ' -f1)-${1:-none}"

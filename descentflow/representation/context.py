@@ -84,6 +84,9 @@ class Column:
         return torch.cat([numbers, (~usable).double()[:, None]], 1) if self.indicator else numbers
 
 
+DAY_H = 24
+
+
 class ContextEncoder:
     """Columns of a flight table as (n, width) standardised numbers, fitted on training flights alone.
 
@@ -135,8 +138,16 @@ class ContextEncoder:
             frame: A row for each context.
 
         Raises:
-            ConfigError: If a number lies outside of what the training flights had.
+            ConfigError: If a number lies outside of what the training flights had, or an hour is none of a day.
         """
+        for column in (one for one in self.columns if one.kind == "hour"):
+            hours = frame[column.name].cast(pl.Float64, strict=False)
+            if len(none := frame[column.name].filter(~hours.is_between(0, DAY_H).fill_null(True))):
+                raise ConfigError(
+                    f"{column.name} = {none[0]}" + (f" (and {len(none) - 1} more)" if len(none) > 1 else ""),
+                    expected=f"an hour of the day (UTC), 0 to {DAY_H}",
+                    mend="choose an hour in this range",
+                )
         for column in self.columns:
             values = frame[column.name].filter(column.beyond(frame[column.name]))
             if len(values):

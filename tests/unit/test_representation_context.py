@@ -86,6 +86,10 @@ def test_a_context_that_no_training_flight_was_near_is_refused_at_once() -> None
     table = pl.DataFrame([near, {**near, "deviation_k": "-1"}, {**near, "deviation_k": "-2"}])
     with pytest.raises(ConfigError, match=r"deviation_k = -1 \(and 1 more\)"):
         context_rows(table, encoder)
+    for hour, told in ((25, "hour = 25.0"), ("-1", "hour = -1.0")):
+        with pytest.raises(ConfigError, match=rf"{told}; expected an hour of the day \(UTC\), 0 to 24"):
+            context_rows({**near, "hour": hour}, encoder)
+    assert context_rows({**near, "hour": "24"}, encoder)["hour"].to_list() == [24.0]
     # Held-out flights beyond the training flights are still scored.
     assert encoder.encode(table).shape == (3, encoder.width)
     assert ContextEncoder.from_state(encoder.to_state()).columns == encoder.columns

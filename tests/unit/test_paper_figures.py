@@ -1,5 +1,8 @@
 """Figures of the study show the numbers that they are said to show."""
 
+import itertools
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -48,6 +51,20 @@ def test_flights_are_compared_from_the_level_that_half_of_them_reach() -> None:
     nothing = real.subset(torch.zeros(len(real), dtype=torch.bool))
     with pytest.raises(DataError, match="no flight observed"):
         mass_range(nothing, AIRCRAFT)
+
+
+@pytest.mark.parametrize("faster", [0.3, 1.0, 1.3, 1.9])
+def test_numbers_of_the_axes_do_not_run_into_each_other(faster: float) -> None:
+    real = DescentSet.of_profiles(toys.flights(60))
+    figure = mass_range_figure(replace(real, rate_mps=faster * real.rate_mps), AIRCRAFT, n_lines=5)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    for ax in figure.axes:
+        left, right = ax.get_xlim()
+        labels = [t for t in ax.get_xticklabels() if t.get_text() and left <= t.get_position()[0] <= right]
+        boxes = sorted((t.get_window_extent(canvas.get_renderer()) for t in labels), key=lambda box: box.x0)
+        assert len(boxes) >= 3
+        assert all(one.x1 + 4 <= other.x0 for one, other in itertools.pairwise(boxes))
 
 
 def scores() -> pl.DataFrame:

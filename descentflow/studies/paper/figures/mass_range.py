@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from torch import Tensor
 
 from descentflow.aircraft_types.aircraft import Aircraft
@@ -92,6 +93,10 @@ def mass_range(flights: DescentSet, aircraft: Aircraft, reached_by: float = 0.5)
     return MassRange(levels, time - time[:, -1:], nominal, reference)
 
 
+MOST_TICKS = 4
+"""Ticks of the axis of rates, and one more."""
+
+
 def mass_range_figure(
     flights: DescentSet, aircraft: Aircraft, *, n_lines: int = 50, seed: int = 0, title: str = ""
 ) -> Figure:
@@ -132,6 +137,8 @@ def mass_range_figure(
     _draw_band(axes[2], flights, flights.cas_mps / KT_MPS, by_mass.cas_mps / KT_MPS, plain.cas_mps / KT_MPS)
     axes[0].set(xlabel=f"Time since FL{float(found.levels_fl[-1]):.0f} (min)", ylabel="Flight level")
     axes[1].set_xlabel("Rate (ft/min)")
+    # Numbers such as -3500 are wide, and more of them run into each other.
+    axes[1].xaxis.set_major_locator(MaxNLocator(MOST_TICKS))
     axes[2].set_xlabel("CAS (kt)")
     low, high = found.range_s
     n, share = len(found.time_s), found.explained

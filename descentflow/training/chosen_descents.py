@@ -79,6 +79,33 @@ def aircraft_of(frame: pl.DataFrame, typecode: str | None, bada_dir: Path | None
     return find_aircraft(types[0], bada_dir)
 
 
+def bottom_of(source: Descents, frame: pl.DataFrame, asked_fl: int | None) -> int:
+    """Lowest level of the grid: the one that is asked for, or that the descents were prepared with.
+
+    Raises:
+        ConfigError: If no descent goes down to it.
+
+    Example:
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> descents = read_descents("descents.parquet")
+        >>> bottom_of(descents, descents.frame, None), bottom_of(descents, descents.frame, 200)
+        (150, 200)
+        >>> bottom_of(descents, descents.frame, 100)
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: data.bottom_fl 100 below the descents, which end at FL150; expected ...
+    """
+    if asked_fl is None:
+        return source.bottom_fl
+    lowest = int(frame["level_fl"].to_numpy().min())
+    if asked_fl < lowest:
+        raise ConfigError(
+            f"data.bottom_fl {asked_fl} below the descents, which end at FL{lowest}",
+            expected=f"FL{lowest} or above",
+            mend=f"leave it out, or prepare the rows again with --bottom-fl {asked_fl}",
+        )
+    return asked_fl
+
+
 def at_mass(aircraft: Aircraft, mass_kg: float | None) -> Aircraft:
     """The aircraft at the mass that infers its drag; at the reference mass if None.
 

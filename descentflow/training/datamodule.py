@@ -39,7 +39,7 @@ from descentflow.representation.representation import Representation, Split, fit
 from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_prepared
-from descentflow.training.chosen_descents import aircraft_of, at_mass, cleaning_told, name_of, of_typecodes
+from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of, cleaning_told, name_of, of_typecodes
 from descentflow.training.flight_batches import flight_batches
 from descentflow.training.splitting import SplitBy, split_flights
 
@@ -262,7 +262,7 @@ class DescentDataModule(LightningDataModule):
 
     def _fresh(self, frame: pl.DataFrame, source: Descents, own_type: Aircraft) -> tuple[Profiles, Split]:
         """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
-        bottom = self.bottom_fl if self.bottom_fl is not None else source.bottom_fl
+        bottom = bottom_of(source, frame, self.bottom_fl)
         owner = dict(frame.select("flight_id", "icao24").unique("flight_id").iter_rows())
 
         def made(speed: Speed) -> tuple[Profiles, Split]:

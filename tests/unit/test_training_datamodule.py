@@ -104,6 +104,13 @@ def test_flights_unknown_to_a_checkpoint_are_test_flights() -> None:
     assert rest_is_test(("a", "c", "d", "e"), split) == Split(("a",), ("c",), ("d", "e"))
 
 
+def test_a_bottom_below_the_descents_is_named(descents: Path) -> None:
+    with pytest.raises(
+        ConfigError, match=r"data.bottom_fl 100 below the descents, which end at FL150; .*bottom-fl 100"
+    ):
+        module(descents, bottom_fl=100)
+
+
 def test_a_pool_of_types_needs_an_aircraft(descents: Path, tmp_path: Path) -> None:
     other = pl.when(pl.col("flight_id") > "toy-0-00100").then(pl.lit("A321")).otherwise("typecode").alias("typecode")
     pool = rewritten(descents, tmp_path / "pool.parquet", other)

@@ -64,6 +64,7 @@ def test_predictions_are_of_unseen_flights_under_other_names(model: Gaussian, de
     ahead = predict(model, renamed(descents), from_fl=250, n=20)
     assert len(ahead) + len(ahead.reasons) == len(model.representation.split.test)
     assert ahead.calibration.startswith("calibrated on")
+    assert f"{120 - len(model.representation.split.test)} left out: the checkpoint was trained" in str(ahead)
 
 
 def test_parts_of_descents_are_known_and_other_descents_are_not(model: Gaussian, descents: Descents) -> None:

@@ -43,6 +43,7 @@ class Prediction:
         calibration: What the intervals were calibrated on, or why they were not.
         reasons: Why each of the other flights could not be predicted.
         plan: Where they are flown; in still air and at no place unless :meth:`placed`.
+        n_seen: Flights that were left out because the model was trained or validated on them.
 
     Example:
         >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=100)
@@ -58,6 +59,7 @@ class Prediction:
     calibration: str
     reasons: tuple[str, ...]
     plan: GroundPlan = NOWHERE
+    n_seen: int = 0
 
     def __len__(self) -> int:
         """Number of flights predicted."""
@@ -156,7 +158,10 @@ class Prediction:
     def __str__(self) -> str:
         """Calibration, counts, the first reasons, and how often the intervals held the time observed."""
         lines = [self.calibration]
-        lines += [f"{len(self)} flights predicted from FL{self.from_fl:.0f}, {len(self.reasons)} not"]
+        lines += [
+            f"{len(self)} flights predicted from FL{self.from_fl:.0f}, {len(self.reasons)} not"
+            + f"; {self.n_seen} left out: the checkpoint was trained or validated on them" * bool(self.n_seen)
+        ]
         fewest = min(len(one.trajectories) for one in self.flights)
         lines += [f"intervals rest on {fewest} continuations or more"]
         lines += [f"  {reason}" for reason in sorted(set(self.reasons))[:3]]
@@ -211,7 +216,7 @@ def predict(
         >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=100)
         >>> print(ahead)
         not calibrated, ...
-        20 flights predicted from FL290, 4 not
+        20 flights predicted from FL290, 4 not; 96 left out: the checkpoint was trained or validated on them
         intervals rest on ... continuations or more
         ...
     """
@@ -248,7 +253,8 @@ def predict(
             expected=f"flights with levels at and above FL{from_fl:.0f}",
             mend="predict from another level, or other flights",
         )
-    return Prediction(tuple(predicted), chosen.profiles, from_fl, calibration, tuple(reasons))
+    seen = 0 if flights else len(parts["train"]) + len(parts["validation"])
+    return Prediction(tuple(predicted), chosen.profiles, from_fl, calibration, tuple(reasons), n_seen=seen)
 
 
 def _calibrated(predictor: DescentPredictor, flights: EncodedFlights, seed: int) -> tuple[DescentPredictor, str]:

@@ -21,6 +21,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the page, and say where it is."""
+    from descentflow.training.run_page.found_run import find_run
+
+    # Before seconds of imports.
+    find_run(args.run)
     from descentflow.core.threads import one_thread_unless_told
     from descentflow.training.run_page.run_page import write_run_page
 

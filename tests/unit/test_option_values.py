@@ -150,12 +150,18 @@ def test_descents_that_cannot_be_fitted_are_refused_at_once(tmp_path: Path) -> N
         check_descents_to_fit(check_words("fit", [*fit, *words]))
 
 
-def test_lightning_is_not_waited_for() -> None:
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["fit", "--model", "Gaussian", "--data.descents", "no"], "descentflow fit: no file no; expected prepared"),
+        (["open", "no"], "descentflow open: no file or folder no; expected a run"),
+    ],
+)
+def test_torch_is_not_waited_for(words: list[str], told: str) -> None:
     asks = (
-        "import sys; from descentflow.cli.entry import main; "
-        "main(['fit', '--model', 'Gaussian', '--data.descents', 'no']);"
+        f"import sys; from descentflow.cli.entry import main; main({words});"
         "print(sorted({'torch', 'lightning'} & set(sys.modules)))"
     )
     answer = subprocess.run([sys.executable, "-c", asks], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[]"
-    assert answer.stderr.startswith("descentflow fit: no file no; expected prepared descents")
+    assert answer.stderr.startswith(told)

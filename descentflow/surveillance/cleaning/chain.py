@@ -13,6 +13,7 @@ from descentflow.surveillance.cleaning.clearances import ClearedLevel, ClearedSp
 from descentflow.surveillance.cleaning.constant_rate import ConstantRate
 from descentflow.surveillance.cleaning.drop_reasons import ROW, TracedReport, some_flights
 from descentflow.surveillance.cleaning.flights import in_order, name_flights, of_types, rows_by_address, with_types
+from descentflow.surveillance.cleaning.flights_by_silence import PART_OF, named_as_before
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import with_rate
 from descentflow.surveillance.cleaning.stale import Stale
@@ -100,7 +101,9 @@ def clean(
         pl.col(name) if name in rows.columns else pl.lit(None, COLUMNS[name]).alias(name) for name in work.columns
     )
     shared = pl.Series(work.shared, dtype=pl.String)
-    rows = name_flights(in_order(rows, report), work.rules.flight_gap_s, shared=shared)
+    rows = name_flights(in_order(rows, report), work.rules.flight_gap_s, shared=shared, report=report)
+    silences = rows.select("flight_id", PART_OF).drop_nulls().unique() if PART_OF in rows.columns else None
+    rows = rows.drop(PART_OF, strict=False)
     report.by_flight = True
     report.count("flights_told_apart", rows, rows)
     typed = with_types(rows, work.types)
@@ -120,7 +123,8 @@ def clean(
                 progress(f"cleaning rows, part {len(levels)} of {len(batches)}")
     report.extend(parts)
     shown = some_flights(pl.concat(dropped_rows), work.shown) if dropped_rows else None
-    return Outcome(pl.concat(levels), report, present, untyped, shown)
+    found = pl.concat(levels)
+    return Outcome(found if silences is None else named_as_before(found, silences), report, present, untyped, shown)
 
 
 def before_rates(rules: Cleaning) -> filters.Chain:

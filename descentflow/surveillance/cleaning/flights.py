@@ -6,15 +6,12 @@ import numpy as np
 import polars as pl
 
 from descentflow.core.errors import DataError
+from descentflow.surveillance.cleaning.flights_by_silence import MADE_NAME, told_apart
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.windows import Index
 from descentflow.surveillance.rows.column_names import named_types
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
-
-MADE_NAME = r"^([0-9a-f]{6})_\d{8}T\d{6}$"
-""":func:`name_flights` makes such names of addresses."""
-
 
 NO_TYPES = ("ZZZZ", "XXXX", "UNKN", "UNKNOWN", "NONE", "NULL", "NAN", "N/A", "NA", "-", "?")
 """What stands for no type: ZZZZ is ICAO's (Doc 8643) for one without a designator."""
@@ -109,7 +106,7 @@ def names_given(rows: pl.DataFrame) -> pl.DataFrame:
 def names_shared(pairs: pl.DataFrame) -> pl.Series:
     """Flight names that would mix the rows of two aircraft (for instance a flight number that is flown every day).
 
-    A name that looks like one that :func:`name_flights` makes for another aircraft counts, too.
+    A name that looks like one that is made (:func:`name_flights`) for another aircraft counts, too.
 
     Args:
         pairs: As :func:`names_given`, of all rows.
@@ -124,17 +121,25 @@ def names_shared(pairs: pl.DataFrame) -> pl.Series:
 
 
 def name_flights(
-    rows: pl.DataFrame, gap_s: float = Cleaning.flight_gap_s, *, shared: pl.Series | None = None
+    rows: pl.DataFrame,
+    gap_s: float = Cleaning.flight_gap_s,
+    *,
+    shared: pl.Series | None = None,
+    report: DropReport | None = None,
 ) -> pl.DataFrame:
     """Fill `flight_id` where it is missing with the address and the time of the flight's first row.
+
+    Silence ends a flight, with a name or without (:mod:`~descentflow.surveillance.cleaning.flights_by_silence`).
 
     Args:
         rows: Sorted by aircraft and time.
         gap_s: Time without a report that separates two flights of one address.
         shared: Names of the source to which the address is added; those of :func:`names_shared` in `rows` if None.
+        report: Takes the number of flights that were told apart under one name.
 
     Returns:
-        Rows sorted by flight and time.
+        Rows sorted by flight and time, with the column
+        :data:`~descentflow.surveillance.cleaning.flights_by_silence.PART_OF` if flights of one name were told apart.
 
     Example:
         >>> rows = pl.DataFrame({"icao24": "4ca001", "timestamp": pl.from_epoch(pl.Series([0, 60, 4000]))})
@@ -148,6 +153,7 @@ def name_flights(
         named = named.with_columns(
             pl.when(pl.col("flight_id").is_in(shared.implode())).then(own).otherwise("flight_id").alias("flight_id")
         )
+    named = told_apart(named, gap_s, report)
     if "flight_id" not in named.columns or named["flight_id"].null_count():
         silent = pl.col("timestamp").diff().dt.total_microseconds() / 1e6 > gap_s
         begins = ((pl.col("icao24") != pl.col("icao24").shift()) | silent).fill_null(True)

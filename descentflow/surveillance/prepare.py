@@ -17,7 +17,7 @@ from descentflow.surveillance.out_of_core.resumable_run import prepare_to
 from descentflow.surveillance.out_of_core.spill import Memory, Spill
 from descentflow.surveillance.read_rows import read_table, source_of
 from descentflow.surveillance.request import Request, description
-from descentflow.surveillance.rows.column_names import named_types
+from descentflow.surveillance.rows.types_table import named_types, types_held
 
 __all__ = ["MEMORY_BYTES", "Cleaning", "prepare"]
 
@@ -28,7 +28,7 @@ def prepare(
     rows: Any,
     *,
     typecode: str | Sequence[str] | None = None,
-    types: str | Path | pl.DataFrame | None = None,
+    types: str | Path | pl.DataFrame | Mapping[str, str] | None = None,
     bottom_fl: int | None = None,
     cleaning: Cleaning | Mapping[str, Any] | None = None,
     out: str | Path | None = None,
@@ -49,7 +49,8 @@ def prepare(
             (:data:`descentflow.surveillance.rows.schema.COLUMNS`, or its aliases), or what
             :func:`descentflow.simulation.world.simulate` returned.
         typecode: Type or types to keep, `"A320"`, `"A320,A321"` or `["A320", "A321"]`; all if None.
-        types: Table `icao24,typecode`, or a file of it, for rows that do not name their type.
+        types: Table `icao24,typecode` of polars or pandas, a file of it, or a dictionary of these, for rows that do not
+            name their type.
         bottom_fl: Lowest flight level of the grid; that of `cleaning` if None.
         cleaning: Thresholds, or some of them by name; the defaults if None.
         out: Parquet file to write (a name that ends in .parquet), or folder for a store of Parquet files by type.
@@ -83,7 +84,7 @@ def prepare(
     rules = cleaning if isinstance(cleaning, Cleaning) else cleaning_of(cleaning or {}, "cleaning")
     request = Request(
         rows=[source_of(one) for one in (rows if isinstance(rows, Sequence) and not isinstance(rows, str) else [rows])],
-        types=named_types(read_table(Path(types)), types) if isinstance(types, str | Path) else types,
+        types=None if types is None else _types(types),
         typecodes=_typecodes(typecode),
         cleaning=rules if bottom_fl is None else replace(rules, bottom_fl=bottom_fl),
         format=format,
@@ -100,6 +101,10 @@ def prepare(
     outcome = clean_held(intake, request, os.cpu_count() or 1, report_progress)
     metadata = description(request.facts(files), intake.report, outcome.levels)
     return Descents(outcome.levels, metadata, dropped_rows=outcome.dropped_rows)
+
+
+def _types(types: str | Path | pl.DataFrame | Mapping[str, str]) -> pl.DataFrame:
+    return named_types(read_table(Path(types)), types) if isinstance(types, str | Path) else types_held(types)
 
 
 def _typecodes(typecode: str | Sequence[str] | None) -> list[str] | None:

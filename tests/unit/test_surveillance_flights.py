@@ -70,7 +70,7 @@ def test_names_given_are_kept_missing_ones_made_and_shared_ones_parted() -> None
 
 
 def test_types_of_the_rows_go_before_those_of_the_table() -> None:
-    rows = pl.DataFrame({"icao24": ["a", "b", "c"], "typecode": ["b738", None, None]})
+    rows = pl.DataFrame({"icao24": ["00000a", "00000b", "00000c"], "typecode": ["b738", None, None]})
     table = pl.DataFrame({"icao24": [" A", "B ", "b"], "typecode": ["A320", "a319 ", "A321"]})
     assert with_types(rows, table)["typecode"].to_list() == ["B738", "A319", None]
     assert with_types(rows.drop("typecode"), None)["typecode"].to_list() == [None] * 3

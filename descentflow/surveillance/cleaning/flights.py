@@ -9,9 +9,9 @@ from descentflow.core.errors import DataError
 from descentflow.surveillance.cleaning.flights_by_silence import MADE_NAME, told_apart
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.windows import Index
-from descentflow.surveillance.rows.column_names import named_types
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
+from descentflow.surveillance.rows.types_table import named_types
 
 NO_TYPES = ("ZZZZ", "XXXX", "UNKN", "UNKNOWN", "NONE", "NULL", "NAN", "N/A", "NA", "-", "?")
 """What stands for no type: ZZZZ is ICAO's (Doc 8643) for one without a designator."""
@@ -197,7 +197,7 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
     if types is not None:
         types = named_types(types, "a types table")
         table = types.select(
-            pl.col("icao24").cast(pl.String).str.strip_chars().str.to_lowercase(),
+            "icao24",
             pl.col("typecode").cast(pl.String).str.strip_chars().alias("_type"),
         ).unique("icao24", keep="first", maintain_order=True)
         rows = rows.join(table, on="icao24", how="left", maintain_order="left")
@@ -279,7 +279,7 @@ def check_left(
 
 def _no_address_named(types: pl.DataFrame, untyped: Mapping[str, int]) -> DataError:
     """The error where a table of types and the rows have no address in common, with what each of them has."""
-    listed = types["icao24"].cast(pl.String).str.strip_chars().str.to_lowercase().drop_nulls().unique().sort()
+    listed = named_types(types, "a types table")["icao24"].drop_nulls().unique().sort()
     shared = sum(address in untyped for address in listed)
     busiest = sorted(untyped, key=lambda address: (-untyped[address], address))[:5]
     often = ", ".join(f"{address} ({untyped[address]:,} rows)" for address in busiest)

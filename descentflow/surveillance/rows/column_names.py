@@ -99,29 +99,3 @@ def note_unused(names: Iterable[str], rows: int, report: DropReport) -> None:
     said = f"{UNUSED}{', '.join(shown[:MOST_NAMED])}{more}"
     lines = sum(note.startswith(UNUSED) for note in report.notes)
     report.note(said if said in report.notes or lines < MOST_LINES else f"{UNUSED}other tables' columns", rows)
-
-
-def named_types(types: pl.DataFrame, source: object) -> pl.DataFrame:
-    """A table of types with its columns named icao24 and typecode; other known names of these are taken, too.
-
-    Args:
-        types: Table of a user.
-        source: What it is called in the error.
-
-    Raises:
-        DataError: If it lacks a column.
-
-    Example:
-        >>> named_types(pl.DataFrame({"MODE_S": ["4CA001"], "actype": ["A320"]}), "types.csv").columns
-        ['icao24', 'typecode']
-    """
-    names = row_names(types.columns)
-    absent = [name for name in ("icao24", "typecode") if name not in names.values()]
-    if absent:
-        raise DataError(
-            f"{source}: a types table without {', '.join(absent)} (it has {', '.join(types.columns[:12])})",
-            expected="columns icao24,typecode",
-            mend="rename its columns",
-        )
-    found = {ours: next(name for name, target in names.items() if target == ours) for ours in ("icao24", "typecode")}
-    return types.rename({theirs: ours for ours, theirs in found.items() if ours not in types.columns})

@@ -7,6 +7,7 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
+from descentflow.surveillance.rows.addresses import six_digits
 from descentflow.surveillance.rows.column_names import LEVELS, row_names, with_altitude
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.named_columns import lacks_only_mach
@@ -74,6 +75,9 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
         if name not in table.columns:
             continue
         column = _cast(table[name], kind, path)
+        if name == "icao24":
+            given = table[name]
+            column = six_digits(given if given.dtype.is_numeric() else column, path, report)
         lost = column.null_count() - table[name].null_count()
         if lost:
             report.note(f"values of {name} that could not be read", lost)
@@ -91,8 +95,7 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
     frame = pl.DataFrame(columns)
     # A missing number may be written as NaN or infinity.
     numbers = [n for n in frame.columns if frame[n].dtype == pl.Float64]
-    frame = frame.with_columns(pl.when(pl.col(n).is_finite()).then(pl.col(n)) for n in numbers)
-    return frame.with_columns(pl.col("icao24").str.strip_chars(" ~").str.to_lowercase())
+    return frame.with_columns(pl.when(pl.col(n).is_finite()).then(pl.col(n)) for n in numbers)
 
 
 def is_list_of_types(columns: Sequence[str]) -> bool:

@@ -1,0 +1,106 @@
+"""One spelling of ICAO addresses: six hexadecimal digits in small letters, however a table writes them."""
+
+import re
+import warnings
+from collections.abc import Iterable
+
+import polars as pl
+
+from descentflow.core.errors import DescentflowWarning
+from descentflow.surveillance.rows.drop_report import DropReport
+
+SPELT = r"^[0-9a-f]{6}$"
+HEX = re.compile(r"[0-9a-f]{1,6}", re.ASCII)
+NUMBER = re.compile(r"\d{1,8}", re.ASCII)
+LARGEST = 0xFFFFFF
+"""Largest address of 24 bits: 16777215, of eight decimal digits."""
+SIX_DIGITS = 999_999
+"""A larger number has more digits than an address has hexadecimal ones: it is the value of an address."""
+SPELT_ANEW = "addresses (icao24) written with six hexadecimal digits, which they had not"
+KEPT = "addresses (icao24) of seven or eight digits among hexadecimal ones, kept as they are"
+"""Notes in the report."""
+
+
+def six_digits(column: pl.Series, source: object, report: DropReport) -> pl.Series:
+    """Addresses as six hexadecimal digits in small letters; `0x`, capitals, blanks and the `~` of TIS-B go.
+
+    Up to six hexadecimal digits have lost zeros, as spreadsheets and pandas take them from `008014`. Whole numbers of
+    which one has seven digits or more are values of addresses. Where none has, they are taken for digits that were read
+    as a number, with a warning, for they may be values: unless they number aircraft (1, 2, 3, ...). What is no address
+    is a name of an aircraft and stays as it is.
+
+    Args:
+        column: Texts or numbers.
+        source: Begin of warnings.
+        report: Takes the number of rows whose address was written otherwise.
+
+    Example:
+        >>> six_digits(pl.Series(["4CA001", "0x4ca001", "8014"]), "rows.csv", DropReport()).to_list()
+        ['4ca001', '4ca001', '008014']
+        >>> six_digits(pl.Series([16323968, 32788]), "rows.parquet", DropReport()).to_list()
+        ['f91580', '008014']
+    """
+    numbers = column.dtype.is_numeric()
+    if column.dtype.is_float():
+        whole = column.cast(pl.Int64, strict=False)
+        numbers = bool((whole == column).fill_null(True).all())
+        column = whole if numbers else column
+    text = column.cast(pl.String).str.strip_chars(" \t~").str.to_lowercase().replace("", None)
+    if not numbers and text.str.contains(SPELT).all():
+        return text
+    distinct = text.drop_nulls().unique().sort().to_list()
+    # pandas writes whole numbers beside a missing one as 8014.0.
+    bare = {name: name.removeprefix("0x").removesuffix(".0") for name in distinct}
+    spelt = _spelt(bare, numbers or not any(name.startswith("0x") for name in distinct), source)
+    changed = {name: new for name, new in spelt.items() if new != name}
+    if changed:
+        report.note(SPELT_ANEW, int(text.is_in(list(changed)).sum()))
+        text = text.replace(changed)
+    if any(map(_has_letters, bare.values())):
+        _tell_kept(text, spelt.values(), source, report)
+    return text
+
+
+def _spelt(bare: dict[str, str], may_be_values: bool, source: object) -> dict[str, str]:
+    """Name as given -> as six digits, if it is an address."""
+    numbers = [int(name) for name in bare.values() if NUMBER.fullmatch(name)]
+    only_numbers = len(numbers) == len(bare) and may_be_values
+    if only_numbers and numbers and SIX_DIGITS < max(numbers) <= LARGEST:
+        return {given: f"{int(name):06x}" for given, name in bare.items()}
+    if only_numbers and numbers and max(numbers) <= SIX_DIGITS:
+        _tell_ambiguous(bare, numbers, source)
+    return {given: name.zfill(6) if HEX.fullmatch(name) else given for given, name in bare.items()}
+
+
+def _tell_ambiguous(bare: dict[str, str], numbers: list[int], source: object) -> None:
+    """Warn of numbers that may be digits of addresses or values of them: both are of the same few countries."""
+    lost = [name for name in bare.values() if len(name) < 6]
+    if not lost or max(numbers) < 2 * len(numbers):
+        return
+    one = lost[0]
+    warnings.warn(
+        f"{source}: icao24 holds numbers of at most six digits ({', '.join(list(bare.values())[:3])}), taken for "
+        f"hexadecimal digits that lost zeros ({one} for {one.zfill(6)}); if they are decimal values of addresses "
+        f"({one} for {int(one):06x}), write them as six hexadecimal digits",
+        DescentflowWarning,
+        stacklevel=5,
+    )
+
+
+def _has_letters(name: str) -> bool:
+    return HEX.fullmatch(name) is not None and not name.isdecimal()
+
+
+def _tell_kept(text: pl.Series, names: Iterable[str], source: object, report: DropReport) -> None:
+    """Count numbers too long for six hexadecimal digits, where other rows have these: of two tables, perhaps."""
+    long = [name for name in names if len(name) > 6 and NUMBER.fullmatch(name)]
+    if not long:
+        return
+    rows = int(text.is_in(long).sum())
+    report.note(KEPT, rows)
+    warnings.warn(
+        f"{source}: {rows:,} rows have an icao24 of seven or eight digits ({long[0]}) and others hexadecimal ones; "
+        "they are kept as aircraft of their own: write all addresses as six hexadecimal digits",
+        DescentflowWarning,
+        stacklevel=4,
+    )

@@ -19,6 +19,7 @@ from descentflow.surveillance.rows.column_names import note_unused
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.named_columns import lacks_only_mach, with_mach, with_named
 from descentflow.surveillance.rows.normalise import is_list_of_types, normalise, wanted
+from descentflow.surveillance.rows.relative_times import RelativeTimes
 from descentflow.surveillance.rows.units_check import check_units
 from descentflow.surveillance.unpacking.inputs import inputs
 from descentflow.surveillance.unpacking.source_files import files_of
@@ -183,6 +184,7 @@ def _normalised(
 
     A folder of rows often holds the list of their types (`--types`), which has none: it is counted and left out.
     """
+    times = RelativeTimes()
     for table in tables:
         named = columns and table.any_columns
         given = with_named(table.columns, columns, table.label, report) if named else table.columns
@@ -196,4 +198,6 @@ def _normalised(
         rows = normalise(given, table.label, report)
         if table.any_columns and (table.first or len(rows) >= MIN_IN_LATER_PARTS):
             check_units(rows, table.label)
+        if table.any_columns:
+            times.check(rows, table.label, table.first)
         yield with_mach(rows, report) if lacks_only_mach(rows.columns) else rows

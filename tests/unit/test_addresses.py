@@ -3,7 +3,6 @@
 import warnings
 from pathlib import Path
 
-import pandas
 import polars as pl
 import pytest
 from surveillance_toys import flight
@@ -58,6 +57,7 @@ def test_the_same_rows_in_two_spellings_are_duplicates(tmp_path: Path) -> None:
 def test_types_are_found_by_every_spelling_and_in_every_container() -> None:
     rows = pl.concat(flight(address) for address in ("f91580", "008014")).drop("typecode")
     types = {"F91580": "A320", "8014": "A321"}
+    pandas = pytest.importorskip("pandas")
     table = pl.DataFrame({"icao24": list(types), "typecode": list(types.values())})
     for given in (
         types,

@@ -1,0 +1,42 @@
+"""Times that count from the begin of a flight are refused where they would shuffle flights into each other."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+from surveillance_toys import flight, written
+
+from descentflow.core.errors import DataError
+from descentflow.surveillance.prepare import prepare
+
+SECONDS = (pl.col("timestamp") - pl.col("timestamp").min()).dt.total_microseconds() / 1e6
+
+
+def flights(number: int) -> list[pl.DataFrame]:
+    return [flight(start_s=86_400.0 * day).with_columns(timestamp=SECONDS + 0.25 * day) for day in range(number)]
+
+
+def test_a_file_a_flight_with_seconds_from_its_begin_is_refused(tmp_path: Path) -> None:
+    for number, rows in enumerate(flights(3)):
+        written(rows, tmp_path / f"flight_{number}.csv")
+    with pytest.raises(DataError, match=r"flight_1.csv: times from 0.25 to .* same icao24 .4ca001. in .*flight_0.csv"):
+        prepare(tmp_path)
+    with pytest.raises(
+        DataError, match=r"in a table in memory: they count from the begin of something; .* to mend it, add"
+    ):
+        prepare(flights(2))
+
+
+def test_flights_under_each_other_in_one_table_are_refused_too() -> None:
+    with pytest.raises(DataError, match="begin anew 2 times within the rows of one icao24"):
+        prepare(pl.concat(flights(3)))
+    rows = pl.concat(rows.with_columns(flight_id=pl.lit(f"F{number}")) for number, rows in enumerate(flights(2)))
+    assert prepare(rows).flights == {"A320": 2}, "flights that are named are told apart"
+
+
+def test_one_clock_for_all_rows_is_taken_in_any_order(tmp_path: Path) -> None:
+    rows = pl.concat(flight(start_s=7200.0 * number) for number in range(2)).with_columns(timestamp=SECONDS)
+    assert prepare(rows).flights == prepare(rows.sample(fraction=1.0, shuffle=True, seed=0)).flights == {"A320": 2}
+    half = len(rows) // 2
+    paths = [written(part, tmp_path / f"{name}.csv") for name, part in (("a", rows[:half]), ("b", rows[half:]))]
+    assert prepare(paths).flights == {"A320": 2}, "files of one recording"

@@ -6,6 +6,7 @@ from descentflow.core.errors import DataError
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
+from descentflow.surveillance.rows.values_beside import APART, JOIN
 
 REASONS: dict[str, tuple[str, str]] = {
     "missing_value": (
@@ -75,12 +76,21 @@ def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
     empty = [f"{name} in {report.notes[WITHOUT + name]:,}" for name in REQUIRED if WITHOUT + name in report.notes]
     if empty and most.step == "missing_value":
         why = f"lack a value ({', '.join(empty)})"
+        mend = _mend_of_missing(report, read) or mend
     return DataError(
         f"no free descent is left: {most.rows_dropped:,} of {read:,} rows {why} ({most.step})",
         expected=f"descents of airliners over {cleaning.fewest_levels} levels above FL{cleaning.bottom_fl}, with IAS, "
         "Mach and altitude",
         mend=f"{mend}\n{report}",
     )
+
+
+def _mend_of_missing(report: DropReport, read: int) -> str | None:
+    """What to do about the column that is empty, where it is not airspeed; None if it is."""
+    if APART.format(name="altitude") in report.notes:
+        return JOIN.format(name="altitude")
+    empty = [name for name in ("icao24", "timestamp", "altitude") if report.notes.get(WITHOUT + name, 0) == read]
+    return f"fill the column {empty[0]}, which is empty in every row" if empty else None
 
 
 def _reason(step: str, cleaning: Cleaning) -> tuple[str, str]:

@@ -21,6 +21,7 @@ from descentflow.surveillance.rows.named_columns import lacks_only_mach, with_ma
 from descentflow.surveillance.rows.normalise import is_list_of_types, normalise, wanted
 from descentflow.surveillance.rows.relative_times import RelativeTimes
 from descentflow.surveillance.rows.units_check import check_units
+from descentflow.surveillance.rows.values_beside import with_values_beside
 from descentflow.surveillance.unpacking.inputs import inputs
 from descentflow.surveillance.unpacking.source_files import files_of
 from descentflow.surveillance.unpacking.streams import Input, opened, unpacked
@@ -196,6 +197,7 @@ def _normalised(
             note_unused([name for name in given.columns if name not in used], len(given), report)
             report.note(WITHOUT_ROWS, int(table.first and given.is_empty() and table.label != HELD))
         rows = normalise(given, table.label, report)
+        rows = with_values_beside(rows, report) if table.any_columns else rows
         if table.any_columns and (table.first or len(rows) >= MIN_IN_LATER_PARTS):
             check_units(rows, table.label)
         if table.any_columns:

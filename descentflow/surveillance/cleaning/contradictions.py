@@ -8,6 +8,7 @@ from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.surveillance.cleaning.flights import OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.values_beside import APART, JOIN, OF_OTHER_ROWS
 
 DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
 """A type in ICAO's Doc 8643."""
@@ -62,6 +63,7 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
             "leave Mach out of the table if IAS is right, or say how far they may differ (--airspeeds-differ-kt)\n"
             f"{report}",
         )
+    _tell_apart(report)
     read, other = report.left("read") or 0, report.notes.get(OTHER_VALUES, 0)
     if other > Fixed.other_values_share * read and report.steps[-1].rows_left:
         warnings.warn(
@@ -70,4 +72,19 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
             "addresses (icao24) or times of their own",
             DescentflowWarning,
             stacklevel=3,
+        )
+
+
+def _tell_apart(report: DropReport) -> None:
+    """Warn of values that no row has beside IAS: descents lack them, and nothing can be said of air and wind."""
+    apart = {
+        name: report.notes[APART.format(name=name)] for name in OF_OTHER_ROWS if APART.format(name=name) in report.notes
+    }
+    if apart and report.steps and report.steps[-1].rows_left:
+        said = ", ".join(f"{name} in {rows:,} rows" for name, rows in apart.items())
+        warnings.warn(
+            f"values without IAS beside them nor in a row within 5 s: {said}; descents lack them: "
+            f"{JOIN.format(name=' and '.join(apart))}",
+            DescentflowWarning,
+            stacklevel=4,
         )

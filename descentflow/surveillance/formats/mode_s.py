@@ -15,12 +15,11 @@ from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import in_seconds
 from descentflow.surveillance.rows.schema import POSSIBLE
+from descentflow.surveillance.rows.values_beside import NEAR_S, between, near
 
 CLOCK_S = 1.0
 """At most one row in this time: several radars ask, but within a second nothing relevant to a descent changes."""
-ALTITUDE_WITHIN_S = 5.0
-"""Largest distance of the altitudes between which is interpolated: at most as much as steps of 25 ft hide."""
-WITHIN_S = {"turn": 5.0, "velocity": 5.0, "position": 5.0, "selected": 30.0, "callsign": 600.0}
+WITHIN_S = {"turn": NEAR_S, "velocity": NEAR_S, "position": NEAR_S, "selected": 30.0, "callsign": 600.0}
 """Largest distance in time of other reports from a row; radars ask for registers every 4 to 12 s."""
 CONTEXT_S = 30.0
 """What is kept of one batch of messages for the next."""
@@ -125,7 +124,7 @@ def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: Drop
     )
     ordered = messages.with_columns(due=due).filter(trusted).sort("time", maintain_order=True)
     reports = ordered.filter(pl.col("IAS").is_not_null() & pl.col("due"))
-    possible = _with_altitude(reports, ordered)
+    possible = between(reports, ordered)
     sure = possible.filter(pl.col("TAS").is_null() | _agrees(possible))
     report.note("Mode S replies that may be BDS 5,0 or 6,0 and fit neither", len(possible) - len(sure))
     found = sure.filter(pl.struct("icao24", (pl.col("time") / CLOCK_S).floor()).is_first_distinct())
@@ -133,13 +132,17 @@ def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: Drop
     found = found.select("time", "icao24", "altitude", "IAS", "Mach", "heading", "rate")
     certain = pl.col("IAS").is_null()
     turn = ordered.filter(pl.col("TAS").is_not_null() & certain)
-    found = _near(found, turn.select("time", "icao24", "TAS", "roll", "groundspeed50", "track50"), "turn")
+    found = near(found, turn.select("time", "icao24", "TAS", "roll", "groundspeed50", "track50"), WITHIN_S["turn"])
     velocity = ordered.filter(pl.col("groundspeed").is_not_null() | pl.col("squittered_rate").is_not_null())
-    found = _near(
-        found, velocity.select("time", "icao24", "groundspeed", "track", "squittered_rate", "barometric"), "velocity"
+    found = near(
+        found,
+        velocity.select("time", "icao24", "groundspeed", "track", "squittered_rate", "barometric"),
+        WITHIN_S["velocity"],
     )
     for kind, names in OTHERS.items():
-        found = _near(found, ordered.select("time", "icao24", *names).drop_nulls(), kind)
+        # A callsign or selection is valid until the next.
+        strategy: Any = "backward" if kind in ("selected", "callsign") else "nearest"
+        found = near(found, ordered.select("time", "icao24", *names).drop_nulls(), WITHIN_S[kind], strategy)
     return found.select(
         pl.col("time").alias("timestamp"),
         "icao24",
@@ -163,22 +166,6 @@ def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: Drop
 OTHERS = {"position": ("latitude", "longitude"), "selected": ("selected_altitude",), "callsign": ("callsign",)}
 
 
-def _with_altitude(found: pl.DataFrame, ordered: pl.DataFrame) -> pl.DataFrame:
-    """Fill in altitudes between the one before and the one after."""
-    heights = ordered.select("icao24", "time", "altitude").drop_nulls("altitude")
-    sides = found
-    sided: tuple[tuple[str, Any], ...] = (("before", "backward"), ("after", "forward"))
-    for side, strategy in sided:
-        named = heights.select("icao24", "time", pl.col("time").alias(f"t_{side}"), pl.col("altitude").alias(side))
-        sides = sides.join_asof(
-            named, on="time", by="icao24", strategy=strategy, tolerance=ALTITUDE_WITHIN_S, check_sortedness=False
-        )
-    span = pl.col("t_after") - pl.col("t_before")
-    share = pl.when(span > 0).then((pl.col("time") - pl.col("t_before")) / span).otherwise(0.0)
-    between = pl.col("before") + share * (pl.col("after") - pl.col("before"))
-    return sides.with_columns(altitude=pl.coalesce("altitude", between)).drop("before", "after", "t_before", "t_after")
-
-
 def _agrees(found: pl.DataFrame) -> pl.Series:
     """Whether IAS and Mach agree at the altitude; false where it is missing or either is impossible."""
     possible = [pl.col(name).is_between(*POSSIBLE[name]).fill_null(False) for name in ("altitude", "IAS", "Mach")]
@@ -186,11 +173,3 @@ def _agrees(found: pl.DataFrame) -> pl.Series:
     altitude, ias, mach = (usable[name].to_numpy() for name in ("altitude", "IAS", "Mach"))
     cas = cas_of_mach_kt(mach, altitude)
     return pl.Series((abs(ias - cas) <= AGREES * cas) & (mach > 0), dtype=pl.Boolean)
-
-
-def _near(found: pl.DataFrame, others: pl.DataFrame, kind: str) -> pl.DataFrame:
-    """Add the nearest report of another kind; a callsign or selection is valid until the next."""
-    strategy: Any = "backward" if kind in ("selected", "callsign") else "nearest"
-    return found.join_asof(
-        others, on="time", by="icao24", strategy=strategy, tolerance=WITHIN_S[kind], check_sortedness=False
-    )

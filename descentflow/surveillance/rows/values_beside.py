@@ -1,0 +1,120 @@
+"""Values of other rows of an aircraft near a row in time: registers of Mode S come one by one, in rows of their own."""
+
+from typing import Any, Literal
+
+import polars as pl
+
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import COLUMNS
+
+BETWEEN_S = 5.0
+"""Largest distance of values between which is interpolated: altitudes change at most as much as steps of 25 ft hide."""
+NEAR_S = 5.0
+"""Largest distance in time of other values from a row; radars ask for registers every 4 to 12 s."""
+OF_OTHER_ROWS = ("TAS", "groundspeed", "track", "roll", "latitude", "longitude", "geoaltitude")
+"""What BDS 5,0 and ADS-B have beside IAS and Mach of BDS 6,0."""
+MOST_TOGETHER = 0.01
+"""Share of the rows with IAS that have a value, up to which it is taken for one that comes in rows of its own."""
+ANGLES = ("track", "longitude")
+"""Not interpolated: they leap."""
+JOINED = "values of {name} from rows without IAS within 5 s, for they come in rows of their own"
+APART = "rows with {name} but without IAS, where no row with IAS has it, nor another within 5 s"
+"""Notes in the report."""
+JOIN = (
+    "values of {name} stand in other rows than IAS: put into each row with IAS the value of the same aircraft that is "
+    "nearest in time, for instance by merge_asof of pandas or join_asof of polars"
+)
+"""What messages say of these."""
+
+
+def with_values_beside(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Rows in which IAS has beside it what the table holds in rows of its own, where these are near in time.
+
+    Nothing is done with a column that has a value in more than :data:`MOST_TOGETHER` of the rows with IAS.
+
+    Args:
+        rows: In names, types and units of a row, in any order.
+        report: Takes the number of values that were joined, by column.
+
+    Example:
+        >>> times = pl.from_epoch(pl.Series([0, 2]))
+        >>> rows = pl.DataFrame({"icao24": "a", "timestamp": times, "IAS": [250.0, None], "TAS": [None, 400.0]})
+        >>> with_values_beside(rows, DropReport())["TAS"].to_list()
+        [400.0, 400.0]
+    """
+    if "IAS" not in rows.columns or not rows["IAS"].count():
+        return rows
+    measured = rows.filter(pl.col("IAS").is_not_null())
+    names = [name for name in ("altitude", *OF_OTHER_ROWS) if name in rows.columns and _is_apart(name, rows, measured)]
+    if not names:
+        return rows
+    time = (pl.col("timestamp").dt.epoch("us") / 1e6).alias("time")
+    ordered = rows.with_columns(time).with_row_index("_row").drop_nulls(["time", "icao24"]).sort("time", "_row")
+    found = ordered.filter(pl.col("IAS").is_not_null()).select("_row", "time", "icao24", *names)
+    for name in names:
+        others = ordered.filter(pl.col("IAS").is_null()).select("time", "icao24", name).drop_nulls()
+        found = found if name in ANGLES else between(found, others, name)
+        if name != "altitude":
+            beside = near(found.drop(name), others, NEAR_S)
+            found = found.with_columns(pl.coalesce(name, beside[name]).alias(name))
+        number = found[name].count() - measured[name].count()
+        report.note(JOINED.format(name=name), number)
+        if not number:
+            report.note(APART.format(name=name), len(others))
+    joined = rows.with_row_index("_row").join(found.select("_row", *names), on="_row", how="left", suffix="_beside")
+    joined = joined.sort("_row").with_columns(pl.coalesce(name, f"{name}_beside").alias(name) for name in names)
+    return joined.select(name for name in COLUMNS if name in rows.columns)
+
+
+def _is_apart(name: str, rows: pl.DataFrame, measured: pl.DataFrame) -> bool:
+    beside = measured[name].count()
+    return beside <= MOST_TOGETHER * len(measured) and rows[name].count() > beside
+
+
+def between(found: pl.DataFrame, others: pl.DataFrame, name: str = "altitude") -> pl.DataFrame:
+    """Fill in values between the one before and the one after.
+
+    Args:
+        found: Columns `time icao24`, that of the values and others, in order of time (s).
+        others: Columns `time icao24` and that of the values, in order of time.
+        name: Column of the values.
+
+    Example:
+        >>> found = pl.DataFrame({"time": [2.0], "icao24": ["a"], "altitude": pl.Series([None], dtype=pl.Float64)})
+        >>> others = pl.DataFrame({"time": [0.0, 4.0], "icao24": ["a", "a"], "altitude": [30_000.0, 29_900.0]})
+        >>> between(found, others)["altitude"][0]
+        29950.0
+    """
+    values = others.select("icao24", "time", name).drop_nulls(name)
+    sides = found
+    sided: tuple[tuple[str, Any], ...] = (("before", "backward"), ("after", "forward"))
+    for side, strategy in sided:
+        named = values.select("icao24", "time", pl.col("time").alias(f"t_{side}"), pl.col(name).alias(side))
+        sides = sides.join_asof(
+            named, on="time", by="icao24", strategy=strategy, tolerance=BETWEEN_S, check_sortedness=False
+        )
+    span = pl.col("t_after") - pl.col("t_before")
+    share = pl.when(span > 0).then((pl.col("time") - pl.col("t_before")) / span).otherwise(0.0)
+    made = pl.col("before") + share * (pl.col("after") - pl.col("before"))
+    return sides.with_columns(pl.coalesce(name, made).alias(name)).drop("before", "after", "t_before", "t_after")
+
+
+def near(
+    found: pl.DataFrame, others: pl.DataFrame, within_s: float, strategy: Literal["nearest", "backward"] = "nearest"
+) -> pl.DataFrame:
+    """Add the nearest report of another kind.
+
+    Args:
+        found: Columns `time icao24` and others, in order of time (s).
+        others: Columns `time icao24` and those that are added, in order of time.
+        within_s: Largest distance in time.
+        strategy: `backward` for what is valid until the next.
+
+    Example:
+        >>> others = pl.DataFrame({"time": [0.0, 4.0], "icao24": ["a", "a"], "TAS": [400.0, 402.0]})
+        >>> near(pl.DataFrame({"time": [3.0], "icao24": ["a"]}), others, 5.0)["TAS"][0]
+        402.0
+    """
+    return found.join_asof(
+        others, on="time", by="icao24", strategy=strategy, tolerance=within_s, check_sortedness=False
+    )

@@ -106,7 +106,7 @@ def clean(
     rows = rows.drop(PART_OF, strict=False)
     report.by_flight = True
     report.count("flights_told_apart", rows, rows)
-    typed = with_types(rows, work.types)
+    typed = with_types(rows, work.types, report)
     rows = of_types(typed, work.typecodes, report)
     present = dict(typed["typecode"].drop_nulls().value_counts().iter_rows()) if work.typecodes is not None else {}
     untyped = rows_by_address(typed) if work.types is not None and not report.left("unknown_type") else {}

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.surveillance.cleaning.flights import OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
+from descentflow.surveillance.cleaning.types_of_flights import SEVERAL
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.values_beside import APART, JOIN, OF_OTHER_ROWS
 
@@ -64,6 +65,13 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
             f"{report}",
         )
     _tell_apart(report)
+    if several := report.notes.get(SEVERAL):
+        warnings.warn(
+            f"the rows of {several:,} flights name several types, and each flight is taken for the one that most of "
+            "its rows name: correct the column typecode, or give rows of different aircraft different icao24",
+            DescentflowWarning,
+            stacklevel=3,
+        )
     read, other = report.left("read") or 0, report.notes.get(OTHER_VALUES, 0)
     if other > Fixed.other_values_share * read and report.steps[-1].rows_left:
         warnings.warn(

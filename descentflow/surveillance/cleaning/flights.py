@@ -8,6 +8,7 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.surveillance.cleaning.flights_by_silence import MADE_NAME, told_apart
 from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.cleaning.types_of_flights import one_type_each
 from descentflow.surveillance.cleaning.windows import Index
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
@@ -177,10 +178,11 @@ def _by_flight(rows: pl.DataFrame) -> pl.DataFrame:
     return rows[np.repeat(first - starts, sizes) + np.arange(len(rows))]
 
 
-def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
+def with_types(rows: pl.DataFrame, types: pl.DataFrame | None, report: DropReport | None = None) -> pl.DataFrame:
     """Join a table of types (`icao24,typecode`); a type in the rows themselves has precedence.
 
-    What stands for no type (`ZZZZ`, `XXXX`) is none.
+    What stands for no type (`ZZZZ`, `XXXX`) is none. A flight has one type
+    (:func:`~descentflow.surveillance.cleaning.types_of_flights.one_type_each`).
 
     Raises:
         DataError: If the table lacks a column.
@@ -194,6 +196,8 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None) -> pl.DataFrame:
         rows = rows.with_columns(pl.lit(None, pl.String).alias("typecode"))
     typecode = pl.col("typecode").str.to_uppercase()
     rows = rows.with_columns(pl.when(~typecode.is_in(NO_TYPES)).then(typecode).alias("typecode"))
+    if "flight_id" in rows.columns:
+        rows = one_type_each(rows, report or DropReport())
     if types is not None:
         types = named_types(types, "a types table")
         table = types.select(

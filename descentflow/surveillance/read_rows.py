@@ -17,7 +17,13 @@ from descentflow.surveillance.formats.small_parts import SourceTable, put_togeth
 from descentflow.surveillance.rows.blocks import even_blocks, without_cycle_search
 from descentflow.surveillance.rows.column_names import note_unused
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.named_columns import lacks_only_mach, with_mach, with_named
+from descentflow.surveillance.rows.named_columns import (
+    MACH_MISSING,
+    lacks_only_mach,
+    mach_reported,
+    with_mach,
+    with_named,
+)
 from descentflow.surveillance.rows.normalise import is_list_of_types, normalise, wanted
 from descentflow.surveillance.rows.relative_times import RelativeTimes
 from descentflow.surveillance.rows.units_check import check_units
@@ -198,8 +204,12 @@ def _normalised(
             report.note(WITHOUT_ROWS, int(table.first and given.is_empty() and table.label != HELD))
         rows = normalise(given, table.label, report)
         rows = with_values_beside(rows, report) if table.any_columns else rows
+        reported = mach_reported(rows) if table.any_columns else 1.0
+        # An empty column is none: IAS cannot be checked against it.
+        rows = rows if reported else rows.drop("Mach", strict=False)
         if table.any_columns and (table.first or len(rows) >= MIN_IN_LATER_PARTS):
             check_units(rows, table.label)
         if table.any_columns:
             times.check(rows, table.label, table.first)
-        yield with_mach(rows, report) if lacks_only_mach(rows.columns) else rows
+        computes = lacks_only_mach(rows.columns) or reported < MACH_MISSING
+        yield with_mach(rows, report) if computes else rows

@@ -77,6 +77,21 @@ def test_mach_is_computed_of_possible_values_only() -> None:
     assert steps["missing_value"] == len(rows.gather_every(50))
 
 
+@pytest.mark.parametrize("every", [None, 10, 5])
+def test_mach_is_computed_where_most_rows_lack_it(every: int | None) -> None:
+    rows = fleet()
+    whole, number = prepare(rows), pl.int_range(pl.len())
+    has = pl.lit(False) if every is None else number % every == 0
+    found = prepare(rows.with_columns(Mach=pl.when(has).then("Mach")))
+    assert len(found.frame) == len(whole.frame)
+    assert (found.frame["Mach"] - whole.frame["Mach"]).abs().max() < 1e-4
+    assert found.computed == ["Mach"]
+    kept = 0 if every is None else len(rows.gather_every(every))
+    assert found.report.notes["values of Mach computed from IAS and altitude"] == len(rows) - kept
+    some = prepare(rows.with_columns(Mach=pl.when(number % 3 > 0).then("Mach")))
+    assert (some.computed, some.report.notes["rows without Mach"]) == ([], len(rows.gather_every(3)))
+
+
 def test_without_ias_there_is_no_mach() -> None:
     with pytest.raises(DataError, match="no column IAS, Mach"):
         prepare(fleet().drop("IAS", "Mach"))

@@ -14,6 +14,8 @@ from descentflow.surveillance.rows.schema import COLUMNS, POSSIBLE
 
 MACH_COMPUTED = "values of Mach computed from IAS and altitude"
 """Note in the report of rows whose source has no Mach."""
+MACH_MISSING = 0.25
+"""Share of rows with a Mach number below which the others' is computed: the source hardly reports it."""
 
 
 def check_named(columns: Mapping[str, str]) -> None:
@@ -106,14 +108,29 @@ def lacks_only_mach(names: Iterable[str]) -> bool:
     return "Mach" not in names and {"altitude", "IAS"} <= set(names)
 
 
+def mach_reported(rows: pl.DataFrame) -> float:
+    """Share of the rows with IAS and altitude that have a Mach number too; 1 if there are none.
+
+    Example:
+        >>> mach_reported(pl.DataFrame({"altitude": [35000.0, 35000.0], "IAS": [266.0, 266.0], "Mach": [0.78, None]}))
+        0.5
+    """
+    if not {"altitude", "IAS"} <= set(rows.columns):
+        return 1.0
+    usable = rows.drop_nulls(["altitude", "IAS"])
+    if "Mach" not in usable.columns:
+        return 0.0
+    return usable["Mach"].count() / len(usable) if len(usable) else 1.0
+
+
 def with_mach(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
-    """Rows with Mach computed from IAS and pressure altitude.
+    """Rows with Mach computed from IAS and pressure altitude, where they have none.
 
     Instrument and position errors are neglected (IAS is CAS, as everywhere); the relation is that of
     :func:`~descentflow.surveillance.rows.air_data.mach_of_cas`. IAS and altitude cannot be checked against Mach then.
 
     Args:
-        rows: In names, types and units of a row, without Mach.
+        rows: In names, types and units of a row, with Mach or without.
         report: Takes the number of values that were computed.
 
     Example:
@@ -125,6 +142,7 @@ def with_mach(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
         pl.when(pl.col(name).is_between(*POSSIBLE[name])).then(pl.col(name)).alias(name) for name in ("IAS", "altitude")
     )
     mach = pl.Series("Mach", mach_of_cas(possible["IAS"].to_numpy(), possible["altitude"].to_numpy())).fill_nan(None)
-    report.note(MACH_COMPUTED, mach.count())
-    rows = rows.with_columns(mach)
+    given = rows["Mach"] if "Mach" in rows.columns else pl.repeat(None, len(rows), dtype=pl.Float64, eager=True)
+    rows = rows.with_columns(Mach=given.fill_null(mach))
+    report.note(MACH_COMPUTED, rows["Mach"].count() - given.count())
     return rows.select(name for name in COLUMNS if name in rows.columns)

@@ -212,3 +212,24 @@ def test_samples_are_told_what_takes_flights() -> None:
     table = pl.DataFrame({"sample_id": [0], "level_fl": [330], "CAS": [270.0], "Mach": [0.7]})
     with pytest.raises(DataError, match=r"pass the checkpoint itself.*descentflow export --to traffic"):
         normalise(table, "samples.parquet", DropReport())
+
+
+def test_empty_files_beside_others_are_left_out_and_counted(tmp_path: Path) -> None:
+    written(fleet(1), tmp_path / "rows.parquet")
+    for name in ("_SUCCESS", "_committed_123", "day.parquet"):
+        (tmp_path / name).touch()
+    assert [file.name for file in files_of([tmp_path])] == ["day.parquet", "rows.parquet"]
+    found = prepare(tmp_path)
+    assert found.flights == {"A320": 1}
+    assert found.report.notes["empty files (0 bytes) beside others, left out"] == 1
+    with pytest.raises(DataError, match=r"day.parquet is empty.*take it out"):
+        prepare(tmp_path / "day.parquet")
+    (tmp_path / "rows.parquet").unlink()
+    (tmp_path / "other.parquet").touch()
+    with pytest.raises(DataError, match="no row in"):
+        prepare(tmp_path)
+
+
+def test_a_missing_file_of_types_is_told_as_missing(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"no file .*none.csv; expected one that is there; to mend it, check the path"):
+        prepare(fleet(1), types=tmp_path / "none.csv")

@@ -11,15 +11,18 @@ from descentflow.surveillance.unpacking.source_files import with_parts
 from descentflow.surveillance.unpacking.streams import Input, opened, unpacked
 from descentflow.surveillance.unpacking.unreadable import Unreadable
 
+EMPTY = "empty files (0 bytes) beside others, left out"
+"""Note in the report."""
+
 
 def inputs(files: Sequence[Path], report: DropReport, unreadable: Unreadable) -> Iterator[Input]:
     """Files one after the other, and the members of those that are archives.
 
-    Each must be read before the next is asked for, and is closed then.
+    Each must be read before the next is asked for, and is closed then. An empty one of several is left out and counted.
 
     Args:
         files: What to open; parts of a split archive are read as one.
-        report: Takes the counts of members left out.
+        report: Takes the counts of files and members left out.
         unreadable: Takes the files that cannot be read.
 
     Raises:
@@ -39,6 +42,9 @@ def inputs(files: Sequence[Path], report: DropReport, unreadable: Unreadable) ->
                 head, whole = unpacked(source).head()
             except DataError as error:
                 unreadable.count(error, source)
+                continue
+            if not head and len(sources) > 1:
+                report.note(EMPTY, 1)
                 continue
             if is_tar(head):
                 yield from members(whole, report)

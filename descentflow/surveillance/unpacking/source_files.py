@@ -10,10 +10,12 @@ from descentflow.core.errors import DataError
 COMPANION = re.compile(
     r"(^|/)(heatmap|acas)/"
     r"|(^|/)(readme|license|copying|notice|trace_recent_)[^/]*$"
-    r"|(^|/)(receiver|stats|airspace|grib_meteo)\.json$",
+    r"|(^|/)(receiver|stats|airspace|grib_meteo)\.json$"
+    r"|(^|/)_(success|metadata|common_metadata|(committed|started)_[^/]*)$",
     re.IGNORECASE,
 )
-"""Names of what published archives and folders hold beside rows; `trace_recent` repeats the end of `trace_full`."""
+"""Names of what published archives and folders hold beside rows; `trace_recent` repeats the end of `trace_full`;
+Spark and Trino leave `_SUCCESS` and the like."""
 PART = re.compile(r"(?P<whole>.+\.(?:tar|tgz|tar\.gz))\.(?!gz$|xz$|lz$|zst$|lzo$)(?P<number>[a-z]{2,3}|\d{2,3})$")
 
 

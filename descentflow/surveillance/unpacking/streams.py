@@ -188,6 +188,8 @@ def opened(paths: Sequence[Path], label: str) -> Iterator[Input]:
     with ExitStack() as files:
         try:
             streams = [files.enter_context(path.open("rb")) for path in paths]
+        except FileNotFoundError as error:
+            raise DataError(f"no file {label}", expected="one that is there", mend="check the path") from error
         except OSError as error:
             raise DataError(f"{label}: {error}", expected="a readable file", mend="check its permissions") from error
         if len(streams) == 1:

@@ -23,6 +23,11 @@ REASONS: dict[str, tuple[str, str]] = {
         "check that rows of different aircraft have different icao24, and that each row has its own time",
     ),
     "spike_": ("leap between neighbours", "check that rows of different aircraft have different icao24"),
+    "stale_vertical_rate": (
+        "repeat the same vertical rate while the altitude changes otherwise",
+        "leave the column vertical_rate out if it is one number throughout: rates are then differenced from altitude; "
+        "else give each row the time at which its values were measured",
+    ),
     "stale_": ("repeat the same values", "give each row the time at which its values were measured"),
     "IAS_contradicts_Mach": (
         "hold an IAS that contradicts Mach and altitude",

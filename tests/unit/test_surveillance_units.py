@@ -179,6 +179,23 @@ def test_a_rate_that_no_unit_explains_is_told_and_not_refused(rows: pl.DataFrame
     check_units(together.with_columns(pl.col("timestamp").first() + pl.duration(seconds=5 * number)), "rows")
 
 
+@pytest.mark.parametrize("rate", [0.0, 2.0, -1700.0, -10_000.0])
+def test_a_rate_that_never_changes_is_refused_as_that(rate: float, rows: pl.DataFrame) -> None:
+    with pytest.raises(DataError, match=rf"vertical_rate is {rate:g} in all of [\d,]+ rows.*leave the column"):
+        check_units(rows.with_columns(vertical_rate=rate), "rows")
+
+
+def test_a_rate_that_is_the_same_and_true_is_no_error(rows: pl.DataFrame) -> None:
+    seconds = (pl.col("timestamp") - pl.col("timestamp").first().over("icao24")).dt.total_microseconds() / 1e6
+    check_units(rows.drop("Mach", "TAS").with_columns(altitude=36_000 - 20 * seconds, vertical_rate=-1200.0), "rows")
+
+
+def test_rows_without_any_address_are_told_as_that(rows: pl.DataFrame) -> None:
+    """No warning comes before: rows of no address are of no one aircraft, and have no rates to compare."""
+    with pytest.raises(DataError, match=r"lack a value .icao24 in [\d,]+.*fill the column icao24, which is empty"):
+        prepare(rows.with_columns(icao24=pl.lit(None, pl.String)))
+
+
 @pytest.mark.parametrize("typecode", ["BE20", "PC12", "AT76", "C56X"])
 @pytest.mark.parametrize("without", [(), ("Mach",), ("Mach", "TAS"), ("Mach", "TAS", "groundspeed")])
 def test_slow_and_low_types_are_read_as_they_are(typecode: str, without: tuple[str, ...]) -> None:

@@ -14,6 +14,9 @@ MIN_AIRCRAFT = 3
 """Aircraft below which angles are not checked: one may fly north all the time."""
 DAYS_FROM, DAYS_TO = 20_000.0, 80_000.0
 """Days since 1899-12-30, in 1954 and 2119: what spreadsheets call a date."""
+OTHER_FPM, OTHERS = 500.0, 0.1
+"""Difference of a rate from the change of altitude that rounding to 25 ft does not make, and share of such rows above
+which a rate that is one number is none."""
 LONGEST_STEP = 0.01
 """Between two rows of an aircraft, a quarter of an hour in days; no source reports every hundredth of a second."""
 
@@ -74,6 +77,38 @@ def check_angles(rows: pl.DataFrame, source: str) -> None:
                 expected=f"{name} in degrees",
                 mend=f"multiply the column {name} by {180 / np.pi:.4f} before passing the rows",
             )
+
+
+def check_constant_rate(rows: pl.DataFrame, source: str) -> None:
+    """Refuse a vertical rate that is one number throughout, of rows whose altitude often changes otherwise.
+
+    Raises:
+        DataError: If it is.
+
+    Example:
+        >>> times = pl.from_epoch(pl.Series(range(0, 300, 10)))
+        >>> rows = pl.DataFrame({"icao24": "a", "timestamp": times, "altitude": range(30_000, 21_000, -300)})
+        >>> check_constant_rate(rows.with_columns(vertical_rate=0.0), "rows.csv")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: rows.csv: vertical_rate is 0 in all of 30 rows, while the altitude changes...
+    """
+    rates = rows["vertical_rate"].drop_nulls() if "vertical_rate" in rows.columns else pl.Series(dtype=pl.Float64)
+    if len(rates) < MIN_VALUES or rates.n_unique() > 1:
+        return
+    names = [name for name in ("flight_id", "icao24") if name in rows.columns]
+    ordered = rows.drop_nulls(["altitude", "timestamp"]).sort(*names, "timestamp", maintain_order=True)
+    minutes = pl.col("timestamp").diff().over(*names).dt.total_microseconds() / 60e6
+    changes = ordered.select(
+        pl.when(minutes.is_between(1 / 30, 1)).then(pl.col("altitude").diff() / minutes)
+    ).to_series()
+    others = (changes.drop_nulls() - rates[0]).abs() > OTHER_FPM
+    if len(others) >= MIN_VALUES and float(others.mean() or 0.0) > OTHERS:
+        raise DataError(
+            f"{source}: vertical_rate is {rates[0]:g} in all of {len(rates):,} rows, while the altitude changes",
+            expected="vertical_rate in ft/min as the aircraft reported it, or no such column",
+            mend="leave the column vertical_rate out: the rate is then differenced from altitude",
+        )
 
 
 def check_possible(rows: pl.DataFrame, source: str) -> None:

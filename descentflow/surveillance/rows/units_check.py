@@ -8,7 +8,12 @@ import polars as pl
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.core.units import FT_M
 from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt
-from descentflow.surveillance.rows.other_checks import check_angles, check_numbers_of_days, check_possible
+from descentflow.surveillance.rows.other_checks import (
+    check_angles,
+    check_constant_rate,
+    check_numbers_of_days,
+    check_possible,
+)
 from descentflow.surveillance.rows.rate_readings import Steps
 from descentflow.surveillance.rows.readings import MIN_VALUES, Evidence, Solution, agreeing, as_given
 from descentflow.surveillance.rows.schema import POSSIBLE
@@ -49,6 +54,9 @@ def check_units(rows: pl.DataFrame, source: str) -> None:
         descentflow.core.errors.DataError: rows.parquet: altitude seems to be in metres...
     """
     check_numbers_of_days(rows, source)
+    # Rows of no address are of any aircraft; they are dropped, and counted, when rows are judged.
+    rows = rows.drop_nulls("icao24") if rows["icao24"].has_nulls() else rows
+    check_constant_rate(rows.head(RATE_SAMPLE), source)
     evidence = _evidence(rows)
     if evidence is not None and not (given := as_given(evidence)).agrees:
         _refuse(evidence, given, rows, source)

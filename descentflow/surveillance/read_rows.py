@@ -15,7 +15,7 @@ from descentflow.surveillance.formats.known_formats import ACCEPTED, check_forma
 from descentflow.surveillance.formats.recognition import held_parts, recognised
 from descentflow.surveillance.formats.small_parts import SourceTable, put_together
 from descentflow.surveillance.rows.blocks import even_blocks, without_cycle_search
-from descentflow.surveillance.rows.column_names import note_unused
+from descentflow.surveillance.rows.column_names import note_unused, row_names
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.named_columns import (
     MACH_MISSING,
@@ -138,7 +138,7 @@ def source_of(rows: Any) -> Source:
     if isinstance(rows, pl.LazyFrame):
         return rows.collect()
     if is_pandas(rows):
-        return from_pandas(rows)
+        return from_pandas(_with_index(rows))
     if isinstance(getattr(rows, "rows", None), pl.DataFrame):
         # What descentflow.simulate returned, of which this folder knows nothing.
         simulated: pl.DataFrame = rows.rows
@@ -148,6 +148,17 @@ def source_of(rows: Any) -> Source:
         expected="paths, tables of polars or pandas, or what descentflow.simulate returned",
         mend="write the rows to a file, or make a table of them",
     )
+
+
+def _with_index(table: Any) -> Any:
+    """A table of pandas whose index has become columns, if it has names or is of times, as tables of times have it."""
+    index = table.index
+    if all(name is None for name in index.names):
+        is_of_times = getattr(getattr(index, "dtype", None), "kind", "") == "M"
+        has_times = "timestamp" in row_names([str(name) for name in table.columns]).values()
+        return table.rename_axis("timestamp").reset_index() if is_of_times and not has_times else table
+    named = [name for name in index.names if name is not None and name not in table.columns]
+    return table.reset_index(level=named) if named else table
 
 
 HELD = "a table in memory"

@@ -19,9 +19,10 @@ PICKLE = ("a pickle", "write the table as Parquet: opening a pickle runs whateve
 PACKED = "unpack it, or pack it with gzip"
 CAPTURE = ("a capture of network packets", "take the payloads out of the packets first")
 BEAST = ("Beast binary", "write it as lines of time and frame, or as JSON with jet1090")
+ZIP = b"PK\x03\x04"
 REFUSED = {
     **dict.fromkeys((b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"), PICKLE),
-    b"PK\x03\x04": ("a zip archive", "unpack it and pass the folder"),
+    ZIP: ("a zip archive", "unpack it and pass the folder"),
     b"BZh": ("bzip2", PACKED),
     b"\xfd7zXZ": ("xz", PACKED),
     b"\x28\xb5\x2f\xfd": ("zstandard", PACKED),
@@ -31,6 +32,16 @@ REFUSED = {
     **dict.fromkeys((b"\x1a\x31", b"\x1a\x32", b"\x1a\x33"), BEAST),
 }
 """First bytes -> what is recognised but not read, and what the user can do."""
+EXCEL = ("a workbook of Excel", "save the sheet as CSV in UTF-8, with commas and decimal points")
+INSIDE_ZIP = {
+    b"data.pkl": (
+        "a checkpoint or another file of torch",
+        "pass the rows; info, sample, evaluate and diagnose take checkpoints",
+    ),
+    **dict.fromkeys((b"[Content_Types].xml", b"docProps/", b"xl/"), EXCEL),
+}
+"""Name among the first in a zip archive -> what the archive is, and what the user can do."""
+SPLIT_MEND = "write the table of pandas with orient='records' or as Parquet; names and values apart are not read"
 TRIED = sorted(KNOWN, key=lambda one: one.any_columns)
 """Formats in the order in which they are tried."""
 
@@ -114,6 +125,8 @@ def format_of_bytes(head: bytes, label: str) -> FileFormat | None:
     """
     for begin, (what, mend) in REFUSED.items():
         if head.startswith(begin):
+            zipped = (said for inside, said in INSIDE_ZIP.items() if begin == ZIP and inside in head)
+            what, mend = next(zipped, (what, mend))
             raise DataError(f"{label} is {what}", expected=ACCEPTED, mend=mend)
     for one in TRIED:
         if isinstance(one, FileFormat) and not isinstance(one, TextFormat) and one.recognise(head):
@@ -126,6 +139,9 @@ def format_of_bytes(head: bytes, label: str) -> FileFormat | None:
 
 def _text(head: bytes, label: str) -> bytes:
     """Begin of a text without byte order mark and blanks before it."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        mend = "save it as UTF-8, for instance in an editor or by iconv -f UTF-16 -t UTF-8"
+        raise DataError(f"{label}: text in UTF-16, not UTF-8", expected=f"text in UTF-8: {ACCEPTED}", mend=mend)
     if b"\0" in head:
         raise DataError(
             f"{label}: neither text nor of a known binary kind", expected=ACCEPTED, mend="convert it to one of these"
@@ -166,5 +182,5 @@ def format_of_document(document: object, label: str) -> JsonFormat:
     raise DataError(
         f"{label}: JSON of no known kind (it has {', '.join(map(str, names[:8])) or type(document).__name__})",
         expected=ACCEPTED,
-        mend="pass such a file",
+        mend=SPLIT_MEND if {"columns", "data"} <= set(names) else "pass such a file",
     )

@@ -121,11 +121,7 @@ def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
     """
     header = _checked(source.stream.readline(LARGEST_LINE), source.label, 0).removeprefix(BYTE_ORDER_MARK)
     if b"," not in header:
-        raise DataError(
-            f"{source.label}: a first line without commas",
-            expected="column names with commas between them",
-            mend="convert the table to CSV with commas, or to Parquet",
-        )
+        raise _without_commas(header, source.label)
     header = header.rstrip(b"\r\n") + b"\n"
     theirs = _parsed(header, None, source.label).columns
     names = wanted(theirs, source.columns)
@@ -139,6 +135,20 @@ def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
         empty = False
     if empty:
         yield _parsed(header, names, source.label)
+
+
+def _without_commas(header: bytes, label: str) -> DataError:
+    """The error for a first line that is no list of names."""
+    got, mend = "without commas", "convert the table to CSV with commas, or to Parquet"
+    if header.lstrip().startswith(b"#"):
+        got, mend = "without commas, a comment", "take the lines before the names out of the file"
+    elif b";" in header:
+        got += ", but with semicolons"
+        mend += ", for instance by pandas: read_csv(NAME, sep=';', decimal=',').to_parquet('rows.parquet')"
+    elif b"\t" in header:
+        got += ", but with tabs"
+        mend += ", for instance by pandas: read_csv(NAME, sep='\\t').to_parquet('rows.parquet')"
+    return DataError(f"{label}: a first line {got}", expected="column names with commas between them", mend=mend)
 
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"

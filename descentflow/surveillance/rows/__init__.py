@@ -7,6 +7,7 @@ of any source in that schema), :mod:`~descentflow.surveillance.rows.units_check`
 :mod:`~descentflow.surveillance.rows.other_checks`), :mod:`~descentflow.surveillance.rows.relative_times`,
 :mod:`~descentflow.surveillance.rows.blocks`, :mod:`~descentflow.surveillance.rows.addresses`,
 :mod:`~descentflow.surveillance.rows.types_table`,
-:mod:`~descentflow.surveillance.rows.values_beside`, :mod:`~descentflow.surveillance.rows.drop_report`,
+:mod:`~descentflow.surveillance.rows.missing_columns`, :mod:`~descentflow.surveillance.rows.values_beside`,
+:mod:`~descentflow.surveillance.rows.drop_report`,
 :mod:`~descentflow.surveillance.rows.air_data`.
 """

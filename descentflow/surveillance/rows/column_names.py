@@ -93,6 +93,7 @@ def note_unused(names: Iterable[str], rows: int, report: DropReport) -> None:
         {'rows whose columns are not used: squawk, alert': 9}
     """
     shown = ["".join(letter if letter.isprintable() else "?" for letter in name)[:LONGEST_NAME] for name in names]
+    shown = [name or "(a column without a name, such as an index)" for name in shown]
     if not shown:
         return
     more = f" and {len(shown) - MOST_NAMED} more" if len(shown) > MOST_NAMED else ""

@@ -10,6 +10,7 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.surveillance.rows.air_data import mach_of_cas
 from descentflow.surveillance.rows.column_names import LEVELS
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.missing_columns import listed
 from descentflow.surveillance.rows.schema import COLUMNS, POSSIBLE
 
 MACH_COMPUTED = "values of Mach computed from IAS and altitude"
@@ -66,7 +67,7 @@ def with_named(table: pl.DataFrame, columns: Mapping[str, str], path: Path | str
     lacking = [name for name, _ in parts.values() if name not in table.columns]
     if lacking:
         raise DataError(
-            f"{path} has no column {', '.join(lacking)} (it has {', '.join(table.columns[:12])})",
+            f"{path} has no column {', '.join(lacking)} (it has {listed(table.columns)})",
             expected="the columns that --column names",
             mend="correct the names, or prepare files of other columns by themselves",
         )

@@ -10,11 +10,10 @@ from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.surveillance.rows.addresses import six_digits
 from descentflow.surveillance.rows.column_names import LEVELS, row_names, with_altitude
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.missing_columns import STATE_VECTOR, without_columns
 from descentflow.surveillance.rows.named_columns import lacks_only_mach
 from descentflow.surveillance.rows.schema import COLUMNS, FILLS, REQUIRED, TIMESTAMP
 
-STATE_VECTOR = "baroaltitude"
-"""Column that only OpenSky's state vectors have; they are in SI units."""
 LONGEST_TEXT = 500
 """Bytes of the longest text that is read; a small file can repeat one of megabytes in every row, which takes no memory
 before it is processed."""
@@ -65,11 +64,7 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
     without_mach = lacks_only_mach(table.columns)
     missing = [n for n in REQUIRED if n not in table.columns and not (without_mach and n == "Mach")]
     if missing:
-        raise DataError(
-            f"{path} has no column {', '.join(missing)} (it has {', '.join(theirs[:12])})",
-            expected=f"columns {', '.join(REQUIRED)}, named as the traffic library names them",
-            mend=SAMPLES_MEND if set(table.columns) >= OF_SAMPLES else COLUMNS_MEND,
-        )
+        raise without_columns(path, missing, theirs, table.columns)
     columns = []
     for name, kind in COLUMNS.items():
         if name not in table.columns:
@@ -150,15 +145,6 @@ SI = {
 """Row column -> column of a state vector, and the row's unit in the unit of that column."""
 
 
-COLUMNS_MEND = (
-    "name yours, for instance --column altitude=alt_ft of `descentflow prepare`, or rename it; IAS comes with Mode S "
-    "enhanced surveillance (BDS 6,0), not with ADS-B alone, and Mach with it, or is computed from IAS and altitude"
-)
-SAMPLES_MEND = (
-    "pass the checkpoint itself in place of its samples, or export them as flights (descentflow export --to traffic)"
-)
-OF_SAMPLES = {"sample_id", "level_fl"}
-"""Columns by which a table of `descentflow sample` is known: it has levels and no reports."""
 LAST_S = 10_000_000_000
 """Seconds since 1970 up to which a number is a time, November 2286."""
 PER_SECOND = {"ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}

@@ -10,6 +10,7 @@ from descentflow.core.tabular import from_pandas, is_pandas
 from descentflow.surveillance.rows.addresses import six_digits
 from descentflow.surveillance.rows.column_names import row_names
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.missing_columns import listed
 from descentflow.surveillance.rows.normalise import check_types
 
 
@@ -62,7 +63,7 @@ def named_types(types: pl.DataFrame, source: object) -> pl.DataFrame:
     absent = [name for name in ("icao24", "typecode") if name not in names.values()]
     if absent:
         raise DataError(
-            f"{source}: a types table without {', '.join(absent)} (it has {', '.join(types.columns[:12])})",
+            f"{source}: a types table without {', '.join(absent)} (it has {listed(types.columns)})",
             expected="columns icao24,typecode",
             mend="rename its columns",
         )

@@ -146,6 +146,8 @@ def _run(name: str, rest: list[str]) -> int:
         options = import_module("descentflow.cli.trainer_words").check_words(name, words)
         if name == "fit":
             import_module("descentflow.cli.trainer_inputs").check_descents_to_fit(options)
+        elif options.get("ckpt_path"):
+            _check_checkpoint(options["ckpt_path"])
         with _without_cycle_search():
             trainer = import_module("descentflow.cli.trainer")
         trainer.run(name, words)
@@ -154,8 +156,16 @@ def _run(name: str, rest: list[str]) -> int:
     parser = OneLineParser(prog=f"descentflow {name}")
     module.add_arguments(parser)
     parser.add_argument(QUIET, action="store_true", help="show no progress; it goes to stderr, after two seconds")
-    module.run(parser.parse_args(rest))
+    args = parser.parse_args(rest)
+    if "checkpoint" in args:
+        _check_checkpoint(args.checkpoint)
+    module.run(args)
     return 0
+
+
+def _check_checkpoint(path: Any) -> None:
+    """Before the seconds of imports that reading one takes."""
+    import_module("descentflow.representation.checkpoint_place").check_is_there(path)
 
 
 if __name__ == "__main__":

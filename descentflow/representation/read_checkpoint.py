@@ -13,6 +13,7 @@ import torch
 
 from descentflow.core.errors import CheckpointError, DescentflowError
 from descentflow.representation.check_checkpoint import check_flies, check_section
+from descentflow.representation.checkpoint_place import MEND, check_is_there
 from descentflow.representation.representation import Representation
 from descentflow.representation.safetensors_file import SUFFIX, read_safetensors
 
@@ -28,7 +29,6 @@ OTHER_MEND = (
     "pass a .ckpt file that `descentflow fit` wrote; flights of a simulator, as rows or descents, are taken by "
     "`descentflow diagnose --simulator`, and `descentflow fit` learns from them"
 )
-MEND = "pass a .ckpt file that `descentflow fit` wrote, for instance runs/.../checkpoints/best.ckpt"
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
@@ -44,8 +44,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         >>> read_checkpoint("best.ckpt")["descentflow"]["model"]
         'GaussianDensity'
     """
-    if not Path(path).is_file():
-        raise _no_file(Path(path))
+    check_is_there(path)
     content = read_safetensors(path) if Path(path).suffix == SUFFIX else _unpickled(path)
     if not isinstance(content, dict) or SECTION not in content:
         raise CheckpointError(f"{path}: not a checkpoint of descentflow", expected=f"a {SECTION!r} section", mend=MEND)
@@ -60,16 +59,6 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     with usable(path):
         check_section(section, content.get("state_dict"))
     return content
-
-
-def _no_file(path: Path) -> CheckpointError:
-    """Of a run's folder, or of that of its versions, the error names the checkpoint."""
-    inside = [*path.glob("checkpoints/best.ckpt"), *sorted(path.glob("*/checkpoints/best.ckpt"))]
-    return CheckpointError(
-        f"{path} is a folder" if path.is_dir() else f"no file {path}",
-        expected="a checkpoint",
-        mend=f"pass {inside[-1]}" if inside else MEND,
-    )
 
 
 def _unpickled(path: str | Path) -> Any:

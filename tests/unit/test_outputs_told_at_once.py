@@ -21,7 +21,7 @@ from descentflow.simulation.world_files import WorldFiles
 pytestmark = pytest.mark.usefixtures("worlds_once")
 
 NO_MODEL = "no.ckpt"
-"""It is not there: who tells of the output first has not read it."""
+"""It is empty: who tells of the output first has not read it."""
 
 
 @pytest.fixture(autouse=True)
@@ -38,6 +38,7 @@ def taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.chdir(tmp_path)
     Path("rows.csv").write_text("icao24,time\n")
     Path("taken").write_text("mine")
+    Path(NO_MODEL).touch()
     return "taken"
 
 
@@ -59,7 +60,8 @@ def test_a_folder_that_is_a_file_is_told_first(
 
 
 def test_a_fit_tells_its_folder_before_it_reads_descents(taken: str, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["fit", "--model", "Gaussian", "--data.descents", "none.parquet", "--trainer.default_root_dir", taken]
+    Path("no_store").mkdir()
+    words = ["fit", "--model", "Gaussian", "--data.descents", "no_store", "--trainer.default_root_dir", taken]
     assert main(words) == 2
     assert "output taken is a file" in capsys.readouterr().err
 

@@ -66,12 +66,13 @@ class SeenFlights:
         parts = [*(0 for _ in train), *(1 for _ in validation)]
         kinds = {"flight_id": pl.String, "part": pl.Int64}
         names = pl.DataFrame({"flight_id": [*train, *validation], "part": parts}, schema=kinds)
-        rows = _passed(descents).join(names, on="flight_id").sort("flight_id", "level_fl", descending=[False, True])
         place = pl.Series(np.linspace(0.0, 1.0, N_MARKS))
         marks = ((pl.len() - 1) * pl.lit(place)).round().cast(pl.Int64)
-        flights = rows.group_by("flight_id", maintain_order=True).agg(
-            pl.col("address", "part").first(), pl.col("level_fl", "passed_s").gather(marks)
-        )
+        falling = pl.col("level_fl", "passed_s").sort_by("level_fl", descending=True)
+        rows = _passed(descents)
+        # Flight by flight before anything is joined: a year of flights has more rows than a copy should be made of.
+        flights = rows.group_by("flight_id").agg(pl.col("icao24").first(), falling.gather(marks))
+        flights = flights.join(names, on="flight_id").join(_addresses(flights["icao24"]), on="icao24").sort("flight_id")
         shape = (len(flights), N_MARKS)
         return cls(
             torch.from_numpy(flights["address"].to_numpy().copy()),
@@ -97,7 +98,10 @@ class SeenFlights:
                 "time_s": self.time_s.numpy().ravel(),
             }
         )
-        rows = _passed(descents).join(marks, on=["address", "level_fl"], how="semi")
+        rows = _passed(descents)
+        # Few flights are of the same aircraft, so that most rows need not be looked at.
+        same = _addresses(rows["icao24"]).join(marks, on="address", how="semi")
+        rows = rows.join(same, on="icao24").join(marks, on=["address", "level_fl"], how="semi")
         met = marks.sort("time_s").join_asof(
             rows.sort("passed_s"),
             left_on="time_s",
@@ -166,18 +170,19 @@ def address_number(text: str) -> int:
 
 
 def _passed(descents: pl.DataFrame) -> pl.DataFrame:
-    """Columns ``flight_id address level_fl passed_s`` of prepared descents, of rows with an address and a time."""
-    texts = descents.select(pl.col("icao24").cast(pl.String)).to_series()
-    spelled = texts.unique().drop_nulls()
-    numbers = pl.Series("address", [address_number(text) for text in spelled.to_list()], dtype=pl.Int64)
-    rows = descents.select(
-        pl.col("flight_id").cast(pl.String),
-        texts.alias("icao24"),
+    """Columns ``flight_id icao24 level_fl passed_s`` of prepared descents, of rows with an address and a time."""
+    return descents.select(
+        pl.col("flight_id", "icao24").cast(pl.String),
         pl.col("level_fl").cast(pl.Int64),
         (pl.col("timestamp").dt.epoch("us") / 1e6).alias("passed_s"),
-    )
-    known = pl.DataFrame({"icao24": spelled, "address": numbers})
-    return rows.drop_nulls().join(known, on="icao24").drop("icao24")
+    ).drop_nulls()
+
+
+def _addresses(texts: pl.Series) -> pl.DataFrame:
+    """Columns ``icao24 address``: each address as it is spelled, and its number."""
+    spelled = texts.unique()
+    numbers = [address_number(text) for text in spelled.to_list()]
+    return pl.DataFrame({"icao24": spelled, "address": pl.Series(numbers, dtype=pl.Int64)})
 
 
 def _tensor(state: dict[str, Any], name: str) -> Tensor:

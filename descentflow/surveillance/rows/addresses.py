@@ -45,9 +45,9 @@ def six_digits(column: pl.Series, source: object, report: DropReport) -> pl.Seri
         whole = column.cast(pl.Int64, strict=False)
         numbers = bool((whole == column).fill_null(True).all())
         column = whole if numbers else column
+    if column.dtype == pl.String and column.unique().str.contains(SPELT).all():
+        return column
     text = column.cast(pl.String).str.strip_chars(" \t~").str.to_lowercase().replace("", None)
-    if not numbers and text.str.contains(SPELT).all():
-        return text
     distinct = text.drop_nulls().unique().sort().to_list()
     # pandas writes whole numbers beside a missing one as 8014.0.
     bare = {name: name.removeprefix("0x").removesuffix(".0") for name in distinct}

@@ -35,7 +35,7 @@ def listed(names: Sequence[str]) -> str:
     """Names of columns for a message, not too many.
 
     Example:
-        >>> listed(["a", "b"]), listed(["c"] * 30)[-14:]
+        >>> listed(["a", "b"]), listed(["c"] * 30)[-13:]
         ('a, b', 'c and 10 more')
     """
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""

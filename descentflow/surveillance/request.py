@@ -10,7 +10,12 @@ import polars as pl
 
 from descentflow.core.version import __version__
 from descentflow.core.workers import version
-from descentflow.surveillance.cleaning.absent_types import tell_absent_types
+from descentflow.surveillance.cleaning.absent_types import (
+    NONE_OF,
+    asked_in_vain,
+    no_designators,
+    tell_absent_types,
+)
 from descentflow.surveillance.cleaning.chain import Work
 from descentflow.surveillance.cleaning.contradictions import check_designators, check_report
 from descentflow.surveillance.cleaning.flights import check_left, names_shared
@@ -110,13 +115,15 @@ class Request:
             DataError: If no usable row was left before the filters, or most of them contradict themselves.
 
         Warns:
-            DescentflowWarning: If one of several types that are asked for is in no row.
+            DescentflowWarning: If one of several types that are asked for is in no row, and no designator.
         """
         report.extend([part for part, _, _ in parts])
         present, untyped = (_summed(counts) for counts in ([p[1] for p in parts], [p[2] for p in parts]))
         check_left(report, self.typecodes, present, self.types, untyped)
         if present:
-            tell_absent_types(self.typecodes, present, "row", "--typecode")
+            absent = asked_in_vain(self.typecodes, present)
+            report.note(f"{NONE_OF}{', '.join(absent)}", len(absent))
+            tell_absent_types(no_designators(absent), present, "row", "--typecode")
         check_report(report, self.cleaning)
 
 

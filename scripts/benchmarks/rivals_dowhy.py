@@ -75,7 +75,9 @@ def _changed(gcm: Any, model: Any, old: Any, new: Any, target: str) -> dict[str,
 def flight_table(frame: pl.DataFrame) -> pl.DataFrame:
     """One row a flight: means of speeds and rates, the wind's gradient, short-scale noise, and time lost."""
     by_flight = frame.sort("flight_id", "level_fl", descending=[False, True])
-    step = pl.col("time_s").diff().over("flight_id")
+    # A column, for the lowest version of Polars knows no window within another.
+    by_flight = by_flight.with_columns(step_s=pl.col("time_s").diff().over("flight_id"))
+    step = pl.col("step_s")
     passed = -pl.col("level_fl").diff().over("flight_id")
     near = passed == 1
     rate = LEVEL_FT / step * 60.0

@@ -1,11 +1,16 @@
 """Types that are asked for and that no flight is of."""
 
+import re
 import warnings
 from collections.abc import Iterable, Sequence
 
 from descentflow.core.errors import DescentflowWarning
 
 MOST_NAMED = 12
+DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
+"""What a designator of ICAO Doc 8643 looks like."""
+NONE_OF = "types asked for beside others, of which there is no row: "
+"""Note in the report."""
 
 
 def tell_absent_types(wanted: Sequence[str] | None, present: Iterable[str], what: str, option: str) -> None:
@@ -29,8 +34,7 @@ def tell_absent_types(wanted: Sequence[str] | None, present: Iterable[str], what
         no row of type B737-800, which --typecode asks for beside others; there are A320, B738: designators of ICAO ...
     """
     known = sorted(name for name in present if name)
-    absent = [name.upper() for name in wanted or [] if name.upper() not in known]
-    if absent:
+    if absent := asked_in_vain(wanted, known):
         there = ", ".join(known[:MOST_NAMED]) + (", ..." if len(known) > MOST_NAMED else "")
         warnings.warn(
             f"no {what} of type {', '.join(absent)}, which {option} asks for beside others; there are {there}: "
@@ -38,3 +42,24 @@ def tell_absent_types(wanted: Sequence[str] | None, present: Iterable[str], what
             DescentflowWarning,
             stacklevel=3,
         )
+
+
+def asked_in_vain(wanted: Sequence[str] | None, present: Iterable[str]) -> list[str]:
+    """Types that were asked for and that there are none of.
+
+    Example:
+        >>> asked_in_vain(["a319", "a320"], ["A320", "B738"])
+        ['A319']
+    """
+    known = set(present)
+    return [name.upper() for name in wanted or [] if name.upper() not in known]
+
+
+def no_designators(names: Sequence[str]) -> list[str]:
+    """Names that no designator of Doc 8643 looks like: of a family some types may be absent, these are mistakes.
+
+    Example:
+        >>> no_designators(["A319", "B737-800"])
+        ['B737-800']
+    """
+    return [name for name in names if not DESIGNATOR.fullmatch(name.upper())]

@@ -41,7 +41,9 @@ def told_apart(rows: pl.DataFrame, gap_s: float, report: DropReport | None = Non
     begins = rows.select(_begins(gap_s)).to_series()
     stretches = _over_midnight(_stretches(rows, begins), gap_s, report)
     silent = (pl.col("first") - pl.col("last").shift()).over("icao24", "flight_id") > _micros(gap_s)
-    stretches = stretches.with_columns(part=silent.fill_null(False).cum_sum().over("icao24", "flight_id"))
+    # One window after the other: the lowest version of Polars knows none within another.
+    stretches = stretches.with_columns(silent=silent.fill_null(False))
+    stretches = stretches.with_columns(part=pl.col("silent").cum_sum().over("icao24", "flight_id"))
     several = (pl.col("part").max().over("icao24", "flight_id") > 0) & pl.col("flight_id").is_not_null()
     stretches = stretches.with_columns(
         name=pl.when(several).then(_name_of_part()).otherwise("flight_id"),

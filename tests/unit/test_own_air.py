@@ -188,6 +188,7 @@ def test_each_flight_is_held_against_samples_in_its_own_air(checkpoint: Path, de
 def test_what_flies_in_standard_air_alone_refuses_such_a_model(
     checkpoint: Path, descents: Descents, tmp_path: Path
 ) -> None:
+    pytest.importorskip("onnx")
     with pytest.raises(ConfigError, match="a generator of single descents"):
         df.Generator(checkpoint)
     with pytest.raises(ConfigError, match="a prediction of the rest"):

@@ -192,6 +192,7 @@ def replace_column(descents: Descents, table: pl.DataFrame) -> Descents:
 def test_what_flies_at_the_reference_mass_refuses_such_a_model(
     checkpoint: tuple[Path, Path], descents: Descents, tmp_path: Path
 ) -> None:
+    pytest.importorskip("onnx")
     path, _ = checkpoint
     for refused in (
         lambda: df.Generator(path),

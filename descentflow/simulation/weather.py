@@ -24,6 +24,7 @@ SPACING_M = 50.0
 """Of the heights at which wind and temperature stand; linear between them."""
 HIGHEST_M = 15_000.0
 HEIGHT_M = np.arange(0.0, HIGHEST_M + SPACING_M, SPACING_M)
+"""Geometric heights (m) at which the weather of a flight is held, and between which it is linear."""
 N_WAVES = 8
 STREAM, DAY_STREAM = 8, 9
 """Of random numbers of flights and of days: worlds without weather keep every other draw."""

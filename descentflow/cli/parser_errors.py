@@ -70,4 +70,6 @@ def _names(types: str) -> list[str]:
         return [types]
     found = CLASS.sub(lambda one: one[1].rpartition(".")[2], types)
     kinds = [one.strip() for one in re.split(r",\s*(?![^\[]*\])", found)]
+    # The order of the parser's own is not the same in all its versions.
+    kinds.sort(key=lambda kind: kind == "NoneType")
     return [kind for kind in kinds if kind != "int" or "float" not in kinds]

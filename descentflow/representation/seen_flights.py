@@ -66,19 +66,15 @@ class SeenFlights:
         parts = [*(0 for _ in train), *(1 for _ in validation)]
         kinds = {"flight_id": pl.String, "part": pl.Int64}
         names = pl.DataFrame({"flight_id": [*train, *validation], "part": parts}, schema=kinds)
-        place = pl.Series(np.linspace(0.0, 1.0, N_MARKS))
-        marks = ((pl.len() - 1) * pl.lit(place)).round().cast(pl.Int64)
-        falling = pl.col("level_fl", "passed_s").sort_by("level_fl", descending=True)
         rows = _passed(descents)
         # Flight by flight before anything is joined: a year of flights has more rows than a copy should be made of.
-        flights = rows.group_by("flight_id").agg(pl.col("icao24").first(), falling.gather(marks))
+        flights = rows.group_by("flight_id").agg(pl.col("icao24").first(), *_marks("level_fl"), *_marks("passed_s"))
         flights = flights.join(names, on="flight_id").join(_addresses(flights["icao24"]), on="icao24").sort("flight_id")
-        shape = (len(flights), N_MARKS)
         return cls(
             torch.from_numpy(flights["address"].to_numpy().copy()),
             torch.from_numpy(flights["part"].to_numpy().copy()),
-            torch.from_numpy(flights["level_fl"].explode().to_numpy().astype(np.int64)).reshape(shape),
-            torch.from_numpy(flights["passed_s"].explode().to_numpy().astype(np.float64)).reshape(shape),
+            _of_marks(flights, "level_fl").long(),
+            _of_marks(flights, "passed_s").double(),
         )
 
     def among(self, descents: pl.DataFrame) -> dict[str, str]:
@@ -167,6 +163,18 @@ def address_number(text: str) -> int:
     if DECIMAL.fullmatch(name):
         return int(name)
     return OTHER + int.from_bytes(hashlib.blake2b(name.encode(), digest_size=7).digest())
+
+
+def _marks(name: str) -> list[pl.Expr]:
+    """Values of a flight's column at its marks, from the highest level to the lowest, in columns of their own."""
+    falling = pl.col(name).sort_by("level_fl", descending=True)
+    places = [((pl.len() - 1) * share).round().cast(pl.Int64) for share in np.linspace(0.0, 1.0, N_MARKS).tolist()]
+    return [falling.get(place).alias(f"{name}_{k}") for k, place in enumerate(places)]
+
+
+def _of_marks(flights: pl.DataFrame, name: str) -> Tensor:
+    """The columns of :func:`_marks` as (n, 5)."""
+    return torch.stack([torch.from_numpy(flights[f"{name}_{k}"].to_numpy().copy()) for k in range(N_MARKS)], 1)
 
 
 def _passed(descents: pl.DataFrame) -> pl.DataFrame:

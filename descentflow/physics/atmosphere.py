@@ -49,7 +49,9 @@ def isa_temperature_k(altitude_m: Number) -> Tensor:
         216.65
     """
     (altitude,) = as_tensors(altitude_m)
-    return (T0_K + LAPSE_K_M * altitude).clamp(min=T_TROPOPAUSE_K)
+    below = T0_K + LAPSE_K_M * altitude
+    # Not clamp: what its gradient is at exactly 11,000 m depends on the version of torch.
+    return torch.where(below < T_TROPOPAUSE_K, T_TROPOPAUSE_K, below)
 
 
 def temperature_k(altitude_m: Number, deviation_k: Number = 0.0) -> Tensor:

@@ -16,9 +16,8 @@ from descentflow.effects.effect import NOISE, NONE
 from descentflow.measurements.level_channels import least_noise
 from descentflow.measurements.quantity_registry import QUANTITIES
 
-NO_NOISE = 1.1 * 3**0.5
-"""Noise of a simulator that counts as none, in that of independent rounding. Of numbers that change steadily, middle
-and ends of a stencil may be rounded opposite ways: that shows as half a step, and a tenth more is none."""
+NO_NOISE = 1.1
+"""Noise, in the least that is told apart from rounding, up to which reports count as having none."""
 LEAST_RATIO = 0.05
 """Logarithm of the ratio of noise up to which a channel is as noisy on both sides, and nothing is told of it."""
 LN_RATIO = "ln_ratio_"

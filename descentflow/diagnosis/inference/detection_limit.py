@@ -10,8 +10,9 @@ each of F folds has a score :math:`G_f \sim N(I_f \theta_0, V / F)` where the ef
 So a few thousand gains of a size are drawn without a fit, and held against the rule by which effects are named.
 
 It is the mean shift that is felt here. Of an effect that takes some flights and leaves others, what tells these apart
-comes on top: its size is an upper bound. Planted at their limits into 40 Gaussian fleets, temperature, drag, wind and
-level-offs are named in 78 to 88 %; a speed schedule in 53 %, and an airspeed bias in 96 of 100.
+comes on top: its size is an upper bound. Planted at the mean of eight fleets' limits into 100 Gaussian fleets,
+temperature, drag, wind and level-offs are named in 93, 77, 81 and 72; one fleet's limit of drag is known to 6 %.
+At the limit of one fleet, of 40 a speed schedule was named in 53 % and an airspeed bias in 96 of 100.
 """
 
 from collections.abc import Callable

@@ -52,6 +52,10 @@ def drawn_for_both(draw: "Callable[[bool], Figure]", name: str, alt: str, captio
         >>> html.count("<svg"), html.count('aria-label="Both take 520 s."')
         (2, 2)
     """
+    # Here, and not in each copy of this process.
+    import matplotlib.backends.backend_svg
+    import matplotlib.figure  # noqa: F401
+
     drawn = side_by_side([partial(_drawn, draw, name, alt, kind) for kind in ("wide", "narrow")])
     below = f"<figcaption>{joined(caption)}</figcaption>" if caption else ""
     return Html(f"<figure>{''.join(drawn)}{below}</figure>")

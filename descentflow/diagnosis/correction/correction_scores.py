@@ -105,7 +105,11 @@ def scores_of(halves: Halves, before: DescentSet, corrected: Corrected, transiti
         sets = {"before": before, "after": corrected(theta)}
         if len(names) > 1:
             sets |= {name: corrected({name: theta[name]}) for name in names}
-        return {key: score(one, real, transition_fl, seed=seed, n_splits=N_SPLITS) for key, one in sets.items()}
+        # The floor is of the real flights, whatever is set beside them.
+        return {
+            key: score(one, real, transition_fl, seed=seed, n_splits=N_SPLITS, floor=key == "before")
+            for key, one in sets.items()
+        }
 
     # Each half is scored by what the other gives.
     found = side_by_side([partial(scored, halves.flights[k], halves.theta[1 - k]) for k in (0, 1)])

@@ -6,6 +6,7 @@ from functools import partial
 
 from torch import Tensor
 
+from descentflow.core.foreseen_calls import ForeseenCalls
 from descentflow.core.side_by_side import at_once, side_by_side
 from descentflow.diagnosis.inference.free_discrepancy import Beside, FreeDiscrepancy
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
@@ -56,7 +57,7 @@ def _long_ones_first(likelihood: EffectsLikelihood, asked: Sequence[Names]) -> l
 
 
 class FitsAhead:
-    """Fits of a search that are worked out side by side, with what a discrepancy beside each explains.
+    """Fits of a search that are worked out meanwhile, with what a discrepancy beside each explains.
 
     Example:
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
@@ -64,9 +65,10 @@ class FitsAhead:
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
         >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared)[0])
-        >>> ahead, start = FitsAhead(likelihood, free, print), {"temperature": EFFECTS["temperature"].start()}
-        >>> ahead.prepare([(("temperature",), start)])  # one alone waits until it is asked for
-        >>> ahead.fit(("temperature",), start).theta["temperature"].round()
+        >>> start = {"temperature": EFFECTS["temperature"].start()}
+        >>> with FitsAhead(likelihood, free, print) as ahead:
+        ...     ahead.foresee([(("temperature",), start)])  # where only one may run, it waits until it is asked for
+        ...     ahead.fit(("temperature",), start).theta["temperature"].round()
         fitting temperature
         tensor([10.], dtype=torch.float64)
     """
@@ -75,27 +77,27 @@ class FitsAhead:
         self, likelihood: EffectsLikelihood, discrepancy: FreeDiscrepancy, progress: Callable[[str], None]
     ) -> None:
         """Begin with none."""
-        self.likelihood, self.discrepancy, self.progress = likelihood, discrepancy, progress
-        self._known: dict[object, tuple[Fit, Beside]] = {}
+        self.likelihood, self.discrepancy = likelihood, discrepancy
+        self._calls = ForeseenCalls[tuple[Fit, Beside | None]](lambda key: progress(f"fitting {', '.join(key[0])}"))
 
-    def prepare(self, asked: Sequence[Asked]) -> None:
-        """Work out fits that will be asked for, or may be, if several can be worked out at once."""
-        left = [one for one in asked if _key(*one) not in self._known]
-        if at_once() < 2 or len(left) < 2:
-            return
-        _know_what_is_shared(self.likelihood)
-        left = [left[at] for at in _long_ones_first(self.likelihood, [names for names, _ in left])]
-        calls = [partial(self._both, *one) for one in left]
-        found = side_by_side(calls, lambda place: self.progress(f"fitting {', '.join(left[place][0])}"))
-        self._known |= {_key(*one): both for one, both in zip(left, found, strict=True)}
+    def __enter__(self) -> "FitsAhead":
+        """Itself; no fit runs on after the end of the block."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._calls.foresee({})
+
+    def foresee(self, asked: Sequence[Asked]) -> None:
+        """Work out fits that will be asked for, or may be, the most probable first, and no others any more."""
+        if at_once() > 1:
+            _know_what_is_shared(self.likelihood)
+        self._calls.foresee({_key(*one): partial(self._both, *one) for one in asked})
 
     def fit(self, names: Names, start: Mapping[str, Tensor]) -> Fit:
-        """A fit, worked out now if it was not before."""
-        key = _key(names, start)
-        if key not in self._known:
-            self.progress(f"fitting {', '.join(names)}")
-            return fit_effects(self.likelihood, names, start)
-        fit, beside = self._known.pop(key)
+        """A fit, worked out now if it was not begun before."""
+        fit, beside = self._calls.ask(_key(names, start), lambda: (fit_effects(self.likelihood, names, start), None))
+        if beside is None:
+            return fit
         self.discrepancy.found[fit.effects] = beside
         return _with_design(self.likelihood, fit)
 
@@ -104,7 +106,7 @@ class FitsAhead:
         return replace(fit, kept=_left_behind), self.discrepancy.beside(fit)
 
 
-def _key(names: Names, start: Mapping[str, Tensor]) -> object:
+def _key(names: Names, start: Mapping[str, Tensor]) -> tuple[Names, tuple[tuple[str, tuple[float, ...]], ...]]:
     return names, tuple((name, tuple(value.tolist())) for name, value in start.items())
 
 

@@ -73,34 +73,45 @@ class SetSearch:
     def weighted(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
         """Sets that were refitted, with weights: with and without a discrepancy beside each, and without one alone."""
         self.progress("screening sets of effects")
-        members = [member_of(self.likelihood, name, theta) for name, theta in self.start.items()]
-        law = self._first_law()
-        beside = law or self._explored(members, self.fit(()), at_most=FIRST)
-        members += self._beside(beside)
-        if law is not None:
-            self._explored(members, law, at_most=FIRST)
+        with self.ahead:
+            members = [member_of(self.likelihood, name, theta) for name, theta in self.start.items()]
+            law = self._first_law()
+            beside = law or self._explored(members, self.fit(()), at_most=FIRST)
+            members += self._beside(beside)
+            if law is not None:
+                self._explored(members, law, at_most=FIRST)
+            return self._grown()
+
+    def _grown(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
+        """Weights, once nothing that is near the best set is left to be fitted."""
         while True:
             sets, alone = self._weighed()
             best = inclusion(sets, alone).best
-            # A set that grows is looked at from all sides once it has stopped growing.
-            larger, start = self._untried(self._with_another(best)), self.fit(best).theta
-            untried = larger[:1] or self._untried(self._near(best))
-            if not untried:
+            # A set that grows is looked at from all sides once it has stopped growing, and without each of its effects
+            # once it is known which of those that scale one equation it has.
+            larger, exchanged = self._untried(self._with_another(best)), self._untried(self._exchanged(best))
+            smaller = self._untried(self._smaller(best))
+            wanted, start = larger[:1] or exchanged or smaller, self.fit(best).theta
+            if not wanted:
                 return sets, alone
-            # What promises next most will probably be asked for next.
-            self.ahead.prepare([(names, self._begin(names, start)) for names in larger[: at_once()] or untried])
-            for names in untried:
+            # While the best stays the best, all of these will be asked for.
+            self.ahead.foresee([(names, self._begin(names, start)) for names in (*larger, *exchanged, *smaller)])
+            for names in wanted:
                 self._credible_part(self.fit(names, start))
 
     def _untried(self, sets: Sequence[Names]) -> list[Names]:
         return [names for names in sets if frozenset(names) not in self.fits]
 
-    def _near(self, heaviest: Names) -> list[Names]:
-        """The best set without each of its effects, and with another that scales the same equation in its place.
+    def _smaller(self, heaviest: Names) -> list[Names]:
+        """The best set without each of its effects: what one adds is asked of fits and not of the screening."""
+        return [tuple(other for other in heaviest if other != name) for name in heaviest]
 
-        What an effect adds, and what it cannot be told from, is asked of fits and not of the screening.
+    def _exchanged(self, heaviest: Names) -> list[Names]:
+        """The best set with another effect that scales the same equation in the place of one of its own.
+
+        What an effect cannot be told from is asked of fits too.
         """
-        found = [tuple(other for other in heaviest if other != name) for name in heaviest]
+        found = []
         for name in heaviest:
             group = self.likelihood.catalogue[name].scale_group
             for other in () if group is None else group.members:
@@ -153,7 +164,7 @@ class SetSearch:
                 break
             parts = self._untried([*self._parts(names, set(beside.per_flight)), names])
             # What comes next of the same set will probably be asked for, if it is not the set itself.
-            self.ahead.prepare([(part, self._begin(part, {})) for part in parts[: at_once()]])
+            self.ahead.foresee([(part, self._begin(part, {})) for part in parts[: at_once()]])
             self._credible_part(self.fit(parts[0]))
         return max(self._credible_fits(), key=self._score)
 

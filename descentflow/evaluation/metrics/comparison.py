@@ -43,7 +43,13 @@ class Comparison:
 
 
 def compare(
-    samples: Values, real: Values, seed: int, n_splits: int, progress: Callable[[int], None] | None = None
+    samples: Values,
+    real: Values,
+    seed: int,
+    n_splits: int,
+    progress: Callable[[int], None] | None = None,
+    *,
+    floor: bool = True,
 ) -> Comparison:
     """Compare samples with real flights level by level, and flights with each other.
 
@@ -53,6 +59,7 @@ def compare(
         seed: Of the splits.
         n_splits: How many.
         progress: Progress callback: called with the number of splits that have been compared since it was last called.
+        floor: Whether the noise floor is wanted; NaN if not.
 
     Example:
         >>> samples, real = torch.arange(20.0)[:, None], torch.arange(8.0)[:, None] + 3
@@ -61,9 +68,9 @@ def compare(
         >>> found.whole["mae"], found.same["mae"].shape  # the means are 9.5 and 6.5
         (tensor([3.], dtype=torch.float64), torch.Size([5, 1]))
     """
-    splits = split_distances(samples, real, seed=seed, n_splits=n_splits, progress=progress)
-    same, floor = (_enough(side) for side in splits)
-    return Comparison(whole_distances(samples, real), same, floor, matched_size(samples, real))
+    splits = split_distances(samples, real, seed=seed, n_splits=n_splits, floor=floor, progress=progress)
+    same, noise = (_enough(side) for side in splits)
+    return Comparison(whole_distances(samples, real), same, noise, matched_size(samples, real))
 
 
 def compare_profiles(

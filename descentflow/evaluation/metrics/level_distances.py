@@ -37,6 +37,11 @@ class Distances:
         by_name = {name: values.reshape(n, -1) for name, values in self.by_name.items()}
         return Distances(by_name, self.n_first.reshape(n, -1), self.n_second.reshape(n, -1))
 
+    def unknown(self) -> "Distances":
+        """The same statistics, NaN everywhere."""
+        by_name = {name: torch.full_like(values, torch.nan) for name, values in self.by_name.items()}
+        return Distances(by_name, self.n_first, self.n_second)
+
 
 def level_distances(
     first: Tensor,

@@ -36,6 +36,7 @@ def split_distances(
     seed: int = 0,
     n_splits: int = 20,
     size: int = SIZE,
+    floor: bool = True,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[Distances, Distances]:
     """Distances of samples and of flights from the same random sets of flights, all of one size.
@@ -51,6 +52,7 @@ def split_distances(
         seed: Of the splits; they are the same on every device.
         n_splits: Number of random splits, at least one.
         size: Flights on each side, see :func:`matched_size`.
+        floor: Whether the noise floor is wanted; NaN if not.
         progress: Progress callback: called with the number of splits that have been compared since it was last called.
 
     Returns:
@@ -65,17 +67,17 @@ def split_distances(
     chosen = [one for one in level_statistics() if one.has_floor]
     drawn, first, second = splits(samples, real, seed, n_splits, size)
     step = max(BATCH_VALUES // max(first.shape[1] * real[0].shape[1], 1), 1)
-    same, floor = [], []
+    same, noise = [], []
     for at in range(0, n_splits, step):
         batch = slice(at, at + step)
         targets = _beside(real, first[batch])
         stand_in, other = _equally_many(_beside(samples, drawn[batch]), _beside(real, second[batch]))
         n = len(first[batch])
         same.append(level_distances(*stand_in, *targets, chosen).unflatten(n))
-        floor.append(level_distances(*other, *targets, chosen).unflatten(n))
+        noise.append(level_distances(*other, *targets, chosen).unflatten(n) if floor else same[-1].unknown())
         if progress is not None:
             progress(n)
-    return joined(same), joined(floor)
+    return joined(same), joined(noise)
 
 
 def split_profile_scores(

@@ -31,6 +31,7 @@ def score(
     n_splits: int = 20,
     *,
     costly: bool = False,
+    floor: bool = True,
     progress: Callable[[int], None] | None = None,
 ) -> ScoreTable:
     """Score samples against held-out flights by every registered statistic.
@@ -55,6 +56,8 @@ def score(
         seed: Of the splits.
         n_splits: Number of random splits.
         costly: Whether costly statistics are among them: the AUC of a classifier takes seconds.
+        floor: Whether the noise floor of distances at levels is wanted; NaN if not. That of whole profiles and descents
+            says which flights can be scored, and is always there.
         progress: Progress callback: called with numbers that sum to :func:`n_comparisons`.
 
     Returns:
@@ -80,7 +83,12 @@ def score(
         sampled, observed = quantity.of(samples), quantity.of(real)
         one = None if nominal is None else quantity.of(nominal)
         found = ScoredQuantity(
-            quantity, real.levels_fl, sampled, observed, compare(sampled, observed, seed, n_splits, progress), one
+            quantity,
+            real.levels_fl,
+            sampled,
+            observed,
+            compare(sampled, observed, seed, n_splits, progress, floor=floor),
+            one,
         )
         for part in parts_of(quantity):
             chosen = part.levels(real.levels_fl, transition_fl)

@@ -12,6 +12,10 @@ path of a file that holds it, and nothing heavy is imported before it is used:
   :func:`export` writes for other programs;
 - :func:`diagnose` says where a simulator and real flights disagree, and why.
 
+Import it before torch: how torch's threads wait is settled when torch is loaded, and by default they take the processor
+from others meanwhile. Where torch came first (and OMP_WAIT_POLICY and OMP_NUM_THREADS are not set), sampling, scoring
+and prediction keep to one thread.
+
 Every error that is raised on purpose is a :class:`DescentflowError`.
 
 Example:
@@ -26,12 +30,9 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from descentflow.core import waiting_threads  # noqa: F401 (before anything loads torch)
 from descentflow.core.errors import DescentflowError
 from descentflow.core.version import __version__
-
-# Threads of OpenMP that wait for work spin by default: beside other work one descent took 53 ms instead of 8, and it is
-# read when torch is first loaded, so it is set before. Whoever sets it themselves keeps what they set.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 
 def _one_thread_in_a_copy() -> None:

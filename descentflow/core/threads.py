@@ -2,9 +2,11 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 import torch
+
+from descentflow.core import waiting_threads
 
 
 def one_thread_unless_told() -> None:
@@ -36,3 +38,20 @@ def one_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(threads)
+
+
+@contextmanager
+def one_thread_where_they_spin() -> Iterator[None]:
+    """Keep torch to one thread inside the block if its threads spin while they wait, see :mod:`.waiting_threads`.
+
+    On two cores busy with other work a thousand descents took 1.7 s instead of 0.1 s, scores 75 s instead of 14 s.
+
+    Example:
+        >>> @one_thread_where_they_spin()
+        ... def threads():
+        ...     return torch.get_num_threads()
+        >>> threads() in (1, torch.get_num_threads())
+        True
+    """
+    with one_thread() if waiting_threads.SPIN else nullcontext():
+        yield

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from descentflow.core.errors import DataError
 from descentflow.core.seeds import checked_count
+from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.evaluation.metrics.descent_set import DescentSet
@@ -26,6 +27,7 @@ N_SPLITS = 100
 """Random splits behind each noise floor."""
 
 
+@one_thread_where_they_spin()
 def evaluate(
     model: object,
     real: object,

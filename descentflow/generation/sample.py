@@ -10,6 +10,7 @@ import torch
 from descentflow.air.weather_field import weather_field
 from descentflow.core.errors import ConfigError
 from descentflow.core.seeds import checked_count
+from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.generation.air_along_path import AirAlongPath
 from descentflow.generation.given_temperature import (
@@ -29,6 +30,7 @@ QUANTITIES = 6
 """Of each descent at each level: time, CAS, Mach number, TAS, rate and drag."""
 
 
+@one_thread_where_they_spin()
 def sample(
     model: object,
     n: int = 10_000,

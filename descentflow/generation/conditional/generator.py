@@ -13,6 +13,7 @@ import torch
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.seeds import checked_count, checked_number, checked_seed
+from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
 from descentflow.generation.conditional.accepted import Accepted, NoneLeft, chosen_by_weight, first_plausible
@@ -120,6 +121,7 @@ class Generator:
         """One descent: :meth:`next_batch` of one, which says what can be asked."""
         return self.next_batch(1, **asked)
 
+    @one_thread_where_they_spin()
     def next_batch(
         self,
         n: int,

@@ -11,6 +11,7 @@ import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.core.tabular import to_dataset, to_pandas, write_table
+from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.generation.prediction.predictor import Continuations, DescentPredictor
 from descentflow.generation.prediction.summary import (
@@ -179,6 +180,7 @@ class Prediction:
         return str(self)
 
 
+@one_thread_where_they_spin()
 def predict(
     model: object,
     descents: object,

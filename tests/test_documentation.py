@@ -30,6 +30,13 @@ def test_relative_links_lead_somewhere(path: Path) -> None:
     assert broken == []
 
 
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_tables_end_before_the_text_below_them(path: Path) -> None:
+    """Without an empty line between, a sentence is shown as another row."""
+    text = re.sub(r"```.*?```|\$\$.*?\$\$", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert re.findall(r"^\|.*\|\n(?!\|)(.+)", text, re.MULTILINE) == []
+
+
 def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 900
 

@@ -48,6 +48,18 @@ def test_what_aircraft_share_counts_once() -> None:
     assert float(variance[1]) == pytest.approx(1.0, rel=0.2)
 
 
+def test_no_single_flight_is_known_better_than_what_is_negligible() -> None:
+    """All flights learnt from show one height to the last digit: those of a simulator in standard air do."""
+    generator = torch.Generator().manual_seed(2)
+    y = torch.randn(300, 2, generator=generator, dtype=torch.float64)
+    y[:, 1] = 1e-13 * y[:, 1]
+    everyone, least = torch.ones(300, dtype=torch.bool), torch.tensor([0.1, 1.0], dtype=torch.float64)
+    found = whiten(y, everyone, torch.arange(300), torch.zeros(2).double(), NONE_APART[:2], least=least)
+    assert float(found.between[1, 1]) == pytest.approx(1.0)
+    assert float(found.between[0, 0]) == pytest.approx(1.0, rel=0.3)
+    assert float(found.of_single_flights(y.isfinite()).precision.abs().max()) < 2.0
+
+
 def planted(halves: tuple[Quantities, Quantities], name: str, theta: list[float]) -> Compared:
     """The halves compared, with an effect's own shift added to the second."""
     compared = compare(*halves, open_aircraft("A320"))

@@ -1,16 +1,22 @@
 """Which flights say how widely flights differ: real ones, where those of a simulator hardly do."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import torch
 
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.diagnosis import procedure
+from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
-from descentflow.diagnosis.inference.normal_flights import is_narrow, normal_flights
+from descentflow.diagnosis.inference.normal_flights import is_narrow, left_between_means, normal_flights
 from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
 from descentflow.diagnosis.inference.whitening import whiten
+from descentflow.diagnosis.procedure import Diagnosis
+from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS
 
 SLOW = -0.3
@@ -32,12 +38,13 @@ def kelvin(sides: Compared, learn: torch.Tensor | None) -> float:
 def test_a_table_of_rates_does_not_outweigh_the_airspeeds() -> None:
     """Rates that are 26 % slower pull the temperature by a tenth and not by half, whoever says how flights differ."""
     sides = table()
-    for learn in (~sides.real, normal_flights(sides)):
+    for learn in (~sides.real, normal_flights(sides, narrow=is_narrow(sides))):
         assert kelvin(sides, learn) == pytest.approx(9.0, abs=1.2)
 
 
 def test_of_few_real_flights_both_sides_say_it() -> None:
-    assert normal_flights(table(60)) is None
+    sides = table(60)
+    assert normal_flights(sides, narrow=is_narrow(sides)) is None
 
 
 @pytest.mark.parametrize("effect", ["temperature", "drag_polar", "speed_schedule"])
@@ -47,7 +54,7 @@ def test_an_effect_in_the_real_flights_makes_no_simulator_narrow(effect: str) ->
     wider = torch.where(sides.real[:, None] & sides.of("rate"), 3.0 * sides.y, sides.y)
     for one in (sides, replace(sides, y=wider)):
         assert not is_narrow(one)
-        assert torch.equal(normal_flights(one), ~one.real)
+        assert torch.equal(normal_flights(one, narrow=is_narrow(one)), ~one.real)
 
 
 def test_air_and_reports_that_scatter_less_make_no_simulator_narrow() -> None:
@@ -69,3 +76,49 @@ def test_simulators_that_scatter_alike_are_rarely_called_narrow() -> None:
         y = torch.randn(sides.y.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
         called += is_narrow(replace(sides, y=y))
     assert called <= 2
+
+
+def of_one_rate(n: int = 120) -> Compared:
+    """A simulator at the speeds of the real flights, whose rates hardly differ, in air that is 9 K too cold."""
+    sides = example_sides(EFFECTS["temperature"], [9.0], n)
+    return replace(sides, y=torch.where(~sides.real[:, None] & sides.of("rate"), 0.2 * sides.y, sides.y))
+
+
+def test_a_rate_that_no_effect_scatters_makes_a_simulator_narrow() -> None:
+    """Before the fit it might be an effect that takes some flights; after it, what the fit gave each is taken off."""
+    sides = of_one_rate()
+    assert not is_narrow(sides)
+    assert is_narrow(sides, torch.zeros_like(sides.y))
+    own = torch.where(sides.real[:, None] & sides.of("rate"), 0.85 * sides.y, 0.0)
+    assert not is_narrow(sides, own)
+
+
+def test_means_that_agree_are_left_at_their_standard_errors() -> None:
+    """The mean square of a normal number is one; of some 30 entries, which go together, within a factor of three."""
+    y = torch.randn(example_sides(n=120).y.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    sides = replace(example_sides(n=120), y=y)
+    assert left_between_means(sides, torch.zeros_like(y)) == pytest.approx(1.0, rel=0.6)
+    apart = torch.where(sides.real[:, None], torch.full_like(y, 1.0), 0.0)
+    assert left_between_means(sides, apart) > 20.0
+
+
+@pytest.mark.parametrize(("second", "taken"), [(0.9, "again"), (0.0, "first")])
+def test_the_spread_that_leaves_less_between_the_means_is_taken(
+    second: float, taken: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fits that undo half of the difference of the means, and then more or nothing."""
+    sides = of_one_rate()
+    gap = torch.where(sides.real[:, None], sides.y[sides.real].nanmean(0) - sides.y[~sides.real].nanmean(0), 0.0)
+    undone = iter([0.5, second])
+
+    def select(*_: object) -> SimpleNamespace:
+        share = next(undone)
+        return SimpleNamespace(fit=SimpleNamespace(shift=share * gap), name="first" if share == 0.5 else "again")
+
+    monkeypatch.setattr(procedure, "select", select)
+    diagnosis = Diagnosis(sides, Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, lambda stage: None), "flights")
+    before = diagnosis.likelihood
+    assert diagnosis._select().name == taken
+    assert next(undone, None) is None
+    assert diagnosis.narrow is (taken == "again")
+    assert (diagnosis.likelihood is before) is (taken == "first")

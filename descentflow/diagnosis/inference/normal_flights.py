@@ -17,29 +17,36 @@ OF_FLIGHT = ("rate", "cas")
 In the air, in reports and in gaps a simulator with the right crews and aircraft may scatter less."""
 
 
-def normal_flights(compared: Compared) -> Tensor | None:
+def normal_flights(compared: Compared, *, narrow: bool) -> Tensor | None:
     """Flights that the spread is learnt from: the simulator's where they are enough, else all of both (None).
 
     An effect that takes some flights and leaves others would widen the spread in its own direction, and so hide itself.
     But the flights of a simulator that flies by a table hardly differ, and by their spread every percent of the rate
-    would outweigh what the airspeeds say. So where they scatter less than real flights in the rate and in the speed,
-    these stand in their place: an effect that takes some flights and leaves others moves one of both.
+    would outweigh what the airspeeds say. So where they are too ``narrow``, real flights stand in their place.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> int(normal_flights(example_sides(n=120)).sum()), normal_flights(example_sides(n=50)) is None
+        >>> sides = example_sides(n=120)
+        >>> int(normal_flights(sides, narrow=False).sum()), normal_flights(example_sides(n=50), narrow=False) is None
         (120, True)
     """
-    known = compared.real if is_narrow(compared) else ~compared.real
+    known = compared.real if narrow else ~compared.real
     enough = int(known.sum()) >= max(MIN_NORMAL_FLIGHTS, compared.y.shape[1])
     return known if enough and bool(compared.free.all()) else None
 
 
-def is_narrow(compared: Compared) -> bool:
+def is_narrow(compared: Compared, shift: Tensor | None = None) -> bool:
     """Whether a simulator's flights scatter less than real ones, by their variances of the rate and of the speed.
+
+    Of both, at first: an effect that takes some flights and leaves others moves one of them. Once effects were fitted
+    the rate decides alone, apart from what they add to each flight: what is left of its scatter they do not explain.
 
     Held against the F law with one degree of freedom less than aircraft, as if those of one aircraft were alike: so a
     simulator is rarely taken for narrower than it is.
+
+    Args:
+        compared: Flights of both sides.
+        shift: (n, p) of each flight by the effects that were fitted; none were yet if absent.
 
     Example:
         >>> from dataclasses import replace
@@ -51,14 +58,40 @@ def is_narrow(compared: Compared) -> bool:
     """
     if bool(compared.real.all()):
         return False
+    y = compared.y if shift is None else compared.y - shift
     ratios = []
-    variances = [_variance(compared.y[side]) for side in (compared.real, ~compared.real)]
-    for quantity in [name for name in OF_FLIGHT if name in compared.quantities()]:
+    variances = [_variance(y[side]) for side in (compared.real, ~compared.real)]
+    asked = OF_FLIGHT if shift is None else OF_FLIGHT[:1]
+    for quantity in [name for name in asked if name in compared.quantities()]:
         at = compared.columns(quantity)
         real, simulated = (variance[at].nanmedian() for variance in variances)
         ratios.append(float((real / simulated.clamp(min=1e-18)).nan_to_num(1.0)))
     freedom = [len(torch.unique(compared.airframe[side])) - 1 for side in (compared.real, ~compared.real)]
     return min(ratios, default=1.0) > float(fdtri(*freedom, 1 - FALSELY_NARROW))
+
+
+def left_between_means(compared: Compared, shift: Tensor) -> float:
+    """How far the sides' means are from each other after a fit: mean square over entries, in standard errors.
+
+    The errors are those of either side's own scatter, so that fits under any spread can be set beside each other.
+
+    Args:
+        compared: Flights of both sides.
+        shift: (n, p) of each flight by the effects that were fitted.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> warm = example_sides(EFFECTS["temperature"], [10.0])
+        >>> left_between_means(warm, torch.zeros_like(warm.y)) > 10
+        True
+    """
+    y = compared.y - shift
+    sides = [y[side] for side in (compared.real, ~compared.real)]
+    count = [one.isfinite().sum(0).clamp(min=1) for one in sides]
+    least = compared.negligible() ** 2
+    error = sum((_variance(one) + least) / n for one, n in zip(sides, count, strict=True))
+    return float(((sides[0].nanmean(0) - sides[1].nanmean(0)).square() / error).nanmean())
 
 
 def _variance(y: Tensor) -> Tensor:

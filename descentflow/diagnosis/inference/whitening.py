@@ -114,6 +114,7 @@ def whiten(
     apart: Tensor,
     learn: Tensor | None = None,
     held_out: Tensor | None = None,
+    least: Tensor | None = None,
 ) -> Whitening:
     """Estimate a covariance within groups and invert it for every pattern.
 
@@ -134,6 +135,8 @@ def whiten(
         learn: (n,) bool: flights that it is estimated from; all if absent.
         held_out: (n,) folds of whole aircraft: each is weighed by what the flights of the other folds say, which also
             complete what is missing by what all say. The covariance that is returned beside is that of all.
+        least: (p,) variance of a single flight at least. All flights of a simulator may show the very same value, but
+            none of a real one is known so well; none if absent.
 
     Example:
         >>> noise = torch.randn(500, 2, generator=torch.Generator().manual_seed(0))
@@ -171,6 +174,8 @@ def whiten(
     covariance = of_means(within, used)
     # Along what is weighed most, flights that nothing was learnt from scatter more.
     between = torch.where(together, within, 0.0) * units * _optimism(within, within, n)
+    if least is not None:
+        between = between + torch.diag((least - between.diagonal()).clamp(min=0.0))
     if held_out is None:
         optimism = torch.where(used, _optimism(within, covariance, n), 1.0)
         return Whitening(pattern, _inverted(covariance * units, patterns), covariance * units, optimism, between)

@@ -100,6 +100,10 @@ def test_means_that_agree_are_left_at_their_standard_errors() -> None:
     assert left_between_means(sides, torch.zeros_like(y)) == pytest.approx(1.0, rel=0.6)
     apart = torch.where(sides.real[:, None], torch.full_like(y, 1.0), 0.0)
     assert left_between_means(sides, apart) > 20.0
+    noise = torch.where(sides.real, 9.0, 0.0).double()[:, None]
+    noisy = replace(sides, entries=(*sides.entries, Entry("noise_cas", -1)), y=torch.cat([y, noise], 1))
+    zero = torch.zeros_like(noisy.y)
+    assert left_between_means(noisy, zero) == pytest.approx(left_between_means(sides, zero[:, 1:]))
 
 
 @pytest.mark.parametrize(("second", "taken"), [(0.9, "again"), (0.0, "first")])

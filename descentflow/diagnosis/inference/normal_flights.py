@@ -5,6 +5,7 @@ from scipy.special import fdtri
 from torch import Tensor
 
 from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.measurements.quantity_registry import QUANTITIES
 
 MIN_NORMAL_FLIGHTS = 100
 """Flights of a simulator from which the spread between flights is learnt without the real ones."""
@@ -71,9 +72,10 @@ def is_narrow(compared: Compared, shift: Tensor | None = None) -> bool:
 
 
 def left_between_means(compared: Compared, shift: Tensor) -> float:
-    """How far the sides' means are from each other after a fit: mean square over entries, in standard errors.
+    """How far the means of what flights do are from each other after a fit: mean square, in standard errors.
 
-    The errors are those of either side's own scatter, so that fits under any spread can be set beside each other.
+    The errors are those of either side's own scatter, so that fits under any spread can be set beside each other. Noise
+    of reports is left out: no spread between flights decides whether it is named.
 
     Args:
         compared: Flights of both sides.
@@ -91,7 +93,8 @@ def left_between_means(compared: Compared, shift: Tensor) -> float:
     count = [one.isfinite().sum(0).clamp(min=1) for one in sides]
     least = compared.negligible() ** 2
     error = sum((_variance(one) + least) / n for one, n in zip(sides, count, strict=True))
-    return float(((sides[0].nanmean(0) - sides[1].nanmean(0)).square() / error).nanmean())
+    left = (sides[0].nanmean(0) - sides[1].nanmean(0)).square() / error
+    return float(left[~torch.tensor([QUANTITIES[entry.quantity].is_noise for entry in compared.entries])].nanmean())
 
 
 def _variance(y: Tensor) -> Tensor:

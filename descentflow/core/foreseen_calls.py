@@ -19,8 +19,8 @@ class ForeseenCalls(Generic[T]):
         >>> from descentflow.core.side_by_side import cores_shared
         >>> with cores_shared(), ForeseenCalls(lambda key: None) as calls:
         ...     calls.foresee({"six": lambda: 2 * 3, "seven": lambda: 3 + 4})
-        ...     [calls.ask(name, lambda: 0) for name in ("six", "eight")]
-        [6, 0]
+        ...     calls.ask("six", lambda: 2 * 3), calls.ask("eight", lambda: 2 * 4)
+        (6, 8)
     """
 
     def __init__(self, begins: Callable[[Any], None]) -> None:

@@ -27,14 +27,12 @@ from descentflow.diagnosis.inference.heterogeneity import together
 from descentflow.diagnosis.inference.inclusion import NAMED
 from descentflow.diagnosis.inference.left_over import LeftOver, least_left
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
-from descentflow.diagnosis.inference.mean_air import in_mean_air
 from descentflow.diagnosis.inference.naming_rule import least_shifts, named_alone
-from descentflow.diagnosis.inference.normal_flights import is_narrow, left_between_means, normal_flights
 from descentflow.diagnosis.inference.permutation import null_test
-from descentflow.diagnosis.inference.selection import Chosen, select
+from descentflow.diagnosis.inference.selection import Chosen
+from descentflow.diagnosis.inference.spread_learnt import SpreadLearnt, select_by_either
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.inference.where import FALSE_CELLS, where
-from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.diagnosis.left_out_channels import left_out_channels
 from descentflow.diagnosis.not_identifiable import not_identifiable
 from descentflow.diagnosis.practical_size import below_rounding, rounding_of
@@ -122,38 +120,12 @@ class Diagnosis:
         self.compared, self.settings, self.source = compared, settings, source
         settings.progress("estimating the spread between flights")
         self.discrepancy, _ = discrepancy_columns(compared)
-        self._learn_spread(narrow=is_narrow(compared))
+        self.learnt = SpreadLearnt.of(compared, settings.catalogue, settings.seed)
 
-    def _learn_spread(self, *, narrow: bool) -> None:
-        """Learn how flights differ, from real ones where the simulator's are too ``narrow`` for that."""
-        compared, catalogue, seed = self.compared, self.settings.catalogue, self.settings.seed
-        self.narrow, learn = narrow, normal_flights(compared, narrow=narrow)
-        apart, groups, least = compared.of_flight(), compared.airframe, compared.negligible() ** 2
-        weights = whiten(compared.y, compared.real, groups, compared.nugget(), apart, learn=learn, least=least)
-        self.likelihood = self.searched = EffectsLikelihood(compared, weights, catalogue, seed)
-        if learn is not None and not bool((learn & compared.real).any()):
-            mean = in_mean_air(compared, weights, catalogue)
-            if mean is not compared:
-                self.searched = EffectsLikelihood(mean, weights, catalogue, seed, self.likelihood)
-
-    def _select(self) -> Chosen:
-        """Name effects; again with the spread of real flights, where these differ in more than what was found.
-
-        Either the simulator's flights differ too little, or some of the real ones have an effect that was not found
-        flight by flight, which then hides itself in their spread: what leaves less between the means is taken.
-        """
-        chosen = select(self.searched, self.discrepancy, self.settings.progress)
-        if self.narrow or not is_narrow(self.searched.compared, chosen.fit.shift):
-            return chosen
-        self.settings.progress("learning the spread from real flights")
-        before = self.likelihood, self.searched
-        self._learn_spread(narrow=True)
-        again = select(self.searched, self.discrepancy, self.settings.progress)
-        left = [left_between_means(self.compared, one.fit.shift) for one in (chosen, again)]
-        if left[1] < left[0]:
-            return again
-        (self.likelihood, self.searched), self.narrow = before, False
-        return chosen
+    @property
+    def likelihood(self) -> EffectsLikelihood:
+        """Of the flights as they are."""
+        return self.learnt.likelihood
 
     def report(self, counts: Mapping[str, int], frame: pl.DataFrame) -> GapReport:
         """Run the steps and put the answer together.
@@ -165,7 +137,7 @@ class Diagnosis:
         settings, progress = self.settings, self.settings.progress
         progress("asking whether there is a gap")
         with Begun(self._null_test) as asked:
-            chosen = self._select()
+            self.learnt, chosen = select_by_either(self.learnt, self.discrepancy, settings.seed, progress)
             progress("asking where it lies")
             likelihood = self.likelihood
             cells, affected = where(likelihood, settings.transition_fl, settings.seed)
@@ -320,7 +292,7 @@ class Diagnosis:
             curves=curves(self.likelihood, shift),
             flights=dict(counts),
             labels={name: effect.text for name, effect in settings.catalogue.items()},
-            narrow_simulator=self.narrow,
+            narrow_simulator=self.learnt.narrow,
             subsets=subsets_of(chosen),
             profile=profile_of(self.compared),
             detection_limits=self._detection_limits(chosen.fit),

@@ -6,17 +6,14 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from descentflow.aircraft_types.registry import aircraft
-from descentflow.diagnosis import procedure
-from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.inference import spread_learnt
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.normal_flights import is_narrow, left_between_means, normal_flights
 from descentflow.diagnosis.inference.search import fit_effects
+from descentflow.diagnosis.inference.spread_learnt import SpreadLearnt
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
 from descentflow.diagnosis.inference.whitening import whiten
-from descentflow.diagnosis.procedure import Diagnosis
-from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS
 
 SLOW = -0.3
@@ -119,10 +116,10 @@ def test_the_spread_that_leaves_less_between_the_means_is_taken(
         share = next(undone)
         return SimpleNamespace(fit=SimpleNamespace(shift=share * gap), name="first" if share == 0.5 else "again")
 
-    monkeypatch.setattr(procedure, "select", select)
-    diagnosis = Diagnosis(sides, Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, lambda stage: None), "flights")
-    before = diagnosis.likelihood
-    assert diagnosis._select().name == taken
+    monkeypatch.setattr(spread_learnt, "select", select)
+    learnt = SpreadLearnt.of(sides, EFFECTS, seed=0)
+    used, chosen = spread_learnt.select_by_either(learnt, torch.zeros(0), 0, lambda stage: None)
+    assert chosen.name == taken
     assert next(undone, None) is None
-    assert diagnosis.narrow is (taken == "again")
-    assert (diagnosis.likelihood is before) is (taken == "first")
+    assert used.narrow is (taken == "again")
+    assert (used is learnt) is (taken == "first")

@@ -25,10 +25,10 @@ def write(request: ExportRequest) -> list[Path]:
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> paths = write(ExportRequest(load_model("best.ckpt"), Path("a320.pt2")))
+        >>> paths = write(ExportRequest(load_model("best.ckpt"), Path("sampler.pt2")))
         >>> [path.name for path in paths]
-        ['a320.pt2', 'a320_decoder.pt2', 'a320.json']
-        >>> draw = torch.export.load("a320.pt2").module()
+        ['sampler.pt2', 'sampler_decoder.pt2', 'sampler.json']
+        >>> draw = torch.export.load("sampler.pt2").module()
         >>> descents = draw(**SamplerGraph(load_model("best.ckpt")).example_inputs(5))  # noise, entry_fl, ...
         >>> descents["time_s"].shape
         torch.Size([5, ...])

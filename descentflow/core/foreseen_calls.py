@@ -60,7 +60,7 @@ class ForeseenCalls(Generic[T]):
             ready = wait([begun.pipe for begun in self._running.values()])
             for other in [other for other, begun in self._running.items() if begun.pipe in ready and other != key]:
                 self._collect(other)
-            if key in self._running and self._running[key].pipe in ready:
+            if self._running[key].pipe in ready:
                 self._done[key] = self._running.pop(key).result()
             self._fill()
         if key in self._done:

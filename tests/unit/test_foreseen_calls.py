@@ -3,24 +3,17 @@
 import os
 import sys
 import time
-from collections.abc import Iterator
 from multiprocessing import active_children
 
 import pytest
-import torch
 
 from descentflow.core.foreseen_calls import ForeseenCalls
 from descentflow.core.side_by_side import cores_shared
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies of a process are made on Linux alone")
-
-
-@pytest.fixture(autouse=True)
-def two_threads() -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    yield
-    torch.set_num_threads(before)
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="copies of a process are made on Linux alone"),
+    pytest.mark.usefixtures("two_threads"),
+]
 
 
 def unwanted() -> int:

@@ -5,7 +5,6 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from multiprocessing import active_children
 
 import pytest
@@ -17,15 +16,10 @@ from descentflow.diagnosis.inference.example_sides import example_likelihood
 from descentflow.diagnosis.inference.selection import Chosen, select
 from descentflow.effects import EFFECTS
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies of a process are made on Linux alone")
-
-
-@pytest.fixture(autouse=True)
-def two_threads() -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    yield
-    torch.set_num_threads(before)
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="copies of a process are made on Linux alone"),
+    pytest.mark.usefixtures("two_threads"),
+]
 
 
 def test_calls_run_in_other_processes_with_one_thread_each() -> None:

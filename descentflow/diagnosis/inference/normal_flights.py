@@ -62,7 +62,7 @@ def is_narrow(compared: Compared, shift: Tensor | None = None) -> bool:
     y = compared.y if shift is None else compared.y - shift
     ratios = []
     variances = [_variance(y[side]) for side in (compared.real, ~compared.real)]
-    asked = OF_FLIGHT if shift is None else OF_FLIGHT[:1]
+    asked = OF_FLIGHT if shift is None else ("rate",)
     for quantity in [name for name in asked if name in compared.quantities()]:
         at = compared.columns(quantity)
         real, simulated = (variance[at].nanmedian() for variance in variances)

@@ -89,8 +89,7 @@ class FitsAhead:
 
     def foresee(self, asked: Sequence[Asked]) -> None:
         """Work out fits that will be asked for, or may be, the most probable first, and no others any more."""
-        if at_once() > 1:
-            _know_what_is_shared(self.likelihood)
+        _know_what_is_shared(self.likelihood)
         self._calls.foresee({_key(*one): partial(self._both, *one) for one in asked})
 
     def fit(self, names: Names, start: Mapping[str, Tensor]) -> Fit:

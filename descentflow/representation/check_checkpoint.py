@@ -140,8 +140,10 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
         raise _wrong("decoder.weight_scale is not positive", "standard deviations of the training flights' weights")
     if decoder.residual.dim() != 2 or decoder.residual.shape[1] != len(levels):
         raise _wrong("decoder.residual is not on the grid", f"(number of parts, {len(levels)}) drag in N")
-    if decoder.speed_residual.dim() != 2 or decoder.speed_residual.shape[1] != 2 * len(levels):
-        raise _wrong("decoder.speed_residual is not on the grid", f"(number of parts, {2 * len(levels)}) Mach and CAS")
+    of_speed = ", ".join(list(decoder.bases)[1:])
+    width = (len(decoder.bases) - 1) * len(levels)
+    if decoder.speed_residual.dim() != 2 or decoder.speed_residual.shape[1] != width:
+        raise _wrong("decoder.speed_residual is not on the grid", f"(number of parts, {width}) {of_speed}")
     if plausibility.entry_counts.shape != levels.shape:
         raise _wrong("plausibility.entry_counts is not on the grid", f"{len(levels)} numbers of flights")
     for name, (low, high) in OF_ANY_AIRCRAFT.items():

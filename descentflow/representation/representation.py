@@ -172,8 +172,8 @@ def fit_representation(
         explained_variance: Share of variance that the components of drag, and of CAS, explain.
         method: Gappy fPCA algorithm, of drag, and of a CAS profile.
         margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
-        residual: Whether samples have the drag that the components leave out, with its own variance; never with
-            ``iterative``, which does not know it.
+        residual: Whether samples have the drag and the speed that the components leave out, with their own variance;
+            never with ``iterative``, which does not know it.
         bounds: Which extremes, see :meth:`~descentflow.representation.plausibility.Plausibility.from_profiles`.
         mass_kg: Mass that inferred the drag, if not the reference mass.
         provenance: Recorded in the checkpoint.
@@ -193,8 +193,7 @@ def fit_representation(
     bases = _fitted_bases(train, explained_variance, method)
     decoder = standardised_decoder(train, aircraft, bases, mass_kg)
     if residual and method == "ppca":
-        speeds = bases[1:]
-        decoder.keep_residual(residual_drag(decoder, train), residual_speed(*speeds) if len(speeds) > 1 else None)
+        decoder.keep_residual(residual_drag(decoder, train), residual_speed(decoder, train))
     return Representation(decoder, Plausibility.from_profiles(train, margin, bounds), split, provenance or {})
 
 

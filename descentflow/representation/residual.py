@@ -15,11 +15,9 @@ ROUGHNESS_WEIGHT = 1e5
 def residual_drag(decoder: DescentDecoder, train: Profiles) -> Tensor:
     """Curves of drag (r, L), in N, each of which samples have times a standard normal of its own.
 
-    They are the directions of the probabilistic PCA beyond the kept components, which are smooth, made smaller where
-    their spread is above that of what flights show less their kept components: where few flights show a level, as at
-    the top, the model's is half as large again. Those of a CAS profile stay away: CAS, of one component mostly, came
-    out farther from flights with independent normals added. A Mach number and a CAS that are constants have them, see
-    :func:`residual_speed`.
+    They are the directions of the probabilistic PCA beyond the kept components, which are smooth, made as large at each
+    level as what flights show less their kept components. Where few flights show a level, as at the top, the model's
+    are half as large again.
 
     Args:
         decoder: With the components kept, of a probabilistic PCA.
@@ -36,28 +34,49 @@ def residual_drag(decoder: DescentDecoder, train: Profiles) -> Tensor:
         >>> bool((spread < train.drag_n[:, 0].std()).all())  # less than of the flights
         True
     """
-    curves = decoder.drag_basis.left_out().T
     kept, _ = decoder.curves(decoder.encode(train))
-    count = train.mask.sum(0).to(kept)
-    left = (torch.where(train.mask, train.drag_n - kept, 0.0).square().sum(0) / count).sqrt()
-    ratio = left / curves.square().sum(0).sqrt().clamp(min=1e-9)
-    return (curves * (smoother(count, ROUGHNESS_WEIGHT) @ ratio.clamp(max=1.0)).clamp(0.0, 1.0)).contiguous()
+    return _as_large_as_left(decoder.drag_basis, train.drag_n - kept, train.mask)
 
 
-def residual_speed(mach_basis: FunctionalBasis, cas_basis: FunctionalBasis) -> Tensor:
-    """Deviations (s, 2 L) of the Mach number, then of the CAS in m/s, each times a standard normal in samples.
+def residual_speed(decoder: DescentDecoder, train: Profiles) -> Tensor:
+    """Deviations of speed, each of which samples have times a standard normal of its own.
+
+    Of a CAS profile they are made as large as what flights show, as those of drag are. Of a Mach number and a CAS that
+    are constants they are all that their components leave out: which of both a flight shows is known to a probability
+    alone.
 
     Args:
-        mach_basis: Of constants.
-        cas_basis: Likewise.
+        decoder: With the components kept, of a probabilistic PCA.
+        train: Training flights on its grid.
+
+    Returns:
+        (s, L) of the CAS in m/s, or (s, 2 L) of the Mach number, then of the CAS.
 
     Example:
-        >>> from descentflow.representation.fpca.constant_basis import fit_constant
-        >>> seen = torch.ones(40, 20, dtype=torch.bool)
-        >>> held = fit_constant(torch.randn(40, 1).double() + 0.1 * torch.randn(40, 20).double(), seen, 30.48)
-        >>> residual_speed(held, held).shape  # three shapes each
-        torch.Size([6, 40])
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> import polars as pl
+        >>> known = load_representation("best.ckpt")
+        >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
+        >>> residual_speed(known.decoder, train).shape[1] == train.cas_mps.shape[1]
+        True
     """
-    bases = (mach_basis, cas_basis)
+    if decoder.mach_basis is None:
+        _, kept = decoder.curves(decoder.encode(train))
+        return _as_large_as_left(decoder.cas_basis, train.cas_mps - kept, train.mask)
+    bases = (decoder.mach_basis, decoder.cas_basis)
     blocks: Tensor = torch.block_diag(*(basis.left_out().T for basis in bases))  # type: ignore[no-untyped-call]
     return blocks
+
+
+def _as_large_as_left(basis: FunctionalBasis, left: Tensor, mask: Tensor) -> Tensor:
+    """Directions that a basis leaves out, as large as ``left`` (n, L) of what flights show.
+
+    They carry the noise of the probabilistic PCA as well, for it is how flights vary from one stretch of levels to the
+    next. So they are made larger by it at the most; smaller as flights show.
+    """
+    curves, count = basis.left_out().T, mask.sum(0).to(left)
+    model = curves.square().sum(0)
+    shown = torch.where(mask, left, 0.0).square().sum(0) / count
+    ratio = (torch.minimum(shown, model + basis.noise_variance) / model.clamp(min=1e-18)).sqrt()
+    return (curves * (smoother(count, ROUGHNESS_WEIGHT) @ ratio).clamp(min=0.0)).contiguous()

@@ -1,4 +1,4 @@
-"""Samples whose component depends on where they enter, and that have the drag which components leave out."""
+"""Samples whose component depends on where they enter, and that have the drag and CAS that components leave out."""
 
 from dataclasses import replace
 
@@ -12,8 +12,9 @@ from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.draw_owners import MAX_TRIES
 from descentflow.generation.rejection import sample_descents
+from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split, fit_representation
-from descentflow.representation.residual import residual_drag
+from descentflow.representation.residual import residual_drag, residual_speed
 
 PARTS = toys.representation(400)
 D = PARTS.decoder.dimension
@@ -96,29 +97,35 @@ def test_a_gate_is_learnt_from_what_flights_show() -> None:
     assert float((share - torch.tensor([0.8, 0.3])).abs().max()) < 0.07
 
 
-def with_residual() -> tuple[Representation, torch.Tensor]:
-    """A representation of flights with drag beyond the kept components, and the flights' own spread of drag."""
+def with_residual() -> tuple[Representation, Profiles]:
+    """A representation of flights with drag and CAS beyond the kept components, and the flights."""
     flights = toys.flights(600, gappy=False)
     generator = torch.Generator().manual_seed(0)
     x = torch.linspace(0, 1, len(flights.levels_fl), dtype=torch.float64)
     extra = 600 * torch.randn(600, 1, generator=generator).double() * torch.sin(40 * x)
-    flights = replace(flights, drag_n=flights.drag_n + extra)
+    faster = 4 * torch.randn(600, 1, generator=generator).double() * torch.sin(15 * x)
+    flights = replace(flights, drag_n=flights.drag_n + extra, cas_mps=flights.cas_mps + faster)
     parts = fit_representation(flights, toys.AIRCRAFT, Split(flights.flight_ids, (), ()), explained_variance=0.8)
-    return parts, flights.drag_n.std(0)
+    return parts, flights
 
 
-def test_samples_have_the_spread_of_drag_that_components_leave_out() -> None:
+@pytest.mark.parametrize("name", ["drag", "CAS"])
+def test_samples_have_the_spread_that_components_leave_out(name: str) -> None:
     """Standard deviations of 600 flights are known to 3 %."""
-    parts, spread = with_residual()
+    parts, flights = with_residual()
     decoder = parts.decoder
-    assert len(decoder.residual) >= 1
-    kept = decoder.drag_basis.components.T @ torch.diag(decoder.weight_scale[: decoder.drag_basis.n_components])
-    total = (kept.square().sum(1) + decoder.residual.square().sum(0)).sqrt()
+    of_drag, of_cas = decoder.weight_scale.split([basis.n_components for basis in decoder.bases.values()])
+    residual, scale = (decoder.residual, of_drag) if name == "drag" else (decoder.speed_residual, of_cas)
+    spread = (flights.drag_n if name == "drag" else flights.cas_mps).std(0)
+    assert len(residual) >= 1
+    kept = decoder.bases[name].components.T @ torch.diag(scale)
+    total = (kept.square().sum(1) + residual.square().sum(0)).sqrt()
     assert float((total / spread - 1).abs().mean()) < 0.03
     assert float((kept.square().sum(1).sqrt() / spread).mean()) < 0.95
-    white = torch.randn(4000, len(decoder.residual), generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    white = torch.randn(4000, decoder.n_white, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     flown = decoder(torch.zeros(4000, decoder.dimension, dtype=torch.float64), white=white)
-    torch.testing.assert_close(flown.drag_n.std(0), decoder.residual.square().sum(0).sqrt(), rtol=0.06, atol=1.0)
+    found = (flown.drag_n if name == "drag" else flown.cas_mps).std(0)
+    torch.testing.assert_close(found, residual.square().sum(0).sqrt(), rtol=0.06, atol=1.0 if name == "drag" else 0.01)
 
 
 def test_the_residual_travels_with_the_decoder_and_old_checkpoints_have_none() -> None:
@@ -126,16 +133,19 @@ def test_the_residual_travels_with_the_decoder_and_old_checkpoints_have_none() -
     state = parts.to_state()
     again = Representation.from_state(state)
     assert torch.equal(again.decoder.residual, parts.decoder.residual)
-    older = {**state, "decoder": {k: v for k, v in state["decoder"].items() if k != "residual"}}
-    assert len(Representation.from_state(older).decoder.residual) == 0
+    assert torch.equal(again.decoder.speed_residual, parts.decoder.speed_residual)
+    older = {**state, "decoder": {k: v for k, v in state["decoder"].items() if "residual" not in k}}
+    assert Representation.from_state(older).decoder.n_white == 0
 
 
 def test_the_residual_is_an_option() -> None:
     flights = toys.flights(200)
     split = Split(flights.flight_ids, (), ())
     bare = fit_representation(flights, toys.AIRCRAFT, split, residual=False).decoder
-    assert len(bare.residual) == 0
-    assert torch.equal(residual_drag(bare, flights), fit_representation(flights, toys.AIRCRAFT, split).decoder.residual)
+    assert bare.n_white == 0
+    whole = fit_representation(flights, toys.AIRCRAFT, split).decoder
+    assert torch.equal(residual_drag(bare, flights), whole.residual)
+    assert torch.equal(residual_speed(bare, flights), whole.speed_residual)
 
 
 def test_the_residual_is_no_wider_than_what_flights_show() -> None:

@@ -26,6 +26,7 @@ from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.representation.context import ContextEncoder
+from descentflow.representation.representation import Representation
 
 ASKED: list[dict[str, object]] = [
     {},
@@ -185,9 +186,12 @@ def test_a_time_needs_a_level_of_entry() -> None:
 
 
 def test_two_values_that_one_component_of_speed_cannot_both_have() -> None:
-    """With as many values as components of CAS the speeds are given; one more must be what they imply."""
-    one, levels = generator(), (275, 300, 330, 345)
-    n_cas = toy.parts().decoder.cas_basis.n_components
+    """Without deviations of speed, as many values as components of CAS are free; one more is what they imply."""
+    density, parts = toy.mixture(True), Representation.from_state(toy.state(False))
+    parts.decoder.keep_residual(parts.decoder.residual)
+    density.attach(parts)
+    one, levels = df.Generator(density, seed=5), (275, 300, 330, 345)
+    n_cas = parts.decoder.cas_basis.n_components
     real = one.next(entry_fl=350).trajectories
     implied = {level: float(cas_kt(real, level)[0]) for level in levels[: n_cas + 1]}
     again = one.next(entry_fl=350, cas_kt=implied).trajectories

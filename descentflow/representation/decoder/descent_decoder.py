@@ -80,7 +80,8 @@ class DescentDecoder(nn.Module):
                 (:func:`descentflow.representation.residual.residual_drag`); none if absent.
             mach_basis: Basis of the Mach number that is held above each flight's crossover; speed is one CAS profile
                 if absent.
-            speed_residual: (s, 2 L) deviations of the Mach number and of the CAS (m/s) that samples have, likewise.
+            speed_residual: (s, L) deviations of the CAS (m/s) that samples have, likewise; (s, 2 L) of the Mach number
+                and of the CAS where both are held.
         """
         super().__init__()
         self.correction = correction
@@ -143,8 +144,9 @@ class DescentDecoder(nn.Module):
         return float(transition_altitude_m(self.aircraft)) / FL_M
 
     def keep_residual(self, residual: Tensor, speed_residual: Tensor | None = None) -> None:
-        """Fly samples with drag (r, L) and deviations of speed (s, 2 L) beyond the components, as the constructor."""
-        speed = residual.new_zeros(0, 2 * len(self.levels_fl)) if speed_residual is None else speed_residual
+        """Fly samples with drag (r, L) and deviations of speed (s, L or 2 L) beyond the components, see the class."""
+        n_speeds = len(self.bases) - 1
+        speed = residual.new_zeros(0, n_speeds * len(self.levels_fl)) if speed_residual is None else speed_residual
         self.register_buffer("residual", residual.to(torch.float64), persistent=False)
         self.register_buffer("speed_residual", speed.to(torch.float64), persistent=False)
 
@@ -187,8 +189,8 @@ class DescentDecoder(nn.Module):
         if white is not None:
             of_drag, of_speed = torch.split(white.to(weights), [len(self.residual), len(self.speed_residual)], 1)
             values[0] = values[0] + of_drag @ self.residual.to(weights)
-            if self.mach_basis is not None:
-                extra = (of_speed @ self.speed_residual.to(weights)).chunk(2, 1)
+            if len(self.speed_residual):
+                extra = (of_speed @ self.speed_residual.to(weights)).chunk(len(values) - 1, 1)
                 values[1:] = [value + part for value, part in zip(values[1:], extra, strict=True)]
         return values
 
@@ -271,6 +273,7 @@ class DescentDecoder(nn.Module):
             state["residual"] = self.residual.cpu()
         if self.mach_basis is not None:
             state["mach_basis"] = self.mach_basis.to_state()
+        if self.mach_basis is not None or len(self.speed_residual):
             state["speed_residual"] = self.speed_residual.cpu()
         return state if self.correction is None else {**state, "correction": self.correction.to_state()}
 

@@ -87,6 +87,9 @@ class GraphDecoder(nn.Module):
             self.register_buffer(f"{name.lower()}_loadings", placed(basis.components * scale[:, None]))
         # Absent and not empty where there is none: empty tensors cannot be saved with a program.
         self.register_buffer("residual", everywhere(decoder.residual) if len(decoder.residual) else None)
+        extra = decoder.speed_residual
+        placed = everywhere if decoder.speed == "cas" else torch.clone
+        self.register_buffer("speed_residual", placed(extra) if len(extra) else None)
         self.mach_sizes = decoder.mach_basis.n_components if decoder.mach_basis is not None else 0
         if decoder.speed == "mach_cas":
             n_levels = len(decoder.levels_fl)
@@ -94,8 +97,6 @@ class GraphDecoder(nn.Module):
             self.register_buffer("half_step_m", grid.half_step_m.clone())
             to_sides = grid.breaks.continued(torch.eye(n_levels).to(grid.altitude_m))
             self.register_buffer("to_sides", to_sides if to_sides.shape[1] else None)
-            extra = decoder.speed_residual
-            self.register_buffer("speed_residual", extra.clone() if len(extra) else None)
 
     def _keep_quadrature(self, grid: FlightGrid) -> None:
         """Metres by which the slowness at the lower level, the upper level and the sides enters each cell's time."""
@@ -132,6 +133,8 @@ class GraphDecoder(nn.Module):
             table = replace(table, compression=(self._at_sides(ahead_mps) >= 0).double())
         else:
             cas_mps = self.cas_mean + double[:, n_drag:] @ self.cas_loadings
+            if white is not None and self.speed_residual is not None:
+                cas_mps = cas_mps + white[:, n_white:] @ self.speed_residual
         mach, tas_mps, rate_mps, slowness = level_rate(table, drag_n, cas_mps)
         legs = slowness[:, : n_levels - 1] * self.at_lower + slowness[:, 1:n_levels] * self.at_upper
         if self.at_sides is not None:

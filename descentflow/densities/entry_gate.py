@@ -36,10 +36,13 @@ class EntryGate:
     edges: Tensor
     shares: Tensor
 
+    def of(self, entry: Tensor) -> Tensor:
+        """Proportions (n, k) of flights that enter at these levels (n,)."""
+        return self.shares[torch.bucketize(entry.to(self.edges), self.edges)]
+
     def draw(self, entry: Tensor, generator: torch.Generator) -> Tensor:
         """Components (n,) of flights that enter at these levels (n,)."""
-        bins = torch.bucketize(entry, self.edges)
-        return torch.multinomial(self.shares[bins], 1, replacement=True, generator=generator)[:, 0]
+        return torch.multinomial(self.of(entry), 1, replacement=True, generator=generator)[:, 0]
 
     def check(self, n_components: int) -> None:
         """See that a gate that was read is one of so many components.

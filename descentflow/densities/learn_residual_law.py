@@ -1,7 +1,9 @@
 """The law of what the components leave out, learnt from training flights with the mixture's components held.
 
 EM: what a flight shows says how its weights and its residual numbers are distributed under each component, in closed
-form; the law that is most probable given these follows by weighted least squares.
+form; the law that is most probable given these follows by weighted least squares. How much of a flight is each
+component's stays as the weights alone say. Were it asked again with the law, components that stray far would have more
+flights than their means and covariances were fitted to, and samples would not be of the flights' mean.
 """
 
 from dataclasses import dataclass
@@ -10,7 +12,7 @@ import torch
 from torch import Tensor
 
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import locations, log_proportions
+from descentflow.densities.observed import locations
 from descentflow.densities.residual_law import ResidualLaw
 from descentflow.representation.linear_curves import Information
 
@@ -21,6 +23,8 @@ PRIOR_FLIGHTS = 5.0
 """Flights of the spread of all components that each component begins with, as in the gate of entry levels."""
 RIDGE = 10.0
 """Precision of the prior of offsets and slopes, normal about zero: they are 0.3 or so of what all flights vary by."""
+LEAST_OWN = 0.01
+"""Of the variance of residual numbers, the least that weights and component do not say."""
 BLOCK = 2_048
 """Flights whose matrices are held at once."""
 MOST_FLIGHTS = 1_500
@@ -41,6 +45,7 @@ def learn_residual_law(
     information: Information,
     groups: Tensor,
     mixture: Mixture,
+    shares: Tensor,
     context: Tensor | None = None,
     start: ResidualLaw | None = None,
 ) -> ResidualLaw:
@@ -50,6 +55,7 @@ def learn_residual_law(
         information: Of n training flights, about weights and residual numbers.
         groups: (R,) which profile a residual number is of; a component has one spread for each.
         mixture: Of the weights, as it is: k components of d.
+        shares: (n, k) how probable it is that a flight is of a component.
         context: (n, c) where the mixture follows one.
         start: The law of nearly this mixture, from which one step is taken; standard normals, from which as many are
             taken as are needed, if absent.
@@ -59,46 +65,61 @@ def learn_residual_law(
         >>> seen = torch.cat([w, 0.8 * w + 0.5 * white], 1)  # to within 0.01
         >>> exact = Information(1e4 * torch.eye(2).double()[None], 1e4 * seen, torch.zeros(400, dtype=torch.long))
         >>> one = Mixture(torch.ones(1).double(), torch.zeros(1, 1).double(), torch.ones(1, 1, 1).double())
-        >>> law = learn_residual_law(exact, torch.tensor([0]), one)
+        >>> law = learn_residual_law(exact, torch.tensor([0]), one, torch.ones(400, 1).double())
         >>> round(float(law.slope), 1), round(float(law.spread), 1)
         (0.8, 0.5)
     """
+    found = _most_probable(information, groups, mixture, shares, context, start)
+    return _of_unit_variance(found, groups, mixture, shares, context)
+
+
+def _most_probable(
+    information: Information,
+    groups: Tensor,
+    mixture: Mixture,
+    shares: Tensor,
+    context: Tensor | None,
+    start: ResidualLaw | None,
+) -> ResidualLaw:
     law, reached = start, -torch.inf
     if law is None:
         law = ResidualLaw.standard(mixture.n_components, len(groups), mixture.locs.shape[1])
     for _ in range(STEPS if start is None else 1):
-        told, sums = _expectation(information, mixture, law, context)
-        value = float((told + log_proportions(mixture, context)).logsumexp(1).mean())
+        told, sums = _expectation(information, mixture, law, shares, context)
+        value = float((shares * told).sum(1).mean())
         if value < reached + TOLERANCE:
             break
         reached, law = value, _maximised(sums, law, groups)
     return law
 
 
-def log_likelihood(
-    information: Information, mixture: Mixture, law: ResidualLaw, context: Tensor | None = None
-) -> Tensor:
-    """How probable (n, k) what each flight shows is under each component, without proportions: log, up to a constant.
+def _of_unit_variance(
+    law: ResidualLaw, groups: Tensor, mixture: Mixture, shares: Tensor, context: Tensor | None
+) -> ResidualLaw:
+    """The law with spreads of the same ratios by which the residual numbers of a profile have unit variance in all.
 
-    Args:
-        information: Of n flights.
-        mixture: k components.
-        law: Of what lies beyond them.
-        context: (n, c) where the mixture follows one.
-
-    Example:
-        >>> nothing = Information(torch.zeros(1, 2, 2).double(), torch.zeros(3, 2).double(), torch.zeros(3).long())
-        >>> one = Mixture(torch.ones(1).double(), torch.zeros(1, 1).double(), torch.ones(1, 1, 1).double())
-        >>> float(log_likelihood(nothing, one, ResidualLaw.standard(1, 1, 1)).abs().max())
-        0.0
+    That is what they have by the probabilistic PCA that they are of. EM alone finds less: levels whose noise is alike
+    are counted as one, which makes noise of what flights show beyond their components.
     """
-    return _expectation(information, mixture, law, context)[0]
+    share = shares / shares.sum()  # (n, k)
+    of_component = share.sum(0)
+    means = law.offset + locations(mixture, context) @ law.slope.T  # (1, k, R), or (n, k, R) with a context
+    mean = (share[..., None] * means).sum((0, 1))
+    told = (share[..., None] * (means - mean).square()).sum((0, 1))
+    roots = law.slope @ mixture.scale_trils  # (k, R, d)
+    told = told + torch.einsum("k,krd->r", of_component, roots.square())
+    own = of_component @ law.spread.square()
+    spread = law.spread.clone()
+    for one in groups.unique().tolist():  # type: ignore[no-untyped-call]
+        mine = groups == one
+        spread[:, mine] *= ((1 - told[mine].mean()).clamp(min=LEAST_OWN) / own[mine].mean()).sqrt()
+    return ResidualLaw(law.offset, law.slope, spread)
 
 
 def _expectation(
-    information: Information, mixture: Mixture, law: ResidualLaw, context: Tensor | None
+    information: Information, mixture: Mixture, law: ResidualLaw, shares: Tensor, context: Tensor | None
 ) -> tuple[Tensor, _Sums]:
-    """How probable each flight is under each component, and the sums that the next law needs."""
+    """How probable (n, k) each flight is under each component, and the sums that the next law needs."""
     d, group = mixture.locs.shape[1], information.group
     precisions = law.joint_precisions(mixture.scale_trils)
     means = law.joint_means(locations(mixture, context))
@@ -112,9 +133,7 @@ def _expectation(
         told.append(0.5 * (mean * (information.shift + off)).sum(1) - 0.5 * (means[:, k] * off).sum(1) - log_det - own)
         factors.append(factor)
         pulled.append(mean)
-    found = torch.stack(told, 1)
-    shares = (found + log_proportions(mixture, context)).softmax(1)
-    return found, _sums(shares, pulled, factors, group, d)
+    return torch.stack(told, 1), _sums(shares, pulled, factors, group, d)
 
 
 def _sums(shares: Tensor, means: list[Tensor], factors: list[Tensor], group: Tensor, d: int) -> _Sums:

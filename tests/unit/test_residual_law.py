@@ -56,6 +56,12 @@ def observed(u: Tensor, noise: float = 0.3) -> tuple[Information, Tensor, Tensor
     return Information(precisions, shift, group), loadings, values
 
 
+def shares_of(information: Information) -> Tensor:
+    """How probable each flight is of a component, by the law that it was drawn of."""
+    told, _ = learning._expectation(information, MIXTURE, LAW, torch.ones(len(information.group), 2).double(), None)
+    return (told + MIXTURE.probs.log()).softmax(1)
+
+
 def test_joint_precisions_are_inverse_to_the_roots_covariances() -> None:
     roots = LAW.joint_roots(TRILS)
     both = roots @ roots.mT @ LAW.joint_precisions(TRILS)
@@ -72,7 +78,7 @@ def test_a_standard_law_changes_nothing() -> None:
 def test_flights_are_as_probable_as_scipy_says() -> None:
     """Differences between components of the log-likelihood of observed levels, by SciPy's normal of these levels."""
     information, loadings, values = observed(drawn(6)[1])
-    told, _ = learning._expectation(information, MIXTURE, LAW, None)
+    told, _ = learning._expectation(information, MIXTURE, LAW, torch.ones(6, 2).double(), None)
     roots, means = LAW.joint_roots(TRILS), LAW.joint_means(MIXTURE.locs)
     for i in range(6):
         at = torch.arange(LEVELS // 2 if int(information.group[i]) else LEVELS)
@@ -88,13 +94,28 @@ def test_flights_are_as_probable_as_scipy_says() -> None:
         assert float(told[i, 1] - told[i, 0]) == pytest.approx(by_scipy[1] - by_scipy[0], abs=1e-8)
 
 
+def most_probable(information: Information, start: ResidualLaw | None = None) -> ResidualLaw:
+    return learning._most_probable(information, GROUPS, MIXTURE, shares_of(information), None, start)
+
+
 def test_a_known_law_is_found_again() -> None:
     """3,000 flights: a spread is known to 0.02 (two numbers a spread), an offset of the wider component to 0.06."""
     information, _, _ = observed(drawn(3000)[1])
-    found = learn_residual_law(information, GROUPS, MIXTURE)
+    found = most_probable(information)
     torch.testing.assert_close(found.spread, LAW.spread, rtol=0.08, atol=0.02)
     torch.testing.assert_close(found.slope, LAW.slope, rtol=0, atol=0.12)
     torch.testing.assert_close(found.offset, LAW.offset, rtol=0, atol=0.25)
+
+
+def test_residual_numbers_of_a_profile_vary_by_one_over_all_flights() -> None:
+    """40,000 draws know one variance to 0.7 %, a mean of two to 0.5 %; ratios of spreads stay as they were."""
+    half = ResidualLaw(LAW.offset / 2, LAW.slope / 2, LAW.spread)
+    law = learning._of_unit_variance(half, GROUPS, MIXTURE, MIXTURE.probs.expand(100, -1), None)
+    component = torch.multinomial(MIXTURE.probs, 40_000, True, generator=torch.Generator().manual_seed(1))
+    weights = MIXTURE.locs[component] + (TRILS[component] @ normal(40_000, D, 1, seed=2))[..., 0]
+    varied = law.of(weights, normal(40_000, R, seed=3), component).var(0)
+    assert [float(varied[:2].mean()), float(varied[2])] == pytest.approx([1, 1], abs=0.03)
+    torch.testing.assert_close(law.spread[1] / law.spread[0], LAW.spread[1] / LAW.spread[0])
 
 
 def test_no_step_makes_flights_less_probable(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,19 +124,20 @@ def test_no_step_makes_flights_less_probable(monkeypatch: pytest.MonkeyPatch) ->
     values = []
     for steps in (1, 2, 4, 8, 16):
         monkeypatch.setattr(learning, "STEPS", steps)
-        law = learn_residual_law(information, GROUPS, MIXTURE)
-        told, _ = learning._expectation(information, MIXTURE, law, None)
-        values.append(float((told + MIXTURE.probs.log()).logsumexp(1).mean()))
+        law = most_probable(information)
+        shares = shares_of(information)
+        told, _ = learning._expectation(information, MIXTURE, law, shares, None)
+        values.append(float((shares * told).sum(1).mean()))
     assert all(later > before - 1e-3 for before, later in pairwise(values))
 
 
 def test_one_step_from_a_law_is_a_step_of_em(monkeypatch: pytest.MonkeyPatch) -> None:
     information, _, _ = observed(drawn(500)[1])
     monkeypatch.setattr(learning, "STEPS", 1)
-    first = learn_residual_law(information, GROUPS, MIXTURE)
-    second = learn_residual_law(information, GROUPS, MIXTURE, start=first)
+    first = most_probable(information)
+    second = most_probable(information, first)
     monkeypatch.setattr(learning, "STEPS", 2)
-    both = learn_residual_law(information, GROUPS, MIXTURE)
+    both = most_probable(information)
     assert torch.equal(second.spread, both.spread)
     assert torch.equal(second.slope, both.slope)
     assert not torch.equal(first.spread, both.spread)
@@ -124,7 +146,7 @@ def test_one_step_from_a_law_is_a_step_of_em(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_law_that_is_read_again_is_gone_on_from_in_the_same_bits() -> None:
     """A fit that is killed and resumed reads it from a checkpoint; another layout in memory would round otherwise."""
     information, _, _ = observed(drawn(500)[1])
-    first = learn_residual_law(information, GROUPS, MIXTURE)
+    first = learn_residual_law(information, GROUPS, MIXTURE, shares_of(information))
     read = ResidualLaw.from_state(first.to_state())
     for mine, again in ((first.offset, read.offset), (first.slope, read.slope), (first.spread, read.spread)):
         assert torch.equal(mine, again)
@@ -197,8 +219,9 @@ def test_held_out_flights_are_more_probable_under_the_law() -> None:
     train, test = (
         linear_curves(decoder).information(decoder.observed(toys.flights(400, seed=seed))) for seed in (0, 1)
     )
-    law = learn_residual_law(train, torch.zeros(n_residual, dtype=torch.long), one)
+    all_of_it = torch.ones(400, 1).double()
+    law = learn_residual_law(train, torch.zeros(n_residual, dtype=torch.long), one, all_of_it)
     plain = ResidualLaw.standard(1, n_residual, d)
-    told = [float(learning._expectation(test, one, each, None)[0].mean()) for each in (law, plain)]
+    told = [float(learning._expectation(test, one, each, all_of_it, None)[0].mean()) for each in (law, plain)]
     assert math.isfinite(told[0])
     assert told[0] > told[1]

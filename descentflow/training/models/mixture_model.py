@@ -15,7 +15,7 @@ from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, MIN_FL
 from descentflow.densities.em import best_start, fit_mixture, steps_of
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.entry_gate import learn_gate
-from descentflow.densities.learn_residual_law import MOST_FLIGHTS, learn_residual_law, log_likelihood
+from descentflow.densities.learn_residual_law import MOST_FLIGHTS, learn_residual_law
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
@@ -147,27 +147,27 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         entry = self.trainer.datamodule.entries("train")  # type: ignore[attr-defined]
         if entry is None:
             return
-        told = None
+        steps = self._steps if self._steps is not None else steps_of(flights, context)
+        joint = steps.log_joint(mixture).to(mixture.probs)
+        if not density.n_context:
+            told = joint - mixture.probs.log()
+            if density.entry_gate is None:
+                density.entry_gate = learn_gate(entry, told, mixture.probs)
+            joint = told + density.entry_gate.of(entry).to(told).log()
         if density.residual_law is None and not flights.known and self.representation.decoder.n_white:
             some = torch.arange(0, len(flights), -(-len(flights) // MOST_FLIGHTS))
-            entry, told = entry[some], self._learn_residual_law(some, mixture.cpu(), context)
-        if density.n_context or density.entry_gate is not None:
-            return
-        if told is None:
-            told = steps_of(flights, context).log_joint(mixture) - mixture.probs.log()
-        density.entry_gate = learn_gate(entry, told.to(mixture.probs), mixture.probs)
+            self._learn_residual_law(some, mixture.cpu(), joint[some].softmax(1).cpu(), context)
 
-    def _learn_residual_law(self, some: Tensor, mixture: Mixture, context: Tensor | None) -> Tensor:
-        """Of some flights (m,), one step on from the law of before; how probable (m, k) they are by component."""
+    def _learn_residual_law(self, some: Tensor, mixture: Mixture, shares: Tensor, context: Tensor | None) -> None:
+        """Of some flights (m,), one step on from the law of before, where there was one of as many components."""
         decoder = self.representation.decoder
         flights = self.trainer.datamodule.profiles("train").subset(some)  # type: ignore[attr-defined]
         seen = linear_curves(decoder).information(decoder.observed(flights)).to("cpu")
         of_some = None if context is None else context.cpu()[some]
         alike = self._law is not None and len(self._law.offset) == mixture.n_components
         start = self._law if alike else None
-        self._law = learn_residual_law(seen, residual_profiles(decoder), mixture, of_some, start)
+        self._law = learn_residual_law(seen, residual_profiles(decoder), mixture, shares, of_some, start)
         self.density.residual_law = self._law
-        return log_likelihood(seen, mixture, self._law, of_some)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """As every model, with the gate and the residual law of the components that are saved."""

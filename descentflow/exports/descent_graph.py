@@ -143,7 +143,7 @@ class SamplerGraph(nn.Module):
         Args:
             noise: (n, d) standard normals.
             entry_fl: (n,) flight levels where they start.
-            residual_noise: (n, r) standard normals for the drag beyond the components.
+            residual_noise: (n, r) standard normals for what lies beyond the components.
             uniform: (n,) uniform numbers in [0, 1) that pick components of a mixture.
             context: (n, c) encoded contexts of a conditional density.
 

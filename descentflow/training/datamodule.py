@@ -120,7 +120,7 @@ class DescentDataModule(LightningDataModule):
                 observed, as in the paper. The components of ``iterative`` have no likelihood, so that theirs are known.
             bounds: What samples are held to: ``expected``, extremes as of 3,000 training flights or more, and changes
                 from level to level; or ``paper``, extremes as observed.
-            residual: Whether samples have the drag beyond the components, as independent normals.
+            residual: Whether samples have the drag and the speed beyond the components, with their own variance.
             speed: How speed is held: ``cas``, one CAS profile and the type's transition altitude, as in the paper;
                 ``mach_cas``, a Mach number above each flight's own crossover and a CAS below it; or ``auto``, that
                 where enough training flights show both and components are not ``iterative``.

@@ -62,12 +62,12 @@ def learn_residual_law(
 
     Example:
         >>> w, white = torch.randn(400, 1).double(), torch.randn(400, 1).double()
-        >>> seen = torch.cat([w, 0.8 * w + 0.5 * white], 1)  # to within 0.01
+        >>> seen = torch.cat([w, 0.8 * w + 0.6 * white], 1)  # to within 0.01
         >>> exact = Information(1e4 * torch.eye(2).double()[None], 1e4 * seen, torch.zeros(400, dtype=torch.long))
         >>> one = Mixture(torch.ones(1).double(), torch.zeros(1, 1).double(), torch.ones(1, 1, 1).double())
         >>> law = learn_residual_law(exact, torch.tensor([0]), one, torch.ones(400, 1).double())
         >>> round(float(law.slope), 1), round(float(law.spread), 1)
-        (0.8, 0.5)
+        (0.8, 0.6)
     """
     found = _most_probable(information, groups, mixture, shares, context, start)
     return _of_unit_variance(found, groups, mixture, shares, context)

@@ -151,3 +151,16 @@ def test_levels_narrower_than_any_window_are_tested_without_windows() -> None:
     assert found.by_window == 0
     assert found.p_value == pytest.approx(0.05)
     assert found.by_effect == pytest.approx(whole.by_effect)
+
+
+@pytest.mark.parametrize(("aircraft", "compared"), [(1, False), (6, False), (7, True)])
+def test_what_a_few_aircraft_show_alone_is_not_compared(
+    halves: tuple[Quantities, Quantities], aircraft: int, compared: bool
+) -> None:
+    """With one flight that flies level, what tells labellings apart is how many flights the sides have."""
+    simulated, real = halves
+    names = torch.unique(simulated.airframe)[:aircraft]
+    level = {"level": 20.0 * torch.isin(simulated.airframe, names).to(simulated.values["level"])}
+    simulated = replace(simulated, values={**simulated.values, **level})
+    real = replace(real, values={**real.values, "level": torch.zeros_like(real.values["level"])})
+    assert ("level" in compare(simulated, real, open_aircraft("A320")).quantities()) == compared

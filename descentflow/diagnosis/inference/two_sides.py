@@ -37,6 +37,9 @@ NEGLIGIBLE = {
 SETTLED_M = 300.0
 """Rates are compared from so far below the highest level seen: above it, they are of how a descent begins, and how
 late a report is shows as much as how steep the descent is."""
+FEWEST_APART = 7
+"""Aircraft that differ from what most flights show, for a quantity that most show alike (time level, least noise) to be
+compared. All of m are on one side by chance in one of 2^(m - 1), and 2 % is asked."""
 EXTREME = 6.0
 """Values are drawn in to this many robust standard deviations: one misread flight must not decide."""
 
@@ -209,7 +212,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
             anchored = reference is not None and _enough(column[~is_real])
             if not _enough(column[is_real]) or not (anchored or name in CLAIMED_ZERO):
                 continue
-            if float(column[column.isfinite()].std()) < 1e-9:
+            if _tells_nothing(column, both.airframe):
                 continue
             entries.append(Entry(name, band if name in BY_BAND else -1))
             sides = [column[is_real], column[~is_real]] if anchored else [column[is_real]]
@@ -232,6 +235,13 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
         coefficients,
         real.names,
     )
+
+
+def _tells_nothing(column: Tensor, airframe: Tensor) -> bool:
+    """Whether most flights show one and the same, and what differs from it is of a few aircraft."""
+    apart = (column - column.nanmedian()).abs() > 1e-9  # nothing that is missing
+    alike = int(column.isfinite().sum()) > 2 * int(apart.sum())
+    return alike and len(torch.unique(airframe[apart])) < FEWEST_APART
 
 
 def _enough(column: Tensor) -> bool:

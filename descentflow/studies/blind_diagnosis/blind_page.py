@@ -28,7 +28,7 @@ def write_page(scored: Mapping[str, Any], path: Path) -> None:
         >>> from descentflow.studies.blind_diagnosis.blind_score import score
         >>> scored = score(draw_plan(20, seed=1), {"key_sha256": "00", "sealed_at": "today", "jobs": []}, {})
         >>> write_page(scored, Path("blind.html"))
-        >>> "0 of 0 sealed sets were diagnosed" in Path("blind.html").read_text()
+        >>> "0 of 0 diagnoses of sealed sets were made" in Path("blind.html").read_text()
         True
     """
     blind_page(scored).write(path)
@@ -79,7 +79,7 @@ def _introduction(scored: Mapping[str, Any]) -> Html:
     refused = len(scored["refused"])
     pace = ", ".join(f"{seconds:.0f} s for {n} flights" for n, seconds in scored["seconds"].items())
     return paragraph(
-        f"{scored['diagnosed']} of {scored['jobs']} sealed sets were diagnosed"
+        f"{scored['diagnosed']} of {scored['jobs']} diagnoses of sealed sets were made"
         f"{f' ({refused} refused)' if refused else ''}. What they hide was written down and sealed on "
         f"{scored['sealed_at']} by the SHA-256 hash ",
         code(scored["key_sha256"]),

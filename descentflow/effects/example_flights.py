@@ -34,4 +34,4 @@ def example_flights(n: int = 6, affected: bool = False) -> FlightState:
     flown = FlightState(
         open_aircraft("A320"), 57e3, altitude, 20 * FL_M, cas, slopes, torch.zeros_like(cas), mask, depth, affected
     )
-    return replace(flown, rate_slope_per_m=flown.schedule_slope_per_m)
+    return replace(flown, rate_change_per_s=flown.schedule_change_per_s)

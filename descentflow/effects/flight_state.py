@@ -57,8 +57,12 @@ class FlightState:
     """Below the flight's own highest level."""
     affected: bool = True
     """Whether the effect asked for is in these flights already (real ones), or is to be added (a simulator's)."""
-    rate_slope_per_m: Tensor | None = None
-    """d ln(reported rate)/dHp between the edges of each band, NaN where not seen; None where no flight was seen."""
+    rate_change_per_s: Tensor | None = None
+    """Change of the reported rate over a band, upwards, over the rate and the seconds in the band; NaN where not seen.
+
+    None where no flight was seen."""
+    usual_rate_change_per_s: Tensor | None = None
+    """(K,) mean of ``rate_change_per_s`` over the real flights; None where it is not known."""
     cleaning: Cleaning = CLEANING
     """Settings by which the flights were cleaned: they say where descents begin."""
     report_delay_s: float = 0.0
@@ -76,7 +80,7 @@ class FlightState:
 
     def _rows(self, index: Tensor) -> "FlightState":
         names = ["cas_mps", "cas_slope_per_s", "tailwind_mps", "mask", "depth_m"]
-        names += [] if self.rate_slope_per_m is None else ["rate_slope_per_m"]
+        names += [] if self.rate_change_per_s is None else ["rate_change_per_s"]
         if isinstance(self.beyond_polar, Tensor) and self.beyond_polar.dim() == 2:
             names.append("beyond_polar")
         return replace(self, **{name: getattr(self, name)[index] for name in names})
@@ -127,10 +131,10 @@ class FlightState:
         return self._on_schedule(self.altitude_m)
 
     @cached_property
-    def schedule_slope_per_m(self) -> Tensor:
-        """Mean d ln(rate)/dHp within each band (n, K) on the schedule, the step at the crossover included."""
+    def schedule_change_per_s(self) -> Tensor:
+        """The ``rate_change_per_s`` (n, K) of the schedule, the step at the crossover included."""
         edges = torch.cat([self.altitude_m - self.width_m / 2, self.altitude_m[-1:] + self.width_m / 2])
-        return self._on_schedule(edges).diff(dim=1) / self.width_m
+        return self._on_schedule(edges).diff(dim=1) / self.width_m * self.schedule_log_rate.exp()
 
     def _on_schedule(self, altitude_m: Tensor) -> Tensor:
         plan = self.schedule

@@ -12,6 +12,9 @@ from descentflow.effects.flight_state import FlightState
 LEAST_LAG_S = 3.0
 """Transponders smooth the rates that they report over some three seconds anyway: less is no cause, s."""
 
+MOST_BEYOND = 0.5
+"""Share of a reported rate that is not flown, at the most: a fit on its way may ask for lags beyond all sense."""
+
 
 class VerticalRateLag(Effect):
     """The rate reported is that of some seconds ago, of a greater height.
@@ -60,15 +63,25 @@ class VerticalRateLag(Effect):
         """Reported rate, also against the altitude differenced over time.
 
         A first-order lag tau makes the report y of a rate r follow dy/dt = (r - y) / tau. Its mean over a band exceeds
-        that of r by tau times the change of y over the band, whatever r does within it.
+        that of r by tau times the change of y over the seconds in the band, whatever r does within it. What that shifts
+        in the rate itself is taken at the real flights' mean change: a flight's own is a difference of the very rates
+        that it would be held against, and a regression on it is biased (endogeneity: Wooldridge, Introductory
+        Econometrics, chapter 15).
         """
-        rate = state.schedule_log_rate.exp()
-        if state.rate_slope_per_m is None:
-            late = _late(rate, state, float(theta[0])) - rate.log()
+        change = state.rate_change_per_s
+        if change is None:
+            rate = state.schedule_log_rate.exp()
+            late = usual = _late(rate, state, float(theta[0])) - rate.log()
         else:
-            seen = state.rate_slope_per_m.isfinite()
-            late = theta[0] * rate * torch.where(seen, state.rate_slope_per_m, state.schedule_slope_per_m)
-        return {"rate": late, "lag": late, "noise_rate": theta[1] * torch.ones_like(late[:, 0])}
+            late = _exceeds(theta[0] * torch.where(change.isfinite(), change, state.schedule_change_per_s))
+            mean = state.usual_rate_change_per_s
+            usual = late if mean is None else _exceeds(theta[0] * mean).expand_as(late)
+        return {"rate": usual, "lag": late, "noise_rate": theta[1] * torch.ones_like(late[:, 0])}
+
+
+def _exceeds(share: Tensor) -> Tensor:
+    """Logarithm of a reported mean rate y over the mean r that is flown, where y - r is this share of y."""
+    return -torch.log1p(-share.clamp(max=MOST_BEYOND))
 
 
 def _late(rate_mps: Tensor, state: FlightState, lag_s: float) -> Tensor:

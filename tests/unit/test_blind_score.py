@@ -197,6 +197,9 @@ def test_truth_is_in_the_units_of_the_report() -> None:
     assert brakes["extra_cd0"] == pytest.approx(0.6 * brakes["share"])
     # A mean over some 150 flights, within four of its standard errors.
     assert (brakes["low_fl"], brakes["high_fl"]) == (pytest.approx(230, abs=6.5), pytest.approx(280, abs=6.5))
+    # Mach: 0.0008 and rounding to 0.004 are less than half a step, three times that and rounding are 0.00266.
+    noise = true_sizes(single("measurement_noise", {"factor": 3.0}))["measurement_noise"]
+    assert noise["ln_ratio_mach"] == pytest.approx(np.log(np.hypot(0.0024, 0.004 / 12**0.5) / 0.002))
     warm = true_sizes(single("temperature", {"deviation_k": 5.0, "spread_k": 3.0}))["temperature"]["deviation_k"]
     assert 0 < abs(warm - 5) < 4 * 3 / 300**0.5
     for name in NAMES:

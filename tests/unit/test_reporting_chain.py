@@ -55,15 +55,14 @@ def test_edges_of_a_window_show_as_the_smoothed_reports_do() -> None:
 def test_the_delay_of_reports_is_measured_from_flights(delay_s: float) -> None:
     state = example_flights(50)
     generator = torch.Generator().manual_seed(0)
-    slope = 2e-4 * torch.randn(state.cas_mps.shape, generator=generator, dtype=torch.float64)
-    slope[:, -1] = torch.nan
-    change = state.schedule_log_rate.exp() * slope
+    change = 2e-3 * torch.randn(state.cas_mps.shape, generator=generator, dtype=torch.float64)
+    change[:, -1] = torch.nan
     lag = delay_s * change + 0.002 * torch.randn(change.shape, generator=generator, dtype=torch.float64)
-    found = report_delay_s(replace(state, rate_slope_per_m=slope), lag)
+    found = report_delay_s(replace(state, rate_change_per_s=change), lag)
     # 500 values, each with an error of 1 s: four standard errors.
-    assert found == pytest.approx(delay_s, abs=4 * 0.002 / (2e-4 * 10 * 500**0.5))
+    assert found == pytest.approx(delay_s, abs=4 * 0.002 / (2e-3 * 500**0.5))
 
 
 def test_no_delay_where_no_rate_was_reported() -> None:
-    state = replace(example_flights(), rate_slope_per_m=None)
+    state = replace(example_flights(), rate_change_per_s=None)
     assert report_delay_s(state, torch.zeros_like(state.cas_mps)) == 0.0

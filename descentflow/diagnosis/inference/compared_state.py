@@ -37,7 +37,7 @@ def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightS
         physics["tailwind_mps"],
         physics["log_rate"].isfinite(),
         physics["depth_m"],
-        rate_slope_per_m=_calibrated_slope(flights),
+        rate_change_per_s=_calibrated_change(flights),
     )
 
 
@@ -63,28 +63,31 @@ def report_delay_s(state: FlightState, lag: Tensor) -> float:
         >>> 1.0 < report_delay_s(state, flights.values["lag"]) < 3.0  # s: transponders smooth over three
         True
     """
-    if state.rate_slope_per_m is None:
+    if state.rate_change_per_s is None:
         return 0.0
-    change_per_s = state.schedule_log_rate.exp() * state.rate_slope_per_m
-    seen = change_per_s.isfinite() & lag.isfinite()
-    x, y = change_per_s[seen], lag[seen]
+    seen = state.rate_change_per_s.isfinite() & lag.isfinite()
+    x, y = state.rate_change_per_s[seen], lag[seen]
     size = float(x.square().sum())
     return max(float(x @ y) / size, 0.0) if size > 0 else 0.0
 
 
-def _calibrated_slope(flights: Quantities) -> Tensor:
-    """Slopes of the reported rate (n, K) drawn towards each band's mean by as much as their noise scatters them.
+def _calibrated_change(flights: Quantities) -> Tensor:
+    """Changes of the reported rate (n, K) drawn towards each band's mean by as much as their noise scatters them.
 
-    A lag is the slope of a regression on them, which noise in them would flatten (regression calibration: Carroll et
-    al., Measurement Error in Nonlinear Models, chapter 4).
+    The seconds in a band are those of its own altitude over time. A lag is the slope of a regression on the changes,
+    which noise in them would flatten (regression calibration: Carroll et al., Measurement Error in Nonlinear Models,
+    chapter 4).
     """
-    slope, rate = flights.physics["rate_slope_per_m"], flights.physics["log_rate"].exp()
+    log_rate = flights.physics["log_rate"]
+    # Samples report no times of their own, and their rate is what they fly.
+    late = flights.values.get("lag", torch.zeros_like(log_rate)).nan_to_num(0.0)
+    change = flights.physics["rate_slope_per_m"] * (log_rate - late).exp()
     if "noise_rate" not in flights.values:
         # Sampled flights have none, and so nothing is known of it where they are one of the sides.
-        return slope
+        return change
     noise_mps = flights.values["noise_rate"].exp()[:, None] * FPM_MPS
-    noise = EDGE_NOISE * (noise_mps / (flights.band_fl * FL_M * rate)) ** 2
-    mean = slope.nanmean(0)
-    spread = ((slope - mean) ** 2).nanmean(0)
-    true = (spread - noise.where(slope.isfinite(), torch.nan).nanmean(0)).clamp(min=0.0)
-    return torch.where(noise.isfinite(), mean + true / (true + noise) * (slope - mean), torch.nan)
+    noise = (EDGE_NOISE * (noise_mps / (flights.band_fl * FL_M)) ** 2).expand_as(change)
+    mean = change.nanmean(0)
+    spread = ((change - mean) ** 2).nanmean(0)
+    true = (spread - noise.where(change.isfinite(), torch.nan).nanmean(0)).clamp(min=0.0)
+    return torch.where(noise.isfinite(), mean + true / (true + noise) * (change - mean), torch.nan)

@@ -192,6 +192,8 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
     values["rate"] = torch.where(settled, both.physics["log_rate"] - expected, torch.nan)
     values["lag"] = torch.where(settled, values["lag"], torch.nan)
     is_real = torch.arange(len(both)) >= n_before
+    if state.rate_change_per_s is not None:
+        state = replace(state, usual_rate_change_per_s=state.rate_change_per_s[is_real].nanmean(0).nan_to_num(0.0))
     if reference is not None:
         state = replace(
             state,

@@ -15,6 +15,7 @@ from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.constants import T0_K
 from descentflow.core.mode_s_steps import STEPS
 from descentflow.core.units import FL_M, KT_MPS
+from descentflow.measurements.level_channels import least_noise
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.simulation.causes import Injection
 from descentflow.simulation.causes.air import KT_PER_KFT
@@ -57,10 +58,10 @@ def _noise(own: Own) -> dict[str, float]:
     quanta = {"cas": STEPS["IAS"], "mach": STEPS["Mach"], "tas": STEPS["TAS"]}
     found = {}
     for name, noise in noises.items():
-        # Rounding adds a twelfth of its step squared to both variances.
+        # Rounding adds a twelfth of its step squared to both variances; less than half a step counts as that.
         rounding = quanta[name] ** 2 / 12
-        ratio = ((factor * noise) ** 2 + rounding) / (noise**2 + rounding)
-        found[f"ln_ratio_{name}"] = 0.5 * math.log(ratio)
+        shown = [max(math.sqrt((k * noise) ** 2 + rounding), least_noise(name)) for k in (factor, 1.0)]
+        found[f"ln_ratio_{name}"] = math.log(shown[0] / shown[1])
     return found
 
 

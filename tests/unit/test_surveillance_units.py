@@ -130,6 +130,16 @@ def test_a_poor_instrument_is_no_contradiction(rows: pl.DataFrame) -> None:
     check_units(times("IAS", 1.08)(rows), "rows")
 
 
+def test_altitudes_to_100_ft_that_change_in_level_flight_are_no_contradiction(rows: pl.DataFrame) -> None:
+    level = rows.with_row_index("row").with_columns(
+        altitude=30_000.0 + 100.0 * (pl.col("row") % 2),
+        vertical_rate=pl.lit(0.0),
+        timestamp=pl.col("timestamp").dt.offset_by("1d"),
+    )
+    # Between neighbouring rows they climb at 1,500 ft/min, and report nothing.
+    check_units(pl.concat([rows, level.select(rows.columns).cast(rows.schema)]), "rows")
+
+
 def test_rates_without_a_sign_are_known_by_climbs(rows: pl.DataFrame) -> None:
     last = rows["timestamp"].max()
     climbs = rows.with_columns(timestamp=last + (last - pl.col("timestamp")) + timedelta(hours=1))

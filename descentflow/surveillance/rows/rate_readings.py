@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from descentflow.core.units import FPM_MPS
 from descentflow.surveillance.rows.air_data import Array
@@ -15,6 +16,9 @@ MIN_STEPS = 20
 """Steps below which nothing is said."""
 SLOWEST_FPM, FASTEST_FPM = 800.0, 6000.0
 """Rates of the steps that are compared: rounded altitudes say little of slower ones."""
+LEAST_S, MOST_S = 8.0, 60.0
+"""Length of a step: an altitude that is rounded to 100 ft and changes between two values in level flight changes by 750
+ft/min over the least of it, and by 1,500 over 4 s."""
 LEAP_FPM = 20_000.0
 """Change that no aircraft makes: to a value that stands for none, or from one."""
 OPPOSITE = 99.0
@@ -34,7 +38,7 @@ RATE_READINGS = (
 
 @dataclass(frozen=True)
 class Steps:
-    """Neighbouring rows of an aircraft.
+    """Rows of an aircraft, each beside the last one of at least eight seconds before.
 
     Attributes:
         change: (n,) altitude's change a minute, in the unit of the altitudes.
@@ -53,7 +57,7 @@ class Steps:
 
     @classmethod
     def of(cls, rows: pl.DataFrame) -> "Steps | None":
-        """Steps of 2 to 60 s of one flight, or aircraft; none if the rows report no rate.
+        """Steps of 8 to 60 s of one flight, or aircraft; none if the rows report no rate.
 
         Args:
             rows: In any order.
@@ -65,18 +69,22 @@ class Steps:
         if "vertical_rate" not in rows.columns:
             return None
         names = [name for name in ("flight_id", "icao24") if name in rows.columns]
-        rows = rows.sort(*names, "timestamp", maintain_order=True)
-        seconds = pl.col("timestamp").diff().dt.total_microseconds() / 1e6
+        rows = rows.filter(~pl.col("altitude").is_in(FILLS)).sort(*names, "timestamp", maintain_order=True)
         possible = pl.col("vertical_rate").is_between(*POSSIBLE["vertical_rate"])
-        steps = rows.filter(~pl.col("altitude").is_in(FILLS)).select(
-            change=pl.col("altitude").diff() / seconds * 60,
-            reported=pl.when(possible).then(pl.col("vertical_rate")),
-            seconds=seconds,
-            same=pl.all_horizontal(pl.col(name).eq_missing(pl.col(name).shift()) for name in names),
+        seen = rows.select(
+            altitude=pl.col("altitude").cast(pl.Float64),
+            reported=pl.when(possible).then(pl.col("vertical_rate")).cast(pl.Float64),
+            time_us=pl.col("timestamp").dt.epoch("us").fill_null(0),
+            flight=pl.any_horizontal(pl.col(name).ne_missing(pl.col(name).shift()) for name in names).cum_sum(),
         )
-        steps = steps.filter(pl.col("same") & pl.col("seconds").is_between(2, 60) & (pl.col("change") != 0))
-        steps = steps.drop_nulls()
-        return cls(steps["change"].to_numpy(), steps["reported"].to_numpy())
+        altitude, reported, time_us, flight = (seen[name].to_numpy() for name in seen.columns)
+        before = _row_before(time_us, flight)
+        seconds = (time_us - time_us[before]) / 1e6
+        with np.errstate(divide="ignore", invalid="ignore"):
+            change = (altitude - altitude[before]) / seconds * 60
+        chosen = (flight == flight[before]) & (seconds >= LEAST_S) & (seconds <= MOST_S) & (change != 0)
+        chosen &= np.isfinite(change) & np.isfinite(reported)
+        return cls(change[chosen], reported[chosen])
 
     def difference(self, altitude_factor: float, rate_factor: float, meaning: str) -> float:
         """Logarithm of rate over change, the median of climbs or of descents, whichever is worse; NaN of too few.
@@ -99,3 +107,15 @@ class Steps:
                 found.append(abs(float(np.log(ratio))) if ratio > 1e-9 else OPPOSITE)
         # Rates without a sign are known by both: with descents alone they are sink rates.
         return np.nan if not found else OPPOSITE if meaning and len(found) < 2 else max(found)
+
+
+def _row_before(time_us: NDArray[np.int64], flight: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """Position (n,) of the last row that is at least :data:`LEAST_S` older; the first row's, where there is none.
+
+    Rows are sorted by flight and time, so one search in a clock that runs on from flight to flight finds all.
+    """
+    if not len(time_us):
+        return np.zeros(0, dtype=np.int64)
+    elapsed = np.diff(time_us, prepend=time_us[:1])
+    clock = np.cumsum(np.where(np.diff(flight, prepend=flight[:1]) > 0, int(1e6 * MOST_S) + 1, elapsed.clip(min=0)))
+    return np.maximum(np.searchsorted(clock, clock - int(1e6 * LEAST_S), side="right") - 1, 0)

@@ -4,6 +4,7 @@ python scripts/withheld_effects.py generate FOLDER --own 520 --foreign 200  # se
 python scripts/withheld_effects.py diagnose FOLDER   # resumable; seals every diagnosis
 python scripts/withheld_effects.py score FOLDER      # checks the seals, writes score.json and score.html
 python scripts/withheld_effects.py all FOLDER        # the three in order
+python scripts/withheld_effects.py publish FOLDER --sets OUT --most 60  # of an open study, for benchmark.py rivals
 python scripts/withheld_effects.py score FOLDER --beside OTHER/evidence.json.gz  # two parts of other keys as one study
 
 Foreign sets are flown by JSBSim (the extra jsbsim). Every step prints how long each set takes and what is left.
@@ -24,6 +25,7 @@ from descentflow.studies.blind_diagnosis.blind_plan import Plan
 from descentflow.studies.blind_diagnosis.blind_run import diagnose_all, fly_true, generate, how_long
 from descentflow.studies.blind_diagnosis.blind_score import score
 from descentflow.studies.blind_diagnosis.closing import closing
+from descentflow.studies.blind_diagnosis.known_sets import write_known_sets
 from descentflow.studies.blind_diagnosis.seal import KEY, MANIFEST, open_key, read_json, write_json
 from descentflow.studies.blind_diagnosis.study_evidence import Evidence, pooled, read_evidence, write_evidence
 
@@ -69,6 +71,11 @@ def do_score(args: argparse.Namespace) -> None:
         say(f"{goal['goal']}: {goal['reached_text']} ({goal['n']} sets) {VERDICTS[goal['met']]}{missed}")
 
 
+def do_publish(args: argparse.Namespace) -> None:
+    out = args.sets or args.folder / "known_sets"
+    say(f"{write_known_sets(args.folder, out, args.most, say)} sets in {out}")
+
+
 def closings(folder: Path, plan: Plan) -> dict[str, Any]:
     """How near corrected flights of simulators come to the real ones, beside those that know the true effect."""
     found = {}
@@ -83,7 +90,7 @@ def closings(folder: Path, plan: Plan) -> dict[str, Any]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("step", choices=["generate", "diagnose", "score", "all"])
+    parser.add_argument("step", choices=["generate", "diagnose", "score", "all", "publish"])
     parser.add_argument("folder", type=Path, help="of the study; what is there already is not done again")
     parser.add_argument("--own", type=int, default=520, help="blind sets of our own world (default: 520)")
     parser.add_argument("--foreign", type=int, default=200, help="blind sets of JSBSim's aircraft (default: 200)")
@@ -95,9 +102,14 @@ def main() -> int:
         "--beside", nargs="*", default=[], type=Path, help=f"{EVIDENCE} of other parts, to score as one"
     )
     parser.add_argument("--first", nargs="*", default=[], help="jobs whose names begin so come first")
+    parser.add_argument("--sets", type=Path, help="of publish: folder for the sets (default: known_sets in FOLDER)")
+    parser.add_argument("--most", type=int, default=60, help="of publish: sets at the most, drawn at random")
     args = parser.parse_args()
     steps = {"generate": do_generate, "diagnose": do_diagnose, "score": do_score}
     try:
+        if args.step == "publish":
+            do_publish(args)
+            return 0
         for step in steps if args.step == "all" else [args.step]:
             steps[step](args)
     except DescentflowError as error:

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -12,6 +13,12 @@ import torch
 
 from descentflow.core.errors import DataError
 from descentflow.effects import EFFECTS
+from descentflow.simulation.world import simulate
+from descentflow.studies.blind_diagnosis.blind_plan import Plan, SetPlan, SimulatorPlan
+from descentflow.studies.blind_diagnosis.known_sets import write_known_sets
+from descentflow.studies.blind_diagnosis.seal import KEY, OPENED, write_json
+from descentflow.surveillance.descents.prepared_descents import write_descents
+from descentflow.surveillance.prepare import prepare
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 from benchmarks.rivals_dowhy import flight_table
@@ -129,3 +136,26 @@ def test_sets_are_read_with_plain_names_and_refused_where_incomplete(tmp_path: P
     assert set_folders(tmp_path, None) == [folder]
     with pytest.raises(DataError, match="no set other"):
         set_folders(tmp_path, ["paths", "other"])
+
+
+def test_sets_of_an_open_study_are_written_as_rivals_read_them(tmp_path: Path) -> None:
+    rows = simulate("A320", 12, 0).rows
+    study, out = tmp_path / "study", tmp_path / "sets"
+    (study / "sets").mkdir(parents=True)
+    (study / "simulators").mkdir()
+    for name in ("blind_0000", "blind_0001"):
+        rows.write_parquet(study / "sets" / f"{name}.parquet")
+    write_descents(prepare(study / "sets" / "blind_0000.parquet"), study / "simulators" / "right.parquet")
+    hidden = SetPlan("blind_0000", "blind", "single", {"mass": {"factor": 0.9}}, 1.0, "all", 12, "right", 0)
+    against_wrong_polar = replace(hidden, name="blind_0001", simulator="wrong")
+    simulators = SimulatorPlan("right", 1), SimulatorPlan("wrong", 2, polar={"induced_drag": {"factor": 1.1}})
+    write_json(study / KEY, Plan(0, "00", (hidden, against_wrong_polar), simulators).as_dict())
+    with pytest.raises(DataError, match="is not open"):
+        write_known_sets(study, out, 10)
+    write_json(study / OPENED, {"opened_at": "2026-01-01T00:00:00Z", "diagnoses": 1})
+    assert write_known_sets(study, out, 10, lambda line: None) == 1
+    (folder,) = set_folders(out, None)
+    one = read_set(folder)
+    assert (one.name, one.kind, one.typecode, one.effects) == ("blind_0000", "single", "A320", {"mass"})
+    assert one.real.equals(prepare(study / "sets" / "blind_0000.parquet").frame)
+    assert one.simulator["flight_id"].n_unique() > 0

@@ -4,12 +4,13 @@ from dataclasses import replace
 from typing import Any
 
 from descentflow.studies.blind_diagnosis.blind_plan import SCALE_GROUP, Plan, SetPlan
+from descentflow.studies.blind_diagnosis.outcome import nameable
 from descentflow.studies.blind_diagnosis.true_sizes import true_sizes
 
 
 def perfect_report(one: SetPlan, catalogued: tuple[str, ...], without: str | None = None) -> dict[str, Any]:
     """What a diagnosis without fault would say of a set."""
-    named = [name for name in one.causes if name in catalogued and name != without]
+    named = [name for name in one.causes if name in catalogued and name != without and nameable(name, one)]
     rest = len(named) < len(one.causes)
     verdict = "none" if not one.causes else "effect" if not rest else "partial" if named else "unknown"
     causes = [_cause(name, one) for name in named]

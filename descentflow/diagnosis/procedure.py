@@ -180,7 +180,7 @@ class Diagnosis:
             causes=causes,
             gap_after=gap.after,
             remaining=remaining_of(likelihood, fit.shift, gap.after - gap.floor, chosen.outside),
-            would_split=hidden if verdict == "none" else would_split(likelihood, causes),
+            would_split=hidden if verdict == "none" else would_split(likelihood, causes, chosen.undecided),
             dropped=dict(counts),
             details=details,
             costs=costs_of(self.compared, shift if causes else None, settings.seed),

@@ -19,6 +19,7 @@ from descentflow.effects.measurement_noise import MeasurementNoise
 from descentflow.effects.speed_brake import SpeedBrake
 from descentflow.effects.speed_schedule import SpeedSchedule
 from descentflow.effects.temperature import Temperature
+from descentflow.effects.turn import Turn
 from descentflow.effects.vertical_rate_lag import VerticalRateLag
 from descentflow.effects.vertical_speed_mode import VerticalSpeedMode
 from descentflow.effects.wind_gradient import WindGradient
@@ -34,6 +35,7 @@ EFFECTS: dict[str, Effect] = {
         IdleThrust(),
         DragPolar(),
         SpeedBrake(),
+        Turn(),
         GeometricPath(),
         VerticalSpeedMode(),
         LevelOff(),

@@ -283,6 +283,13 @@ class Effect(ABC):
             for p, value in zip(self.parameters, theta.tolist(), strict=True)
         )
 
+    def may_be(self, state: FlightState, theta: Tensor) -> tuple[str, ...]:
+        """Other effects of the catalogue that look like these parameters, for lack of the channels that they need.
+
+        None of them is then named, this one neither: nothing that was measured says which it is.
+        """
+        return ()
+
     def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
         """Share of the flights that have the effect, and its parameters in those.
 

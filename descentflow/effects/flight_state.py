@@ -69,6 +69,9 @@ class FlightState:
     """How late reports of the rate are in these flights anyway, effect or not; zero where rates are not reported."""
     beyond_polar: Tensor | float = 0.0
     """(K,) or (n, K): ln of the rate that the simulator's flights have beyond the polar's."""
+    turned_more: Tensor | None = None
+    """(K,) share by which turns raise the induced drag of the real flights more than that of the simulator's, in the
+    mean and as headings say; None where nothing says it."""
 
     def rows(self, index: Tensor) -> "FlightState":
         """The flights at these positions; the same ones for the same positions, so that what they know is kept."""
@@ -210,6 +213,7 @@ def log_rate(
     mass: Number = 1.0,
     thrust: Number = 1.0,
     parasitic: Number = 1.0,
+    induced: Number = 1.0,
     deviation_k: Number = 0.0,
     wind_slope_per_s: Number = 0.0,
     cas_mps: Tensor | None = None,
@@ -221,6 +225,7 @@ def log_rate(
         mass: Factor of the mass.
         thrust: Factor of idle thrust.
         parasitic: Factor of CD0, broadcasts against (n, K).
+        induced: Factor of CD2, likewise.
         deviation_k: Temperature deviation from ISA.
         wind_slope_per_s: Growth of the tailwind with pressure altitude.
         cas_mps: Another CAS than the flights' own, with their slope.
@@ -234,7 +239,8 @@ def log_rate(
         >>> (log_rate(state, mass=0.9) - log_rate(state)).mean()  # a lighter aircraft falls faster
         tensor(0.0..., dtype=torch.float64)
     """
-    aircraft = replace(state.aircraft, cd0_cr=state.aircraft.cd0_cr * parasitic)
+    polar = state.aircraft
+    aircraft = replace(polar, cd0_cr=polar.cd0_cr * parasitic, cd2_cr=polar.cd2_cr * induced)
     altitude, kg = state.altitude_m, state.mass_kg * mass
     terms = state.share_terms if cas_mps is None else ShareTerms.of(cas_mps, altitude, state.cas_slope_per_s)
     tas = mach_to_tas_mps(terms.mach, altitude, deviation_k)

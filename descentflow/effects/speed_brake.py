@@ -1,5 +1,7 @@
 """Drag added within a window of altitude: speed brakes, or a restriction that makes crews use them."""
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -8,6 +10,7 @@ from descentflow.effects.effect import AT_BOUND, STEP, FlightChange, Parameter, 
 from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Ways, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.effects.windowed_effect import WindowedEffect
+from descentflow.measurements.turning import MOST_BANK_DEG
 
 NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
@@ -112,6 +115,15 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         shared = float(theta[3]) > self.parameters[3].low + AT_BOUND
         whole = NARROWEST_FL <= height <= self.longest_fl(state) and float(theta[2]) < high - FROM_TOP_FL
         return felt and shared and whole
+
+    def may_be(self, state: FlightState, theta: Tensor) -> tuple[str, ...]:
+        """Turns, where no heading says them, each flight has its own drag, and a bank of an airliner adds as much."""
+        if state.turned_more is not None or not self.is_law(theta):
+            return ()
+        within = state.mask * self.within(state, theta[1], theta[2])["rate"]
+        bank = log_rate(state, induced=1 + math.tan(math.radians(MOST_BANK_DEG)) ** 2) - state.own_log_rate
+        brakes = self.whole_change(state, theta[0] / theta[3])
+        return ("turn",) if float((within * (brakes - bank)).sum()) <= 0 else ()
 
     def whole_change(self, state: FlightState, size: Tensor) -> Tensor:
         """By the energy equation."""

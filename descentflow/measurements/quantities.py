@@ -17,12 +17,15 @@ from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.measurements.along_track import drift_cosine, level_part_kt
 from descentflow.measurements.level_channels import LevelGrid, gaps_of, short_scale_noise
 from descentflow.measurements.quantity_registry import CHANNELS, QUANTITIES
+from descentflow.measurements.turning import induced_by_turns
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
 
-VERSION = 4
+VERSION = 5
 """Of the state that checkpoints carry."""
+WITHOUT_TURNS = (2, 3, 4)
+"""Versions that did not measure turns, and all else alike..."""
 OTHER_NOISE = (2, 3)
-"""Versions that measured noise in another way, and all else alike."""
+"""...but noise, which these measured in another way."""
 N_BANDS = 15
 """About this many bands cover the grid; each is a multiple of 500 ft high."""
 MAX_REFERENCE = 2000
@@ -36,6 +39,7 @@ class Quantities:
     ``log_rate`` is the logarithm of the reported rate (m/s), of which `rate` will be what the polar does not explain;
     ``cas_mps``, ``cas_slope_per_s``, ``tailwind_mps`` (n, K); ``rate_slope_per_m`` (n, K) d ln(reported rate)/dHp
     between the edges of a band, NaN where they are not seen; ``depth_m`` (n, K) below the flight's own highest level;
+    ``turning`` (n, K), where headings or tracks are reported, the share by which turns raise induced drag;
     ``airframe`` (n,) number of the aircraft.
 
     Example:
@@ -91,12 +95,14 @@ class Quantities:
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Quantities":
-        """Rebuild from :meth:`to_state`; without noise, which is then not compared, where that was measured otherwise.
+        """Rebuild from :meth:`to_state`; without what another version did not measure, or measured otherwise.
+
+        Noise is then not compared, and how the flights turned is not known.
 
         Raises:
             KeyError: If the state is of another version.
         """
-        if state["version"] not in (*OTHER_NOISE, VERSION):
+        if state["version"] not in (*WITHOUT_TURNS, VERSION):
             raise KeyError(f"reference of version {state['version']}")
         if state["version"] in OTHER_NOISE:
             kept = {name: value for name, value in state["values"].items() if not QUANTITIES[name].is_noise}
@@ -218,6 +224,9 @@ def measured(grid: LevelGrid) -> Quantities:
     if "geoaltitude" in seen:
         values["height"] = _centred(bands.mean(seen["geoaltitude"] * FT_M - grid.altitude_m))
     physics["tailwind_mps"] = tailwind.nan_to_num(0.0)
+    turning = induced_by_turns(grid)
+    if turning is not None:
+        physics["turning"] = bands.mean(turning)
     values |= short_scale_noise(grid) | gaps_of(grid)
     good = log_rate.isfinite().any(1)
     return Quantities((low_fl, high_fl), band, values, physics, grid.airframe, grid.flight_ids).rows(good)

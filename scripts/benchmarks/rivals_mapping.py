@@ -1,6 +1,8 @@
 """What a rival's names stand for, in effects of the catalogue."""
 
-SPEEDS_KEPT = frozenset({"mass", "idle_thrust", "drag_polar", "speed_brake", "geometric_path", "vertical_speed_mode"})
+SPEEDS_KEPT = frozenset(
+    {"mass", "idle_thrust", "drag_polar", "speed_brake", "turn", "geometric_path", "vertical_speed_mode"}
+)
 """Effects that change the rate at given speeds, temperature and wind."""
 
 EFFECTS_OF_NODE: dict[str, frozenset[str]] = {

@@ -22,6 +22,7 @@ THETA = {
     "idle_thrust": [0.4],
     "drag_polar": [0.07],
     "speed_brake": [0.3, 213.0, 268.0, 0.6, 0.1, 8.0, 6.0, 0.1],
+    "turn": [0.04],
     "geometric_path": [0.5, 0.08, 0.02],
     "vertical_speed_mode": [0.2, 5.0, 0.4, 0.1],
     "level_off": [20.0, 0.3],

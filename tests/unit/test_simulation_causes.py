@@ -271,7 +271,7 @@ def test_a_flight_depends_on_its_seed_and_number_alone() -> None:
 
 
 def test_every_cause_draws_values_that_can_be_planted() -> None:
-    assert len(CATALOGUED) == 13
+    assert len(CATALOGUED) == 14
     assert {cause.name for cause in (*CATALOGUED, *OUTSIDE, *BETWEEN)} == set(CAUSES) == set(PLANTABLE)
     assert len({cause.stream for cause in CAUSES.values()}) == len(CAUSES)
     for name, cause in CAUSES.items():

@@ -50,7 +50,8 @@ class Chosen:
     named effect: the names that could stand in its place; ``probability`` of each that it is among the causes;
     ``gains`` of each over the set without it, with their standard errors; ``inclusion`` all that the weights say;
     ``sets`` with their weights, heaviest first; ``alike`` fits with another of a group in the place of a named one;
-    ``beside`` the named ones as they are with a discrepancy beside them.
+    ``beside`` the named ones as they are with a discrepancy beside them; ``undecided`` effects that would be named,
+    each with those that it may be as well for lack of their channels.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
@@ -75,6 +76,7 @@ class Chosen:
     sets: tuple[WeightedSet, ...] = ()
     alike: tuple[Fit, ...] = ()
     beside: Fit | None = None
+    undecided: tuple[Names, ...] = ()
 
 
 def select(likelihood: EffectsLikelihood, discrepancy: Tensor, progress: Callable[[str], None]) -> Chosen:
@@ -101,6 +103,9 @@ def select(likelihood: EffectsLikelihood, discrepancy: Tensor, progress: Callabl
     sets, alone = search.weighted()
     found = inclusion(sets, alone)
     fit = search.fit(_in_order(found.named, singles))
+    undecided = _undecided(likelihood, fit)
+    if undecided:
+        fit = search.fit(tuple(name for name in fit.effects if name not in {first for first, *_ in undecided}))
     free = search.discrepancy.beside(fit).log_score
     rest, error = likelihood.gain(free, fit.log_score)
     explained = likelihood.gain(fit.log_score, null.log_score)[0]
@@ -114,7 +119,7 @@ def select(likelihood: EffectsLikelihood, discrepancy: Tensor, progress: Callabl
             alike.append(search.fit(tuple(other if one == name else one for one in fit.effects)))
     return Chosen(
         null,
-        Outside(explained, rest, error, found.discrepancy >= OUTSIDE),
+        Outside(explained, rest, error, found.discrepancy >= OUTSIDE or bool(undecided)),
         singles,
         fit,
         {name: found.groups[name] for name in fit.effects},
@@ -124,7 +129,16 @@ def select(likelihood: EffectsLikelihood, discrepancy: Tensor, progress: Callabl
         tuple(sorted(sets, key=lambda one: -one.weight)),
         tuple(alike),
         search.discrepancy.refitted(fit),
+        undecided,
     )
+
+
+def _undecided(likelihood: EffectsLikelihood, fit: Fit) -> tuple[Names, ...]:
+    """Effects of a fit with those of the catalogue that they may be as well, where there are any."""
+    state = likelihood.compared.state
+    may_be = {name: likelihood.catalogue[name].may_be(state, theta) for name, theta in fit.theta.items()}
+    found = {name: tuple(other for other in others if other in likelihood.catalogue) for name, others in may_be.items()}
+    return tuple((name, *others) for name, others in found.items() if others)
 
 
 def _in_order(names: Names, singles: Mapping[str, Candidate]) -> Names:

@@ -21,7 +21,7 @@ from descentflow.diagnosis.inference.subset_screening import MAX_EFFECTS, Member
 from descentflow.effects.flight_law import DiffersByFlight
 
 LOG_PRIOR_ODDS = -2.5
-"""Of each effect, and of a shift that none of them makes: one of the thirteen is expected where there is a gap."""
+"""Of each effect, and of a shift that none of them makes: one of the fourteen is expected where there is a gap."""
 FIRST = 4
 """Screened sets that are fitted at most, those that promise most first; from the best of them sets grow."""
 WITH_DISCREPANCY = 6

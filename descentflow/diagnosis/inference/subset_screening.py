@@ -18,7 +18,7 @@ from descentflow.diagnosis.inference.linear_algebra import RIDGE
 from descentflow.diagnosis.inference.signature_columns import signature_columns
 
 MAX_EFFECTS = 4
-"""Effects in a set at most: some thousand sets of 13 effects. More causes at once have not been met."""
+"""Effects in a set at most: some 1,500 sets of 14 effects. More causes at once have not been met."""
 UNKNOWN_TO_DATA = 1e9
 """Prior precision, in units of the information, of a column that the data say nothing about."""
 

@@ -10,6 +10,7 @@ from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.inference.compared_state import report_delay_s, state_of
 from descentflow.diagnosis.inference.reference_coefficients import ReferenceCoefficients, reference_coefficients
+from descentflow.diagnosis.inference.turns_of_flights import by_own_turns, turned_more
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
 from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT, QUANTITIES
@@ -180,6 +181,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
     both = real if reference is None else _joined(reference, real)
     n_before = 0 if reference is None else len(reference)
     state = state_of(both, aircraft, float(aircraft.mass_reference_kg))
+    is_real = torch.arange(len(both)) >= n_before
     settled = both.physics["depth_m"] >= SETTLED_M
     coefficients = ReferenceCoefficients.unknown()
     if reference is not None:
@@ -189,9 +191,12 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
     state = coefficients.applied(state)
     values = dict(both.values)
     expected = log_rate(state)
+    turning = both.physics.get("turning")
+    if turning is not None:
+        state = replace(state, turned_more=turned_more(turning, is_real))
+        expected = expected + by_own_turns(state, turning, is_real)
     values["rate"] = torch.where(settled, both.physics["log_rate"] - expected, torch.nan)
     values["lag"] = torch.where(settled, values["lag"], torch.nan)
-    is_real = torch.arange(len(both)) >= n_before
     if state.rate_change_per_s is not None:
         state = replace(state, usual_rate_change_per_s=state.rate_change_per_s[is_real].nanmean(0).nan_to_num(0.0))
     if reference is not None:

@@ -126,8 +126,15 @@ def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> di
     return found
 
 
-def would_split(likelihood: EffectsLikelihood, causes: Sequence[Cause]) -> list[WouldSplit]:
+def would_split(
+    likelihood: EffectsLikelihood, causes: Sequence[Cause], undecided: Sequence[Sequence[str]] = ()
+) -> list[WouldSplit]:
     """Channels that are not there and would separate a cause from its group, or help an unknown one to a name.
+
+    Args:
+        likelihood: Flights and catalogue.
+        causes: That were named.
+        undecided: Effects that would be named, each with those that it may be as well for lack of their channels.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
@@ -138,6 +145,9 @@ def would_split(likelihood: EffectsLikelihood, causes: Sequence[Cause]) -> list[
     """
     there, catalogue = set(likelihood.compared.quantities()), likelihood.catalogue
     found = []
+    for alike in undecided:
+        needed = list(dict.fromkeys(channel for name in alike for channel in catalogue[name].needs))
+        found.append(WouldSplit(list(alike), needed, "they look alike in the channels given, so neither is named"))
     for cause in causes:
         names = [cause.effect, *cause.group]
         able = list(dict.fromkeys(channel for name in names for channel in catalogue[name].splits))

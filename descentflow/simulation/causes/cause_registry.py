@@ -20,6 +20,7 @@ CATALOGUED = (
     IDLE_THRUST,
     DRAG_POLAR,
     SPEED_BRAKE,
+    TURN,
     GEOMETRIC_PATH,
     VERTICAL_SPEED_MODE,
     LEVEL_OFF,
@@ -28,9 +29,9 @@ CATALOGUED = (
     VERTICAL_RATE_LAG,
     MEASUREMENT_NOISE,
 )
-"""Causes that a diagnosis should name."""
+"""Causes that a diagnosis should name, if channels show them."""
 
-OUTSIDE = (COMPRESSIBILITY, KEPT_THRUST, TURN, ANTI_ICE)
+OUTSIDE = (COMPRESSIBILITY, KEPT_THRUST, ANTI_ICE)
 """Causes that a diagnosis should call unknown."""
 
 BETWEEN = (INDUCED_DRAG, POWERED_DESCENT)

@@ -91,8 +91,8 @@ def _world(
         "by_stratum": strata(blind),
         "confusion": {name: confusion_table(world, [o for o in blind if keep(o)]) for name, keep in CONFUSIONS.items()},
         "by_cause": by_cause_table(world, blind),
-        "mixed": [_beside(o) for o in blind if o.one.kind == "mixed"],
-        "wrong_polars": rates([o for o in blind if o.one.kind == "polar"]),
+        "mixed": [_beside(o) for o in blind if o.kind == "mixed"],
+        "wrong_polars": rates([o for o in blind if o.kind == "polar"]),
         "sizes": estimated_sizes(blind),
         "closure": claimed_closures(blind),
         "of_true": [

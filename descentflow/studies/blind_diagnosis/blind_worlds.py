@@ -116,8 +116,8 @@ OWN = StudyWorld(
 FOREIGN = StudyWorld(
     name="foreign",
     models=dict.fromkeys(AIRFRAMES, 1 / len(AIRFRAMES)),
-    # Idle thrust of these models is nothing below FL200, and level-offs are not flown.
-    catalogued=tuple(cause.name for cause in CATALOGUED if cause.name not in ("idle_thrust", "level_off")),
+    # Idle thrust of these models is nothing below FL200, and level-offs and turns are not flown.
+    catalogued=tuple(cause.name for cause in CATALOGUED if cause.name not in ("idle_thrust", "level_off", "turn")),
     outside=("kept_thrust", "anti_ice", "wave_drag"),
     strong=("temperature", "speed_brake", "airspeed_bias"),
     beside=("kept_thrust", "idle_setting"),

@@ -85,12 +85,12 @@ def goals(blind: Sequence[Outcome], scored: Mapping[str, Any]) -> list[Row]:
 
 def _of_world(world: str, asked: WorldGoals, of: Sequence[Outcome], scored: Mapping[str, Any]) -> list[Row]:
     """Goals of one world."""
-    null = [o for o in of if o.one.kind == "null"]
-    singles = [o for o in of if o.one.kind == "single"]
+    null = [o for o in of if o.kind == "null"]
+    singles = [o for o in of if o.kind == "single"]
     plain = [o for o in singles if o.one.full and not o.wrong_polar]
     rich, poor = ([o for o in plain if o.one.channels == channels] for channels in ("all", "basic"))
-    doubles = [o for o in of if o.one.kind == "double" and o.one.channels == "all" and not o.wrong_polar]
-    outside = [o for o in of if o.one.kind == "outside" and o.one.full and not o.wrong_polar]
+    doubles = [o for o in of if o.kind == "double" and o.one.channels == "all" and not o.wrong_polar]
+    outside = [o for o in of if o.kind == "outside" and o.one.full and not o.wrong_polar]
     half = [o for o in singles if not o.one.full and not o.wrong_polar]
     uniform = scored["false_alarms"]["uniform_p"]
     rows = [

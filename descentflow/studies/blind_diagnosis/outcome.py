@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
 
-from descentflow.studies.blind_diagnosis.blind_plan import SCALE_GROUP, Plan, SetPlan
+from descentflow.effects import EFFECTS
+from descentflow.studies.blind_diagnosis.blind_flights import BASIC
+from descentflow.studies.blind_diagnosis.blind_plan import SCALE_GROUP, Kind, Plan, SetPlan
 from descentflow.studies.blind_diagnosis.blind_run import CHECKPOINT
 from descentflow.studies.blind_diagnosis.true_sizes import true_sizes
 
@@ -58,6 +60,16 @@ class Outcome:
     exact: bool
     report: Mapping[str, Any]
     seconds: float
+
+    @property
+    def kind(self) -> Kind:
+        """What the set asks, by the catalogue of today and not of the day when it was planned.
+
+        Its one cause is to be named where the catalogue has it and the channels show it, or else called unknown.
+        """
+        if self.one.kind not in ("single", "outside"):
+            return self.one.kind
+        return "single" if all(nameable(cause, self.one) for cause in self.one.causes) else "outside"
 
     @property
     def first(self) -> str:
@@ -125,6 +137,23 @@ def _outcome(job: Mapping[str, Any], one: SetPlan, found: Mapping[str, Any], wro
         report=report,
         seconds=float(found["cpu_s"]),
     )
+
+
+def nameable(cause: str, one: SetPlan) -> bool:
+    """Whether the catalogue has a cause, and the channels of a set are those without which it shows nowhere.
+
+    Args:
+        cause: Its name.
+        one: The set.
+
+    Example:
+        >>> from dataclasses import replace
+        >>> rich = SetPlan("blind_0000", "blind", "single", {"turn": {}}, 1.0, "all", 400, "simulator_000", 1)
+        >>> nameable("turn", rich), nameable("turn", replace(rich, channels="basic")), nameable("kept_thrust", rich)
+        (True, False, False)
+    """
+    lacked = BASIC if one.channels == "basic" else ()
+    return cause in EFFECTS and not set(EFFECTS[cause].needs) & set(lacked)
 
 
 def stands_for(effect: str, group: frozenset[str], injected: str) -> bool:

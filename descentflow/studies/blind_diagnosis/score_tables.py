@@ -20,7 +20,7 @@ def false_alarms(blind: Sequence[Outcome]) -> dict[str, Any]:
         >>> false_alarms([])["n"]
         0
     """
-    null = [o for o in blind if o.one.kind == "null"]
+    null = [o for o in blind if o.kind == "null"]
     p_values = [o.p_value for o in null if o.p_value is not None]
     test = stats.kstest(p_values, "uniform") if p_values else None
     return {
@@ -49,7 +49,7 @@ def strata(blind: Sequence[Outcome]) -> list[dict[str, Any]]:
         "simulator": lambda o: "wrong polar" if o.wrong_polar else "matched",
     }
     for kind in ("single", "double", "outside"):
-        of = [o for o in blind if o.one.kind == kind]
+        of = [o for o in blind if o.kind == kind]
         for key, value_of in keys.items():
             for value in sorted({value_of(o) for o in of}):
                 some = [o for o in of if value_of(o) == value]
@@ -93,7 +93,7 @@ def confusion_table(world: StudyWorld, some: Sequence[Outcome]) -> dict[str, Any
     rows = [NONE, *world.catalogued, *world.outside]
     table = np.zeros((len(rows), len(columns)), dtype=int)
     for o in some:
-        if o.one.kind not in ("null", "single", "outside"):
+        if o.kind not in ("null", "single", "outside"):
             continue
         row = rows.index(next(iter(o.one.causes), NONE))
         table[row, columns.index(o.first if o.first in columns else UNKNOWN)] += 1
@@ -158,7 +158,7 @@ def claimed_closures(blind: Sequence[Outcome]) -> list[dict[str, Any]]:
     """
     rows = []
     for o in blind:
-        if o.one.kind != "single" or not o.right_first or o.wrong_polar:
+        if o.kind != "single" or not o.right_first or o.wrong_polar:
             continue
         cause = o.report["causes"][0]
         closures = {

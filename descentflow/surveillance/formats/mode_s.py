@@ -19,7 +19,7 @@ from descentflow.surveillance.rows.values_beside import NEAR_S, between, near
 
 CLOCK_S = 1.0
 """At most one row in this time: several radars ask, but within a second nothing relevant to a descent changes."""
-WITHIN_S = {"turn": NEAR_S, "velocity": NEAR_S, "position": NEAR_S, "selected": 30.0, "callsign": 600.0}
+WITHIN_S = {"turns": NEAR_S, "velocity": NEAR_S, "position": NEAR_S, "selected": 30.0, "callsign": 600.0}
 """Largest distance in time of other reports from a row; radars ask for registers every 4 to 12 s."""
 CONTEXT_S = 30.0
 """What is kept of one batch of messages for the next."""
@@ -132,7 +132,7 @@ def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: Drop
     found = found.select("time", "icao24", "altitude", "IAS", "Mach", "heading", "rate")
     certain = pl.col("IAS").is_null()
     turn = ordered.filter(pl.col("TAS").is_not_null() & certain)
-    found = near(found, turn.select("time", "icao24", "TAS", "roll", "groundspeed50", "track50"), WITHIN_S["turn"])
+    found = near(found, turn.select("time", "icao24", "TAS", "roll", "groundspeed50", "track50"), WITHIN_S["turns"])
     velocity = ordered.filter(pl.col("groundspeed").is_not_null() | pl.col("squittered_rate").is_not_null())
     found = near(
         found,

@@ -105,6 +105,11 @@ class FlightState:
         return ShareTerms.of(self.cas_mps, self.altitude_m, self.cas_slope_per_s)
 
     @cached_property
+    def still(self) -> tuple[Tensor, Tensor, Tensor]:
+        """True airspeed, energy share factor and idle thrust of the flights as they are in standard, still air."""
+        return _in_air(self, self.share_terms, 0.0, 0.0)
+
+    @cached_property
     def own_log_rate(self) -> Tensor:
         """:func:`log_rate` of the flights as they are."""
         return log_rate(self)
@@ -242,13 +247,28 @@ def log_rate(
     polar = state.aircraft
     aircraft = replace(polar, cd0_cr=polar.cd0_cr * parasitic, cd2_cr=polar.cd2_cr * induced)
     altitude, kg = state.altitude_m, state.mass_kg * mass
-    terms = state.share_terms if cas_mps is None else ShareTerms.of(cas_mps, altitude, state.cas_slope_per_s)
-    tas = mach_to_tas_mps(terms.mach, altitude, deviation_k)
-    share = terms.factor(*as_tensors(wind_slope_per_s, deviation_k))
-    idle = thrust * descent_thrust_n(aircraft, altitude, tas, deviation_k)
+    if cas_mps is None and _is_none(deviation_k) and _is_none(wind_slope_per_s):
+        tas, share, idle = state.still
+    else:
+        terms = state.share_terms if cas_mps is None else ShareTerms.of(cas_mps, altitude, state.cas_slope_per_s)
+        tas, share, idle = _in_air(state, terms, deviation_k, wind_slope_per_s)
     drag = drag_n(aircraft, tas, altitude, deviation_k, kg)
-    rate = descent_rate_mps(aircraft, drag, idle, tas, share, altitude, deviation_k, kg)
+    rate = descent_rate_mps(aircraft, drag, thrust * idle, tas, share, altitude, deviation_k, kg)
     return (-rate).clamp(min=SLOWEST_MPS).log()
+
+
+def _is_none(value: Number) -> bool:
+    """Whether nothing is asked for: no tensor, which may be differentiated."""
+    return isinstance(value, float) and value == 0.0
+
+
+def _in_air(
+    state: FlightState, terms: ShareTerms, deviation_k: Number, wind_slope_per_s: Number
+) -> tuple[Tensor, Tensor, Tensor]:
+    """True airspeed, energy share factor and idle thrust in air of a deviation and a growth of the wind."""
+    tas = mach_to_tas_mps(terms.mach, state.altitude_m, deviation_k)
+    idle = descent_thrust_n(state.aircraft, state.altitude_m, tas, deviation_k)
+    return tas, terms.factor(*as_tensors(wind_slope_per_s, deviation_k)), idle
 
 
 def implied_mass_kg(state: FlightState, log_rate_seen: Tensor, mask: Tensor) -> float:

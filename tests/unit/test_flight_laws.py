@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal, norm
 
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.flight_fit import FlightFit
-from descentflow.diagnosis.inference.flight_laws import Explained, Law, WaysOfFlights, taken
+from descentflow.diagnosis.inference.flight_laws import Explained, Law, WaysOfFlights, log_ratio, taken
 from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.selection import select
 from descentflow.diagnosis.inference.set_search import SetSearch
@@ -74,6 +74,18 @@ def test_each_way_is_as_likely_as_the_densities_say(i: int) -> None:
         mean = moments[1] / moments[0]
         assert float(likely.size[i, way]) == pytest.approx(mean, abs=1e-5)
         assert float(likely.variance[i, way]) == pytest.approx(moments[2] / moments[0] - mean**2, abs=1e-5)
+
+
+@pytest.mark.parametrize("spread", [0.0, SPREAD])
+def test_what_a_mixture_scores_is_the_same_without_what_each_flight_has(spread: float) -> None:
+    ways, entries, whitening, rest, _ = small()
+    # The second is far below zero: a law that is cut off there needs another formula.
+    seen = {
+        name: WaysOfFlights(ways, entries, whitening).explained(sign * rest) for name, sign in (("a", 1), ("b", -9))
+    }
+    prior = torch.full((5,), 0.2).double().log()
+    laws = {"a": Law(prior, 0.3, MEAN, spread), "b": Law(prior, 0.5, 2 * MEAN, spread)}
+    torch.testing.assert_close(log_ratio(seen, laws), taken(seen, laws).log_ratio)
 
 
 def test_a_size_far_below_zero_is_no_evidence() -> None:

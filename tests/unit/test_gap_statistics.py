@@ -36,6 +36,37 @@ def test_whitening_knows_the_covariance_behind_gaps() -> None:
     torch.testing.assert_close(seen[:2, :2], torch.linalg.inv(found.covariance[:2, :2]), rtol=1e-6, atol=1e-6)
 
 
+def test_precisions_of_many_patterns_are_applied_flight_by_flight() -> None:
+    """Patterns that as many flights show are worked out together, and a flight's own one counts all the same."""
+    generator = torch.Generator().manual_seed(3)
+    y = torch.randn(300, 6, generator=generator, dtype=torch.float64)
+    y[torch.rand(300, 6, generator=generator) < 0.2] = torch.nan
+    none = torch.zeros(6, dtype=torch.float64)
+    found = whiten(y, torch.ones(300, dtype=torch.bool), torch.arange(300), none, none.bool())
+    some = torch.arange(7, 300, 3)
+    for part, shown in ((found, y), (found.rows(some), y[some])):
+        values = torch.where(shown.isfinite(), shown, 0.0)
+        columns = values[:, :, None] * torch.tensor([1.0, 0.0, -2.0]).double()
+        columns[:, :2] = 0.0
+        own = part.precision[part.pattern]
+        assert bool(((own.diagonal(dim1=1, dim2=2) != 0) == shown.isfinite()).all())
+        torch.testing.assert_close(part.apply(values), torch.einsum("npq,nq->np", own, values))
+        torch.testing.assert_close(part.apply(columns), torch.einsum("npq,nqk->npk", own, columns))
+        torch.testing.assert_close(part.total(torch.ones(len(own))), own.sum(0))
+
+
+def test_flights_that_show_less_are_weighed_as_if_nothing_were_known_before() -> None:
+    generator = torch.Generator().manual_seed(4)
+    y = torch.randn(200, 5, generator=generator, dtype=torch.float64)
+    y[:50, 4] = torch.nan
+    none = torch.zeros(5, dtype=torch.float64)
+    found = whiten(y, torch.ones(200, dtype=torch.bool), torch.arange(200), none, none.bool())
+    seen = y.isfinite()
+    seen[30:90, 1:3] = False
+    hidden, anew = found.hiding(seen), found.only(torch.arange(5), seen)
+    torch.testing.assert_close(hidden.precision[hidden.pattern], anew.precision[anew.pattern])
+
+
 def test_what_aircraft_share_counts_once() -> None:
     """With five flights an aircraft that share all of one entry, its variance for means is five times larger."""
     generator = torch.Generator().manual_seed(1)

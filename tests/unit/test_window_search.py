@@ -15,7 +15,7 @@ PLANTED = [0.4, 193.0, 247.0, 1.0, 0.0, 0.0, 0.0, 0.0]
 
 def test_the_best_window_is_the_best_of_all_fitted_one_by_one() -> None:
     held = example_likelihood(BRAKES, PLANTED)
-    bands = band_columns(held, BRAKES, 0.4)
+    bands = band_columns(held, BRAKES, 0.4, held.real_state)
     found = best_window(held, BRAKES, held.moments(held.qy, held.with_common(bands)), bands.shape[2], 0.4)
 
     def fitted(low: float, high: float) -> tuple[float, float]:

@@ -90,8 +90,9 @@ def cell_scores(y: Tensor, labels: Labellings, chosen: Sequence[Cell]) -> Tensor
         >>> scores.shape, bool((scores.argmax(0) == 0).all())  # the true sides are further apart than any others
         (torch.Size([100, 5]), True)
     """
-    statistic = squared_t(y, labels)
-    root = torch.stack([statistic[:, cell.at].sum(1) for cell in chosen], 1) ** (1 / 3)
+    used, place = torch.unique(torch.cat([cell.at for cell in chosen]), return_inverse=True)
+    statistic, places = squared_t(y[:, used], labels), torch.split(place, [len(cell.at) for cell in chosen])
+    root = torch.stack([statistic[:, at].sum(1) for at in places], 1) ** (1 / 3)
     scores: Tensor = (root - root.mean(0)) / root.std(0).clamp(min=1e-12)
     return scores
 

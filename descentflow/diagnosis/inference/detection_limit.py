@@ -82,6 +82,41 @@ class LocalPower:
         return float((rule(gain, error, size.abs() * self.shift) & (size >= self.least)).double().mean())
 
 
+@dataclass(frozen=True)
+class Scatter:
+    """Flights minus a fit and then minus their side's mean, weighted, with what all flights have in common.
+
+    Attributes:
+        weighted: (n, p) precision times it.
+        gradient: (n, b) of each flight for the free mean and the habits.
+        whole: (b, b) information of these.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> Scatter.of(example_likelihood(), fit=None).weighted.shape
+        torch.Size([160, 33])
+    """
+
+    weighted: Tensor
+    gradient: Tensor
+    whole: Tensor
+
+    @classmethod
+    def of(cls, likelihood: EffectsLikelihood, fit: Fit | None) -> "Scatter":
+        """What no effect could be told apart from."""
+        left = likelihood.compared.y.clone() if fit is None else likelihood.compared.y - fit.shift
+        for side in (likelihood.real, ~likelihood.real):
+            if bool(side.any()):
+                left[side] = left[side] - left[side].nanmean(0)
+        free, common = likelihood.compared.free, likelihood.common
+        weighted = likelihood.whitening.apply(left.nan_to_num(0.0))
+        gradient = torch.cat([weighted[:, free], torch.einsum("np,npq->nq", weighted, common.columns)], 1)
+        base = likelihood.sums.base.sum(0)
+        prior = torch.zeros(len(base), dtype=base.dtype)
+        prior[int(free.sum()) :] = common.ridge
+        return cls(weighted, gradient, base + torch.diag(prior + 1e-9 * base.diagonal() + 1e-300))
+
+
 def detection_limits(
     likelihood: EffectsLikelihood,
     rule: Rule,
@@ -108,19 +143,19 @@ def detection_limits(
         >>> round(limits["temperature"].size), limits["temperature"].unit, limits["measurement_noise"].size
         (1, 'K', None)
     """
-    left = _scatter(likelihood, fit)
+    scatter = Scatter.of(likelihood, fit)
     unit = likelihood.compared.negligible() if least is None else least
-    return {name: _limit(likelihood, name, rule, fit, left, unit, seed) for name in likelihood.catalogue}
+    return {name: _limit(likelihood, name, rule, fit, scatter, unit, seed) for name in likelihood.catalogue}
 
 
 def _limit(
-    likelihood: EffectsLikelihood, name: str, rule: Rule, fit: Fit | None, left: Tensor, unit: Tensor, seed: int
+    likelihood: EffectsLikelihood, name: str, rule: Rule, fit: Fit | None, scatter: Scatter, unit: Tensor, seed: int
 ) -> DetectionLimit:
     share = _share_of(likelihood, name, fit)
     start = _without_effect(likelihood, name, share)
     at = _size_of(likelihood, name, start)
     parameter = likelihood.catalogue[name].parameters[at]
-    power = local_power(likelihood, name, start, at, left, unit)
+    power = local_power(likelihood, name, start, at, scatter, unit)
     size = None if power is None or parameter.high <= 0.0 else _smallest(power, rule, parameter.high, seed)
     told = size if size is None or share is None else size / share
     return DetectionLimit(
@@ -135,7 +170,7 @@ def _limit(
 
 
 def local_power(
-    likelihood: EffectsLikelihood, name: str, start: Tensor, at: int, left: Tensor, unit: Tensor
+    likelihood: EffectsLikelihood, name: str, start: Tensor, at: int, scatter: Scatter, unit: Tensor
 ) -> LocalPower | None:
     """Information and variance of an effect about no effect; None where it shows nowhere.
 
@@ -144,35 +179,30 @@ def local_power(
         name: Of the effect.
         start: Parameters (k,) without the effect.
         at: Which of them is its size.
-        left: (n, p) scatter of the flights, without a mean.
+        scatter: Of the flights.
         unit: (p,) of mean shifts.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> likelihood = example_likelihood()
         >>> unit = likelihood.compared.negligible()
-        >>> power = local_power(likelihood, "temperature", torch.zeros(1).double(), 0, likelihood.y, unit)
+        >>> scatter = Scatter.of(likelihood, fit=None)
+        >>> power = local_power(likelihood, "temperature", torch.zeros(1).double(), 0, scatter, unit)
         >>> 5 < float(power.information) < 500  # of one kelvin
         True
     """
     columns = _columns(likelihood, name, start, at)
-    free, common = likelihood.compared.free, likelihood.common
-    products = likelihood.whitening.apply(columns)
-    base = likelihood.sums.base.sum(0)
-    prior = torch.zeros(len(base), dtype=base.dtype)
-    prior[int(free.sum()) :] = common.ridge
-    whole = base + torch.diag(prior + 1e-9 * base.diagonal() + 1e-300)
-    cross = torch.cat([products[:, free].sum(0), torch.einsum("npq,npk->qk", common.columns, products)])
-    held = torch.linalg.solve(whole, cross) if len(whole) else cross
-    information = torch.einsum("npk,npl->kl", columns, products) - cross.T @ held
+    found, real = likelihood.sums.of_columns(likelihood.with_common(columns)), likelihood.real
+    cross = found.cross.sum(0)
+    held = torch.linalg.solve(scatter.whole, cross) if len(cross) else cross
+    information = found.inner.sum(0) - cross.T @ held
     known = information.diagonal() > SHOWN
     if not bool(known[0]):
         return None
-    weighted = likelihood.whitening.apply(left)
-    gradient = torch.cat([weighted[:, free], torch.einsum("np,npq->nq", weighted, common.columns)], 1)
-    score = torch.einsum("npk,np->nk", columns, weighted) - gradient @ held
+    score = -scatter.gradient @ held
+    score[real] += torch.einsum("npk,np->nk", columns, scatter.weighted[real])
     by_one = by_aircraft(score, likelihood.compared.airframe)
-    count = likelihood.compared.y[likelihood.real].isfinite().sum(0).clamp(min=1)
+    count = likelihood.compared.y[real].isfinite().sum(0).clamp(min=1)
     means = columns[:, :, 0].sum(0).abs() / count / unit
     kept = information[known][:, known]
     kept = kept + torch.diag(1e-9 * kept.diagonal())
@@ -198,17 +228,21 @@ def _least(likelihood: EffectsLikelihood, name: str, start: Tensor, at: int) -> 
 
 
 def _columns(likelihood: EffectsLikelihood, name: str, start: Tensor, at: int) -> Tensor:
-    """Sensitivities (n, p, k) of real flights, the secant of the size first; of a window the size alone."""
-    scale = likelihood.catalogue[name].parameters[at].scale
-    small = _with_size(start, at, scale)
-    secant = (likelihood.all_shift(name, small) - likelihood.all_shift(name, start)) / scale
-    parts = [secant[:, :, None]]
+    """Sensitivities (r, p, k) of real flights, the secant of the size first; of a window the size alone."""
+    parts = [_secant(likelihood, name, start, at)[:, :, None]]
     if likelihood.windowed(name) is None:
         others = [i for i in range(len(start)) if i != at]
-        parts.append(likelihood.jacobian(name, small)[:, :, others])
-    columns = torch.cat(parts, 2)
-    seen = likelihood.compared.y.isfinite() & likelihood.real[:, None]
-    return torch.where(seen[:, :, None], columns, 0.0)
+        small = _with_size(start, at, likelihood.catalogue[name].parameters[at].scale)
+        parts.append(likelihood.real_jacobian(name, small)[:, :, others])
+    seen = likelihood.compared.y[likelihood.real].isfinite()
+    return torch.where(seen[:, :, None], torch.cat(parts, 2), 0.0)
+
+
+def _secant(likelihood: EffectsLikelihood, name: str, start: Tensor, at: int) -> Tensor:
+    """What one unit of the size shifts (r, p)."""
+    scale = likelihood.catalogue[name].parameters[at].scale
+    small = _with_size(start, at, scale)
+    return (likelihood.real_shift(name, small) - likelihood.real_shift(name, start)) / scale
 
 
 def _without_effect(likelihood: EffectsLikelihood, name: str, share: float | None) -> Tensor:
@@ -227,10 +261,10 @@ def _without_effect(likelihood: EffectsLikelihood, name: str, share: float | Non
 
 def _size_of(likelihood: EffectsLikelihood, name: str, start: Tensor) -> int:
     """The first parameter by which alone the effect can be what it is and shows in what is compared; else the first."""
-    effect = likelihood.catalogue[name]
+    effect, seen = likelihood.catalogue[name], likelihood.compared.y[likelihood.real].isfinite()
     for at, parameter in enumerate(effect.parameters):
         able = effect.plausible(likelihood.compared.state, _with_size(start, at, parameter.high / 2))
-        if able and bool(_columns(likelihood, name, start, at)[:, :, 0].any()):
+        if able and bool((_secant(likelihood, name, start, at)[seen] != 0).any()):
             return at
     return 0
 
@@ -247,17 +281,6 @@ def _share_parameter(likelihood: EffectsLikelihood, name: str) -> int | None:
     """Which parameter, beside the size, says how many flights have the effect."""
     parameters = likelihood.catalogue[name].parameters
     return next((i for i, p in enumerate(parameters) if p.from_heterogeneity and p.shown_as == "flights"), None)
-
-
-def _scatter(likelihood: EffectsLikelihood, fit: Fit | None) -> Tensor:
-    """Flights (n, p) minus a fit and then minus their side's mean; zero where not seen."""
-    left = likelihood.compared.y.clone()
-    if fit is not None:
-        left = left - fit.shift
-    for side in (likelihood.real, ~likelihood.real):
-        if bool(side.any()):
-            left[side] = left[side] - left[side].nanmean(0)
-    return left.nan_to_num(0.0)
 
 
 def _smallest(power: LocalPower, rule: Rule, most: float, seed: int) -> float | None:

@@ -111,8 +111,8 @@ def learnt_precision(information: Tensor, gradient: Tensor, of: Tensor) -> tuple
     spread = torch.full((len(gradient),), SPREADS[0], dtype=gradient.dtype)
     for _ in range(SWEEPS):
         for quantity in torch.unique(of).tolist():
-            tried = [torch.where(of == quantity, value, spread) for value in SPREADS]
-            spread = max(tried, key=lambda s: _evidence(information, gradient, s))
+            tried = torch.stack([torch.where(of == quantity, value, spread) for value in SPREADS])
+            spread = tried[_evidence(information, gradient, tried).argmax()]
     return spread**-2, _volume(information, spread)
 
 
@@ -121,11 +121,13 @@ def _volume(information: Tensor, spread: Tensor) -> float:
     return float(torch.linalg.cholesky(scaled).diagonal().log().sum())
 
 
-def _evidence(information: Tensor, gradient: Tensor, spread: Tensor) -> float:
-    scaled = spread[:, None] * information * spread + torch.eye(len(spread), dtype=spread.dtype)
-    lower, vector = torch.linalg.cholesky(scaled), spread * gradient
-    half = torch.linalg.solve_triangular(lower, vector[:, None], upper=False)
-    return float(0.5 * half.square().sum() - lower.diagonal().log().sum())
+def _evidence(information: Tensor, gradient: Tensor, spreads: Tensor) -> Tensor:
+    """Of each row (t,) of spreads (t, e)."""
+    scaled = spreads[:, :, None] * information * spreads[:, None] + torch.eye(len(information), dtype=spreads.dtype)
+    lower = torch.linalg.cholesky(scaled)
+    half = torch.linalg.solve_triangular(lower, (spreads * gradient)[:, :, None], upper=False)
+    found: Tensor = 0.5 * half.square().sum((1, 2)) - lower.diagonal(dim1=1, dim2=2).log().sum(1)
+    return found
 
 
 def quantity_of(columns: Tensor, compared: Compared) -> Tensor:

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.inference.discrepancy import SPREAD
-from descentflow.diagnosis.inference.flight_laws import Law, Taken, WaysOfFlights, taken
+from descentflow.diagnosis.inference.flight_laws import Law, Taken, WaysOfFlights, log_ratio, taken
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, FlightShares
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects.flight_law import DiffersByFlight
@@ -63,8 +63,8 @@ class FlightFit:
         self.at = torch.nonzero(likelihood.real)[:, 0]
         self.state: FlightState = likelihood.compared.state.rows(self.at)
         self.seen = likelihood.compared.y[self.at].isfinite()
-        self.single = likelihood.single.rows(self.at)
-        self.total = likelihood.single.total(likelihood.real)
+        self.single = likelihood.single_real
+        self.total = self.single.total(torch.ones(len(self.at)))
         self.total += torch.diag((SPREAD * likelihood.compared.negligible()) ** -2)
         self.factor = torch.linalg.cholesky(self.total)
         self.off = torch.zeros(likelihood.y.shape[1], dtype=likelihood.y.dtype)
@@ -134,7 +134,7 @@ class FlightFit:
         """
         state, precision = self.likelihood.compared.state.rows(at), self.likelihood.whitening.rows(at)
         ways = self.ways(laws, expected, state, precision)
-        return taken({n: w.explained(rest) for n, w in ways.items()}, self._laws(laws)).log_ratio
+        return log_ratio({n: w.explained(rest) for n, w in ways.items()}, self._laws(laws))
 
     def holds_rate(self) -> Tensor:
         """Which real flights (m,) hold a path or a rate."""

@@ -52,28 +52,52 @@ class Explained:
 
     def under(self, mean: float, spread: float) -> "Likely":
         """How much more likely each way is than none under a law of the size, and the size in it."""
-        variance = spread**2
-        wider = 1 + variance * self.curvature
-        gain = (0.5 * variance * self.slope + mean).mul_(self.slope).sub_(0.5 * mean**2 * self.curvature).div_(wider)
-        gain += self.by_offset[:, None]
-        size = (variance * self.slope + mean).div_(wider)
+        gain, size, wider = self._of_law(mean, spread)
         if spread == 0.0:
-            return Likely(gain, size, variance / wider)
+            return Likely(gain, size, spread**2 / wider)
         root = wider.sqrt()
         z = size * (root / spread)
-        # What is above zero, its logarithm but for half a square far below, and the law's density there over it.
-        above = torch.special.erfc(z / -(2**0.5)).mul_(0.5)
+        above, far, scaled = _above(z, gain)
+        # The law's density at zero over what is above it.
         hazard = (-0.5 * z.square()).exp_().mul_((2 * math.pi) ** -0.5).div_(above)
-        far = torch.nonzero(z.flatten() < FAR_BELOW)[:, 0]
-        if len(far):
-            scaled = torch.special.erfcx(z.flatten()[far] / -(2**0.5))
-            above.view(-1)[far], hazard.view(-1)[far] = 0.5 * scaled, (2 / math.pi) ** 0.5 / scaled
-            gain.view(-1)[far] -= 0.5 * z.flatten()[far].square()
+        hazard.view(-1)[far] = (2 / math.pi) ** 0.5 / scaled
         gain += above.div_(root).log_()
         gain -= torch.special.log_ndtr(torch.tensor(mean / spread, dtype=z.dtype))
         size += hazard * (spread / root)
         rest = (1 - z.add_(hazard).mul_(hazard)).clamp_(min=0.0)
-        return Likely(gain, size, rest.mul_(variance).div_(wider))
+        return Likely(gain, size, rest.mul_(spread**2).div_(wider))
+
+    def log_ratio(self, mean: float, spread: float) -> Tensor:
+        """The first of :meth:`under` alone, in half the time."""
+        gain, size, wider = self._of_law(mean, spread)
+        if spread == 0.0:
+            return gain
+        root = wider.sqrt_()
+        above, _, _ = _above(size.mul_(root).div_(spread), gain)
+        gain += above.div_(root).log_()
+        return gain.sub_(torch.special.log_ndtr(torch.tensor(mean / spread, dtype=gain.dtype)))
+
+    def _of_law(self, mean: float, spread: float) -> tuple[Tensor, Tensor, Tensor]:
+        """Gain and size if it could be negative too, and by how much the law's variance is wider than what is left."""
+        variance = spread**2
+        wider = 1 + variance * self.curvature
+        gain = (0.5 * variance * self.slope + mean).mul_(self.slope).sub_(0.5 * mean**2 * self.curvature).div_(wider)
+        gain += self.by_offset[:, None]
+        return gain, (variance * self.slope + mean).div_(wider), wider
+
+
+def _above(z: Tensor, gain: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """What is above zero of normal laws whose means are z spreads from it; far below, but for exp(-z z / 2).
+
+    That factor goes off the gain, in place; with it come the places of these, and their scaled error function.
+    """
+    above = torch.special.erfc(z / -(2**0.5)).mul_(0.5)
+    far = torch.nonzero(z.flatten() < FAR_BELOW)[:, 0]
+    below = z.flatten()[far]
+    scaled = torch.special.erfcx(below / -(2**0.5))
+    above.view(-1)[far] = 0.5 * scaled
+    gain.view(-1)[far] -= 0.5 * below.square()
+    return above, far, scaled
 
 
 @dataclass(frozen=True)
@@ -182,6 +206,11 @@ class Law:
     mean: float
     spread: float
 
+    @property
+    def log_joint(self) -> Tensor:
+        """How likely a flight has it in each way (W,)."""
+        return self.log_prior + math.log(max(self.share, MIN_SHARE))
+
 
 @dataclass(frozen=True)
 class Taken:
@@ -227,10 +256,29 @@ def taken(explained: Mapping[str, Explained], laws: Mapping[str, Law]) -> Taken:
         >>> found.probability["path"][:, 0]  # odds of e^6 and e^-2
         tensor([0.9975, 0.1192], dtype=torch.float64)
     """
-    none = math.log(max(1.0 - sum(law.share for law in laws.values()), MIN_SHARE))
+    none = _log_none(laws)
     likely = {name: explained[name].under(law.mean, law.spread) for name, law in laws.items()}
-    joint = {n: likely[n].log_ratio + (law.log_prior + math.log(max(law.share, MIN_SHARE))) for n, law in laws.items()}
+    joint = {n: likely[n].log_ratio + law.log_joint for n, law in laws.items()}
     top = torch.stack([one.amax(1) for one in joint.values()]).amax(0).clamp_(min=none)
     weight = {name: one.sub_(top[:, None]).exp_() for name, one in joint.items()}
     total = (none - top).exp() + torch.stack([one.sum(1) for one in weight.values()]).sum(0)
     return Taken({name: one.div_(total[:, None]) for name, one in weight.items()}, likely, top + total.log())
+
+
+def log_ratio(explained: Mapping[str, Explained], laws: Mapping[str, Law]) -> Tensor:
+    """Logarithm (n,) of the mixture's density over that without the effects: what :func:`taken` finds, and no more.
+
+    Example:
+        >>> zero = torch.zeros(2, 1).double()
+        >>> seen = Explained(slope=torch.tensor([[8.0], [0.0]]).double(), curvature=zero + 4.0, by_offset=zero[:, 0])
+        >>> log_ratio({"path": seen}, {"path": Law(torch.zeros(1).double(), 0.5, 1.0, 0.0)})  # ln of (1 + e^6) / 2, ...
+        tensor([ 5.3093, -0.5662], dtype=torch.float64)
+    """
+    joint = [explained[name].log_ratio(law.mean, law.spread).add_(law.log_joint) for name, law in laws.items()]
+    none = torch.full((len(joint[0]), 1), _log_none(laws), dtype=joint[0].dtype)
+    return torch.cat([none, *joint], 1).logsumexp(1)
+
+
+def _log_none(laws: Mapping[str, Law]) -> float:
+    """Logarithm of the share of flights that have none of the effects."""
+    return math.log(max(1.0 - sum(law.share for law in laws.values()), MIN_SHARE))

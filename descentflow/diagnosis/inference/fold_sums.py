@@ -110,6 +110,7 @@ class FoldSums:
         self.at = torch.nonzero(real)[:, 0][self.order]
         self.parts = [slice(int((shown < k).sum()), int((shown <= k).sum())) for k in range(FOLDS)]
         self.of_real = whitening.rows(self.at)
+        self.weighted_real = self.of_real.apply(y[self.at])
         self.common_real = common.columns[self.at]
         self.precision = torch.stack([self.of_real.total(shown[self.order] == k) for k in range(FOLDS)])
         products = common.products[self.at]
@@ -121,7 +122,7 @@ class FoldSums:
     def of_other(self, y: Tensor) -> "FoldSums":
         """The same for other values (n, p) of the real flights; those of the simulator are as they were."""
         found = copy(self)
-        found.y, found._rests = y, Recent(RESTS)
+        found.y, found.weighted_real, found._rests = y, self.of_real.apply(y[self.at]), Recent(RESTS)
         return found
 
     def _base(self, at: Tensor, common: Common) -> Tensor:
@@ -130,9 +131,10 @@ class FoldSums:
         inner = common.columns[at].flatten(0, 1).T @ common.products[at].flatten(0, 1)
         return torch.cat([torch.cat([mean, cross], 1), torch.cat([cross.T, inner], 1)], 0)
 
-    def gradient(self, weighted: Tensor, at: Tensor) -> Tensor:
-        """Products (b,) of the common columns with weighted values (n, p), over some flights (n,)."""
-        return torch.cat([weighted[at].sum(0)[self.free], self.common[at].flatten(0, 1).T @ weighted[at].flatten()])
+    def gradient(self, weighted: Tensor, at: Tensor | None = None) -> Tensor:
+        """Products (b,) of the common columns with weighted values (n, p), over some flights (n,) or all of them."""
+        chosen = weighted if at is None else torch.where(at[:, None], weighted, 0.0)
+        return torch.cat([chosen.sum(0)[self.free], self.common.flatten(0, 1).T @ chosen.flatten()])
 
     def _training(self, by_fold: Tensor) -> Tensor:
         """Sums over the flights of each training set, from those by fold."""
@@ -198,8 +200,10 @@ class FoldSums:
         """What a shift (n, p) leaves of the real flights; kept for the last few shifts."""
 
         def made() -> tuple[Tensor, Rest]:
-            left = self.y[self.at] - shift[self.at]
-            weighted = self.of_real.apply(left)
+            moved = shift[self.at]
+            left = self.y[self.at] - moved
+            # Most effects shift a few quantities alone.
+            weighted = self.weighted_real - self.of_real.apply(moved[:, :, None])[:, :, 0]
             total = torch.stack([weighted[part].sum(0) for part in self.parts])
             common = [self.common_real[part].flatten(0, 1).T @ weighted[part].flatten() for part in self.parts]
             square = torch.stack([(left[part] * weighted[part]).sum() for part in self.parts])
@@ -267,13 +271,10 @@ class FoldSums:
                 of_real[part] -= block.columns[part] @ step
             of_real[part] -= design.alike @ alike
         left[self.at] = of_real
-        for number in range(FOLDS):
-            out = self.fold == number
-            left[out] -= self.common[out] @ common[number, f:]
-            mean = torch.zeros(left.shape[1], dtype=left.dtype)
-            mean[self.free] = common[number, :f]
-            left[out] -= mean
-        return left
+        mean = torch.zeros(FOLDS, left.shape[1], dtype=left.dtype)
+        mean[:, self.free] = common[:, :f]
+        habits = torch.bmm(self.common, common[self.fold, f:, None])[:, :, 0]
+        return left - habits - mean[self.fold]
 
 
 def solved(profiled: Profiled, ridge: Tensor) -> Tensor:

@@ -147,12 +147,17 @@ class EffectsLikelihood(EffectShifts):
         """Precision of each flight by itself, without what is negligible for means."""
         return self.whitening.of_single_flights(self.compared.y.isfinite())
 
+    @cached_property
+    def single_real(self) -> Whitening:
+        """The same of the real flights."""
+        return self.single.rows(torch.nonzero(self.real)[:, 0])
+
     def at_start(self, name: str) -> Design:
         """Sensitivities of an effect where its fits start; of a windowed one, those in every band."""
         windowed = self.windowed(name)
         if windowed is None:
-            return self.with_common(self.jacobian(name, self.start_of(name)))
-        return self.with_common(band_columns(self, windowed, FIRST_SIZE))
+            return self.with_common(self.real_jacobian(name, self.start_of(name)))
+        return self.with_common(band_columns(self, windowed, FIRST_SIZE, self.real_state))
 
     def _habits(self) -> Common:
         """Sensitivities that tell flights of one side apart, for all flights alike, with a weak prior."""
@@ -220,10 +225,9 @@ class EffectsLikelihood(EffectShifts):
         key = object()
         return lambda: self._designs.get(key, make)
 
-    def with_common(self, own: Tensor, prior: Tensor | None = None) -> Design:
-        """Columns (n, p, k) of the real flights beside those of all flights, with their prior precision (k,) if any."""
-        found = self.joined([own[self.real]], torch.zeros(own.shape[1], 0, dtype=own.dtype))
-        return found if prior is None else replace(found, own_ridge=prior)
+    def with_common(self, own: Tensor) -> Design:
+        """Columns (r, p, k) of the real flights beside those of all flights."""
+        return self.joined([own], torch.zeros(own.shape[1], 0, dtype=own.dtype))
 
     def joined(self, parts: Sequence[Tensor], alike: Tensor) -> Design:
         """Columns (r, p, k) of the real flights, and (p, c) alike in all of them with a prior precision of one."""
@@ -244,12 +248,12 @@ class EffectsLikelihood(EffectShifts):
         """Sums over the flights to keep (n,) (all if absent) at :meth:`weighted_rest` (n, p)."""
         sums, f = self.sums, int(self.compared.free.sum())
         if keep is None:
-            found, keep = sums.of_columns(design), torch.ones(len(self.y), dtype=torch.bool)
+            found = sums.of_columns(design)
             base, cross, inner = sums.base.sum(0), found.cross.sum(0), found.inner.sum(0)
+            gradient, weighted = sums.gradient(rest), rest[sums.at]
         else:
             base, cross, inner = sums.of_part(design, keep)
-        gradient = sums.gradient(rest, keep)
-        weighted = torch.where(keep[sums.at, None], rest[sums.at], 0.0)
+            gradient, weighted = sums.gradient(rest, keep), torch.where(keep[sums.at, None], rest[sums.at], 0.0)
         own = [block.columns.flatten(0, 1).T @ weighted.flatten() for block in design.blocks]
         corner = torch.cat([torch.cat([base[f:, f:], cross[f:]], 1), torch.cat([cross[f:].T, inner], 1)], 0)
         return Moments(

@@ -41,7 +41,7 @@ def with_flight_laws(likelihood: EffectsLikelihood, fit: Fit) -> Fit:
         return fit
     state, best = likelihood.compared.state, fit
     for laws in product(*[effect.law_starts(state, fit.theta[name]) for name, effect in able.items()]):
-        for tried in _rounds(likelihood, fit, dict(zip(able, laws, strict=True))):
+        for tried in _rounds(likelihood, fit, dict(zip(able, laws, strict=True)), best):
             if float((tried.log_score - best.log_score).sum()) <= 0:
                 # Another round would move it by little.
                 break
@@ -63,8 +63,11 @@ def differs_by_flight(likelihood: EffectsLikelihood, name: str) -> bool:
     return able and likelihood.has_reference and len(likelihood.compared.columns("rate")) > 0
 
 
-def _rounds(likelihood: EffectsLikelihood, fit: Fit, laws: Laws) -> Iterator[Fit]:
-    """Fits with laws learnt from their start, after each round of these and of the effects beside them."""
+def _rounds(likelihood: EffectsLikelihood, fit: Fit, laws: Laws, best: Fit) -> Iterator[Fit]:
+    """Fits with laws learnt from their start, after each round of these and of the effects beside them.
+
+    Where one scores no higher than the best, its score may be too high by what odd flights of the simulator gain.
+    """
     flights = FlightFit(likelihood, laws)
     alike = {name: theta for name, theta in fit.theta.items() if name not in laws}
     expected = _expected(likelihood, fit.shift, likelihood.shift(alike))
@@ -72,7 +75,10 @@ def _rounds(likelihood: EffectsLikelihood, fit: Fit, laws: Laws) -> Iterator[Fit
         flights.learn(expected[likelihood.real])
         cleaned = _cleaned(likelihood, flights)
         before, alike = alike, ascend(cleaned, alike)
-        yield _mixed(likelihood, cleaned, flights, fit, alike)
+        found = _mixed(likelihood, cleaned, flights, best, alike)
+        yield found
+        # Another round is asked for after a better fit alone.
+        best = found
         if all(_is_settled(likelihood, name, before[name], theta) for name, theta in alike.items()):
             return
         shift = cleaned.shift(alike)
@@ -80,17 +86,22 @@ def _rounds(likelihood: EffectsLikelihood, fit: Fit, laws: Laws) -> Iterator[Fit
 
 
 def _mixed(
-    likelihood: EffectsLikelihood, cleaned: EffectsLikelihood, flights: FlightFit, fit: Fit, alike: Mapping[str, Tensor]
+    likelihood: EffectsLikelihood,
+    cleaned: EffectsLikelihood,
+    flights: FlightFit,
+    best: Fit,
+    alike: Mapping[str, Tensor],
 ) -> Fit:
-    """The fit of the laws, and of the effects beside them that all flights have alike."""
-    theta = {name: flights.laws[name] if name in flights.laws else alike[name] for name in fit.theta}
+    """The fit of the laws, and of the effects beside them that all flights have alike; ``best`` so far of the same."""
+    theta = {name: flights.laws[name] if name in flights.laws else alike[name] for name in best.theta}
     signatures, shares = signature_columns(likelihood, theta), flights.shares()
+    shift, design = likelihood.shift(alike), cleaned.design(alike, signatures=signatures)
     return Fit(
-        fit.effects,
+        best.effects,
         theta,
-        likelihood.shift(alike) + flights.shift(),
+        shift + flights.shift(),
         likelihood.kept(lambda: design_with_laws(likelihood, theta, shares)),
-        _log_score(likelihood, cleaned, flights, likelihood.shift(alike), cleaned.design(alike, signatures=signatures)),
+        _log_score(likelihood, cleaned, flights, shift, design, best.log_score),
         shares,
     )
 
@@ -127,8 +138,7 @@ def _is_settled(likelihood: EffectsLikelihood, name: str, before: Tensor, now: T
 
 def _expected(likelihood: EffectsLikelihood, shift: Tensor, kept: Tensor) -> Tensor:
     """What is expected (n, p) of every flight with a part of a shift, where the whole of it is in the flights."""
-    none = likelihood.with_common(torch.zeros(*shift.shape, 0, dtype=shift.dtype))
-    mean, step = likelihood.moments(likelihood.weighted_rest(shift), none).solved()
+    mean, step = likelihood.moments(likelihood.weighted_rest(shift), likelihood.design({})).solved()
     expected = likelihood.common.columns @ step + kept
     expected[:, likelihood.compared.free] += mean
     return expected
@@ -180,18 +190,23 @@ def _without(likelihood: EffectsLikelihood, shift: Tensor, held: Tensor) -> Effe
     """The likelihood of the flights without a shift (n, p) and without some entries (n, p)."""
     whitening, y = likelihood.whitening, torch.where(held, torch.nan, likelihood.compared.y - shift)
     if bool(held.any()):
-        whitening = whitening.only(torch.arange(y.shape[1]), y.isfinite())
+        whitening = whitening.hiding(y.isfinite())
     compared = replace(likelihood.compared, y=y)
     return EffectsLikelihood(compared, whitening, likelihood.catalogue, 0, like=likelihood)
 
 
 def _log_score(
-    likelihood: EffectsLikelihood, cleaned: EffectsLikelihood, flights: FlightFit, shift: Tensor, design: Design
+    likelihood: EffectsLikelihood,
+    cleaned: EffectsLikelihood,
+    flights: FlightFit,
+    shift: Tensor,
+    design: Design,
+    best: Tensor,
 ) -> Tensor:
     """Log score (n,) of each flight's mixture under mean, coefficients and laws of the other folds.
 
     A law may fit odd flights that the simulator's side has as well: what it would gain there is no difference between
-    the sides, and is taken off (scaled to the number of real flights).
+    the sides, and is taken off (scaled to the number of real flights), where it scores above the best (n,) without.
     """
     expected = cleaned.y - cleaned.held_out_errors(shift, design)
     error = likelihood.y - expected
@@ -201,6 +216,8 @@ def _log_score(
         at = flights.at[mine]
         if len(at):
             score[at] += flights.log_ratio(flights.learnt(~mine), error[at], expected[at], at)
+    if float((score - best).sum()) <= 0:
+        return score
     others = torch.nonzero(~likelihood.real)[:, 0]
     of_simulator = flights.log_ratio(flights.laws, error[others], expected[others], others)
     if float(of_simulator.sum()) > 0:

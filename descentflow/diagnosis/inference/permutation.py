@@ -95,7 +95,7 @@ def _windows(likelihood: EffectsLikelihood) -> Iterator[tuple[Tensor, Tensor]]:
             continue
         weights = _weights(effect, likelihood.compared.state)
         if weights.shape[1]:  # few levels may be narrower than any window
-            yield band_columns(likelihood, effect, FIRST_SIZE), weights
+            yield band_columns(likelihood, effect, FIRST_SIZE, likelihood.compared.state), weights
 
 
 def _weights(effect: WindowedEffect, state: FlightState) -> Tensor:

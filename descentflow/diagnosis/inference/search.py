@@ -99,11 +99,10 @@ def first_guess(likelihood: EffectsLikelihood, name: str, known: Mapping[str, Te
         return theta
     rest = likelihood.weighted_rest(likelihood.shift(known))
     # Beside it the others may move, and so may what else it has: a window must not explain what they would.
-    beside = [likelihood.jacobian(other, value) for other, value in known.items()]
-    beside.append(likelihood.jacobian(name, theta))
+    beside = [likelihood.real_jacobian(other, value) for other, value in {**known, name: theta}.items()]
     size = FIRST_SIZE
     for _ in range(SECANTS):
-        bands = band_columns(likelihood, windowed, size)
+        bands = band_columns(likelihood, windowed, size, likelihood.real_state)
         moments = likelihood.moments(rest, likelihood.with_common(torch.cat([*beside, bands], 2)))
         window = best_window(likelihood, windowed, moments, bands.shape[2], size)
         size = min(window.size, windowed.parameters[0].high)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 
 import torch
 from torch import Tensor
@@ -19,7 +20,8 @@ class Whitening:
     """Precision of what each flight shows.
 
     Shapes: ``pattern`` (n,) index of each flight's pattern, ``precision`` (patterns, p, p) zero where an entry is
-    missing, ``covariance`` (p, p).
+    missing, ``covariance`` (p, p). Patterns that as many flights show are best numbered one after the other: their
+    products are worked out together.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
@@ -45,12 +47,18 @@ class Whitening:
         return order, torch.argsort(order)
 
     @cached_property
-    def members(self) -> list[tuple[int, slice]]:
-        """Flights of each pattern that there is, in that order."""
-        patterns, counts = torch.unique(self.pattern, return_counts=True)
-        ends = counts.cumsum(0).tolist()
-        starts = [0, *ends[:-1]]
-        return [(k, slice(a, b)) for k, a, b in zip(patterns.tolist(), starts, ends, strict=True)]
+    def groups(self) -> list[tuple[slice, slice]]:
+        """Neighbouring patterns that as many flights show, and these flights in that order."""
+        found: list[tuple[slice, slice]] = []
+        first = start = 0
+        counts = torch.bincount(self.pattern, minlength=len(self.precision)).tolist()
+        for count, same in groupby(counts):
+            last = first + len(list(same))
+            stop = start + count * (last - first)
+            if count:
+                found.append((slice(first, last), slice(start, stop)))
+            first, start = last, stop
+        return found
 
     @cached_property
     def _kept_rows(self) -> Recent[Tensor]:
@@ -73,24 +81,37 @@ class Whitening:
         """Values (n, k u) of ordered flights times the precision (patterns, u, p) of their own pattern: (n k, p)."""
         rows = ordered.reshape(k * len(ordered), precision.shape[1])
         found = torch.empty(len(rows), precision.shape[2], dtype=ordered.dtype)
-        for pattern, at in self.members:
-            mine = slice(k * at.start, k * at.stop)
-            torch.mm(rows[mine], precision[pattern], out=found[mine])
+        for patterns, at in self.groups:
+            mine, own = slice(k * at.start, k * at.stop), precision[patterns]
+            count, shown, entries = own.shape
+            each = (mine.stop - mine.start) // count
+            torch.bmm(rows[mine].view(count, each, shown), own, out=found[mine].view(count, each, entries))
         return found
 
     def rows(self, index: Tensor) -> "Whitening":
         """Of the flights at these positions."""
-        return Whitening(self.pattern[index], self.precision, self.covariance, self.optimism[index], self.between)
+        shown, pattern = _numbered(self.pattern[index])
+        return Whitening(pattern, self.precision[shown], self.covariance, self.optimism[index], self.between)
 
     def only(self, entries: Tensor, seen: Tensor) -> "Whitening":
         """Of some entries (k,) alone, whatever the others say; ``seen`` (n, p)."""
-        patterns, pattern = torch.unique(seen[:, entries], dim=0, return_inverse=True)
+        patterns, pattern = _patterns(seen[:, entries])
         covariance, between = (c[entries][:, entries] for c in (self.covariance, self.between))
         return Whitening(pattern, _inverted(covariance, patterns), covariance, self.optimism, between)
 
+    def hiding(self, seen: Tensor) -> "Whitening":
+        """Of flights that show less, (n, p) ``seen``: as :meth:`only` of all entries, but for what is known already."""
+        patterns, pattern = _patterns(seen)
+        known = {tuple(one): k for k, one in enumerate((self.precision.diagonal(dim1=1, dim2=2) != 0).tolist())}
+        at = torch.tensor([known.get(tuple(one), -1) for one in patterns.tolist()])
+        precision = torch.empty(len(patterns), *self.covariance.shape, dtype=self.covariance.dtype)
+        precision[at >= 0] = self.precision[at[at >= 0]]
+        precision[at < 0] = _inverted(self.covariance, patterns[at < 0])
+        return Whitening(pattern, precision, self.covariance, self.optimism, self.between)
+
     def of_single_flights(self, seen: Tensor) -> "Whitening":
         """With the precision of flights taken by themselves, what is negligible for means included; ``seen`` (n, p)."""
-        patterns, pattern = torch.unique(seen, dim=0, return_inverse=True)
+        patterns, pattern = _patterns(seen)
         return Whitening(pattern, _inverted(self.between, patterns), self.between, self.optimism, self.between)
 
     def summed(self, values: Tensor) -> Tensor:
@@ -103,7 +124,8 @@ class Whitening:
         """Sum of the precisions (p, p) of the chosen flights (n,) bool or weights."""
         weight = torch.zeros(len(self.precision), dtype=self.precision.dtype)
         weight.index_add_(0, self.pattern, chosen.to(weight.dtype))
-        return torch.einsum("k,kij->ij", weight, self.precision)
+        shown = torch.nonzero(weight)[:, 0]
+        return torch.einsum("k,kij->ij", weight[shown], self.precision[shown])
 
 
 def whiten(
@@ -147,7 +169,7 @@ def whiten(
                 [0.8000, 1.0000]], dtype=torch.float64)
     """
     seen = y.isfinite()
-    patterns, pattern = torch.unique(seen, dim=0, return_inverse=True)
+    patterns, pattern = _patterns(seen)
     centred = y.clone()
     for side in (groups, ~groups):
         if bool(side.any()):
@@ -189,7 +211,23 @@ def whiten(
         shown, index = torch.unique(pattern[mine], return_inverse=True)
         moved[mine] = index + sum(len(p) for p in precision)
         precision.append(_inverted(of_means(_symmetric(part), other) * units, patterns[shown]))
-    return Whitening(moved, torch.cat(precision), covariance * units, torch.ones(len(y), dtype=y.dtype), between)
+    shown, moved = _numbered(moved)
+    every = torch.cat(precision)[shown]
+    return Whitening(moved, every, covariance * units, torch.ones(len(y), dtype=y.dtype), between)
+
+
+def _patterns(seen: Tensor) -> tuple[Tensor, Tensor]:
+    """Patterns (k, p) of what is seen (n, p), and the number (n,) of each flight's."""
+    patterns, pattern = torch.unique(seen, dim=0, return_inverse=True)
+    shown, pattern = _numbered(pattern)
+    return patterns[shown], pattern
+
+
+def _numbered(pattern: Tensor) -> tuple[Tensor, Tensor]:
+    """Patterns (k,) that there are among those of flights (n,), by how many show them, and these by new numbers."""
+    shown, number, counts = torch.unique(pattern, return_inverse=True, return_counts=True)
+    order = torch.argsort(counts, stable=True)
+    return shown[order], torch.argsort(order)[number]
 
 
 def _symmetric(matrix: Tensor) -> Tensor:
@@ -198,25 +236,19 @@ def _symmetric(matrix: Tensor) -> Tensor:
 
 def _moment(z: Tensor, patterns: Tensor, members: list[Tensor], covariance: Tensor) -> Tensor:
     """Expected sum (p, p) of the products of what flights show, with what is missing as a covariance says it."""
-    moment, eye = torch.zeros_like(covariance), torch.eye(len(covariance), dtype=z.dtype)
-    for k, at in enumerate(members):
-        if not len(at):
+    moment, completed = torch.zeros_like(covariance), z.clone()
+    precision = torch.linalg.inv(covariance + 1e-9 * torch.eye(len(covariance), dtype=z.dtype))
+    for there, at in zip(patterns, members, strict=True):
+        gone, there_at = torch.nonzero(~there)[:, 0], torch.nonzero(there)[:, 0]
+        if not len(at) or not len(gone):
             continue
-        there, gone = patterns[k], ~patterns[k]
-        filled = z[at]
-        if bool(gone.any()) and bool(there.any()):
-            part = covariance[there][:, there]
-            weights = torch.linalg.solve(part + 1e-9 * eye[there][:, there], covariance[there][:, gone])
-            filled = filled.clone()
-            filled[:, gone] = filled[:, there] @ weights
-            rest = covariance[gone][:, gone] - covariance[gone][:, there] @ weights
-            block = torch.zeros_like(covariance)
-            block[gone.nonzero(), gone.nonzero()[:, 0]] = rest
-            moment += len(at) * block
-        elif bool(gone.all()):
-            moment += len(at) * covariance
-        moment += filled.T @ filled
-    return moment
+        # Given what is there, what is gone has the inverse of its own block of the precision as covariance.
+        rest = torch.linalg.inv(precision[gone[:, None], gone])
+        weights = precision[there_at[:, None], gone] @ rest
+        completed[at[:, None], gone] = -z[at[:, None], there_at] @ weights
+        moment[gone[:, None], gone] += len(at) * rest
+    shown = completed[torch.cat(members)]
+    return moment + shown.T @ shown
 
 
 def _optimism(learnt: Tensor, whole: Tensor, n: int) -> float:
@@ -232,13 +264,17 @@ def _optimism(learnt: Tensor, whole: Tensor, n: int) -> float:
 def _inverted(covariance: Tensor, patterns: Tensor) -> Tensor:
     """Precision (patterns, p, p) of what each pattern sees, zero elsewhere."""
     scale = covariance.diagonal().sqrt()
-    unit = covariance / (scale[:, None] * scale)
-    precision = torch.zeros(len(patterns), *covariance.shape, dtype=covariance.dtype)
+    unit = covariance / (scale[:, None] * scale) + 1e-8 * torch.eye(len(scale), dtype=covariance.dtype)
+    precision, whole = torch.zeros(len(patterns), *covariance.shape, dtype=covariance.dtype), torch.linalg.inv(unit)
     for k, there in enumerate(patterns):
-        at = torch.nonzero(there)[:, 0]
-        if len(at):
-            inverse = torch.linalg.inv(unit[at][:, at] + 1e-8 * torch.eye(len(at), dtype=unit.dtype))
-            precision[k][at[:, None], at] = inverse / (scale[at, None] * scale[at])
+        at, gone = torch.nonzero(there)[:, 0], torch.nonzero(~there)[:, 0]
+        if 2 * len(gone) > len(there):
+            inverse = torch.linalg.inv(unit[at[:, None], at])
+        else:
+            # What is gone taken out of the inverse of all: its own block is the smaller one.
+            cross = whole[gone[:, None], at]
+            inverse = whole[at[:, None], at] - cross.T @ torch.linalg.solve(whole[gone[:, None], gone], cross)
+        precision[k][at[:, None], at] = inverse / (scale[at, None] * scale[at])
     return precision
 
 

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.inference.effect_shifts import EffectShifts
 from descentflow.diagnosis.inference.linear_algebra import Moments, solve
+from descentflow.effects.flight_state import FlightState
 from descentflow.effects.windowed_effect import WindowedEffect
 
 STEP_FL = 0.5
@@ -44,21 +45,28 @@ class Window:
     gain: float
 
 
-def band_columns(shifts: EffectShifts, effect: WindowedEffect, size: float) -> Tensor:
-    """Secants (n, p, s) of every flight's change at a size, one column for each band of each quantity that shows it.
+def band_columns(shifts: EffectShifts, effect: WindowedEffect, size: float, state: FlightState) -> Tensor:
+    """Secants (n, p, s) of flights' changes at a size, one column for each band of each quantity that shows it.
+
+    Args:
+        shifts: What is compared.
+        effect: That is windowed.
+        size: At which the secants are taken.
+        state: The n flights.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> band_columns(likelihood, EFFECTS["speed_brake"], 0.3).shape  # 11 bands of the rate among 33 entries
-        torch.Size([160, 33, 11])
+        >>> brakes, state = EFFECTS["speed_brake"], likelihood.real_state
+        >>> band_columns(likelihood, brakes, 0.3, state).shape  # 11 bands of the rate among 33 entries
+        torch.Size([80, 33, 11])
     """
-    state, entries = shifts.compared.state, shifts.compared.entries
+    entries = shifts.compared.entries
     change = effect.whole_change(state, torch.tensor(size, dtype=torch.float64)) / size
     bands = len(state.altitude_m)
     shown = list(effect.below(state, torch.zeros(1, dtype=torch.float64)))
-    columns = torch.zeros(*shifts.y.shape, bands * len(shown), dtype=shifts.y.dtype)
+    columns = torch.zeros(len(change), len(entries), bands * len(shown), dtype=shifts.y.dtype)
     for at, entry in enumerate(entries):
         if entry.quantity in shown:
             columns[:, at, shown.index(entry.quantity) * bands + entry.band] = change[:, entry.band]

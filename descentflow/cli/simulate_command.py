@@ -25,7 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--scenario",
         default="plain",
         help="settings of the world by type: plain, london-fir-2019 (the traffic that the paper describes: operators "
-        "of different speeds, slow first stretches, turboprops of two rates), or a TOML file (default: %(default)s)",
+        "of different speeds, slow first stretches, turboprops of two rates), gulf-summer and nordic-winter (other "
+        "air, operators and habits, to judge models on), or a TOML file (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, required=True, help="output: surveillance rows, .parquet")
     parser.add_argument("--truth", type=Path, help="where to put the truth (default: OUT_truth.parquet)")

@@ -16,8 +16,11 @@ from descentflow.simulation.world_config import Operator, WorldConfig
 
 PLAIN = "plain"
 """Name of the scenario that is :class:`WorldConfig` as it stands, for every type."""
-BUILT_IN = {"london-fir-2019": Path(__file__).with_name("london_fir_2019.toml")}
-"""Scenario -> its file."""
+BUILT_IN = {
+    name: Path(__file__).with_name(f"{name.replace('-', '_')}.toml")
+    for name in ("london-fir-2019", "gulf-summer", "nordic-winter")
+}
+"""Scenario -> its file: the paper's traffic, and two worlds that models are judged on and nothing was chosen on."""
 _OWN = ("operators", "knee_fl", "tops_fl", "low_top_fl", "reason")
 _FIELDS = {field.name for field in fields(WorldConfig)}
 

@@ -124,8 +124,8 @@ def simulate(
         aircraft: Type designator (``"A320"``), or the coefficients of a type as floats.
         n_flights: Flights wanted, at least one.
         seed: Not negative; flight number k of a seed is the same in every world that has it.
-        scenario: Spreads and shares from which flights are drawn: ``plain``, ``london-fir-2019``, a TOML file of the
-            same form, or settings of your own; ``plain`` if not given.
+        scenario: Spreads and shares from which flights are drawn: ``plain``, ``london-fir-2019``, ``gulf-summer``,
+            ``nordic-winter``, a TOML file of the same form, or settings of your own; ``plain`` if not given.
         bada_dir: Folder of BADA 3 files with the type's coefficients; the open aircraft that come with descentflow if
             not given. Only for a type designator.
         plant: Effects to plant in the flights: some of the values of each by its name, all of them defaults where it

@@ -14,6 +14,7 @@ from descentflow.densities.density import Density
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
+from descentflow.generation.prediction.interval_spread import MOST, holding_spread, misses
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.generation.prediction.summary import (
@@ -175,7 +176,7 @@ def trained() -> GaussianDensity:
 
 def test_intervals_cover_what_came() -> None:
     """Held-out toy flights from FL290: of 100, the 90 % interval of the time to FL150 holds 80 or more."""
-    predictor = DescentPredictor(trained()).calibrated(toys.flights(60, seed=2), n=60)
+    predictor = DescentPredictor(trained()).calibrated(toys.flights(60, seed=2))
     real = toys.flights(150, seed=1)
     chosen = [i for i in range(150) if int(real.entry_level[i]) > 160][:100]
     predictions = [predictor.predict(real.subset([i]), 290, 200, seed=i) for i in chosen]
@@ -238,3 +239,34 @@ def test_occupancy_table_sums_to_the_share_still_descending() -> None:
     sums = table.group_by("time_s").agg(pl.col("probability").sum()).sort("time_s")["probability"]
     assert sums[0] == pytest.approx(1.0)
     assert sums.round(12).is_sorted(descending=True)
+
+
+def test_draws_of_a_density_that_knows_too_much_are_spread_until_intervals_hold() -> None:
+    """The density of the toy flights with three tenths of its deviations: its 90 % intervals hold too few."""
+    density = trained()
+    with torch.no_grad():
+        density.scale_tril.mul_(0.3)
+    sure = DescentPredictor(density)
+    calibrated = sure.calibrated(toys.flights(120, seed=2))
+    assert calibrated.spread > 1.2
+    real = toys.flights(220, seed=1)
+    chosen = [i for i in range(220) if int(real.entry_level[i]) > 160][:120]
+
+    def held(predictor: DescentPredictor) -> float:
+        ahead = [predictor.predict(real.subset([i]), 290, 200, seed=i) for i in chosen]
+        return float(coverage(time_intervals(ahead), actual_times(ahead, real)).filter(level_fl=150)["covered"].item())
+
+    assert held(sure) < 0.78 < 0.82 < held(calibrated) < 0.98
+
+
+def test_the_spread_of_draws_is_the_one_with_which_intervals_hold() -> None:
+    """Draws and truth of known distributions: the factor is the ratio of their quantiles, on skewed sides too."""
+    drawn = normal(2_000, 1).exp()  # log-normal: ends at exp(+-1.645)
+    truth = (0.8 * normal(3_000, seed=1)).exp()
+    found = holding_spread([misses(drawn, one[None]) for one in truth])
+    middle, low, high = (float(torch.quantile(drawn, q)) for q in (0.5, 0.05, 0.95))
+    held = ((truth - middle) <= found * (high - middle)) & ((middle - truth) <= found * (middle - low))
+    assert abs(float(held.double().mean()) - 0.9) < 0.005
+    assert found < 1
+    assert holding_spread([torch.full((4,), 99.0)]) == MOST
+    assert holding_spread([]) == 1.0

@@ -73,8 +73,7 @@ class Generator:
         model: A checkpoint's path, a density, or a fitted model.
         seed: The same seed gives the same descents.
         first: Number of the first descent.
-        noise_multiple: Of the noise about the components where a part was flown, as
-            :meth:`~descentflow.generation.prediction.predictor.DescentPredictor.calibrated` finds it.
+        noise_multiple: Of the variance of the noise about the components where a part was flown.
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.

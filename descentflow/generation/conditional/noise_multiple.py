@@ -27,6 +27,6 @@ def checked_multiple(multiple: float) -> float:
         raise ConfigError(
             f"a noise multiple of {multiple!r:.40}",
             expected=f"a number from {LEAST:g} to {MOST:g}, by which the noise's variance is multiplied",
-            mend="leave it out, or take that of a calibrated predictor (DescentPredictor.calibrated)",
+            mend="leave it out, or take 0.001 where what was flown has no noise",
         )
     return number

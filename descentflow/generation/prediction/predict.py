@@ -265,8 +265,7 @@ def _calibrated(predictor: DescentPredictor, flights: EncodedFlights, seed: int)
         found = predictor.calibrated(flights.profiles, seed=seed, context=flights.context)
     except DataError as error:
         return predictor, f"not calibrated, intervals are likely to be too narrow: {error}"
-    used = f"noise variance times {found.noise_multiple:g}"
-    return found, f"calibrated on the checkpoint's validation flights: {used}"
+    return found, f"calibrated on the checkpoint's validation flights: draws {found.spread:.2f} times as far apart"
 
 
 def _chosen(held_out: EncodedFlights, names: Sequence[str] | None) -> EncodedFlights:

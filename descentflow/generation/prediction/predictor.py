@@ -11,6 +11,7 @@ from descentflow.core.seeds import checked_seed
 from descentflow.core.units import FL_M
 from descentflow.densities.density import Density
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
+from descentflow.generation.prediction.interval_spread import holding_spread, misses
 from descentflow.generation.prediction.posterior import Posterior, Prior, posterior_of, prior_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
@@ -18,10 +19,12 @@ from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.own_mass import check_reference_mass
 from descentflow.representation.profiles import Profiles, observed_profiles
 
-MULTIPLES = (1.0, 3.0, 10.0, 30.0)
-"""Of the noise variance, among which calibration chooses."""
-MIN_LOG_PROB = -20.0
-"""Least log density of one flight in the calibration: a later level-off must not decide for all."""
+SHARES_LEFT = (0.75, 0.5)
+"""Of a descent's height, left to fly where its rest is predicted to calibrate the spread of draws."""
+SPREAD_STEPS = 2
+"""Times are not linear in what is drawn: the slow end moves by more than the draws do, and is looked at once again."""
+SPREAD_CONTINUATIONS = 200
+"""Of each flight there: the ends of its interval are then known to a tenth of its half width."""
 MIN_LEVELS = 5
 """Observed levels below which a prediction would be the prior."""
 MORE_DRAWS = 5
@@ -84,7 +87,7 @@ class DescentPredictor:
         self._priors: dict[tuple[float, ...], Prior] = {}
         if density.n_context == 0:
             self._prior(None)
-        self.noise_multiple = 1.0
+        self.spread = 1.0
 
     def _prior(self, context: Tensor | None) -> Prior:
         """The prior given a context (1, c), made once for each context: a flow's proposal takes part of a second."""
@@ -93,19 +96,16 @@ class DescentPredictor:
             self._priors[key] = prior_of(self.density, self.seed, context)
         return self._priors[key]
 
-    def calibrated(
-        self, flights: Profiles, n: int = 100, seed: int = 0, context: Tensor | None = None
-    ) -> "DescentPredictor":
-        """The predictor with the noise that predicts these flights best.
+    def calibrated(self, flights: Profiles, seed: int = 0, context: Tensor | None = None) -> "DescentPredictor":
+        """The predictor with the spread of draws with which its intervals hold the times of these flights.
 
-        Flights stray from the model's components in ways that are not white, so the stated noise makes intervals too
-        narrow. Of several multiples the one is taken that gives the observed time from the middle of each descent to
-        its bottom the highest mean log density (of a normal with the prediction's mean and deviation).
+        Draws are moved away from their mean until 90 % intervals hold 90 % of the times to the bottom and to three
+        levels above it, from a quarter and from half of the way down, and never towards it
+        (:mod:`~descentflow.generation.prediction.interval_spread`).
 
         Args:
             flights: Flights that neither training nor any later judgement uses: the validation part. Those are used
                 (200 at most) whose levels below the middle are all observed.
-            n: Continuations of each.
             seed: As in :meth:`predict`.
             context: (flights, c) encoded context of each, for a conditional density.
 
@@ -119,28 +119,32 @@ class DescentPredictor:
                 expected="at least ten to calibrate with",
                 mend="pass descents that hold more of the model's validation flights",
             )
-        candidates = [self._with_noise(multiple) for multiple in MULTIPLES]
-        own = {i: None if context is None else context[i : i + 1] for i in usable}
-        log_probs = [sum(one._log_prob(flights.subset([i]), n, seed, own[i]) for i in usable) for one in candidates]
-        return candidates[max(range(len(log_probs)), key=log_probs.__getitem__)]
+        found = copy(self)
+        found.spread = 1.0
+        for _ in range(SPREAD_STEPS):
+            missed = [
+                found._misses(flights.subset([i]), seed, None if context is None else context[i : i + 1])
+                for i in usable
+            ]
+            found.spread = max(found.spread * holding_spread([one for one in missed if len(one)]), 1.0)
+        return found
 
-    def _with_noise(self, multiple: float) -> "DescentPredictor":
-        changed = copy(self)
-        changed.noise_multiple = multiple
-        changed.curves = replace(self.curves, noise_variance=multiple * self.curves.noise_variance)
-        return changed
-
-    def _log_prob(self, flight: Profiles, n: int, seed: int, context: Tensor | None) -> float:
-        middle = int(flight.entry_level[0]) // 2
-        try:
-            flown = self.predict(flight, float(flight.levels_fl[middle]), n, seed, context=context).trajectories
-        except SamplingError:
-            return MIN_LOG_PROB
-        time_s = flown.time_s[:, 0]
-        actual = flight.time_s[0, 0] - flight.time_s[0, middle]
-        spread = time_s.std().clamp(min=0.1) if len(time_s) > 1 else time_s.new_tensor(0.1)
-        log_prob = -0.5 * ((actual - time_s.mean()) / spread).square() - spread.log()
-        return max(float(log_prob), MIN_LOG_PROB)
+    def _misses(self, flight: Profiles, seed: int, context: Tensor | None) -> Tensor:
+        """Misses of one flight: four from each of the heights from which it shows all below, and enough above."""
+        found, mask = [flight.time_s.new_zeros(0)], flight.mask[0]
+        for left in SHARES_LEFT:
+            last = int(left * int(flight.entry_level[0]))
+            if not bool(mask[: last + 1].all()) or int(mask[last:].sum()) < MIN_LEVELS:
+                continue
+            to = torch.tensor([0, last // 4, last // 2, 3 * last // 4])
+            try:
+                ahead = self.predict(
+                    flight, float(flight.levels_fl[last]), SPREAD_CONTINUATIONS, seed, context=context
+                ).trajectories
+            except SamplingError:
+                continue
+            found.append(misses(ahead.time_s[:, to], flight.time_s[0, to] - flight.time_s[0, last]))
+        return torch.cat(found)
 
     def predict(
         self, flight: Profiles, from_fl: float, n: int = 500, seed: int = 0, *, context: Tensor | None = None
@@ -214,8 +218,10 @@ class DescentPredictor:
         that contradict it are left out.
         """
         if so_far.crossovers is None:
-            return posterior.draw(n, generator)
+            drawn, effective = posterior.draw(n, generator)
+            return self._spread_out(drawn), effective
         drawn, effective = posterior.draw(MORE_DRAWS * n, generator)
+        drawn = self._spread_out(drawn)
         lowest = int(so_far.mask[0].nonzero()[0])
         agrees = torch.ones(len(drawn), dtype=torch.bool)
         if bool(so_far.crossovers.sure[0, lowest]):
@@ -224,6 +230,13 @@ class DescentPredictor:
             agrees = (flown.ahead_mps[:, lowest] < 0) == so_far.crossovers.holds_mach[0, lowest]
         drawn = drawn[agrees][:n]
         return drawn, min(effective, float(len(drawn)))
+
+    def _spread_out(self, drawn: Tensor) -> Tensor:
+        """Draws (n, D) with their distance from their mean times the calibrated spread."""
+        if self.spread == 1.0:
+            return drawn
+        mean = drawn.mean(0)
+        return mean + self.spread * (drawn - mean)
 
     def _fly(self, drawn: Tensor, entry: int) -> Trajectories:
         decoder = self.representation.decoder

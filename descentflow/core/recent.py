@@ -7,12 +7,16 @@ V = TypeVar("V")
 
 
 class Recent(Generic[V]):
-    """The results of the last different calls; the oldest is forgotten first.
+    """The results of the last different calls; what was not asked for longest is forgotten first.
 
     Example:
         >>> squares = Recent[int](most=2)
-        >>> squares.get(3, lambda: 3**2), squares.get(3, lambda: 1 / 0)  # the second is not worked out again
-        (9, 9)
+        >>> squares.get(3, lambda: 3**2), squares.get(4, lambda: 4**2)
+        (9, 16)
+        >>> squares.get(3, lambda: 1 / 0), squares.get(5, lambda: 5**2)  # the first is not worked out again
+        (9, 25)
+        >>> sorted(squares.known)
+        [3, 5]
     """
 
     def __init__(self, most: int) -> None:
@@ -31,9 +35,8 @@ class Recent(Generic[V]):
             key: What it is worked out from.
             make: Works it out.
         """
-        if key not in self.known:
-            made = make()
-            if len(self.known) >= self.most:
-                del self.known[next(iter(self.known))]
-            self.known[key] = made
-        return self.known[key]
+        made = self.known.pop(key) if key in self.known else make()
+        if len(self.known) >= self.most:
+            del self.known[next(iter(self.known))]
+        self.known[key] = made
+        return made

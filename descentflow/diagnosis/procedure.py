@@ -7,6 +7,7 @@ import polars as pl
 import torch
 from torch import Tensor
 
+from descentflow.core.freed_memory import give_back
 from descentflow.core.side_by_side import Begun, cores_shared
 from descentflow.diagnosis.causes_of_both_sides import with_shared_effects
 from descentflow.diagnosis.correction.closure import GapMeasure
@@ -75,6 +76,7 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
 
 def _run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> GapReport:
     simulator = settings.simulator
+    give_back()
     settings.progress("measuring flights")
     sides = both_sides(simulator, frame, settings.channels, settings.seed)
     real, source = sides.real, sides.source
@@ -138,6 +140,8 @@ class Diagnosis:
         progress("asking whether there is a gap")
         with Begun(self._null_test) as asked:
             self.learnt, chosen = select_by_either(self.learnt, self.discrepancy, settings.seed, progress)
+            # A search leaves much between what is kept of it.
+            give_back()
             progress("asking where it lies")
             likelihood = self.likelihood
             cells, affected = where(likelihood, settings.transition_fl, settings.seed)
@@ -155,6 +159,7 @@ class Diagnosis:
             # Entries that stand out by chance would make a gap of it.
             affected = torch.ones_like(affected)
         affected = self._without_by_products(affected, fit.effects)
+        give_back()
         progress("measuring how far the gap shrinks")
         measure = GapMeasure(likelihood, affected, settings.seed)
         shifts, spreads = held_out_shifts(likelihood, fit)
@@ -228,7 +233,9 @@ class Diagnosis:
     def _null_test(self) -> NullTest:
         """Whether there is a gap at all, under a covariance that does not know the sides."""
         c, settings = self.compared, self.settings
+        give_back()
         blind = blind_whitening(c, settings.seed)
+        give_back()
         unsided = EffectsLikelihood(c, blind, settings.catalogue, settings.seed, self.likelihood)
         return null_test(unsided, self.discrepancy, settings.transition_fl, settings.seed)
 

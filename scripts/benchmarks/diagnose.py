@@ -20,9 +20,34 @@ CASES: dict[str, dict[str, dict[str, float]]] = {
         "temperature": {"deviation_k": 8.0, "spread_k": 3.0},
         "wind_gradient": {"slope_kt_per_kft": 1.5, "spread_kt_per_kft": 1.0},
     },
+    "rates, level-offs": {
+        "vertical_speed_mode": {
+            "share": 0.84,
+            "of_idle": 0.86,
+            "of_idle_range": 0.06,
+            "depth_fl": 105.0,
+            "depth_range_fl": 30.0,
+        },
+        "level_off": {"share": 0.29, "duration_s": 98.0, "duration_range_s": 45.0},
+    },
+    "speed, rates": {
+        "airspeed_bias": {"bias_kt": -1.1, "slope_kt_per_mach": -14.0, "spread_kt": 0.4},
+        "vertical_speed_mode": {
+            "share": 0.72,
+            "of_idle": 0.86,
+            "of_idle_range": 0.1,
+            "depth_fl": 84.0,
+            "depth_range_fl": 30.0,
+        },
+    },
+    "brakes, thrust": {
+        "speed_brake": {"factor": 1.5, "share": 0.56, "low_fl": 207.0, "high_fl": 260.0},
+        "kept_thrust": {"share": 0.44, "decay_s": 163.0},
+    },
 }
-"""What is planted in the real flights."""
-WIDTH = 17
+"""What is planted in the real flights. The last three are as the slowest of 19 sets that were drawn as the sealed study
+draws its own: once effects were fitted the simulator's flights prove too narrow, and the search is done again."""
+WIDTH = 19
 """Of a column."""
 
 

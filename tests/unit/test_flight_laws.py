@@ -109,7 +109,7 @@ def test_the_mixture_is_the_sum_over_all_ways() -> None:
         exact = share * prior * torch.tensor(each).double() / whole
         torch.testing.assert_close(found.probability["e"][i], exact, atol=1e-6, rtol=0)
     # The expected shift is the sum over the ways, each at its size.
-    shift = placed.expected(found.probability["e"], found.likely["e"].size)
+    shift = placed.expected(found.probability["e"], found.size["e"])
     brute = torch.zeros(3, 4).double()
     for way in range(5):
         weights = (ways.table[ways.upper[way]] - ways.table[ways.lower[way]])[:3]

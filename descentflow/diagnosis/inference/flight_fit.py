@@ -148,7 +148,7 @@ class FlightFit:
         """What each flight has of every effect; zero for the simulator's flights."""
         found = {}
         for name, theta in self.laws.items():
-            probability, size = self.taken.probability[name], self.taken.likely[name].size
+            probability, size = self.taken.probability[name], self.taken.size[name]
             share = probability.sum(1)
             numbers = self.effect(name).own_numbers(self.state, theta, probability / share[:, None].clamp(1e-12), size)
             found[name] = FlightShares(

@@ -20,7 +20,6 @@ thousands of ways are products of two matrices.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -32,6 +31,8 @@ from descentflow.effects.flight_law import Learnt, Ways
 FAR_BELOW = -5.0
 """Standard deviations from zero below which a law that is cut off there needs the scaled complementary error function,
 which neither underflows nor cancels but takes five times as long as the normal law itself."""
+AT_ONCE = 1 << 15
+"""Ways of flights that are worked out at a time: what is in between stays near the processor, 256 kB an array."""
 MIN_SHARE = 1e-12
 """Of flights, for the logarithm of a share that is zero."""
 
@@ -49,6 +50,10 @@ class Explained:
     slope: Tensor
     curvature: Tensor
     by_offset: Tensor
+
+    def of(self, at: slice) -> "Explained":
+        """Of some flights."""
+        return Explained(self.slope[at], self.curvature[at], self.by_offset[at])
 
     def under(self, mean: float, spread: float) -> "Likely":
         """How much more likely each way is than none under a law of the size, and the size in it."""
@@ -147,7 +152,7 @@ class WaysOfFlights:
         self.whitening, self.n_entries = whitening, len(entries)
         self.shape, self.offset = ways.shape[:, kept], ways.offset[:, kept]
         self.weights = (ways.table[ways.upper] - ways.table[ways.lower])[:, kept]
-        self.rows = whitening.precision[:, self.at]
+        self.rows = whitening.of_entries(self.at)
         self.pushed = self.weighted(self.placed(self.offset)) if bool(self.offset.any()) else self.offset
         self.curvature = self._curvature()
 
@@ -216,26 +221,21 @@ class Law:
 class Taken:
     """Which flights have which effect in which way.
 
-    ``probability`` (n, W) by effect; ``likely`` with the size in each way; ``log_ratio`` (n,) of the mixture's density
-    over that without the effects.
+    By effect (n, W): ``probability``, the ``size`` in each way, ``sized`` that it has in it times its probability, and
+    ``squared`` of what is expected of its square; ``log_ratio`` (n,) of the mixture's density over that without the
+    effects.
     """
 
     probability: dict[str, Tensor]
-    likely: dict[str, Likely]
+    size: dict[str, Tensor]
+    sized: dict[str, Tensor]
+    squared: dict[str, Tensor]
     log_ratio: Tensor
 
-    @cached_property
-    def sized(self) -> dict[str, Tensor]:
-        """Probability times size (n, W), by effect."""
-        return {name: r * self.likely[name].size for name, r in self.probability.items()}
-
-    @cached_property
-    def squared(self) -> dict[str, Tensor]:
-        """Probability times what is expected of the squared size (n, W), by effect."""
-        likely = self.likely
-        return {
-            n: torch.addcmul(self.sized[n] * likely[n].size, r, likely[n].variance) for n, r in self.probability.items()
-        }
+    def of(self, at: slice) -> "Taken":
+        """Of some flights; what is written there is written here."""
+        parts = [{n: one[at] for n, one in p.items()} for p in (self.probability, self.size, self.sized, self.squared)]
+        return Taken(parts[0], parts[1], parts[2], parts[3], self.log_ratio[at])
 
     def learnt(self, name: str, chosen: Tensor | None = None) -> Learnt:
         """Sums over flights, or over those chosen (n,)."""
@@ -256,13 +256,35 @@ def taken(explained: Mapping[str, Explained], laws: Mapping[str, Law]) -> Taken:
         >>> found.probability["path"][:, 0]  # odds of e^6 and e^-2
         tensor([0.9975, 0.1192], dtype=torch.float64)
     """
+    first = next(iter(explained.values()))
+    blank = [{name: torch.empty_like(explained[name].slope) for name in laws} for _ in range(4)]
+    found = Taken(blank[0], blank[1], blank[2], blank[3], torch.empty_like(first.by_offset))
+    for at in _some_flights(explained):
+        _take({name: one.of(at) for name, one in explained.items()}, laws, found.of(at))
+    return found
+
+
+def _take(explained: Mapping[str, Explained], laws: Mapping[str, Law], found: Taken) -> None:
+    """Fill in what is found of some flights."""
     none = _log_none(laws)
     likely = {name: explained[name].under(law.mean, law.spread) for name, law in laws.items()}
-    joint = {n: likely[n].log_ratio + law.log_joint for n, law in laws.items()}
+    joint = {n: likely[n].log_ratio.add_(law.log_joint) for n, law in laws.items()}
     top = torch.stack([one.amax(1) for one in joint.values()]).amax(0).clamp_(min=none)
     weight = {name: one.sub_(top[:, None]).exp_() for name, one in joint.items()}
     total = (none - top).exp() + torch.stack([one.sum(1) for one in weight.values()]).sum(0)
-    return Taken({name: one.div_(total[:, None]) for name, one in weight.items()}, likely, top + total.log())
+    for name, one in weight.items():
+        size, variance = found.size[name].copy_(likely[name].size), likely[name].variance
+        probability = torch.div(one, total[:, None], out=found.probability[name])
+        sized = torch.mul(probability, size, out=found.sized[name])
+        found.squared[name].copy_((sized * size).addcmul_(probability, variance))
+    found.log_ratio.copy_(top + total.log())
+
+
+def _some_flights(explained: Mapping[str, Explained]) -> list[slice]:
+    """Flights that are worked out at a time."""
+    one = next(iter(explained.values())).slope
+    step = max(AT_ONCE // sum(part.slope.shape[1] for part in explained.values()), 1)
+    return [slice(at, at + step) for at in range(0, len(one), step)]
 
 
 def log_ratio(explained: Mapping[str, Explained], laws: Mapping[str, Law]) -> Tensor:
@@ -274,9 +296,12 @@ def log_ratio(explained: Mapping[str, Explained], laws: Mapping[str, Law]) -> Te
         >>> log_ratio({"path": seen}, {"path": Law(torch.zeros(1).double(), 0.5, 1.0, 0.0)})  # ln of (1 + e^6) / 2, ...
         tensor([ 5.3093, -0.5662], dtype=torch.float64)
     """
-    joint = [explained[name].log_ratio(law.mean, law.spread).add_(law.log_joint) for name, law in laws.items()]
-    none = torch.full((len(joint[0]), 1), _log_none(laws), dtype=joint[0].dtype)
-    return torch.cat([none, *joint], 1).logsumexp(1)
+    none, found = torch.tensor(_log_none(laws), dtype=torch.float64), []
+    for at in _some_flights(explained):
+        of_some = {name: one.of(at) for name, one in explained.items()}
+        joint = [of_some[name].log_ratio(law.mean, law.spread).add_(law.log_joint) for name, law in laws.items()]
+        found.append(torch.cat([none.expand(len(joint[0]), 1), *joint], 1).logsumexp(1))
+    return torch.cat(found)
 
 
 def _log_none(laws: Mapping[str, Law]) -> float:

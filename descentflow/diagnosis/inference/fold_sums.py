@@ -15,7 +15,7 @@ from descentflow.diagnosis.inference.aircraft_groups import FOLDS
 from descentflow.diagnosis.inference.linear_algebra import Block, Common, Design, solve
 from descentflow.diagnosis.inference.whitening import Whitening
 
-BLOCKS = 8
+BLOCKS = 6
 """Blocks of columns that are kept: one fit starts where another ended."""
 SUMS = 512
 """Sums of a block, and of two blocks, that are kept: a few hundred numbers each."""

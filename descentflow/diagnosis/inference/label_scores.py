@@ -20,8 +20,8 @@ from descentflow.diagnosis.inference.fold_sums import NUDGE
 from descentflow.diagnosis.inference.labellings import Labellings
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 
-COLUMNS_AT_ONCE = 8
-"""Columns that are weighted at a time: of 5,000 flights with 100 entries, 32 MB."""
+COLUMNS_AT_ONCE = 4
+"""Columns that are weighted at a time: of 5,000 flights with 100 entries, 16 MB, and some times as much in between."""
 LEAST = 1e-12
 """Of information and variance: below it, columns move nothing that is seen."""
 

@@ -11,6 +11,8 @@ from descentflow.core.recent import Recent
 
 KEPT = 6
 """Selections of rows of the precisions that are kept: effects that show in the same quantities ask for the same."""
+PARTS = 8
+"""Parts of the flights whose precisions are kept: the folds, either side, and all real ones by fold."""
 ITERATIONS = 6
 """Of EM; what is missing is mostly the top of the grid, and its neighbours say nearly all of it."""
 
@@ -73,7 +75,7 @@ class Whitening:
         used = torch.nonzero((values != 0).any(2).any(0))[:, 0]
         n, p, k = values.shape
         shown = values[:, used].transpose(1, 2)[order]
-        rows = self._kept_rows.get(tuple(used.tolist()), lambda: self.precision[:, used])
+        rows = self.of_entries(used)
         found = self._times(shown.reshape(n, k * len(used)), rows, k)
         return found.reshape(n, k, p)[back].transpose(1, 2)
 
@@ -88,8 +90,19 @@ class Whitening:
             torch.bmm(rows[mine].view(count, each, shown), own, out=found[mine].view(count, each, entries))
         return found
 
+    def of_entries(self, entries: Tensor) -> Tensor:
+        """Rows (patterns, k, p) of the precisions."""
+        return self._kept_rows.get(tuple(entries.tolist()), lambda: self.precision[:, entries])
+
     def rows(self, index: Tensor) -> "Whitening":
-        """Of the flights at these positions."""
+        """Of the flights at these positions; the same ones for the same positions, so that what they know is kept."""
+        return self._parts.get(tuple(index.tolist()), lambda: self._rows(index))
+
+    @cached_property
+    def _parts(self) -> Recent["Whitening"]:
+        return Recent(PARTS)
+
+    def _rows(self, index: Tensor) -> "Whitening":
         shown, pattern = _numbered(self.pattern[index])
         return Whitening(pattern, self.precision[shown], self.covariance, self.optimism[index], self.between)
 

@@ -10,6 +10,7 @@ import warnings
 import torch
 from torch import Tensor
 
+from descentflow.densities.em_acceleration import converge_fast
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian_steps import GaussianSteps
@@ -23,6 +24,10 @@ FINALISTS = 4
 """Restarts that go on to convergence."""
 COMPARING_ITERATIONS = 8
 """EM steps by marginal likelihood after which the finalists are compared, where their stand-ins have converged."""
+STARTING_FLIGHTS = 4096
+"""Flights, evenly of the training flights, with which starts are tried and compared; all of them take it from there."""
+STARTING_ITERATIONS = 100
+"""EM steps of a finalist where it is of some of the flights."""
 
 
 def steps_of(flights: Tensor | Evidence, context: Tensor | None = None) -> Steps:
@@ -125,7 +130,8 @@ def fit_mixture(
 
     Restarts matter more than the algorithm: seeds differ by 0.3 nats. All are screened by a few steps, and the
     best go on to convergence. Where weights are not known this is done with weights drawn given what was observed,
-    whose steps cost little, and the best of what they lead to are compared and converged by marginal likelihood.
+    whose steps cost little, and the best of what they lead to are compared and converged by marginal likelihood. Where
+    flights are many, some of them do all this, and the best mixture is converged by all.
 
     Args:
         flights: Standardised weights (n, d), or the evidence of flights that show only some levels.
@@ -166,13 +172,13 @@ def fit_steps(
         >>> [fit_steps(steps, k, seed=0, n_restarts=1)[0].n_components for k in (1, 2)]
         [1, 2]
     """
-    stand_in = steps.stand_in(seed)
+    some = steps.some(STARTING_FLIGHTS)
+    stand_in, most = some.stand_in(seed), iterations if some is steps else min(iterations, STARTING_ITERATIONS)
     starts = [start(stand_in, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]
     screened = [converge(stand_in, m, iterations=SCREENING_ITERATIONS, tolerance=tolerance) for m in starts]
     screened.sort(key=lambda pair: -pair[1])
-    finals = [converge(stand_in, m, iterations=iterations, tolerance=tolerance) for m, _ in screened[:FINALISTS]]
-    if stand_in is not steps:
-        compared = [converge(steps, m, iterations=COMPARING_ITERATIONS, tolerance=tolerance) for m, _ in finals]
-        best = max(compared, key=lambda pair: pair[1])[0]
-        finals = [converge(steps, best, iterations=iterations, tolerance=tolerance)]
-    return max(finals, key=lambda pair: pair[1])
+    finals = [converge(stand_in, m, iterations=most, tolerance=tolerance) for m, _ in screened[:FINALISTS]]
+    if stand_in is not some:
+        finals = [converge(some, m, iterations=COMPARING_ITERATIONS, tolerance=tolerance) for m, _ in finals]
+    best = max(finals, key=lambda pair: pair[1])
+    return best if stand_in is steps else converge_fast(steps, best[0], iterations=iterations, tolerance=tolerance)

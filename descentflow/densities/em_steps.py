@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 
+import torch
 from torch import Tensor
 
 from descentflow.densities.mixture_parameters import Mixture
@@ -30,6 +31,10 @@ class Steps(ABC):
     def maximise(self, responsibilities: Tensor, before: Mixture | None = None) -> Mixture:
         """The M step, from the mixture before it where it is no closed form."""
 
+    @abstractmethod
+    def some(self, most: int) -> "Steps":
+        """The steps of at most so many of the flights, evenly chosen; these themselves if there are no more."""
+
     def stand_in(self, seed: int) -> "Steps":
         """Flights of which the starts are tried: these themselves, unless a step of these costs much."""
         return self
@@ -44,3 +49,13 @@ class Steps(ABC):
         """One E and M step, and the mean log-likelihood before it (nats per flight)."""
         responsibilities, likelihood = self.expectation(mixture)
         return self.maximise(responsibilities, mixture), float(likelihood)
+
+
+def evenly(n: int, most: int) -> Tensor:
+    """Positions of at most ``most`` of n flights, as far apart as each other.
+
+    Example:
+        >>> evenly(10, 4), evenly(3, 4)
+        (tensor([0, 3, 6, 9]), tensor([0, 1, 2]))
+    """
+    return torch.arange(0, n, -(-n // most))

@@ -11,10 +11,10 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from descentflow.densities.em_steps import Steps
+from descentflow.densities.em_steps import Steps, evenly
 from descentflow.densities.gaussian_steps import JITTER, GaussianSteps, cholesky_or_small
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import posteriors
+from descentflow.densities.observed import block_posteriors
 from descentflow.densities.regression_steps import RIDGE, Gate, RegressionSteps
 from descentflow.representation.evidence import Evidence
 
@@ -60,7 +60,9 @@ class EvidenceSteps(Steps):
         self.context = None if context is None else context.to(torch.float64)
         ones = torch.ones_like(evidence.points[:, :1])
         self.design = ones if self.context is None else torch.cat([ones, self.context], 1)
-        self._chunks = list(evidence.chunks())
+        self._blocks = list(evidence.blocks())
+        self._last: tuple[list[Tensor], Tensor, _Moments, float] | None = None
+        self._some: tuple[int, EvidenceSteps] | None = None
         self._gate = None if self.context is None else Gate(self.context)
 
     @cached_property
@@ -77,6 +79,17 @@ class EvidenceSteps(Steps):
             before = likelihood
         return one
 
+    def some(self, most: int) -> Steps:
+        """The steps of at most so many of the flights, evenly chosen."""
+        if len(self.evidence) <= most:
+            return self
+        if self._some is None or self._some[0] != most:
+            chosen = evenly(len(self.evidence), most).to(self.evidence.group.device)
+            context = None if self.context is None else self.context[chosen]
+            fewer = EvidenceSteps(self.evidence.rows(chosen), context, ridge=self.ridge, jitter=self.jitter)
+            self._some = (most, fewer)
+        return self._some[1]
+
     def stand_in(self, seed: int) -> Steps:
         """Weights drawn given what was observed, under the single Gaussian: steps of them are in closed form.
 
@@ -85,27 +98,24 @@ class EvidenceSteps(Steps):
         generator = torch.Generator().manual_seed(seed)
         white = torch.randn(self.evidence.points.shape, generator=generator, dtype=torch.float64)
         drawn = torch.empty_like(self.evidence.points)
-        for index, rows in self._chunks:
-            found = posteriors(self.single, rows, None if self.context is None else self.context[index])
-            factor = cholesky_or_small(found.covariances[:, 0], 1e-12)
-            noise = (factor[rows.group] @ white[index].to(drawn)[:, :, None])[:, :, 0]
-            drawn[index] = found.means[:, 0] + noise
+        for block in self._blocks:
+            found = block_posteriors(self.single, block, self.context)
+            factor = cholesky_or_small(found.covariances[0], 1e-12)
+            drawn[block.index] = found.means[0] + white[block.index.cpu()].to(drawn) @ factor.mT
         return GaussianSteps(drawn) if self.context is None else RegressionSteps(drawn, self.context)
 
     def points_to_group(self, seed: int) -> Tensor:
         """What k-means starts from: the weights expected under the single Gaussian (n, d)."""
         means = torch.empty_like(self.evidence.points)
-        for index, rows in self._chunks:
-            means[index] = posteriors(self.single, rows, None if self.context is None else self.context[index]).means[
-                :, 0
-            ]
+        for block in self._blocks:
+            means[block.index] = block_posteriors(self.single, block, self.context).means[0]
         return means
 
     def log_joint(self, mixture: Mixture) -> Tensor:
         """Log of proportion times marginal likelihood (n, k) of each flight and mixture component, in nats."""
         joint = self.evidence.points.new_empty(len(self.evidence), mixture.n_components)
-        for index, rows in self._chunks:
-            joint[index] = posteriors(mixture, rows, None if self.context is None else self.context[index]).log_joint
+        for block in self._blocks:
+            joint[block.index] = block_posteriors(mixture, block, self.context).log_joint.permute(1, 2, 0)
         return joint
 
     def maximise(self, responsibilities: Tensor, before: Mixture | None = None) -> Mixture:
@@ -114,31 +124,49 @@ class EvidenceSteps(Steps):
         moments, _ = self._gather(mixture, responsibilities)
         return self._mixture(moments, responsibilities, before)
 
+    def expectation(self, mixture: Mixture) -> tuple[Tensor, Tensor]:
+        """The E step: responsibilities (n, k) and the mean log-likelihood (nats per flight)."""
+        responsibilities, _, likelihood = self._told(mixture)
+        return responsibilities, self.evidence.points.new_tensor(likelihood)
+
     def improve(self, mixture: Mixture) -> tuple[Mixture, float]:
         """One E and M step, and the mean log-likelihood before it; each posterior is computed once."""
-        responsibilities = self.evidence.points.new_empty(len(self.evidence), mixture.n_components)
-        moments, likelihood = self._gather(mixture, responsibilities, fill=True)
+        responsibilities, moments, likelihood = self._told(mixture)
         return self._mixture(moments, responsibilities, mixture), likelihood
+
+    def _told(self, mixture: Mixture) -> tuple[Tensor, _Moments, float]:
+        """Responsibilities, moments and mean log-likelihood; the last are kept, for training asks for them twice."""
+        parts = [part for part in vars(mixture).values() if part is not None]
+        if self._last is None or not all(map(torch.equal, self._last[0], parts)):
+            responsibilities = self.evidence.points.new_empty(len(self.evidence), mixture.n_components)
+            moments, likelihood = self._gather(mixture, responsibilities, fill=True)
+            # Copies: a density's own parameters change in place.
+            self._last = ([part.detach().clone() for part in parts], responsibilities, moments, likelihood)
+        return self._last[1:]
 
     def _gather(self, mixture: Mixture, responsibilities: Tensor, *, fill: bool = False) -> tuple[_Moments, float]:
         """Moments under responsibilities, which are computed here if they are to be filled in."""
         k, (c, d) = responsibilities.shape[1], (self.design.shape[1], self.evidence.points.shape[1])
         like, likelihood = self.evidence.points, 0.0
         xx, xw, ww = like.new_zeros(k, c, c), like.new_zeros(k, c, d), like.new_zeros(k, d, d)
-        for index, rows in self._chunks:
-            found = posteriors(mixture, rows, None if self.context is None else self.context[index])
+        for block in self._blocks:
+            found = block_posteriors(mixture, block, self.context)
             if fill:
-                total = found.log_joint.logsumexp(1)
-                responsibilities[index] = (found.log_joint - total[:, None]).exp()
-                likelihood += float(total.sum())
-            share, x = responsibilities[index], self.design[index]
-            weighted = share.T[:, :, None] * x  # (k, n, c)
-            means = found.means.expand(-1, k, -1).transpose(0, 1)
+                total = found.log_joint.logsumexp(0)
+                share = (found.log_joint - total).exp()
+                responsibilities[block.index] = share.permute(1, 2, 0)
+                likelihood += float((total * block.taken).sum())
+            else:
+                share = responsibilities[block.index].permute(2, 0, 1)
+            share = share * block.taken  # (k, r, m)
+            flat, x = share.flatten(1)[:, :, None], self.design[block.index.flatten()]
+            means = found.means.expand(k, -1, -1, -1).flatten(1, 2)
+            weighted = flat * x  # (k, r m, c)
             xx += weighted.mT @ x
             xw += weighted.mT @ means
-            by_matrix = like.new_zeros(len(rows.precisions), k).index_add_(0, rows.group, share)
-            ww += (share.T[:, :, None] * means).mT @ means
-            ww += torch.einsum("uk,ukde->kde", by_matrix, found.covariances.expand(-1, k, -1, -1))
+            ww += (flat * means).mT @ means
+            covariances = found.covariances.expand(k, -1, -1, -1).flatten(2)
+            ww += (share.sum(2)[:, None] @ covariances).reshape(k, d, d)
         return _Moments(xx, xw, ww), likelihood / len(self.evidence)
 
     def _mixture(self, moments: _Moments, responsibilities: Tensor, before: Mixture | None) -> Mixture:

@@ -9,7 +9,7 @@ from math import log, pi
 import torch
 from torch import Tensor
 
-from descentflow.densities.em_steps import Steps
+from descentflow.densities.em_steps import Steps, evenly
 from descentflow.densities.mixture_parameters import Mixture
 
 JITTER = 1e-6
@@ -29,6 +29,11 @@ class GaussianSteps(Steps):
         """Take the training flights' weights (n, d)."""
         self.weights = weights.to(torch.float64)
         self.features = quadratic_features(self.weights)
+
+    def some(self, most: int) -> Steps:
+        """The steps of at most so many of the flights, evenly chosen."""
+        n = len(self.weights)
+        return self if n <= most else GaussianSteps(self.weights[evenly(n, most)])
 
     def points_to_group(self, seed: int) -> Tensor:
         """What k-means starts from: the weights (n, d)."""

@@ -8,7 +8,7 @@ decides. With no context at all, :mod:`descentflow.densities.gaussian_steps` tak
 import torch
 from torch import Tensor
 
-from descentflow.densities.em_steps import Steps
+from descentflow.densities.em_steps import Steps, evenly
 from descentflow.densities.gaussian_steps import JITTER, cholesky_or_small
 from descentflow.densities.mixture_parameters import Mixture
 
@@ -34,6 +34,11 @@ class RegressionSteps(Steps):
         """Take the training flights' weights (n, d) and encoded context (n, c)."""
         self.weights, self.context = weights.to(torch.float64), context.to(torch.float64)
         self._gate = Gate(self.context)
+
+    def some(self, most: int) -> Steps:
+        """The steps of at most so many of the flights, evenly chosen."""
+        chosen = evenly(len(self.weights), most)
+        return self if len(self.weights) <= most else RegressionSteps(self.weights[chosen], self.context[chosen])
 
     def points_to_group(self, seed: int) -> Tensor:
         """What k-means starts from: the weights or, every other pair of seeds, their residuals given the context."""

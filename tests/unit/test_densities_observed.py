@@ -10,14 +10,15 @@ from torch import Tensor
 from torch.distributions import MultivariateNormal
 
 from descentflow.densities.density import Density
-from descentflow.densities.em import fit_mixture, steps_of
+from descentflow.densities.em import converge, fit_mixture, start, steps_of
+from descentflow.densities.em_acceleration import converge_fast
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.importance import estimate, propose
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import log_observed, posteriors
-from descentflow.representation.evidence import Evidence
+from descentflow.densities.observed import block_posteriors, log_observed, posteriors
+from descentflow.representation.evidence import BLOCK, Evidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 D, K, C = 3, 2, 2
@@ -86,6 +87,27 @@ def test_the_posterior_is_the_conditional_of_the_joint_gaussian() -> None:
             torch.testing.assert_close(
                 found.covariances[evidence.group[i], k], covariance - gain @ covariance[shown], rtol=1e-9, atol=1e-9
             )
+
+
+@pytest.mark.parametrize("context", [False, True])
+def test_flights_that_share_a_matrix_have_the_posteriors_that_each_has_alone(context: bool) -> None:
+    """Rows are padded, and those of more than a few flights are broken: four masks of 90, 20, 5 and 1 flights."""
+    mixture, weights = truth(context=context), drawn(truth(), 116)
+    given = normal(116, C, seed=4) if context else None
+    group = torch.repeat_interleave(torch.arange(4), torch.tensor([90, 20, 5, 1]))[torch.randperm(116)]
+    seen = 3.0 * torch.tensor([[1, 1, 1], [1, 1, 0], [1, 0, 0], [0, 1, 1]], dtype=torch.float64)
+    evidence = Evidence.of_information(torch.diag_embed(seen), seen[group] * weights, group)
+    expected, blocks = posteriors(mixture, evidence, given), list(evidence.blocks())
+    counted = torch.zeros(116, dtype=torch.float64)
+    for block in blocks:
+        found = block_posteriors(mixture, block, given)
+        counted.index_add_(0, block.index.flatten(), block.taken.flatten())
+        torch.testing.assert_close(found.log_joint.permute(1, 2, 0), expected.log_joint[block.index])
+        torch.testing.assert_close(found.means.permute(1, 2, 0, 3), expected.means[block.index])
+        covariances = expected.covariances[evidence.group[block.index[:, 0]]]
+        torch.testing.assert_close(found.covariances.transpose(0, 1), covariances)
+    assert bool((counted == 1).all()), "each flight once"
+    assert max(block.index.numel() for block in blocks) <= BLOCK
 
 
 def test_scores_are_log_densities_where_weights_are_seen_precisely_and_zero_where_nothing_is() -> None:
@@ -171,6 +193,70 @@ def test_steps_never_lose_likelihood(context: bool) -> None:
         previous = likelihood
 
 
+@pytest.mark.parametrize("context", [False, True])
+def test_extrapolation_ends_no_lower_in_fewer_steps(context: bool) -> None:
+    """Overlapping components, two of whose coordinates are often not seen: plain EM takes hundreds of steps."""
+    evidence, _, _ = gappy(drawn(truth(), 400), noise=1.0)
+    steps = EvidenceSteps(evidence, normal(400, C, seed=4) if context else None)
+    first = start(steps.stand_in(0), 3, seed=1)
+    asked: list[float] = []
+
+    def improve(mixture: Mixture) -> tuple[Mixture, float]:
+        found = EvidenceSteps.improve(steps, mixture)
+        asked.append(found[1])
+        return found
+
+    steps.improve = improve  # type: ignore[method-assign]
+    plain, slowly = converge(steps, first, iterations=3000, tolerance=1e-6)[1], len(asked)
+    asked.clear()
+    found, fast = converge_fast(steps, first, iterations=3000, tolerance=1e-6)
+    assert fast > plain - 1e-4
+    assert len(asked) < 0.7 * slowly
+    assert fast == pytest.approx(float(log_observed_mean(steps, found)), abs=1e-12)
+    # What is returned is at least as likely as all that was looked at; the last step's gain is below the tolerance.
+    assert fast >= max(asked) - 1e-12
+
+
+def test_an_extrapolation_that_loses_likelihood_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    evidence, _, _ = gappy(drawn(truth(), 200))
+    steps = EvidenceSteps(evidence)
+    first = start(steps.stand_in(0), 2, seed=0)
+    expected = converge(steps, first, iterations=500, tolerance=1e-7)[1]
+    monkeypatch.setattr("descentflow.densities.em_acceleration._length", lambda *_: 1e3)
+    assert converge_fast(steps, first, iterations=500, tolerance=1e-7)[1] == pytest.approx(expected, abs=1e-4)
+
+
+def test_some_of_many_flights_find_the_start_and_all_of_them_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With as few as 300 of 2,000 flights to begin with, the optimum is that of all flights."""
+    context = normal(2000, C, seed=4)
+    for given in (None, context):
+        for flights in (gappy(drawn(truth(), 2000))[0], drawn(truth(), 2000)):
+            whole, likelihood = fit_mixture(flights, K, context=given, seed=0, n_restarts=3)
+            with monkeypatch.context() as fewer:
+                fewer.setattr("descentflow.densities.em.STARTING_FLIGHTS", 300)
+                found, again = fit_mixture(flights, K, context=given, seed=0, n_restarts=3)
+            assert again == pytest.approx(likelihood, abs=2e-4)
+            torch.testing.assert_close(found.locs.sort(0).values, whole.locs.sort(0).values, rtol=0, atol=0.05)
+
+
+def test_a_step_that_was_looked_at_is_not_computed_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    evidence, _, _ = gappy(drawn(truth(), 50))
+    steps, mixture = EvidenceSteps(evidence), truth(5)
+    expected, likelihood = EvidenceSteps(evidence).improve(mixture)
+    looked = float(steps.expectation(mixture)[1])
+    with monkeypatch.context() as none:
+        none.setattr(EvidenceSteps, "_gather", None)
+        found, again = steps.improve(mixture)
+    assert looked == again == likelihood
+    assert torch.equal(found.scale_trils, expected.scale_trils)
+    mixture.locs.add_(1.0)  # in place, as a density's parameters are set
+    assert steps.improve(mixture)[1] != likelihood
+
+
+def log_observed_mean(steps: EvidenceSteps, mixture: Mixture) -> Tensor:
+    return log_observed(mixture, steps.evidence, steps.context).mean()
+
+
 def test_with_a_context_known_weights_and_precise_ones_give_the_same() -> None:
     context = normal(500, C, seed=4)
     weights = 0.3 + context @ normal(C, D, seed=5) + 0.5 * normal(500, D)
@@ -187,6 +273,8 @@ def test_chunks_and_order_of_flights_do_not_matter(monkeypatch: pytest.MonkeyPat
     steps, first = steps_of(evidence), truth(5)
     expected, likelihood = steps.improve(first)
     monkeypatch.setattr(Evidence.chunks, "__defaults__", (7,))
+    monkeypatch.setattr("descentflow.representation.evidence.BLOCK", 8)
+    monkeypatch.setattr("descentflow.representation.evidence.ROW", 4)
     turned = evidence.rows(torch.arange(99, -1, -1))
     found, again = steps_of(turned).improve(first)
     assert again == pytest.approx(likelihood, rel=1e-12)

@@ -13,6 +13,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.component_search import MIN_FLIGHTS_PER_PARAMETER, by_bic, max_components, select_mixture
 from descentflow.evaluation.forecast_scores import forecast_scores, skill
 from descentflow.evaluation.metrics.proper import crps, crps_each, energy_score_each
+from descentflow.representation.evidence import Evidence
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
 
@@ -75,6 +76,19 @@ def test_bic_goes_on_only_while_the_end_is_best() -> None:
     assert tried(16, 70, 262)[15:] == [16, 18, 20, 22, 24], "four in a row no better"
     assert tried(30, 35, 35)[-3:] == [29, 32, 35]
     assert tried(2, 20, 20)[-1] == 16, "every number where each costs little"
+
+
+def test_many_flights_that_are_not_known_are_gone_through_in_longer_strides(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three clusters in a plane: with the starts tried with fewer than all, numbers beyond eight are not all tried."""
+    monkeypatch.setattr("descentflow.densities.component_search.STARTING_FLIGHTS", 200)
+    monkeypatch.setattr("descentflow.densities.em.STARTING_FLIGHTS", 200)
+    centres = torch.tensor([[0.0, 6.0], [6.0, 0.0], [-6.0, -6.0]]).double()
+    points = centres[torch.arange(900) % 3] + normal(900, 2)
+    blurred = Evidence(points, torch.zeros(900, dtype=torch.long), 100.0 * torch.eye(2).double()[None])
+    found = select_mixture(blurred, seed=0, n_restarts=2)
+    assert found.mixture.n_components == 3
+    assert list(found.bic) == [1, 2, 3, 4, 5, 6, 7, 8], "a fifth more would be ten, and none was better for long"
+    assert list(select_mixture(points, seed=0, n_restarts=2).bic) == [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
 
 
 def test_the_papers_cap_hides_components_that_the_longer_search_finds() -> None:

@@ -128,7 +128,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             self._steps = steps_of(*training_flights(self))
         improved, before = self._steps.improve(self.density.mixture)
         self.density.mixture = improved
-        after = float(self._steps.expectation(improved)[1])
+        after = float(self._steps.expectation(self.density.mixture)[1])
         n_flights = len(self.trainer.datamodule.evidence("train"))  # type: ignore[attr-defined]
         self.log("train/nll", -before, on_epoch=True, on_step=False, batch_size=n_flights)
         if after - before < self.tolerance:

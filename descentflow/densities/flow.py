@@ -9,7 +9,16 @@ from torch import Tensor, nn
 
 from descentflow.densities.density import Density
 from descentflow.densities.importance import widened
-from descentflow.densities.layers import Bounded, ContextNet, ExponentialAffine, Flip, TurnedRound, made, turned_linear
+from descentflow.densities.layers import (
+    Bounded,
+    ContextNet,
+    ExponentialAffine,
+    Flip,
+    LinearMap,
+    TurnedRound,
+    made,
+    turned_linear,
+)
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.observed import log_observed
 from descentflow.representation.evidence import Evidence
@@ -279,7 +288,7 @@ class SplineFlowDensity(FlowDensity):
                 nn.init.constant_(net.made.final_layer.bias, float(start[0]))
                 spline.mprqat.autoregressive_net = net
             # Random orders serve splines better than two that alternate: 2.3 and not 2.7 nats on groups in 3-d.
-            flows += [spline, nf.flows.LULinearPermute(dimension)]
+            flows += [spline, LinearMap(dimension)]
         self.flow = self._assembled(flows)
 
     def settings(self) -> dict[str, Any]:

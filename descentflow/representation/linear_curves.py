@@ -9,7 +9,7 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.evidence import Evidence
-from descentflow.representation.fpca.ppca import group_masks
+from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.observed_channels import Observed
 from descentflow.representation.profiles import Profiles
 

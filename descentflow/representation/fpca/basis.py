@@ -7,7 +7,8 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.representation.fpca.iterative import modewise_weights
-from descentflow.representation.fpca.ppca import group_masks, posterior
+from descentflow.representation.fpca.mask_groups import group_masks
+from descentflow.representation.fpca.ppca import posterior
 
 
 class FunctionalBasis(nn.Module):

@@ -16,6 +16,7 @@ from descentflow.core.errors import DataError
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.judged_by_others import roughness_and_length
+from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
 from descentflow.representation.fpca.roughness import smoothed
 
 DEVIATIONS = 3
@@ -51,7 +52,7 @@ class ConstantBasis(FunctionalBasis):
             return self.mean.new_zeros(0, 1)
         centred = torch.where(mask, values.to(torch.float64) - self.mean, 0.0)
         noise = self.noise_variance * self.noise_length
-        latent, _, _ = ppca.posterior(centred, ppca.group_masks(mask), self.loadings, noise)
+        latent, _, _ = ppca.posterior(centred, group_masks(mask), self.loadings, noise)
         size = self.loadings[0, 0] / self.components[0, 0]
         found: Tensor = latent[:, :1] * size
         return found
@@ -227,7 +228,7 @@ def constant_em(centred: Tensor, mask: Tensor, q: int) -> ppca.PPCA:
         >>> fitted.loadings[:, 0].unique().numel(), round(float(fitted.loadings[0, 0]))
         (1, 3)
     """
-    groups = ppca.group_masks(mask)
+    groups = group_masks(mask)
     counts = mask.sum(0).to(centred)
     shift, own = level_and_flight(centred, mask)
     left = torch.where(mask, centred - shift - own[:, None], 0.0)
@@ -246,7 +247,7 @@ def constant_em(centred: Tensor, mask: Tensor, q: int) -> ppca.PPCA:
     return ppca.PPCA(loadings, noise, shift, fits, converged=False)
 
 
-def _moments(centred: Tensor, groups: ppca.MaskGroups, means: Tensor, covariance: Tensor) -> _Moments:
+def _moments(centred: Tensor, groups: MaskGroups, means: Tensor, covariance: Tensor) -> _Moments:
     q = means.shape[1]
     counts = torch.bincount(groups.group, minlength=len(groups.masks)).to(means)
     design = torch.cat([means, torch.ones_like(means[:, :1])], 1)

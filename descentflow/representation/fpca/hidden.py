@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import ConfigError
-from descentflow.representation.fpca.ppca import group_masks, posterior
+from descentflow.representation.fpca.mask_groups import group_masks
+from descentflow.representation.fpca.ppca import posterior
 
 Pattern = Literal["top", "random", "slow"]
 MOST_HIDDEN = 0.9

@@ -13,8 +13,12 @@ from math import log, pi
 import torch
 from torch import Tensor
 
+from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
+
 CHUNK = 4096
 """Flights whose q x q posterior is held at once."""
+FIRST_FLIGHTS = 4096
+"""Of more than twice as many flights, so many say where EM starts: it climbs slowly, and most of the way is theirs."""
 NOISE_STEPS = 10
 """EM steps for the noise alone, which converges fast: it has one number for all values."""
 
@@ -41,35 +45,6 @@ class PPCA:
     converged: bool
 
 
-@dataclass(frozen=True)
-class MaskGroups:
-    """Flights grouped by their mask of observed levels: gaps are contiguous, so few masks are distinct.
-
-    Example:
-        >>> groups = group_masks(torch.tensor([[True, False], [True, True], [True, False]]))
-        >>> groups.masks[groups.group]  # the mask of each flight again
-        tensor([[1., 0.],
-                [1., 1.],
-                [1., 0.]], dtype=torch.float64)
-    """
-
-    masks: Tensor
-    """(U, L) distinct masks as numbers."""
-    group: Tensor
-    """(n,) index of each flight's mask."""
-
-
-def group_masks(mask: Tensor) -> MaskGroups:
-    """Group flights (n, L) that observe the same levels.
-
-    Example:
-        >>> group_masks(torch.tensor([[True, False], [True, True], [True, False]])).group
-        tensor([0, 1, 0])
-    """
-    masks, group = torch.unique(mask, dim=0, return_inverse=True)
-    return MaskGroups(masks.to(torch.float64), group)
-
-
 def observed_mean(values: Tensor, mask: Tensor) -> Tensor:
     """Mean over the flights that observe each level: (n, L), (n, L) -> (L,).
 
@@ -94,6 +69,8 @@ def pairwise_covariance(centred: Tensor, mask: Tensor) -> Tensor:
         tensor([[2., 4.],
                 [4., 8.]])
     """
+    if bool(mask.all()):
+        return (centred.T @ centred) / max(len(mask) - 1, 1)
     seen = mask.to(centred.dtype)
     both = seen.T @ seen
     return (centred.T @ centred) / (both - 1).clamp(min=1)
@@ -146,9 +123,21 @@ def posterior(centred: Tensor, groups: MaskGroups, loadings: Tensor, noise: Tens
 
 def _grams(groups: MaskGroups, loadings: Tensor) -> Tensor:
     """Products ``loadings' loadings`` over the levels of each mask, (U, q, q)."""
-    q = loadings.shape[1]
-    outer = (loadings[:, :, None] * loadings[:, None, :]).reshape(-1, q * q)
-    return (groups.masks @ outer).reshape(-1, q, q)
+    return _square(groups.masks @ _pairs(loadings), loadings.shape[1])
+
+
+def _pairs(values: Tensor) -> Tensor:
+    """Products of each two columns of values (n, q), each two once: (n, q (q + 1) / 2)."""
+    first, second = torch.triu_indices(values.shape[1], values.shape[1])
+    return values[:, first] * values[:, second]
+
+
+def _square(pairs: Tensor, q: int) -> Tensor:
+    """Symmetric matrices (n, q, q) of what :func:`_pairs` has of each two columns."""
+    number = torch.zeros(q, q, dtype=torch.long, device=pairs.device)
+    first, second = torch.triu_indices(q, q)
+    number[first, second] = number[second, first] = torch.arange(len(first), device=pairs.device)
+    return pairs[:, number.flatten()].reshape(-1, q, q)
 
 
 def _posterior(projected: Tensor, groups: MaskGroups, grams: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -188,19 +177,33 @@ def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance:
         (True, 0.01)
     """
     groups = group_masks(mask)
-    loadings, noise = closed_form(pairwise_covariance(centred, mask), q)
-    n_observed, total = mask.sum(), centred.square().sum()
+    loadings, noise, shift = _start(centred, mask, q, max_iterations, tolerance)
+    n_observed, energy = mask.sum(), centred.square().sum(1)
+    total = energy.sum()
     log_likelihood: list[float] = []
-    shift = centred.new_zeros(centred.shape[1])
     for _ in range(max_iterations):
-        shown = torch.where(mask, centred - shift, 0.0)
-        means, covariance, log_det = posterior(shown, groups, loadings, noise)
-        fit = _log_likelihood(shown, shown.square().sum(1), groups, means, loadings, noise, log_det)
+        # Of each flight minus the shift, which is the same product for all flights of a mask.
+        shifted = groups.masks @ torch.cat([shift[:, None] * loadings, shift[:, None].square()], 1)
+        products = centred @ torch.cat([loadings, 2 * shift[:, None]], 1) - shifted[groups.group]
+        projected = products[:, :q]
+        means, covariance, log_det = _posterior(projected, groups, _grams(groups, loadings), noise)
+        fit = _log_likelihood(projected, energy - products[:, q], groups, means, noise, log_det)
         log_likelihood.append(float(fit / n_observed))
         if len(log_likelihood) > 1 and log_likelihood[-1] - log_likelihood[-2] < tolerance:
             return PPCA(loadings, noise, shift, log_likelihood, converged=True)
         loadings, noise, shift = _maximise(centred, groups, means, covariance, n_observed, total)
     return PPCA(loadings, noise, shift, log_likelihood, converged=False)
+
+
+def _start(
+    centred: Tensor, mask: Tensor, q: int, max_iterations: int, tolerance: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Loadings, noise and shift from which EM starts: the closed form's, or where EM ends for some of many flights."""
+    every = len(mask) // FIRST_FLIGHTS
+    if every >= 2 and bool((mask[::every].sum(0) > q).all()):
+        some = em(centred[::every], mask[::every], q, max_iterations=max_iterations, tolerance=tolerance)
+        return some.loadings, some.noise_variance, some.shift
+    return (*closed_form(pairwise_covariance(centred, mask), q), centred.new_zeros(centred.shape[1]))
 
 
 def log_likelihood(centred: Tensor, mask: Tensor, loadings: Tensor, noise: Tensor) -> Tensor:
@@ -218,8 +221,9 @@ def log_likelihood(centred: Tensor, mask: Tensor, loadings: Tensor, noise: Tenso
         0.0
     """
     groups = group_masks(mask)
-    means, _, log_det = posterior(centred, groups, loadings, noise)
-    return _log_likelihood(centred, centred.square().sum(1), groups, means, loadings, noise, log_det)
+    projected = centred @ loadings
+    means, _, log_det = _posterior(projected, groups, _grams(groups, loadings), noise)
+    return _log_likelihood(projected, centred.square().sum(1), groups, means, noise, log_det)
 
 
 def noise_given_loadings(centred: Tensor, mask: Tensor, loadings: Tensor, noise: Tensor) -> Tensor:
@@ -256,11 +260,12 @@ def _maximise(
     q = means.shape[1]
     counts = torch.bincount(groups.group, minlength=len(groups.masks)).to(means.dtype)
     design = torch.cat([means, torch.ones_like(means[:, :1])], 1)
-    spread = torch.nn.functional.pad(covariance, (0, 1, 0, 1)).flatten(1)
+    first, second = torch.triu_indices(q + 1, q + 1)
+    spread = torch.nn.functional.pad(covariance, (0, 1, 0, 1))[:, first, second]
     moments = counts[:, None] * spread
     for index, part in _chunks(groups.group, design):
-        moments.index_add_(0, index, (part[:, :, None] * part[:, None, :]).flatten(1))
-    by_level = (groups.masks.T @ moments).reshape(-1, q + 1, q + 1)
+        moments.index_add_(0, index, _pairs(part))
+    by_level = _square(groups.masks.T @ moments, q + 1)
     cross = centred.T @ design
     ridge = 1e-10 * by_level.diagonal(dim1=-2, dim2=-1).mean(-1)
     by_level = by_level + ridge[:, None, None] * torch.eye(q + 1, dtype=means.dtype, device=means.device)
@@ -272,17 +277,20 @@ def _maximise(
 
 
 def _log_likelihood(
-    centred: Tensor,
-    energy: Tensor,
-    groups: MaskGroups,
-    means: Tensor,
-    loadings: Tensor,
-    noise: Tensor,
-    log_det: Tensor,
+    projected: Tensor, energy: Tensor, groups: MaskGroups, means: Tensor, noise: Tensor, log_det: Tensor
 ) -> Tensor:
-    """Log-likelihood of the observed values, by Woodbury from the posterior means."""
-    q = loadings.shape[1]
+    """Log-likelihood of the observed values, by Woodbury from the posterior means.
+
+    Args:
+        projected: (n, q) values times loadings.
+        energy: (n,) squares of the values, summed over levels.
+        groups: Flights by mask.
+        means: (n, q) posterior means.
+        noise: Noise variance.
+        log_det: (U,) see :func:`posterior`.
+    """
+    q = projected.shape[1]
     n_levels = groups.masks.sum(1)[groups.group]
-    quadratic = (energy - ((centred @ loadings) * means).sum(1)) / noise
+    quadratic = (energy - (projected * means).sum(1)) / noise
     log_det_full = (n_levels - q) * noise.log() + log_det[groups.group]
     return -0.5 * (n_levels * log(2 * pi) + log_det_full + quadratic).sum()

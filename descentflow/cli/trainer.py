@@ -12,17 +12,19 @@ from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
 from descentflow.cli.parser_errors import config_error
 from descentflow.cli.resumed_model import check_resumed_model
+from descentflow.cli.trainer_words import models_named
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
+from descentflow.training import models
 from descentflow.training.callbacks.failed_run import RemoveFailedRun, WholeConfig
 from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoints
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.callbacks.show_progress import ShowProgress
 from descentflow.training.datamodule import DescentDataModule
-from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
+from descentflow.training.models import LatentModel
 from descentflow.training.quiet import quiet
 from descentflow.training.run_folders import (
     UNNAMED,
@@ -34,12 +36,22 @@ from descentflow.training.run_folders import (
 )
 from descentflow.training.training_settings import CHECKPOINT_DEFAULTS, TRAINER_DEFAULTS, accelerator
 
-MODELS = (Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow)
-"""Imported so that `--model NAME` finds them by their short names."""
-
 
 class DescentCLI(LightningCLI):
-    """LightningCLI whose checkpoints, scores and logger are set up unless a config says otherwise."""
+    """LightningCLI whose checkpoints, scores and logger are set up unless a config says otherwise.
+
+    Args:
+        command: The one that is run; the parsers of the others, a fifth of a second, are not built.
+        options: LightningCLI's own.
+    """
+
+    def __init__(self, command: str, **options: Any) -> None:
+        self.command = command
+        super().__init__(LatentModel, DescentDataModule, **options)
+
+    def subcommands(self) -> dict[str, set[str]]:  # type: ignore[override]  # Lightning's is static
+        """The command that is run, with the arguments of the trainer's method that are no options."""
+        return {self.command: LightningCLI.subcommands()[self.command]}
 
     def add_arguments_to_parser(self, parser: LightningArgumentParser) -> None:
         """Add the callbacks that every run has, each with its own section in the config."""
@@ -136,12 +148,14 @@ def run(command: str, rest: Sequence[str]) -> None:
             read_checkpoint(resumed)
     quiet()
     one_thread_unless_told()
+    # The parser finds by its short name what has been imported; a mixture's library is no matter of a flow.
+    for name in models_named(words):
+        getattr(models, name)
     # The best checkpoint's own `save_last` writes only in epochs that are the best so far; a killed run resumes here.
     every_epoch = KeptEpochs(filename="last", save_top_k=1, enable_version_counter=False)
     try:
         DescentCLI(
-            LatentModel,
-            DescentDataModule,
+            command,
             subclass_mode_model=True,
             seed_everything_default=0,
             trainer_defaults={"callbacks": [WriteLogProb(), every_epoch, RemoveFailedRun(), ShowProgress()]},
@@ -150,7 +164,7 @@ def run(command: str, rest: Sequence[str]) -> None:
             parser_kwargs={
                 "prog": "descentflow",
                 "exit_on_error": False,
-                **{name: {"exit_on_error": False} for name in ("fit", "validate", "test", "predict")},
+                command: {"exit_on_error": False},
             },
             args=[command, *words],
         )

@@ -88,6 +88,35 @@ def check_words(command: str, words: Sequence[str]) -> dict[str, str]:
     return {} if asks else dict(from_files + options)
 
 
+def models_named(words: Sequence[str]) -> tuple[str, ...]:
+    """Models of this package that the words and their settings files name; all where they may name another.
+
+    Args:
+        words: Those after ``fit``, ``validate``, ``test`` or ``predict``, as :func:`check_words` has let them pass.
+
+    Returns:
+        Names of classes: all of them for help, for a file of a model's settings and for a class of the user's own.
+
+    Raises:
+        ConfigError: If a settings file cannot be read.
+
+    Example:
+        >>> models_named(["--config", "flow", "--model", "Gaussian"])
+        ('Gaussian', 'MaskedAffineFlow')
+        >>> models_named(["--model", "mine.Model"]) == MODELS
+        True
+    """
+    options = [_named(words, place) for place in range(len(words)) if words[place].startswith("--")]
+    files = [config_file(value) for name, value in options if name == "config"]
+    paths = [value for name, value in options if name in ("model", "model.class_path")]
+    for section in (read_settings(file).get("model") for file in files):
+        if section is not None:
+            paths.append(str(section.get("class_path") if isinstance(section, dict) else section))
+    own = {path.removeprefix("descentflow.training.models.") for path in paths}
+    asks = any(name.rpartition(".")[2] in ("help", "help_all", "print_config") for name, _ in options)
+    return tuple(sorted(own)) if own and own <= set(MODELS) and not asks else MODELS
+
+
 def _named(words: Sequence[str], position: int) -> tuple[str, str]:
     name, equals, value = words[position][2:].partition("=")
     following = words[position + 1] if position + 1 < len(words) else ""

@@ -10,8 +10,7 @@ Reading order: :mod:`~descentflow.densities.density` (what every density offers)
 
 To add a density: write a subclass of :class:`Density` with ``log_prob`` and ``draw`` in a file of its own, enter it in
 ``MODULES`` below, and add a LightningModule that fits it to :mod:`descentflow.training.models` (enter it in ``MODULES``
-there and in ``MODELS`` of :mod:`descentflow.cli.trainer`). Sampling, evaluation, prediction, diagnosis and checkpoints
-then work with it.
+there). Sampling, evaluation, prediction, diagnosis and checkpoints then work with it.
 
 Each is imported on first use: a checkpoint of one need not pay for the libraries of the others, or for Lightning.
 

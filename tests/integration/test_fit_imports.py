@@ -1,0 +1,73 @@
+"""Until its first step a fit loads the libraries of the model that it trains, and not those of the others."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from toys import write_descents_file
+
+from descentflow.cli.trainer_words import MODELS, models_named
+
+OPTIONAL = ("sklearn", "pyro", "normflows")
+"""Large packages that only some of the models need."""
+NEVER = ("pandas", "xarray", "distributed", "jsbsim", "onnx", "openap", "traffic")
+"""Large packages that no fit of a flow or a Gaussian needs."""
+
+FIRST_STEP = f"""
+import os, sys
+from lightning.pytorch import Callback
+
+class FirstStep(Callback):
+    def on_train_batch_start(self, *_):
+        print("loaded", *(name for name in {(*OPTIONAL, *NEVER)!r} if name in sys.modules), flush=True)
+        os._exit(0)
+"""
+"""A callback that says what is loaded, and ends the process: scores and figures come later."""
+
+
+@pytest.fixture(scope="module")
+def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_descents_file(tmp_path_factory.mktemp("imports") / "descents.parquet")
+
+
+@pytest.mark.parametrize(
+    ("settings", "needed"),
+    [
+        ("gaussian", set()),
+        ("flow", {"normflows"}),
+        ("spline", {"normflows"}),
+        ("gmm", {"sklearn", "pyro"}),
+        ("gmm_svi", {"sklearn", "pyro"}),
+    ],
+)
+def test_a_fit_loads_the_libraries_of_its_model_alone(
+    settings: str, needed: set[str], descents: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "first_step.py").write_text(FIRST_STEP)
+    words = ["fit", "--config", settings, "--data.descents", str(descents), "--quiet"]
+    words += ["--trainer.callbacks+=first_step.FirstStep"]
+    code = f"from descentflow.cli.entry import main; main({words!r})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
+    said = [line.split() for line in done.stdout.splitlines() if line.startswith("loaded")]
+    assert len(said) == 1, done.stderr
+    loaded = set(said[0][1:])
+    # scikit-learn takes pandas where it is installed.
+    assert loaded - ({"pandas"} if "sklearn" in needed else set()) == needed
+
+
+def test_models_are_named_by_words_and_files(tmp_path: Path) -> None:
+    file = tmp_path / "model.yaml"
+    file.write_text("model: SplineFlow\n")
+    assert models_named(["--model=Gaussian"]) == ("Gaussian",)
+    assert models_named(["--model.class_path", "descentflow.training.models.SplineFlow"]) == ("SplineFlow",)
+    assert models_named(["--config", str(file)]) == ("SplineFlow",)
+    assert models_named([f"--config={file}", "--config", "gmm"]) == ("GaussianMixture", "SplineFlow")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--help"], ["--model", "mine.Gaussian"], ["--model", "model.yaml"], ["--model.help", "Gaussian"], []],
+)
+def test_every_model_is_known_where_another_may_be_meant(words: list[str]) -> None:
+    assert models_named(words) == MODELS

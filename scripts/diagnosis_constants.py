@@ -92,6 +92,7 @@ def constants() -> list[Constant]:
         Constant("inference.signature_columns", "KNOTS", 2, 6),
         Constant("inference.discrepancy", "SPREAD", 5.0, 20.0),
         Constant("inference.credible", "MIN_MEAN_SHIFT", 0.75, 3.0),
+        Constant("inference.credible", "LEAST_ITS_OWN", 1 / 3, 2 / 3),
         Constant("inference.heterogeneity", "MIN_VARIANCE_SHARE", 0.125, 0.5),
         Constant("inference.left_over", "THIRDS", 2, 6),
     ]

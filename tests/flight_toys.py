@@ -5,6 +5,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from descentflow.core.units import FL_M
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.two_sides import Compared
@@ -63,6 +64,16 @@ def on_own_paths(n: int, share: float, drag: float, seed: int = 0) -> tuple[Comp
     real, rate = torch.nonzero(sides.real), torch.nonzero(sides.of("rate"))[:, 0]
     y[real, rate] = torch.where(chosen[:, None], path, idle)
     return replace(sides, y=y), chosen
+
+
+def with_held_rates(n: int, share: float, slower: float, seed: int = 0) -> Compared:
+    """Some flights that are slower by 60 FL from some level of their own, FL160 to FL200: a rate held there."""
+    sides = steady_sides(n)
+    generator = torch.Generator().manual_seed(seed)
+    chosen = torch.rand(n, generator=generator) < share
+    low = (160 + 40 * torch.rand(n, generator=generator, dtype=torch.float64)) * FL_M
+    within = sides.state.share_below(low + 60 * FL_M) - sides.state.share_below(low)
+    return _moved(sides, torch.where(chosen[:, None], -slower * within, 0.0))
 
 
 def _moved(sides: Compared, rate: Tensor) -> Compared:

@@ -108,6 +108,39 @@ class Learnt:
         return mean, max(float(self.squared.sum()) / max(total, 1e-9) - mean**2, 0.0) ** 0.5
 
 
+@dataclass(frozen=True)
+class LeftBehind:
+    """What an effect leaves in a few flights one by one, in ways of which each is as likely, and of which size.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> left = EFFECTS["vertical_speed_mode"].left_behind(example_flights())  # a rate held in some window
+        >>> left.ways.slots[0], bool((left.ways.shape < 0).all())  # where the flight is slower
+        (('rate', 0), True)
+    """
+
+    ways: Ways
+    mean: float
+    spread: float
+
+
+class LeavesBehind(Effect):
+    """An effect that is known by what all flights have of it in the mean, and leaves more than that in a few of them.
+
+    Those few are too few to learn a law from. They are enough, though, to pass for a law of another effect.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> [name for name, effect in EFFECTS.items() if isinstance(effect, LeavesBehind)]
+        ['vertical_speed_mode']
+    """
+
+    @abstractmethod
+    def left_behind(self, state: FlightState) -> LeftBehind:
+        """What it leaves in a few of the flights."""
+
+
 class DiffersByFlight(Effect):
     """An effect that some flights have, each in its own way and size, and others have not.
 

@@ -5,6 +5,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.inference.heterogeneity import spreads_as_claimed
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
+from descentflow.diagnosis.inference.mistaken import share_its_own
 from descentflow.diagnosis.inference.mixed_fit import differs_by_flight
 from descentflow.diagnosis.inference.model_weights import ODD
 
@@ -12,6 +13,9 @@ MIN_MEAN_SHIFT = 1.5
 """Mean shift, in negligible shifts of its quantity, below which no effect is named however sure it is.
 
 0.3 % of the rate, 0.75 kt of CAS, 0.08 % of the TAS: what is smaller changes no time to FL150 by more than 3 s."""
+LEAST_ITS_OWN = 0.5
+"""Of the flights that seem to have an effect each in its own way, the share in which it must be likelier than what
+another effect leaves behind: as likely as not."""
 
 
 def is_credible(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bool:
@@ -34,6 +38,9 @@ def is_credible(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bool:
         return False
     if share < 1 and differs_by_flight(likelihood, name) and name not in fit.per_flight:
         # What some flights have shows in them one by one; a cause that all have alike may imitate the mean of it.
+        return False
+    if name in fit.per_flight and share_its_own(likelihood, fit, name) < LEAST_ITS_OWN:
+        # Most of its flights are those in which another effect left something, and say nothing of this one.
         return False
     return mean_shift(likelihood, name, theta) >= MIN_MEAN_SHIFT and spreads_as_claimed(likelihood, fit, name)
 

@@ -70,7 +70,7 @@ def _rounds(likelihood: EffectsLikelihood, fit: Fit, laws: Laws, best: Fit) -> I
     """
     flights = FlightFit(likelihood, laws)
     alike = {name: theta for name, theta in fit.theta.items() if name not in laws}
-    expected = _expected(likelihood, fit.shift, likelihood.shift(alike))
+    expected = expected_with(likelihood, fit.shift, likelihood.shift(alike))
     for _ in range(MAX_ROUNDS):
         flights.learn(expected[likelihood.real])
         cleaned = _cleaned(likelihood, flights)
@@ -82,7 +82,7 @@ def _rounds(likelihood: EffectsLikelihood, fit: Fit, laws: Laws, best: Fit) -> I
         if all(_is_settled(likelihood, name, before[name], theta) for name, theta in alike.items()):
             return
         shift = cleaned.shift(alike)
-        expected = _expected(cleaned, shift, shift)
+        expected = expected_with(cleaned, shift, shift)
 
 
 def _mixed(
@@ -136,8 +136,23 @@ def _is_settled(likelihood: EffectsLikelihood, name: str, before: Tensor, now: T
     return bool(((now - before).abs() <= SETTLED * scale).all())
 
 
-def _expected(likelihood: EffectsLikelihood, shift: Tensor, kept: Tensor) -> Tensor:
-    """What is expected (n, p) of every flight with a part of a shift, where the whole of it is in the flights."""
+def expected_with(likelihood: EffectsLikelihood, shift: Tensor, kept: Tensor) -> Tensor:
+    """What is expected (n, p) of every flight with a part of a shift, where the whole of it is in the flights.
+
+    Args:
+        likelihood: Of the flights.
+        shift: (n, p) of all effects.
+        kept: (n, p) the part that what is expected has.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> shift = likelihood.shift({"temperature": torch.tensor([10.0]).double()})
+        >>> apart = expected_with(likelihood, shift, shift) - expected_with(likelihood, shift, 0 * shift)
+        >>> bool(torch.allclose(apart, shift))
+        True
+    """
     mean, step = likelihood.moments(likelihood.weighted_rest(shift), likelihood.design({})).solved()
     expected = likelihood.common.columns @ step + kept
     expected[:, likelihood.compared.free] += mean

@@ -24,6 +24,8 @@ T = TypeVar("T")
 MOST = 4
 """Copies at once at most: each takes memory for what it changes."""
 _allowed = 1
+_beside: list["Begun[Any]"] = []
+"""Calls that have a core of their own while they work."""
 
 
 @contextmanager
@@ -58,13 +60,15 @@ class Begun(Generic[T]):
         42
     """
 
-    def __init__(self, call: Callable[[], T]) -> None:
+    def __init__(self, call: Callable[[], T], *, own_core: bool = False) -> None:
         """Begin.
 
         Args:
             call: What to work out; its result must be one that pickle takes, and what it changes is not seen here.
+            own_core: Whether it has one of the cores while it works, in a ``with`` block: others share what is left.
+                For long calls.
         """
-        self._call = call
+        self._call, self._own_core = call, own_core
         self._process: Any = None
         # Readable once it is done; nothing where the call waits until it is asked for.
         self.pipe: Any = None
@@ -73,10 +77,19 @@ class Begun(Generic[T]):
 
     def __enter__(self) -> "Begun[T]":
         """Itself; nothing of it is left behind at the end of the block, whatever happens in it."""
+        if self._own_core:
+            _beside.append(self)
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self._own_core:
+            _beside.remove(self)
         self.end()
+
+    @property
+    def works(self) -> bool:
+        """Whether a copy is at work, or waits to send what it worked out."""
+        return self._process is not None and self._process.is_alive()
 
     def _fork(self) -> None:
         context = get_context("fork")
@@ -125,14 +138,27 @@ class Begun(Generic[T]):
             self.pipe.close()
 
 
+def is_shared() -> bool:
+    """Whether copies of this process may work beside it, be it that they all have work now.
+
+    Example:
+        >>> is_shared()
+        False
+    """
+    return _allowed > 1
+
+
 def at_once() -> int:
-    """How many calls are worked out at the same time.
+    """How many calls are worked out at the same time, beside those that have a core of their own.
 
     Example:
         >>> at_once()
         1
+        >>> with cores_shared(), Begun(lambda: 1, own_core=True):
+        ...     at_once()
+        1
     """
-    return _allowed
+    return max(_allowed - sum(one.works for one in _beside), 1)
 
 
 def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None] = lambda place: None) -> list[T]:
@@ -146,7 +172,7 @@ def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None]
         >>> side_by_side([lambda: 1, lambda: 2])
         [1, 2]
     """
-    if _allowed < 2 or len(calls) < 2:
+    if at_once() < 2 or len(calls) < 2:
         found = []
         for place, call in enumerate(calls):
             begins(place)
@@ -157,7 +183,7 @@ def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None]
     waiting = list(enumerate(calls))[::-1]
     try:
         while waiting or running:
-            while waiting and len(running) < _allowed:
+            while waiting and len(running) < at_once():
                 place, call = waiting.pop()
                 begins(place)
                 begun = Begun(call)
@@ -175,6 +201,7 @@ def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None]
 def _work(call: Callable[[], object], theirs: Any, pipe: Any) -> None:
     """In the copy: work out the call and send its result or its error."""
     global _allowed
+    _beside.clear()
     # The end that is read: while this process had it too, nothing would tell that nobody reads any more.
     theirs.close()
     _allowed = 1

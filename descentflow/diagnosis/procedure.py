@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import polars as pl
 import torch
@@ -138,7 +139,8 @@ class Diagnosis:
         """
         settings, progress = self.settings, self.settings.progress
         progress("asking whether there is a gap")
-        with Begun(self._null_test) as asked:
+        # The search may put another likelihood in its place, before or after the test is worked out.
+        with Begun(partial(self._null_test, self.likelihood)) as asked:
             self.learnt, chosen = select_by_either(self.learnt, self.discrepancy, settings.seed, progress)
             # A search leaves much between what is kept of it.
             give_back()
@@ -230,13 +232,13 @@ class Diagnosis:
             simulator, frame, self.likelihood, fit, asked.catalogue, asked.transition_fl, asked.seed, spreads
         )
 
-    def _null_test(self) -> NullTest:
+    def _null_test(self, likelihood: EffectsLikelihood) -> NullTest:
         """Whether there is a gap at all, under a covariance that does not know the sides."""
         c, settings = self.compared, self.settings
         give_back()
         blind = blind_whitening(c, settings.seed)
         give_back()
-        unsided = EffectsLikelihood(c, blind, settings.catalogue, settings.seed, self.likelihood)
+        unsided = EffectsLikelihood(c, blind, settings.catalogue, settings.seed, likelihood)
         return null_test(unsided, self.discrepancy, settings.transition_fl, settings.seed)
 
     def _without_by_products(self, affected: Tensor, effects: Sequence[str]) -> Tensor:

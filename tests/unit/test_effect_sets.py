@@ -9,7 +9,7 @@ import torch
 from scipy.special import expit
 from scipy.stats import beta
 
-from descentflow.diagnosis.inference import likelihood, set_search, subset_screening
+from descentflow.diagnosis.inference import likelihood, screened_scores, set_search, subset_screening
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns, learnt_precision
 from descentflow.diagnosis.inference.example_sides import example_likelihood, example_sides
@@ -228,8 +228,7 @@ def test_nothing_is_named_where_nothing_differs() -> None:
 
 def test_a_set_grows_beyond_what_was_screened(monkeypatch: pytest.MonkeyPatch) -> None:
     """Sets of one effect are screened, two are planted: the second is found beside the first, and no third."""
-    monkeypatch.setattr(set_search, "MAX_EFFECTS", 1)
-    monkeypatch.setattr(set_search, "sets_of", lambda members, most=1: sets_of(members, most))
+    monkeypatch.setattr(screened_scores, "MAX_EFFECTS", 1)
     sides = example_sides(EFFECTS["temperature"], [10.0])
     more = sides.vector(EFFECTS["airspeed_bias"].shift(sides.state, torch.tensor([6.0, 0.0]).double()))
     sides = replace(sides, y=sides.y + torch.where(sides.real[:, None], more, 0.0))

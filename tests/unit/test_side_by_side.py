@@ -10,7 +10,7 @@ from multiprocessing import active_children
 import pytest
 import torch
 
-from descentflow.core.side_by_side import Begun, at_once, cores_shared, side_by_side
+from descentflow.core.side_by_side import Begun, at_once, cores_shared, is_shared, side_by_side
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.example_sides import example_likelihood
 from descentflow.diagnosis.inference.selection import Chosen, select
@@ -78,6 +78,22 @@ def test_what_is_begun_and_never_asked_for_leaves_no_process(capfd: pytest.Captu
     assert begun.pipe is None or begun.pipe.closed
     assert active_children() == []
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core: nothing is begun")
+def test_a_long_call_has_a_core_while_it_works() -> None:
+    with cores_shared():
+        with Begun(lambda: time.sleep(0.3)):
+            assert at_once() == 2
+        with Begun(lambda: time.sleep(0.3), own_core=True) as begun:
+            assert is_shared()
+            assert at_once() == 1
+            assert side_by_side([os.getpid] * 2) == [os.getpid()] * 2
+            begun.result()
+            assert at_once() == 2
+        with Begun(at_once, own_core=True) as other:
+            assert other.result() == 1
+        assert at_once() == 2
 
 
 def test_a_result_that_nobody_wants_any_more_is_no_error(capfd: pytest.CaptureFixture[str]) -> None:

@@ -67,6 +67,12 @@ class EffectShifts:
             self._shifts, self._jacobians, self._misfits = like._shifts, like._jacobians, like._misfits
             self.__dict__.update({k: like.__dict__[k] for k in ("real_state", "seen_beside") if k in like.__dict__})
 
+    def forget(self) -> None:
+        """Let go of what is kept to save time, which is made again where it is asked for."""
+        for kept in (self._shifts, self._jacobians, self._misfits):
+            kept.known.clear()
+        self.whitening.forget()
+
     def all_shift(self, name: str, theta: Tensor) -> Tensor:
         """Shift (n, p) that an effect makes, or would make, in every flight."""
         return self.shift_seen(name, theta, self.compared.state)

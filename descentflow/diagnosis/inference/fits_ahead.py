@@ -45,9 +45,7 @@ def fits_side_by_side(
     order = _long_ones_first(likelihood, names)
     calls = [partial(_fitted, likelihood, *asked[at]) for at in order]
     found = side_by_side(calls, lambda place: progress(f"fitting {', '.join(names[order[place]])}"))
-    return [
-        _with_design(likelihood, fit) for _, fit in sorted(zip(order, found, strict=True), key=lambda pair: pair[0])
-    ]
+    return [with_design(likelihood, fit) for _, fit in sorted(zip(order, found, strict=True), key=lambda pair: pair[0])]
 
 
 def _long_ones_first(likelihood: EffectsLikelihood, asked: Sequence[Names]) -> list[int]:
@@ -98,11 +96,11 @@ class FitsAhead:
         if beside is None:
             return fit
         self.discrepancy.found[fit.effects] = beside
-        return _with_design(self.likelihood, fit)
+        return with_design(self.likelihood, fit)
 
     def _both(self, names: Names, start: Mapping[str, Tensor]) -> tuple[Fit, Beside]:
         fit = fit_effects(self.likelihood, names, start)
-        return replace(fit, kept=_left_behind), self.discrepancy.beside(fit)
+        return without_design(fit), self.discrepancy.beside(fit)
 
 
 def _key(names: Names, start: Mapping[str, Tensor]) -> tuple[Names, tuple[tuple[str, tuple[float, ...]], ...]]:
@@ -110,7 +108,7 @@ def _key(names: Names, start: Mapping[str, Tensor]) -> tuple[Names, tuple[tuple[
 
 
 def _fitted(likelihood: EffectsLikelihood, names: Names, start: Mapping[str, Tensor]) -> Fit:
-    return replace(fit_effects(likelihood, names, start), kept=_left_behind)
+    return without_design(fit_effects(likelihood, names, start))
 
 
 def reordered(likelihood: EffectsLikelihood, fit: Fit, names: Names) -> Fit:
@@ -123,7 +121,7 @@ def reordered(likelihood: EffectsLikelihood, fit: Fit, names: Names) -> Fit:
         >>> reordered(likelihood, fit_effects(likelihood, ("mass", "temperature")), ("temperature", "mass")).effects
         ('temperature', 'mass')
     """
-    return _with_design(likelihood, replace(fit, effects=names, theta={name: fit.theta[name] for name in names}))
+    return with_design(likelihood, replace(fit, effects=names, theta={name: fit.theta[name] for name in names}))
 
 
 def _know_what_is_shared(likelihood: EffectsLikelihood) -> None:
@@ -139,7 +137,29 @@ def _left_behind() -> Design:
     raise AssertionError("a fit of another process has no design yet")
 
 
-def _with_design(likelihood: EffectsLikelihood, fit: Fit) -> Fit:
+def without_design(fit: Fit) -> Fit:
+    """The fit as it is sent to another process.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> likelihood = example_likelihood()
+        >>> sent = without_design(fit_effects(likelihood, ()))
+        >>> with_design(likelihood, sent).design.n_own
+        0
+    """
+    return replace(fit, kept=_left_behind)
+
+
+def with_design(likelihood: EffectsLikelihood, fit: Fit) -> Fit:
+    """The fit as it came from another process, with the design of a likelihood of the same flights.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> likelihood = example_likelihood()
+        >>> with_design(likelihood, without_design(fit_effects(likelihood, ()))).design.n_own
+        0
+    """
+
     def design() -> Design:
         if fit.per_flight:
             return design_with_laws(likelihood, fit.theta, fit.per_flight)

@@ -135,6 +135,14 @@ class EffectsLikelihood(EffectShifts):
         else:
             self.common = self._habits()
 
+    def forget(self) -> None:
+        """Let go of what is kept to save time, which is made again where it is asked for."""
+        super().forget()
+        for kept in (self._beside, self._designs):
+            kept.known.clear()
+        for name in ("sums", "single", "single_real"):
+            self.__dict__.pop(name, None)
+
     @cached_property
     def sums(self) -> FoldSums:
         """What all fits share; of other values of the same real flights little is to be summed again."""

@@ -1,10 +1,12 @@
 """Which effects are named, with what probability, and what they leave."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from torch import Tensor
 
+from descentflow.diagnosis.inference.fits_ahead import with_design, without_design
+from descentflow.diagnosis.inference.free_discrepancy import FreeDiscrepancy
 from descentflow.diagnosis.inference.inclusion import Inclusion, Names, WeightedSet, inclusion
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.search import fit_effects
@@ -78,14 +80,34 @@ class Chosen:
     beside: Fit | None = None
     undecided: tuple[Names, ...] = ()
 
+    def to_send(self) -> "Chosen":
+        """Without designs, which are large, and are made again by :meth:`in_this_process` where it arrives."""
+        return self._with_fits(without_design, None)
 
-def select(likelihood: EffectsLikelihood, discrepancy: Tensor, progress: Callable[[str], None]) -> Chosen:
+    def in_this_process(self, likelihood: EffectsLikelihood, discrepancy: Tensor) -> "Chosen":
+        """What another process sent, with the designs of a likelihood of the same flights."""
+        found = self._with_fits(lambda fit: with_design(likelihood, fit), None)
+        return replace(found, beside=FreeDiscrepancy(likelihood, discrepancy).refitted(found.fit))
+
+    def _with_fits(self, change: Callable[[Fit], Fit], beside: Fit | None) -> "Chosen":
+        singles = {name: replace(single, fit=change(single.fit)) for name, single in self.singles.items()}
+        alike = tuple(change(fit) for fit in self.alike)
+        return replace(self, null=change(self.null), singles=singles, fit=change(self.fit), alike=alike, beside=beside)
+
+
+def select(
+    likelihood: EffectsLikelihood,
+    discrepancy: Tensor,
+    progress: Callable[[str], None],
+    explored: Callable[[Fit], None] | None = None,
+) -> Chosen:
     """Name effects, with a discrepancy of no particular cause as one more that may be there.
 
     Args:
         likelihood: Flights and catalogue.
         discrepancy: (n, p, e) its columns, with unit prior spread.
         progress: Called with what is being fitted.
+        explored: Called half way, with the best fit from which sets grow.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
@@ -100,7 +122,7 @@ def select(likelihood: EffectsLikelihood, discrepancy: Tensor, progress: Callabl
     null = fit_effects(likelihood, ())
     singles = every_single(likelihood, null, progress)
     search = SetSearch(likelihood, discrepancy, null, singles, progress)
-    sets, alone = search.weighted()
+    sets, alone = search.weighted(explored)
     found = inclusion(sets, alone)
     fit = search.fit(_in_order(found.named, singles))
     undecided = _undecided(likelihood, fit)
@@ -111,8 +133,8 @@ def select(likelihood: EffectsLikelihood, discrepancy: Tensor, progress: Callabl
     explained = likelihood.gain(fit.log_score, null.log_score)[0]
     gains = {}
     for name in fit.effects:
-        without = search.fit(tuple(other for other in fit.effects if other != name))
-        gains[name] = likelihood.gain(fit.log_score, without.log_score)
+        fewer = search.fit(tuple(other for other in fit.effects if other != name))
+        gains[name] = likelihood.gain(fit.log_score, fewer.log_score)
     alike = []
     for name in fit.effects:
         for other in found.groups[name]:

@@ -9,7 +9,7 @@ from descentflow.diagnosis.inference.free_discrepancy import FreeDiscrepancy
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mixed_fit import without_laws
 from descentflow.diagnosis.inference.search import first_guess
-from descentflow.diagnosis.inference.subset_screening import Screening, member_of
+from descentflow.diagnosis.inference.subset_screening import member_of, plain_and_free
 
 
 def others_beside(likelihood: EffectsLikelihood, fit: Fit, start: Mapping[str, Tensor]) -> dict[str, Tensor]:
@@ -77,10 +77,8 @@ def promised_beside(
     plain = float(fit.log_score.sum()) - likelihood.improbability(fit.shift, fit.design)
     wide = float(beside.log_score.sum()) - beside.cost + log_odds
     promised = dict.fromkeys(others, -torch.inf)
-    for known, screening in (
-        (plain, Screening(flights, members)),
-        (wide, Screening(flights, members, free.columns, beside.precision)),
-    ):
+    screenings = plain_and_free(flights, members, free.columns, beside.precision)
+    for known, screening in zip((plain, wide), screenings, strict=True):
         scores = screening.scores(sets)
         of_fit = scores[tuple(sorted(alike))]
         for name in others:

@@ -14,10 +14,11 @@ from descentflow.diagnosis.inference.inclusion import Names, WeightedSet, inclus
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mixed_fit import without_laws
 from descentflow.diagnosis.inference.model_weights import weights_of
+from descentflow.diagnosis.inference.screened_scores import BothScores, screened_scores
 from descentflow.diagnosis.inference.search import first_guess, fit_effects
 from descentflow.diagnosis.inference.set_growth import others_beside, promised_beside
 from descentflow.diagnosis.inference.single_effects import Candidate
-from descentflow.diagnosis.inference.subset_screening import MAX_EFFECTS, Member, Screening, member_of, sets_of
+from descentflow.diagnosis.inference.subset_screening import Member, member_of
 from descentflow.effects.flight_law import DiffersByFlight
 
 LOG_PRIOR_ODDS = -2.5
@@ -68,10 +69,14 @@ class SetSearch:
         self.costs: dict[Names, float] = {}
         self.promised: dict[Names, dict[str, float]] = {}
         self.lack: dict[str, float] = {}
-        self.scores: dict[tuple[tuple[Member, ...], Names, bool], dict[Names, float]] = {}
+        self.scores: dict[tuple[tuple[Member, ...], Names], BothScores] = {}
 
-    def weighted(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
-        """Sets that were refitted, with weights: with and without a discrepancy beside each, and without one alone."""
+    def weighted(self, explored: Callable[[Fit], None] | None = None) -> tuple[list[WeightedSet], list[WeightedSet]]:
+        """Sets that were refitted, with weights: with and without a discrepancy beside each, and without one alone.
+
+        Args:
+            explored: Called with the best fit from which sets grow.
+        """
         self.progress("screening sets of effects")
         with self.ahead:
             members = [member_of(self.likelihood, name, theta) for name, theta in self.start.items()]
@@ -80,6 +85,8 @@ class SetSearch:
             members += self._beside(beside)
             if law is not None:
                 self._explored(members, law, at_most=FIRST)
+            if explored is not None:
+                explored(max(self._credible_fits(), key=self._score))
             return self._grown()
 
     def _grown(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
@@ -234,9 +241,9 @@ class SetSearch:
         Without a discrepancy, and with one that is as wide as it is beside some fit. A set promises no more than its
         parts have kept of what they promised, and nothing where one of them was not credible.
         """
-        found = self._with_prior(self._scores(members, beside, free=False), 0.0)
-        of_one = LOG_PRIOR_ODDS - self.discrepancy.beside(beside).cost
-        part = self._with_prior(self._scores(members, beside, free=True), of_one)
+        plain, free = self._scores(members, beside)
+        found = self._with_prior(plain, 0.0)
+        part = self._with_prior(free, LOG_PRIOR_ODDS - self.discrepancy.beside(beside).cost)
         found = {names: max(found[names], part[names]) for names in found}
         short: dict[frozenset[str], float] = {}
         for fitted, fit in list(self.fits.items()):
@@ -257,27 +264,12 @@ class SetSearch:
         best = max(alone, key=lambda fit: float(fit.log_score.sum()), default=None)
         return best if best is not None and best.per_flight else None
 
-    def _scores(self, members: Sequence[Member], beside: Fit, *, free: bool) -> dict[Names, float]:
-        """Screened scores of all sets, without a discrepancy or with one as wide as beside a fit, worked out once.
-
-        Where the fit has effects that flights have each in their own way, sets with these are screened on the flights
-        without them: a mean shift would leave too much of them for others to explain.
-        """
-        key = tuple(members), beside.effects, free
+    def _scores(self, members: Sequence[Member], beside: Fit) -> BothScores:
+        """Screened scores of all sets beside a fit, worked out once."""
+        key = tuple(members), beside.effects
         if key not in self.scores:
-            extra = (self.discrepancy.columns, self.discrepancy.beside(beside).precision) if free else (None, None)
-            laws = set(beside.per_flight)
-            found = Screening(self.likelihood, members, *extra).scores(sets_of(members))
-            if laws:
-                others = [member for member in members if member.name not in laws]
-                flights = without_laws(self.likelihood, beside)
-                more = Screening(flights, others, *extra).scores(sets_of(others, MAX_EFFECTS - len(laws)))
-                known = self.discrepancy.beside(beside).log_score if free else beside.log_score
-                of_beside = float(known.sum()) - self._cost(beside, free=False)
-                offset = of_beside - more[tuple(sorted(set(beside.effects) - laws))]
-                found = {names: score for names, score in found.items() if not laws <= set(names)}
-                found |= {tuple(sorted({*names, *laws})): score + offset for names, score in more.items()}
-            self.scores[key] = found
+            cost = self._cost(beside, free=False)
+            self.scores[key] = screened_scores(self.likelihood, self.discrepancy, members, beside, cost)
         return self.scores[key]
 
     def _with_prior(self, scores: Mapping[Names, float], more: float) -> dict[Names, float]:

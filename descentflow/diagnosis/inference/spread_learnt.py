@@ -1,11 +1,15 @@
 """Which flights say how widely flights differ, before effects are fitted and after, and the likelihoods of either."""
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 
 from torch import Tensor
 
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
+from descentflow.core.freed_memory import give_back
+from descentflow.core.side_by_side import Begun, is_shared
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mean_air import in_mean_air
 from descentflow.diagnosis.inference.normal_flights import is_narrow, left_between_means, normal_flights
 from descentflow.diagnosis.inference.selection import Chosen, select
@@ -77,12 +81,38 @@ def select_by_either(
         >>> same is learnt, chosen.fit.effects
         (True, ('mass',))
     """
-    chosen = select(learnt.searched, discrepancy, progress)
-    if learnt.narrow or not is_narrow(learnt.searched.compared, chosen.fit.shift):
-        return learnt, chosen
-    progress("learning the spread from real flights")
-    first = learnt.likelihood
-    real = SpreadLearnt.of(first.compared, first.catalogue, seed, narrow=True)
-    again = select(real.searched, discrepancy, progress)
-    left = [left_between_means(first.compared, one.fit.shift) for one in (chosen, again)]
+    searched = learnt.searched.compared
+    with ExitStack() as block:
+        begun: list[Begun[Chosen]] = []
+
+        def explored(best: Fit) -> None:
+            """Begin the second search where it will probably be asked for, and a copy of this process may do it."""
+            if is_shared() and not learnt.narrow and is_narrow(searched, best.shift):
+                second = partial(_second_search, learnt, discrepancy, seed)
+                begun.append(block.enter_context(Begun(second, own_core=True)))
+
+        chosen = select(learnt.searched, discrepancy, progress, explored)
+        if learnt.narrow or not is_narrow(searched, chosen.fit.shift):
+            return learnt, chosen
+        progress("learning the spread from real flights")
+        real = _learnt_from_real_flights(learnt, seed)
+        if begun:
+            again = begun[0].result().in_this_process(real.searched, discrepancy)
+        else:
+            again = select(real.searched, discrepancy, progress)
+    left = [left_between_means(learnt.likelihood.compared, one.fit.shift) for one in (chosen, again)]
     return (real, again) if left[1] < left[0] else (learnt, chosen)
+
+
+def _learnt_from_real_flights(first: SpreadLearnt, seed: int) -> SpreadLearnt:
+    """The spread for the second search; what is kept of the first would lie beside all that this one keeps."""
+    for likelihood in (first.likelihood, first.searched):
+        likelihood.forget()
+    give_back()
+    return SpreadLearnt.of(first.likelihood.compared, first.likelihood.catalogue, seed, narrow=True)
+
+
+def _second_search(first: SpreadLearnt, discrepancy: Tensor, seed: int) -> Chosen:
+    """The second search, as another process sends it."""
+    real = _learnt_from_real_flights(first, seed)
+    return select(real.searched, discrepancy, lambda stage: None).to_send()

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
-from descentflow.diagnosis.inference.linear_algebra import RIDGE
+from descentflow.diagnosis.inference.linear_algebra import RIDGE, Design
 from descentflow.diagnosis.inference.signature_columns import signature_columns
 
 MAX_EFFECTS = 4
@@ -60,6 +60,42 @@ def member_of(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> Member
     return Member(name, jacobian, shift - jacobian @ theta, signature_columns(likelihood, {name: theta}), scale)
 
 
+def joined_members(likelihood: EffectsLikelihood, members: Sequence[Member]) -> Design:
+    """Sensitivities and offsets of effects side by side: what takes longest of a screening, with a discrepancy or not.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> members = [member_of(likelihood, n, torch.zeros(1).double()) for n in ("temperature", "mass")]
+        >>> joined_members(likelihood, members).n_own
+        4
+    """
+    parts = [torch.cat([m.sensitivity for m in members], 2), torch.stack([m.offset for m in members], 2)]
+    return likelihood.joined(parts, torch.cat([m.alike for m in members], 1))
+
+
+def plain_and_free(
+    likelihood: EffectsLikelihood, members: Sequence[Member], discrepancy: Tensor, precision: Tensor
+) -> tuple["Screening", "Screening"]:
+    """The same sets by themselves, and each with a discrepancy (n, p, e) of prior precision (e,) beside it.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> members = [member_of(likelihood, "temperature", torch.zeros(1).double())]
+        >>> plain, free = plain_and_free(likelihood, members, columns, torch.ones(columns.shape[2]).double())
+        >>> plain.scores([()])[()] < free.scores([()])[()] < plain.scores([(0,)])[("temperature",)]
+        True
+    """
+    design = joined_members(likelihood, members)
+    plain = Screening(likelihood, members, design=design)
+    return plain, Screening(likelihood, members, discrepancy, precision, design)
+
+
 class Screening:
     """The table of products, and what every set gains by it.
 
@@ -80,6 +116,7 @@ class Screening:
         members: Sequence[Member],
         discrepancy: Tensor | None = None,
         precision: Tensor | None = None,
+        design: Design | None = None,
     ) -> None:
         """Sum the products.
 
@@ -88,18 +125,17 @@ class Screening:
             members: Effects, each once or about several parameters.
             discrepancy: (n, p, e) columns of a shift without a cause, which every set then has beside it.
             precision: (e,) prior precision of their coefficients.
+            design: What :func:`joined_members` gives of them, where it is known.
         """
         self.members = list(members)
-        parts = [torch.cat([m.sensitivity for m in members], 2), torch.stack([m.offset for m in members], 2)]
-        alike = torch.cat([m.alike for m in members], 1)
-        design = likelihood.joined(parts, alike)
+        design = joined_members(likelihood, members) if design is None else design
+        own = design.n_own
         if discrepancy is not None:
             design = likelihood.beside(design, discrepancy)
         sums = likelihood.sums.rest(torch.zeros_like(likelihood.y), design, likelihood.sums.of_columns(design))
         profiled = likelihood.sums.profiled(sums)
         tables = profiled.inner, likelihood.sums.held_out(sums, profiled)
         if discrepancy is not None and precision is not None:
-            own = sum(part.shape[2] for part in parts)
             gone = torch.arange(own, own + discrepancy.shape[2])
             tables = _profiled_out(*tables, gone, precision)
         self.inner, self.held_out = tables

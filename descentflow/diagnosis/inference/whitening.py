@@ -66,6 +66,11 @@ class Whitening:
     def _kept_rows(self) -> Recent[Tensor]:
         return Recent(KEPT)
 
+    def forget(self) -> None:
+        """Let go of parts that are kept to save time."""
+        for kept in (self._kept_rows, self._parts):
+            kept.known.clear()
+
     def apply(self, values: Tensor) -> Tensor:
         """Precision times values: (n, p) or (n, p, k) of the flights, missing entries anything finite."""
         order, back = self.order

@@ -191,12 +191,25 @@ def test_intervals_cover_what_came() -> None:
     assert widths.mean() < 2 * float(prior.std()) * 1.645, "what was seen narrows the interval"
 
 
+@pytest.mark.parametrize("n_seen", [1, 3])
+def test_few_levels_say_what_they_can(n_seen: int) -> None:
+    """Of 100 held-out toy flights whose highest levels alone are seen, the interval to FL150 holds 80 or more."""
+    predictor, real = DescentPredictor(trained()).calibrated(toys.flights(60, seed=2)), toys.flights(150, seed=1)
+    chosen = [i for i in range(150) if int(real.entry_level[i]) > 160][:100]
+    levels = [real.levels_fl[real.mask[i]][-n_seen] for i in chosen]
+    predictions = [predictor.predict(real.subset([i]), float(fl), 200) for i, fl in zip(chosen, levels, strict=True)]
+    covered = [coverage(time_intervals([one]), actual_times([one], real)).filter(level_fl=150) for one in predictions]
+    held = pl.concat(covered)["covered"].sum()
+    # A right interval holds fewer than 80 of 100 once in a thousand.
+    assert held >= 0.8 * len(chosen)
+
+
 def test_predictions_repeat_and_refuse_what_they_cannot_use() -> None:
     predictor, real = DescentPredictor(trained()), toys.flights(3, seed=1, gappy=False)
     first, again = (predictor.predict(real.subset([0]), 300, 50, seed=4) for _ in range(2))
     assert torch.equal(first.trajectories.time_s, again.trajectories.time_s)
-    with pytest.raises(DataError, match="levels at and above FL369"):
-        predictor.predict(real.subset([0]), 369)
+    with pytest.raises(DataError, match="no level at and above FL420"):
+        predictor.predict(real.subset([0]), 420)
     with pytest.raises(DataError, match="one flight"):
         predictor.predict(real, 300)
     with pytest.raises(DataError, match="at least ten"):

@@ -241,8 +241,9 @@ def test_what_was_flown_may_be_a_sample_of_ours() -> None:
     drawn = generator().next(entry_fl=350).to_polars().filter(pl.col("level_fl") >= 320)
     ahead = generator().next(flown=drawn)
     assert ahead.to_polars()["level_fl"].max() == 320
-    with pytest.raises(DataError, match="at least 5"):
-        generator().next(flown=drawn.head(3))
+    assert generator().next(flown=drawn.head(1)).to_polars()["level_fl"].max() == drawn["level_fl"][0]
+    with pytest.raises(DataError, match="no flown level on FL"):
+        generator().next(flown=drawn.with_columns(pl.col("level_fl") + 400))
     with pytest.raises(DataError, match="vertical_rate"):
         generator().next(flown=drawn.drop("vertical_rate"))
     with pytest.raises(ConfigError, match="leave entry_fl out"):

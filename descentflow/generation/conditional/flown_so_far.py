@@ -9,7 +9,6 @@ import torch
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
-from descentflow.generation.prediction.predictor import MIN_LEVELS
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles, observed_profiles
@@ -28,7 +27,7 @@ def flown_so_far(decoder: DescentDecoder, flown: FlownSoFar, bounds: Plausibilit
             units or is of another aircraft. Nothing of the kind is looked for if absent.
 
     Raises:
-        DataError: If a column is absent, a number cannot be, fewer than five levels lie on the grid, a level comes
+        DataError: If a column is absent, a number cannot be, no level lies on the grid, a level comes
             twice, it does not descend, or is far out of the bounds.
 
     Example:
@@ -62,11 +61,11 @@ def flown_so_far(decoder: DescentDecoder, flown: FlownSoFar, bounds: Plausibilit
     index = np.abs(level[on, None] - grid).argmin(1)
     mask = np.zeros((1, len(grid)), dtype=bool)
     mask[0, index] = True
-    if mask.sum() < MIN_LEVELS:
+    if not mask.any():
         raise DataError(
-            f"{int(mask.sum())} flown levels on FL{grid[0]:.0f} to FL{grid[-1]:.0f}",
-            expected=f"at least {MIN_LEVELS}",
-            mend="give more levels of the flight, or entry_fl alone",
+            f"no flown level on FL{grid[0]:.0f} to FL{grid[-1]:.0f}",
+            expected="at least one",
+            mend="give a level of the flight that the model has, or entry_fl alone",
         )
     cas, rate = np.full((1, len(grid)), 250.0), np.full((1, len(grid)), -1500.0)
     cas[0, index], rate[0, index] = cas_kt[on], rate_fpm[on]

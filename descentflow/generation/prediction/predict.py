@@ -218,7 +218,7 @@ def predict(
         >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=100)
         >>> print(ahead)
         not calibrated, ...
-        20 flights predicted from FL290, 4 not; 96 left out: the checkpoint was trained or validated on them
+        21 flights predicted from FL290, 3 not; 96 left out: the checkpoint was trained or validated on them
         intervals rest on ... continuations or more
         ...
     """

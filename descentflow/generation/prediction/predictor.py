@@ -25,8 +25,8 @@ SPREAD_STEPS = 2
 """Times are not linear in what is drawn: the slow end moves by more than the draws do, and is looked at once again."""
 SPREAD_CONTINUATIONS = 200
 """Of each flight there: the ends of its interval are then known to a tenth of its half width."""
-MIN_LEVELS = 5
-"""Observed levels below which a prediction would be the prior."""
+CALIBRATION_LEVELS = 5
+"""Levels observed at least where the spread of draws is calibrated: as flights that are predicted mostly show."""
 MORE_DRAWS = 5
 """Times as many draws where those are left out that contradict the regime of speed that was seen."""
 MIN_CONTINUATIONS = 50
@@ -134,7 +134,7 @@ class DescentPredictor:
         found, mask = [flight.time_s.new_zeros(0)], flight.mask[0]
         for left in SHARES_LEFT:
             last = int(left * int(flight.entry_level[0]))
-            if not bool(mask[: last + 1].all()) or int(mask[last:].sum()) < MIN_LEVELS:
+            if not bool(mask[: last + 1].all()) or int(mask[last:].sum()) < CALIBRATION_LEVELS:
                 continue
             to = torch.tensor([0, last // 4, last // 2, 3 * last // 4])
             try:
@@ -159,7 +159,7 @@ class DescentPredictor:
             context: (1, c) encoded context of the flight, for a conditional density.
 
         Raises:
-            DataError: If the flight is not one, is on another grid, or has too few levels at and above ``from_fl``.
+            DataError: If the flight is not one, is on another grid, or shows no level at and above ``from_fl``.
             SamplingError: If fewer than 50 continuations descend, or than half of those asked for if that is less.
         """
         mask = self._observed(flight, from_fl)
@@ -193,10 +193,10 @@ class DescentPredictor:
                 mend="take one flight, with the levels of the checkpoint",
             )
         mask = flight.mask[0] & (levels >= from_fl)
-        if int(mask.sum()) < MIN_LEVELS:
+        if not bool(mask.any()):
             raise DataError(
-                f"{flight.flight_ids[0]} has {int(mask.sum())} levels at and above FL{from_fl:.0f}",
-                expected=f"at least {MIN_LEVELS}",
+                f"{flight.flight_ids[0]} has no level at and above FL{from_fl:.0f}",
+                expected="at least one, with its speed and rate",
                 mend="predict from a lower level",
             )
         return mask
@@ -252,4 +252,4 @@ def _whole_below(flights: Profiles, position: int) -> bool:
     """Whether a flight has every level from the middle of its descent down, and enough above."""
     entry = int(flights.entry_level[position])
     mask = flights.mask[position]
-    return entry >= 2 * MIN_LEVELS and bool(mask[: entry // 2 + 1].all()) and int(mask.sum()) > entry // 2 + 5
+    return entry >= 2 * CALIBRATION_LEVELS and bool(mask[: entry // 2 + 1].all()) and int(mask.sum()) > entry // 2 + 5

@@ -155,5 +155,7 @@ def test_predictions_refuse_what_cannot_be(model: Gaussian, descents: Path) -> N
         predict(model, descents, from_fl=290, flights=["nobody"])
     with pytest.raises(ConfigError, match="1 continuations"):
         predict(model, descents, from_fl=290, n=1)
+    highest = pl.read_parquet(descents).group_by("flight_id").agg(pl.col("level_fl").max())
+    below = highest.filter(pl.col("level_fl") < 369, pl.col("flight_id").is_in(model.representation.split.test))
     with pytest.raises(DataError, match="can be predicted"):
-        predict(model, descents, from_fl=369, n=5)
+        predict(model, descents, from_fl=369, n=5, flights=[below["flight_id"].min()])

@@ -82,17 +82,18 @@ class Chosen:
 
     def to_send(self) -> "Chosen":
         """Without designs, which are large, and are made again by :meth:`in_this_process` where it arrives."""
-        return self._with_fits(without_design, None)
+        return self._with_fits(without_design)
 
     def in_this_process(self, likelihood: EffectsLikelihood, discrepancy: Tensor) -> "Chosen":
         """What another process sent, with the designs of a likelihood of the same flights."""
-        found = self._with_fits(lambda fit: with_design(likelihood, fit), None)
+        found = self._with_fits(lambda fit: with_design(likelihood, fit))
         return replace(found, beside=FreeDiscrepancy(likelihood, discrepancy).refitted(found.fit))
 
-    def _with_fits(self, change: Callable[[Fit], Fit], beside: Fit | None) -> "Chosen":
+    def _with_fits(self, change: Callable[[Fit], Fit]) -> "Chosen":
+        """With other fits, and without the one beside a discrepancy."""
         singles = {name: replace(single, fit=change(single.fit)) for name, single in self.singles.items()}
         alike = tuple(change(fit) for fit in self.alike)
-        return replace(self, null=change(self.null), singles=singles, fit=change(self.fit), alike=alike, beside=beside)
+        return replace(self, null=change(self.null), singles=singles, fit=change(self.fit), alike=alike, beside=None)
 
 
 def select(

@@ -40,6 +40,8 @@ class Airframe:
     """Range of the elevator, nose up (negative) and nose down."""
     rated_n: float
     """Static thrust of all engines."""
+    step_s: float = 0.1
+    """Longest step of the integration that flies it as a tenth of a second does; the 787's pitch, 3 rad/s, is fast."""
 
 
 _LBF_N = 4.4482216152605
@@ -71,6 +73,7 @@ AIRFRAMES = {
             brake_drag=0.019,
             elevator_rad=(-0.35, 0.3),
             rated_n=3 * 60_200 * _LBF_N,
+            step_s=0.2,
         ),
         Airframe(
             name="B747",
@@ -84,6 +87,7 @@ AIRFRAMES = {
             brake_drag=0.017,
             elevator_rad=(-0.35, 0.175),
             rated_n=4 * 58_000 * _LBF_N,
+            step_s=0.2,
         ),
         Airframe(
             name="global5000",

@@ -7,6 +7,7 @@ import polars as pl
 
 from descentflow.core.files import whole_file
 from descentflow.simulation.jsbsim_world.airframes import AIRFRAMES
+from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig
 from descentflow.simulation.jsbsim_world.fly_models import fly
 from descentflow.simulation.world import simulate
 from descentflow.studies.blind_diagnosis.blind_plan import Causes, SetPlan, SimulatorPlan, World
@@ -83,4 +84,5 @@ def _write_descents(one: SimulatorPlan, path: Path) -> None:
 def _rows(world: World, model: str, n: int, seed: int, causes: Causes) -> pl.DataFrame:
     if world == "own":
         return simulate(model, n, seed, plant=causes).rows
-    return fly(model, n, seed, causes, typecode=AIRFRAMES[model].reference).rows
+    airframe = AIRFRAMES[model]
+    return fly(model, n, seed, causes, config=JsbsimConfig(step_s=airframe.step_s), typecode=airframe.reference).rows

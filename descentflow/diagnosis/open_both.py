@@ -9,7 +9,7 @@ import polars as pl
 
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.core.version import __version__
-from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
+from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed, InputUsed, Provenance
 from descentflow.diagnosis.input_descriptions import input_of_flights, input_of_simulator
 from descentflow.diagnosis.open_simulator import open_simulator
 from descentflow.diagnosis.own_flights import own_flights
@@ -19,6 +19,7 @@ from descentflow.diagnosis.simulator_flights import (
     check_no_source,
     of_one_type,
     simulator_of_flights,
+    types_of,
 )
 from descentflow.diagnosis.simulator_kind import kind_of, name_of
 from descentflow.diagnosis.weather_taken_out import without_weather
@@ -125,6 +126,10 @@ def open_both(
     descents = open_descents(real, progress=say) if parts is None else comparable_descents(real, parts, progress=say)
     own = input_of_flights(name_of(real), descents)
     frame, others = (descents.reported, {}) if any_type else of_its_type(descents.reported, found)
+    if any_type:
+        # Those that are compared, for the page to call them by.
+        types, aircraft = types_of(frame), found.aircraft
+        found = replace(found, coefficients=CoefficientsUsed(aircraft.typecode, aircraft.source, types))
     if others:
         left_out = ", ".join(f"{number:,} of {name.rpartition('_')[2]}" for name, number in others.items())
         warnings.warn(

@@ -40,7 +40,7 @@ class Simulator:
     flights: pl.DataFrame | None = None
     """Prepared descents of the simulator, where it is given by its flights."""
     coefficients: CoefficientsUsed | None = None
-    """Whose coefficients these are, where it is given by its flights."""
+    """Whose coefficients these are, where it is given by its flights or any type of flights is taken."""
     cleaning: Cleaning | None = None
     """Settings by which its flights were cleaned, where it is given by them and they are known."""
     metadata: Mapping[str, Any] = field(default_factory=dict)

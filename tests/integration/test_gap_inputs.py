@@ -108,6 +108,9 @@ def test_flights_of_other_types_are_left_out_counted_and_named(folder: Path) -> 
         everyone = open_both(mixed, simulator, SignatureSource(), any_type=True)
         assert len(everyone.frame) == len(real)
         assert "flights_of_B738" not in everyone.dropped
+        assert opened.simulator.coefficients is None
+        used = everyone.simulator.coefficients
+        assert str(used) == "Signatures are those of the A320's coefficients, which stand for the A320, B738."
 
 
 def test_a_late_rate_begins_where_the_settings_say() -> None:

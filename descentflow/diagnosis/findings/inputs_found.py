@@ -82,7 +82,8 @@ class Provenance:
         versions: Version of descentflow and of what else decides numbers, by name.
         settings: Settings, by name, as text.
         user_files: Files of the user's own code that were run (``--catalogue``).
-        coefficients: Whose coefficients gave the signatures, for a simulator that is given by its flights.
+        coefficients: Whose coefficients gave the signatures, for a simulator that is given by its flights and for
+            flights of any type.
 
     Example:
         >>> one = InputUsed("rows.parquet", "rows", 400)

@@ -65,13 +65,15 @@ def name_of(source: Any) -> str:
 
     Example:
         >>> name_of("here/rows.parquet"), name_of(["a.csv", "b.csv", "c.csv"]), name_of(pl.DataFrame())
-        ('rows.parquet', 'a.csv and 2 more', 'flights in memory')
+        ('rows.parquet', 'a.csv + 2 more', 'flights in memory')
+        >>> name_of(["a.csv", "b.csv"])
+        'a.csv + b.csv'
     """
     paths = paths_of(source)
     if not paths:
         return "flights in memory"
-    first = paths[0].name or paths[0].resolve().name
-    return first if len(paths) == 1 else f"{first} and {len(paths) - 1} more"
+    first, *others = [path.name or path.resolve().name for path in paths[:2]]
+    return " + ".join([first, *(others if len(paths) <= 2 else [f"{len(paths) - 1} more"])])
 
 
 def is_designator(simulator: object) -> bool:

@@ -4,6 +4,7 @@ import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -114,6 +115,19 @@ class SeenFlights:
         same = compared.filter(2 * pl.col("agreed") > pl.col("common")).sort("seen")
         parts = self.part.tolist()
         return {name: PARTS[parts[row]] for name, row in same.select("flight_id", "seen").iter_rows()}
+
+    def training_days(self) -> tuple[str | None, str | None]:
+        """Days (ISO 8601, UTC) of the first and of the last training flight; None where there is none."""
+        times = self.time_s[self.part == 0]
+        if not len(times):
+            return None, None
+        ends = (float(times.min()), float(times.max()))
+        first, last = (datetime.fromtimestamp(end, UTC).date().isoformat() for end in ends)
+        return first, last
+
+    def training_aircraft(self) -> int | None:
+        """How many aircraft flew the training flights; None where no flight is known."""
+        return len(set(self.address[self.part == 0].tolist())) or None
 
     def to_state(self) -> dict[str, Tensor]:
         """Tensors for a checkpoint."""

@@ -114,7 +114,7 @@ def test_rows_files_folders_and_tables_are_the_same_flights(folder: Path, real: 
     prints = {one.simulator_input.fingerprint for one in opened}
     assert prints == {opened[0].simulator_input.fingerprint}
     assert opened[2].simulator_input.name == "several"
-    assert opened[3].simulator_input.name == "log0.csv and 1 more"
+    assert opened[3].simulator_input.name == "log0.csv + log1.csv"
     assert {one.simulator.aircraft.typecode for one in opened} == {"A320"}
 
 

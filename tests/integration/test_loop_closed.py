@@ -70,7 +70,7 @@ def test_half_of_it_closes_less_and_the_rest_is_next(folder: Path, first: GapRep
     assert "less than predicted" in found.text
     assert report.causes[0].effect == "temperature"
     assert report.causes[0].parameters["deviation_k"].estimate == pytest.approx(5.0, abs=1.5)
-    assert "change what was entered for temperature: +" in found.text
+    assert "change what was entered for temperature, or enter it if it was not: +" in found.text
     assert found.text in str(report)
 
 

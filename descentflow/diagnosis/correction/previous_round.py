@@ -190,5 +190,8 @@ def _next(previous: Findings, now: Findings) -> str:
 def _step(cause: Cause, recipe: str, earlier: dict[str, Cause]) -> str:
     if cause.effect in earlier:
         closed = percent(None if cause.own_closure is None else cause.own_closure.estimate)
-        return f"Next: change what was entered for {cause.label or cause.effect}: {recipe} (closes {closed})."
+        name = cause.label or cause.effect
+        change = recipe.removeprefix(f"{name} ")
+        # Nothing tells a cause that was not entered from one that was entered with another size.
+        return f"Next: change what was entered for {name}, or enter it if it was not: {change} (closes {closed})."
     return f"Next: {recipe}."

@@ -74,6 +74,7 @@ def run(args: argparse.Namespace) -> None:
     """Diagnose, write and print the answer."""
     from descentflow.core.progress import stage
     from descentflow.diagnosis.diagnose import diagnose
+    from descentflow.diagnosis.report.text import summary
     from descentflow.surveillance.point_profiles.read_points import holds_points
 
     args.typecode = args.typecode and args.typecode.upper()
@@ -102,7 +103,7 @@ def run(args: argparse.Namespace) -> None:
             out=args.out,
             progress=shown.say,
         )
-    print(report)
+    print(summary(report, args.out))
     print(f"wrote {args.out / 'gap.json'} and {args.out / 'gap.html'}")
 
 

@@ -202,7 +202,7 @@ def test_real_flights_in_other_air_than_the_training_flights(plain: Path, folder
     assert cause.text == "air colder than that of the simulator's flights"
     (sides,) = cause.on_both_sides
     assert (sides.flights, sides.simulator) == (pytest.approx(0.0, abs=1.0), pytest.approx(10.0, abs=1.5))
-    assert re.match(r"-9.*K \(.*\): ISA .* against the simulator's ISA \+", report.recipe[0].text)
+    assert re.match(r"temperature -9.*K \(.*\): ISA .* against the simulator's ISA \+", report.recipe[0].text)
     assert "itself report the TAS of standard air" in str(report)
     model = load_model(inside / "gap" / "corrected.ckpt")
     parts = model.representation

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 
 import finding_toys
 import pytest
@@ -12,10 +13,20 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from descentflow.diagnosis.correction.recipe import recipe_of
+from descentflow.diagnosis.findings.cause_found import ClosedShare, ParameterEstimate, TradeSize
+from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import Curve, Findings, SingleEffect
+from descentflow.diagnosis.findings.plain_values import percent
+from descentflow.diagnosis.findings.selection_found import DetectionLimit
+from descentflow.diagnosis.report.both_sides import BothSides, told_of_both
+from descentflow.diagnosis.report.cause_section import _causes
 from descentflow.diagnosis.report.gap_figures import costs_figure, curves_figure, singles_figure, where_figure
-from descentflow.diagnosis.report.gap_page import page
+from descentflow.diagnosis.report.gap_page import _left, page
+from descentflow.diagnosis.report.inputs_section import inputs_section
+from descentflow.diagnosis.report.next_steps import next_steps
 from descentflow.diagnosis.report.text import sentences, summary
+from descentflow.diagnosis.report.where_section import _curves_in_words
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import BY_BAND
 
@@ -165,3 +176,125 @@ def test_names_of_flights_never_become_markup() -> None:
     found = of_verdict("unknown")
     flight = replace(found.flights_worth_a_look[0], flight="<script>alert(1)</script>")
     assert "<script" not in page(replace(found, flights_worth_a_look=[flight]))
+
+
+def steps_of(found: Findings) -> str:
+    return "\n".join(next_steps(found))
+
+
+def left_of(found: Findings) -> str:
+    return "".join(_left(found))
+
+
+def test_commands_can_be_run_from_where_their_reader_is() -> None:
+    found = replace(of_verdict("partial"), corrected_file="corrected.ckpt")
+    told = summary(found, Path("there/gap"))
+    assert "`descentflow sample there/gap/corrected.ckpt -n 1000 --out samples.parquet`" in told
+    assert "`--previous there/gap/gap.json`" in told
+    # The page lies beside them, and shows as a command what is one.
+    text = page(found)
+    assert "<code>descentflow sample corrected.ckpt -n 1000 --out samples.parquet</code>" in text
+    assert "<code>--previous gap.json</code>" in text
+
+
+def test_parts_of_a_recipe_are_numbered_where_there_are_several() -> None:
+    found = of_verdict("effect")
+    assert "(1) ISA + 7.2 K [6.8, 7.6]; (2) CD0 x 1.58" in steps_of(found)
+    assert "(1)" not in steps_of(replace(found, recipe=found.recipe[:1]))
+
+
+def test_a_share_that_is_told_as_all_is_not_told_as_a_percentage() -> None:
+    most = replace(finding_toys.brakes(), share_of_flights=ClosedShare(0.9991, 0.996, 1.0))
+    found = replace(of_verdict("effect"), causes=[most])
+    for told in (_causes(found), summary(found)):
+        assert "nearly all flights" in told
+        assert "100 % of the flights" not in told
+        assert "100 % (100 % to 100 %)" not in told
+    (step,) = recipe_of([most], EFFECTS, (150.0, 350.0))
+    assert step.text.endswith("FL190 to FL265, in nearly all flights")
+
+
+def test_what_an_effect_does_not_do_to_reports_is_not_told() -> None:
+    brakes = finding_toys.brakes()
+    for noise, is_told in ((1.0, False), (1.3, True)):
+        told = f"short-scale noise x {noise:.2f}"
+        size = TradeSize("ln_ratio_noise", told, f"{told} (1.00 to 1.40)", "factor", Measured(noise, 1.0, 1.4))
+        found = replace(of_verdict("effect"), causes=[replace(brakes, sizes=[*brakes.sizes, size])])
+        assert (told in _causes(found)) is is_told
+        assert (told in summary(found)) is is_told
+
+
+def test_a_difference_is_entered_under_a_name() -> None:
+    more = TradeSize("deviation_k", "+4.8 K", "+4.8 K (+4.4 to +5.2)", "K", Measured(4.8, 4.4, 5.2))
+    (step,) = recipe_of([replace(finding_toys.warm(), sizes=[more])], EFFECTS, (150.0, 350.0))
+    assert (
+        step.text == "temperature +4.8 K (+4.4 to +5.2), FL150 to FL350, with a spread of 20 % of that between flights"
+    )
+
+
+def test_each_of_several_sizes_keeps_its_name_where_the_simulator_s_own_is_not_known() -> None:
+    bias = EFFECTS["airspeed_bias"]
+    sizes = [
+        TradeSize(p.name, f"{p.label} +1 kt", f"{p.label} +1 kt (+0 to +2)", "kt", Measured(1.0, 0.0, 2.0))
+        for p in bias.parameters
+    ]
+    assert told_of_both(bias, sizes, BothSides(True)) == sizes
+
+
+def test_limits_are_told_as_sizes_of_the_flights_that_have_the_effect() -> None:
+    found = of_verdict("none")
+    limits = [
+        DetectionLimit("speed_brake", "extra_cd0", 1.1, "factor", "parasitic drag added, mean over all flights", 0.61),
+        DetectionLimit("measurement_noise", "ln_ratio_cas", 1.14, "factor", "ln of the ratio of the noise of IAS"),
+    ]
+    found = replace(found, details=replace(found.details, detection_limits=limits))
+    text = left_of(found)
+    for told in ("CD0 x 1.10", "61 % of them", "noise of IAS x 1.14"):
+        assert told in text
+    for wrong in ("mean over all flights", "ln of the ratio"):
+        assert wrong not in text
+    assert "at least CD0 x 1.10 and noise of IAS x 1.14 would be named in 80 of 100 cases" in steps_of(found)
+
+
+def test_what_is_left_is_set_beside_chance() -> None:
+    found = of_verdict("effect")
+    # The toy's curves have an error of 0.4 % of the rate, and 2 % are left.
+    assert "2.0 times what would not matter, and 5.0 standard errors." in left_of(found)
+    little = replace(found.remaining, largest=replace(found.remaining.largest, difference=0.006))
+    assert "and no more than chance often gives." in left_of(replace(found, remaining=little))
+
+
+def test_where_nothing_is_put_in_nothing_is_drawn_as_after() -> None:
+    curves = finding_toys.details().curves
+    drawn = curves_figure(curves, ["rate"], finding_toys.details().profile, after=False)
+    assert [text.get_text() for text in drawn.legends[0].get_texts()] == ["what chance gives (95 %)", "before"]
+    shown = ["rate", "tas"]
+    assert "levels before and" in _curves_in_words(of_verdict("effect"), shown)
+    assert _curves_in_words(of_verdict("none"), shown).endswith("true airspeed against Mach number at 14 of 14 levels.")
+
+
+def test_a_slope_of_the_wind_is_no_wind_at_a_level() -> None:
+    size = TradeSize("slope_per_s", "tailwind +2.1 kt per 1,000 ft", "tailwind +2.1", "kt per 1,000 ft", Measured(2.1))
+    wind = finding_toys.cause(
+        "wind_gradient", {"slope_per_s": ParameterEstimate(0.0035, None, None, "1")}, sizes=[size]
+    )
+    text = page(replace(of_verdict("effect"), causes=[wind]))
+    assert "by how much the mean wind itself differs is left in the distance over ground" in text
+    assert "Let the wind change about the mean wind that each flight has" in text
+    assert "mean wind" not in steps_of(of_verdict("effect"))
+
+
+def test_the_time_at_equal_speed_is_told_where_a_speed_is_a_cause_and_the_time_is_alike() -> None:
+    sizes = {"bias_kt": ParameterEstimate(3.2, 3.1, 3.4, "kt")}
+    costs = [replace(c, before=Measured(4.0, -9.0, 17.0)) if c.name == "time" else c for c in finding_toys.costs()]
+    found = replace(of_verdict("effect"), causes=[finding_toys.cause("airspeed_bias", sizes)], costs=costs)
+    assert "25 s of time at equal speed become 1.5 s" in sentences(found)[2]
+
+
+def test_no_share_is_less_than_nothing() -> None:
+    assert [percent(x) for x in (-0.004, 0.0, -0.006)] == ["0 %", "0 %", "-1 %"]
+
+
+def test_both_sides_are_told_by_version() -> None:
+    table = inputs_section(of_verdict("effect"))[2]
+    assert '<td data-name="descentflow">0.1.0</td>' in table

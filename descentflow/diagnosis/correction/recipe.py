@@ -54,8 +54,11 @@ def _step(cause: Cause, effect: Effect, levels_fl: tuple[float, float]) -> Recip
     numbers = [RecipeNumber(size.parameter, size.unit, size.value, low, high) for size in entered]
     share = 1.0 if cause.share_of_flights is None else cause.share_of_flights.estimate or 1.0
     text = effect.recipe({size.parameter: size.text for size in entered}) or cause.text
+    if text[:1] in ("+", "-"):
+        # A difference from what the simulator has says by itself not of what it is one.
+        text = f"{cause.label or cause.effect} {text}"
     place = f"FL{low:.0f} to FL{high:.0f}"
-    some = "" if cause.share_of_flights is None else f", in {percent(share)} of the flights"
+    some = "" if cause.share_of_flights is None else f", {cause.in_flights()}"
     spread = cause.heterogeneity.spread_of_shares
     if cause.share_of_flights is None and spread >= MIN_SPREAD:
         some = f", with a spread of {percent(spread)} of that between flights"

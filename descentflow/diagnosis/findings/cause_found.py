@@ -216,6 +216,15 @@ class Cause:
     sizes: list[TradeSize] = field(default_factory=list)
     on_both_sides: list[OnBothSides] = field(default_factory=list)
 
+    def in_flights(self, *, whole: bool = False) -> str:
+        """Which flights have it, with the 90 % interval of their share if ``whole``; empty where all have."""
+        share = self.share_of_flights
+        if share is None:
+            return ""
+        if percent(share.estimate) == percent(1.0):
+            return "in nearly all flights"
+        return f"in {share if whole else percent(share.estimate)} of the flights"
+
     def __str__(self) -> str:
         """Its name and its size."""
         return f"{self.label or self.effect}: {'; '.join(str(p) for p in self.parameters.values())}"

@@ -45,7 +45,8 @@ def percent(share: float | None) -> str:
     """A share, or a dash.
 
     Example:
-        >>> percent(0.784), percent(None)
-        ('78 %', '-')
+        >>> percent(0.784), percent(None), percent(-0.002)
+        ('78 %', '-', '0 %')
     """
-    return "-" if share is None else f"{100 * share:.0f} %"
+    text = "-" if share is None else f"{100 * share:.0f} %"
+    return "0 %" if text == "-0 %" else text

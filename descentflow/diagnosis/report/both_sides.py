@@ -123,11 +123,15 @@ def told_of_both(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) ->
         return [_told_noise(size, measured.get(size.parameter), known[size.parameter]) for size in kept]
     if effect.against is None:
         return list(sizes)
-    return [_told(size, measured.get(size.parameter), known[size.parameter]) for size in sizes]
+    several = len(sizes) > 1
+    return [_told(size, measured.get(size.parameter), known[size.parameter], several) for size in sizes]
 
 
-def _told(size: TradeSize, row: OnBothSides | None, p: Parameter) -> TradeSize:
+def _told(size: TradeSize, row: OnBothSides | None, p: Parameter, several: bool) -> TradeSize:
     if row is None:
+        # One of several needs its name: nothing else says what it is a size of.
+        if several:
+            return size
         return replace(size, short=_bare(p, size, False), text=_bare(p, size, True))
     # To a hundredth of a size that matters, so that nearly none is told as none.
     digits = max(1 - math.floor(math.log10(abs(p.told(p.scale)))), 0)

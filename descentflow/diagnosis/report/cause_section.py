@@ -4,7 +4,7 @@ from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.gap_figures import singles_figure
-from descentflow.diagnosis.report.words import how_sure, spoken
+from descentflow.diagnosis.report.words import how_sure, shown_sizes, spoken
 from descentflow.reporting.html_elements import Html, bold, details, lines, paragraph, stacked_table, table
 from descentflow.reporting.svg_figures import drawn_for_both
 
@@ -41,8 +41,8 @@ def _causes(found: Findings) -> Html:
     rows = [
         [
             lines([bold(cause.label), cause.text]),
-            lines(size.text for size in cause.sizes),
-            "all" if cause.share_of_flights is None else str(cause.share_of_flights),
+            lines(size.text for size in shown_sizes(cause)),
+            cause.in_flights(whole=True).removeprefix("in ").removesuffix(" of the flights") or "all",
             how_sure(cause),
             ", ".join(found.details.label(name) for name in cause.group) or "nothing in the catalogue",
             "-" if cause.own_closure is None else str(cause.own_closure),

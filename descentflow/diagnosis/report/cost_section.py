@@ -6,7 +6,12 @@ from descentflow.diagnosis.findings.costs_found import Cost, Measured
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.report.gap_figures import costs_figure
 from descentflow.diagnosis.report.trade_units import level_range, trade_number
-from descentflow.diagnosis.report.words import flights_name, simulator_name, whole_costs
+from descentflow.diagnosis.report.words import (
+    flights_name,
+    simulator_name,
+    tells_a_slope_of_wind,
+    whole_costs,
+)
 from descentflow.effects import EFFECTS
 from descentflow.reporting.html_elements import Html, details, paragraph, stacked_table
 from descentflow.reporting.svg_figures import drawn_for_both
@@ -40,6 +45,11 @@ def cost_section(found: Findings) -> list[Html]:
         lead += (
             " Another speed also moves the level where flights go over from Mach number to CAS, and with it the rate "
             "between both levels, which is not taken off here: a simulator that flies the causes shows less there."
+        )
+    if "ground_distance" in whole and any(tells_a_slope_of_wind(one) for one in found.causes):
+        lead += (
+            " Of a wind that changes with altitude the change is the cause, about each flight's mean wind: by how much "
+            "the mean wind itself differs is left in the distance over ground."
         )
     parts = [
         paragraph(lead),

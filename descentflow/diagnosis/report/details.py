@@ -12,6 +12,7 @@ from descentflow.diagnosis.inference.selection import Chosen, Outside
 from descentflow.diagnosis.inference.where import strongest_block
 from descentflow.diagnosis.report.sizes import told_text
 from descentflow.effects import UNKNOWN
+from descentflow.effects.effect import NONE
 
 BOUND = 1e-6
 """How near an estimate is to a bound that it was driven to."""
@@ -59,11 +60,13 @@ def _refused(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> str:
         at_bound = value != 0.0 and not p.low + BOUND < value < p.high - BOUND
         if at_bound and not p.from_heterogeneity and not p.by_product:
             return f"{told_text(p, Measured(p.told(value)))} is the limit of what is possible"
-    sizes = [
-        told_text(p, Measured(p.told(value)))
+    told = [
+        (told_text(p, Measured(p.told(value))), abs(value) < NONE * p.scale)
         for p, value in zip(effect.parameters, theta.tolist(), strict=True)
         if value != 0.0 and not p.by_product and not p.is_spread
     ]
+    # What is next to none is no reason.
+    sizes = [text for text, none in told if not none] or [text for text, _ in told]
     return f"it fits best with sizes that it cannot have: {', '.join(sizes)}"
 
 

@@ -114,7 +114,12 @@ def where_figure(curves: Mapping[str, Curve], profile: Sequence[LevelMeans] = ()
 
 
 def curves_figure(
-    curves: Mapping[str, Curve], shown: Sequence[str], profile: Sequence[LevelMeans] = (), *, narrow: bool = False
+    curves: Mapping[str, Curve],
+    shown: Sequence[str],
+    profile: Sequence[LevelMeans] = (),
+    *,
+    narrow: bool = False,
+    after: bool = True,
 ) -> Figure:
     """Difference of means against altitude, before and after the causes are added, with what chance gives.
 
@@ -123,6 +128,7 @@ def curves_figure(
         shown: Quantities to draw, at most four.
         profile: What the simulator flies on average by level.
         narrow: Two panels in a row.
+        after: Whether there are causes to add; without any only what is before is drawn.
 
     Example:
         >>> curve = Curve([157.5, 172.5], before=[0.05, 0.03], after=[0.0, 0.01], error=[0.01, 0.01])
@@ -137,7 +143,7 @@ def curves_figure(
     for ax in axes[count:]:
         ax.set_visible(False)
     for k, (ax, q) in enumerate(zip(axes, shown, strict=False)):
-        _curve(ax, q, curves[q], profile, 18 if narrow else 28)
+        _curve(ax, q, curves[q], profile, (18 if narrow else 28, after))
         if k % columns == 0:
             ax.set_ylabel("flight level", fontsize=SMALL)
     if not shown:
@@ -147,7 +153,10 @@ def curves_figure(
     return figure
 
 
-def _curve(ax: Axes, quantity: str, curve: Curve, profile: Sequence[LevelMeans], letters: int) -> None:
+def _curve(
+    ax: Axes, quantity: str, curve: Curve, profile: Sequence[LevelMeans], letters_and_after: tuple[int, bool]
+) -> None:
+    letters, with_after = letters_and_after
     levels = np.array(curve.level_fl, dtype=float)
 
     def told(values: Sequence[float]) -> tuple[list[float], str]:
@@ -157,7 +166,8 @@ def _curve(ax: Axes, quantity: str, curve: Curve, profile: Sequence[LevelMeans],
     (before, unit), (after, _) = told(curve.before), told(curve.after)
     chance, _ = told([2 * e for e in curve.error])
     ax.fill_betweenx(levels, -np.array(chance), chance, color="#dddddd", label="what chance gives (95 %)")
-    for name, values, colour, marker, line in (("before", before, RED, "o", "-"), ("after", after, BLUE, "s", "--")):
+    lines = (("before", before, RED, "o", "-"), ("after", after, BLUE, "s", "--"))
+    for name, values, colour, marker, line in lines if with_after else lines[:1]:
         ax.plot(values, levels, color=colour, linestyle=line, linewidth=1.5)
         for k, (value, fl) in enumerate(zip(values, levels, strict=True)):
             # A line of one point, so that each has its own tip.

@@ -2,14 +2,15 @@
 
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.gap_found import WouldSplit
+from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.cause_section import cause_section, parameters_table
 from descentflow.diagnosis.report.cost_section import cost_section
 from descentflow.diagnosis.report.inputs_section import inputs_section
 from descentflow.diagnosis.report.next_steps import next_steps
 from descentflow.diagnosis.report.text import sentences
 from descentflow.diagnosis.report.trade_units import in_trade, level_range, trade_number
-from descentflow.diagnosis.report.where_section import curves_section, where_section
-from descentflow.diagnosis.report.words import flights_name, simulator_name
+from descentflow.diagnosis.report.where_section import CHANCE, curves_section, where_section
+from descentflow.diagnosis.report.words import flights_name, limit_words, simulator_name
 from descentflow.measurements.quantity_registry import label_of
 from descentflow.reporting.html_elements import (
     Html,
@@ -17,6 +18,7 @@ from descentflow.reporting.html_elements import (
     blocks,
     bold,
     bullets,
+    code,
     details,
     joined,
     paragraph,
@@ -58,13 +60,20 @@ def page(found: Findings) -> str:
     whole.section("What it costs", *cost_section(found))
     whole.section("Which cause, and how sure", *cause_section(found))
     steps = next_steps(found)
-    whole.section("What to do next", bullets(steps) if steps else "Nothing: there is no gap to close.")
+    whole.section(
+        "What to do next", bullets(map(_with_commands, steps)) if steps else "Nothing: there is no gap to close."
+    )
     whole.section("Where they differ", *where_section(found))
     whole.section("Before and after", *curves_section(found))
     whole.section("What is left, and what could not be told", *_left(found))
     whole.section("How far it shrinks, round by round", *_rounds(found))
     whole.section("How this was made", *inputs_section(found), *_numbers(found))
     return whole.render()
+
+
+def _with_commands(step: str) -> Html:
+    """A step as the page writes it: what stands between backticks is to be typed."""
+    return joined(*(code(part) if k % 2 else part for k, part in enumerate(step.split("`"))))
 
 
 def _left(found: Findings) -> list[Html]:
@@ -74,7 +83,7 @@ def _left(found: Findings) -> list[Html]:
     text = (
         f"The largest difference{after} is {trade_number(value, unit, signed=True)} in the {label_of(left.quantity)}, "
         f"{level_range(left.level_low_fl, left.level_high_fl)}: {left.in_negligible_shifts:.1f} times what would not "
-        "matter."
+        f"matter{_beside_chance(found)}."
     )
     parts = [paragraph(text)]
     if found.flights_worth_a_look and found.verdict in ("unknown", "partial"):
@@ -97,6 +106,20 @@ def _left(found: Findings) -> list[Html]:
     return parts
 
 
+def _beside_chance(found: Findings) -> str:
+    """How the largest difference that is left compares with its standard error; nothing where that is not known."""
+    left = found.remaining.largest
+    curve = found.details.curves.get(left.quantity)
+    if curve is None:
+        return ""
+    inside = [fl is None or left.level_low_fl <= fl <= left.level_high_fl for fl in curve.level_fl]
+    errors = [error for error, here in zip(curve.error, inside, strict=True) if here]
+    if len(errors) != 1 or errors[0] <= 0.0:
+        return ""
+    standing = abs(left.difference) / errors[0]
+    return ", and no more than chance often gives" if standing <= CHANCE else f", and {standing:.1f} standard errors"
+
+
 def _split(found: Findings, row: WouldSplit) -> Html:
     names = ", ".join(found.details.label(name) for name in row.between)
     tell = joined("; told by: ", bold(", ".join(row.channels))) if row.channels else Html("")
@@ -107,14 +130,16 @@ def _limits(found: Findings) -> Html:
     rows = [
         [
             found.details.label(limit.effect),
-            limit.label or limit.parameter.replace("_", " "),
-            "none that is possible" if limit.size is None else trade_number(limit.size, limit.unit),
+            limit_words(limit),
+            "all" if limit.share is None or limit.size is None else f"{percent(limit.share)} of them",
         ]
         for limit in found.details.detection_limits
     ]
     lead = "The smallest sizes that these flights and channels would name in 80 of 100 cases:"
     return details(
-        "How small an effect would have been found", paragraph(lead), stacked_table(["effect", "of", "size"], rows)
+        "How small an effect would have been found",
+        paragraph(lead),
+        stacked_table(["effect", "size", "flights that have it"], rows, align="lll"),
     )
 
 

@@ -35,9 +35,9 @@ def inputs_section(found: Findings) -> list[Html]:
         )
     made = found.provenance
     if made is not None:
-        head = ["side", "name", "what it is", "flights", "aircraft", "days", "types"]
+        head = ["side", "name", "what it is", "flights", "aircraft", "days", "types", "descentflow"]
         rows = [_side("real", made.real), _side("simulator", made.simulator)]
-        parts.append(stacked_table(head, rows, align="lllrrl"))
+        parts.append(stacked_table(head, rows, align="lllrrlll"))
         told = {**made.versions, **made.settings}
         parts.append(table(["version or setting", ""], list(told.items()), align="l"))
         rows = [[name, side.settings.get(name, "-")] for side in (made.real,) for name in side.settings]
@@ -59,4 +59,13 @@ def _side(name: str, used: InputUsed) -> list[str]:
     flights = f"{used.flights:,}" if used.flights else "-"
     inside = [file for file in used.files if file != used.name]
     whole = f"{used.name} (from {', '.join(inside)})" if inside else used.name
-    return [name, whole, used.kind, flights, aircraft, days or "-", ", ".join(used.typecodes) or "-"]
+    return [
+        name,
+        whole,
+        used.kind,
+        flights,
+        aircraft,
+        days or "-",
+        ", ".join(used.typecodes) or "-",
+        used.version or "-",
+    ]

@@ -1,8 +1,16 @@
 """What to do next, in the order in which it helps: the recipe, what would decide, and where to look."""
 
+from pathlib import Path
+
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.report.trade_units import level_range, trade_number
-from descentflow.diagnosis.report.words import simulator_name, size_words, spoken
+from descentflow.diagnosis.report.words import (
+    limit_words,
+    simulator_name,
+    size_words,
+    spoken,
+    tells_a_slope_of_wind,
+)
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import label_of
 
@@ -10,12 +18,21 @@ SHOWN_FLIGHTS = 8
 """Flights that are named."""
 SAMPLED = ("training flights", "samples")
 """Where the simulator's side comes from, if the simulator is a checkpoint or a model."""
+MEAN_WIND = (
+    "Let the wind change about the mean wind that each flight has: its change with altitude says nothing of the wind "
+    "at any one level, which groundspeed and TAS say."
+)
+"""What the owner of a simulator needs to know who enters a wind by its slope."""
 SHOWN_LIMITS = 3
 """Effects of which it is said what size would have been found."""
 
 
-def next_steps(found: Findings) -> list[str]:
-    """Sentences, most useful first.
+def next_steps(found: Findings, folder: Path | None = None) -> list[str]:
+    """Sentences, most useful first; commands stand between backticks.
+
+    Args:
+        found: What the diagnosis found.
+        folder: Where the report lies, so that commands can be run from elsewhere; beside the report if absent.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -23,32 +40,47 @@ def next_steps(found: Findings) -> list[str]:
         >>> next_steps(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0][:44]
         'Put into nominal BADA of the A320: mass x 0.'
     """
-    return [*_recipe(found), *_corrected(found), *_flights(found), *_channels(found), *_own(found), *_limits(found)]
+    return [
+        *_recipe(found, folder),
+        *_corrected(found, folder),
+        *_flights(found),
+        *_channels(found),
+        *_own(found),
+        *_limits(found),
+    ]
 
 
-def _recipe(found: Findings) -> list[str]:
+def _at(folder: Path | None, name: str) -> str:
+    """A file of the report as a command names it."""
+    return name if folder is None else str(folder / name)
+
+
+def _recipe(found: Findings, folder: Path | None) -> list[str]:
     texts = [step.text for step in found.recipe]
     texts = texts or [size_words(cause) or cause.text for cause in found.causes]
     if not texts:
         return []
+    if len(texts) > 1:
+        texts = [f"({k}) {text}" for k, text in enumerate(texts, 1)]
     change = ""
     if found.details.normal_from != "physics" and found.details.regime == "anchored":
         change = " Each is a change of what its flights have now."
     return [
         f"Put into {simulator_name(found)}: {'; '.join(texts)}.{change}",
-        "Fly it again and diagnose it with --previous gap.json: predicted and achieved closure are set side by side.",
+        *([MEAN_WIND] if any(tells_a_slope_of_wind(cause) for cause in found.causes) else []),
+        f"Fly it again and diagnose it with `--previous {_at(folder, 'gap.json')}`: predicted and achieved closure are "
+        "set side by side.",
     ]
 
 
-def _corrected(found: Findings) -> list[str]:
+def _corrected(found: Findings, folder: Path | None) -> list[str]:
     name = found.corrected_file
+    file = f"{name} beside this report" if folder is None else _at(folder, name)
     if name.endswith(".ckpt"):
-        command = f"descentflow sample {name} -n 1000 --out samples.parquet"
-        return [f"Sample the corrected simulator, {name} beside this report: {command}", *_air_of_samples(found)]
+        command = f"`descentflow sample {_at(folder, name)} -n 1000 --out samples.parquet`"
+        return [f"Sample the corrected simulator, {file}: {command}", *_air_of_samples(found)]
     if name:
-        return [
-            f"Use the corrected flights: {name} beside this report holds the simulator's own flights with the causes."
-        ]
+        return [f"Use the corrected flights: {file} holds the simulator's own flights with the causes."]
     if found.causes and found.details.normal_from in SAMPLED:
         own = spoken([cause.label for cause in found.causes])
         return [f"There is no corrected checkpoint: {own} cannot be held by one, being an effect of your own."]
@@ -107,15 +139,14 @@ def _flights(found: Findings) -> list[str]:
 def _own(found: Findings) -> list[str]:
     if found.verdict not in ("unknown", "partial"):
         return []
-    return ["Write the effect that you suspect into a file of your own and diagnose again with --catalogue FILE.py."]
+    return ["Write the effect that you suspect into a file of your own and diagnose again with `--catalogue FILE.py`."]
 
 
 def _limits(found: Findings) -> list[str]:
     """Where nothing was found: the sizes that would have been."""
     if found.verdict != "none":
         return []
-    known = [x for x in found.details.detection_limits if x.size is not None]
-    told = [f"{found.details.label(x.effect)} {trade_number(x.size or 0.0, x.unit)}" for x in known[:SHOWN_LIMITS]]
-    return (
-        [f"Take what is smaller for possible still: {spoken(told)} would be named in 80 of 100 cases."] if told else []
-    )
+    told = [limit_words(x) for x in found.details.detection_limits if x.size is not None][:SHOWN_LIMITS]
+    if not told:
+        return []
+    return [f"Take smaller causes for possible still: at least {spoken(told)} would be named in 80 of 100 cases."]

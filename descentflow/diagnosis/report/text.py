@@ -1,5 +1,7 @@
 """The answer in words, for the terminal and the top of the page."""
 
+from pathlib import Path
+
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.findings import SEEN, SIGNIFICANT, Findings
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
@@ -14,6 +16,7 @@ from descentflow.diagnosis.report.words import (
     flights_name,
     how_sure,
     levels_of,
+    shown_sizes,
     simulator_name,
     spoken,
     whole_costs,
@@ -164,12 +167,12 @@ def _shrunk(found: Findings) -> str:
     costs = whole_costs(found)
     # Where no cause is one of speed, how fast crews happen to fly would hide what the causes do.
     speed = any(p in SPEEDS for cause in found.causes for p in cause.parameters)
-    told = [
-        became(costs[name])
-        for name in (("time", "cas") if speed else ("time_at_speed",))
-        if name in costs and costs[name].before.excludes_zero and costs[name].after is not None
-    ]
-    told = [*_cell_became(found), *told]
+    sure = [name for name, cost in costs.items() if cost.before.excludes_zero and cost.after is not None]
+    told = [name for name in sure if name in (("time", "cas") if speed else ("time_at_speed",))]
+    if "time" not in told and "time_at_speed" in sure and "time_at_speed" not in told:
+        # The time itself is not known to differ, and what it costs is told at equal speed above.
+        told.append("time_at_speed")
+    told = [*_cell_became(found), *(became(costs[name]) for name in told)]
     share = found.causes[0].closure.marginal.estimate if found.causes else None
     closed = "" if share is None else f"{percent(share)} of the gap in all that is compared is closed"
     return "; ".join(part for part in (*told, closed) if part)
@@ -221,8 +224,12 @@ def _left(found: Findings) -> str:
     return f"the {label_of(left.quantity)}, {trade_number(value, unit, signed=True)}, {place}"
 
 
-def summary(found: Findings) -> str:
+def summary(found: Findings, folder: Path | None = None) -> str:
     """For a terminal.
+
+    Args:
+        found: What the diagnosis found.
+        folder: Where the report was written, so that commands can be run from where the reader is.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -246,16 +253,15 @@ def summary(found: Findings) -> str:
     if used is not None and used.stand_in:
         lines.append(str(used))
     lines += [f"{channel}." for channel in found.left_out_channels]
-    steps = next_steps(found)
+    steps = next_steps(found, folder)
     if steps:
         lines += ["What to do next:", *(f"  - {step}" for step in steps)]
     return "\n".join(lines)
 
 
 def _cause_lines(found: Findings, cause: Cause) -> list[str]:
-    share = cause.share_of_flights
-    sizes = [size.text for size in cause.sizes] + ([] if share is None else [f"in {share} of the flights"])
-    lines = [f"  {cause.label}: {'; '.join(sizes)}", f"    how sure: {how_sure(cause)}"]
+    sizes = [*(size.text for size in shown_sizes(cause)), cause.in_flights(whole=True)]
+    lines = [f"  {cause.label}: {'; '.join(filter(None, sizes))}", f"    how sure: {how_sure(cause)}"]
     if cause.group:
         lines.append(f"    could as well be: {', '.join(found.details.label(name) for name in cause.group)}")
     if cause.own_closure is not None:

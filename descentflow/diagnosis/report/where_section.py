@@ -153,11 +153,11 @@ def curves_section(found: Findings) -> list[Html]:
     if not shown:
         return [paragraph("No quantity by level is compared.")]
     drawn = drawn_for_both(
-        lambda narrow: curves_figure(d.curves, shown, d.profile, narrow=narrow),
+        lambda narrow: curves_figure(d.curves, shown, d.profile, narrow=narrow, after=bool(found.causes)),
         "curves",
         _curves_in_words(found, shown),
     )
-    return [drawn] if found.causes else [paragraph("Nothing is put into the simulator: after is as before."), drawn]
+    return [drawn] if found.causes else [paragraph("Nothing is put into the simulator: there is no after."), drawn]
 
 
 def _curves_in_words(found: Findings, shown: list[str]) -> str:
@@ -168,7 +168,8 @@ def _curves_in_words(found: Findings, shown: list[str]) -> str:
             sum(abs(v / e) > CHANCE for v, e in zip(values, curve.error, strict=True))
             for values in (curve.before, curve.after)
         ]
-        told.append(f"{label_of(quantity)} at {sure[0]} of {len(curve.error)} levels before and {sure[1]} after")
+        after = f" before and {sure[1]} after" if found.causes else ""
+        told.append(f"{label_of(quantity)} at {sure[0]} of {len(curve.error)} levels{after}")
     return f"Beyond what chance gives: {'; '.join(told)}."
 
 

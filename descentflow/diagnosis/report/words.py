@@ -2,11 +2,14 @@
 
 from collections.abc import Sequence
 
-from descentflow.diagnosis.findings.cause_found import Cause
+from descentflow.diagnosis.findings.cause_found import Cause, TradeSize
 from descentflow.diagnosis.findings.costs_found import Cost, Measured
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import percent
+from descentflow.diagnosis.findings.selection_found import DetectionLimit
+from descentflow.diagnosis.report.sizes import told_text
 from descentflow.diagnosis.report.trade_units import level_range, trade_number
+from descentflow.effects import EFFECTS, Parameter
 
 PHRASES = {
     "time": ("take {} longer", "take {} less"),
@@ -20,6 +23,8 @@ PHRASES = {
     "slow": ("lose {} more in slow stretches", "lose {} less in slow stretches"),
 }
 """Cost -> what real flights do where their mean is above the simulator's, and where it is below."""
+WIND_SLOPE = "kt per 1,000 ft"
+"""Unit of a wind that changes with altitude."""
 MOST = 3
 """Phrases at the top: who wants more finds the table."""
 ALIKE = ("time", "air_distance", "rate")
@@ -126,6 +131,26 @@ def cause_words(cause: Cause) -> str:
     return f"{cause.text} ({size})" if size else cause.text
 
 
+def shown_sizes(cause: Cause) -> list[TradeSize]:
+    """Sizes that readers are told: but what an effect does to reports of itself where it does nothing to them.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> [size.unit for size in shown_sizes(report.causes[0])]
+        ['factor']
+    """
+    known = EFFECTS[cause.effect].parameters if cause.effect in EFFECTS else ()
+    own = {p.name: p for p in known if p.by_product}
+    return [size for size in cause.sizes if size.parameter not in own or size.short != _of_none(own[size.parameter])]
+
+
+def _of_none(parameter: Parameter) -> str:
+    """What is told of a parameter where the effect does nothing to it."""
+    return told_text(parameter, Measured(parameter.told(0.0)))
+
+
 def size_words(cause: Cause) -> str:
     """The size of a cause: its first number, the levels between which it is, and the share of the flights.
 
@@ -140,9 +165,39 @@ def size_words(cause: Cause) -> str:
     parts = others[:1]
     if len(levels) == 2:
         parts.append(f"between {levels[0]} and {levels[1]}")
-    if cause.share_of_flights is not None:
-        parts.append(f"in {percent(cause.share_of_flights.estimate)} of the flights")
-    return " ".join(parts)
+    return " ".join([*parts, cause.in_flights()]).strip()
+
+
+def tells_a_slope_of_wind(cause: Cause) -> bool:
+    """Whether a size of the cause is a change of the wind with altitude, which leaves the mean wind open.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> tells_a_slope_of_wind(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}).causes[0])
+        False
+    """
+    return any(size.unit == WIND_SLOPE for size in cause.sizes)
+
+
+def limit_words(limit: DetectionLimit) -> str:
+    """The smallest size of an effect that would be named, as its size is told where it is named.
+
+    Example:
+        >>> limit_words(DetectionLimit("temperature", "deviation_k", 1.2, "K"))
+        'ISA +1.2 K'
+        >>> limit_words(DetectionLimit("turn", "extra_cd2", None, "factor"))
+        'none that is possible'
+        >>> limit_words(DetectionLimit("of_your_own", "drag", 1.07, "factor", "drag at high Mach numbers"))
+        'drag at high Mach numbers x 1.07'
+    """
+    if limit.size is None:
+        return "none that is possible"
+    known = EFFECTS[limit.effect].parameters if limit.effect in EFFECTS else ()
+    parameter = next((p for p in known if p.name == limit.parameter), None)
+    if parameter is not None:
+        return told_text(parameter, Measured(limit.size))
+    return f"{limit.label or limit.parameter.replace('_', ' ')} {trade_number(limit.size, limit.unit)}"
 
 
 def how_sure(cause: Cause) -> str:

@@ -27,6 +27,7 @@ from descentflow.diagnosis.report.inputs_section import inputs_section
 from descentflow.diagnosis.report.next_steps import next_steps
 from descentflow.diagnosis.report.text import sentences, summary
 from descentflow.diagnosis.report.where_section import _curves_in_words
+from descentflow.diagnosis.report.words import limit_flights
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import BY_BAND
 
@@ -247,13 +248,15 @@ def test_limits_are_told_as_sizes_of_the_flights_that_have_the_effect() -> None:
         DetectionLimit("speed_brake", "extra_cd0", 1.1, "factor", "parasitic drag added, mean over all flights", 0.61),
         DetectionLimit("measurement_noise", "ln_ratio_cas", 1.14, "factor", "ln of the ratio of the noise of IAS"),
     ]
+    path = DetectionLimit("geometric_path", "share", 6.0, "%", "share of the flights on a path")
     found = replace(found, details=replace(found.details, detection_limits=limits))
     text = left_of(found)
     for told in ("CD0 x 1.10", "61 % of them", "noise of IAS x 1.14"):
         assert told in text
+    assert [limit_flights(limit) for limit in (*limits, path)] == ["61 % of them", "all", "-"]
     for wrong in ("mean over all flights", "ln of the ratio"):
         assert wrong not in text
-    assert "at least CD0 x 1.10 and noise of IAS x 1.14 would be named in 80 of 100 cases" in steps_of(found)
+    assert "from CD0 x 1.10 and noise of IAS x 1.14 on they would be named in 80 of 100 cases" in steps_of(found)
 
 
 def test_what_is_left_is_set_beside_chance() -> None:

@@ -2,7 +2,6 @@
 
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.gap_found import WouldSplit
-from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.cause_section import cause_section, parameters_table
 from descentflow.diagnosis.report.cost_section import cost_section
 from descentflow.diagnosis.report.inputs_section import inputs_section
@@ -10,7 +9,7 @@ from descentflow.diagnosis.report.next_steps import next_steps
 from descentflow.diagnosis.report.text import sentences
 from descentflow.diagnosis.report.trade_units import in_trade, level_range, trade_number
 from descentflow.diagnosis.report.where_section import CHANCE, curves_section, where_section
-from descentflow.diagnosis.report.words import flights_name, limit_words, simulator_name
+from descentflow.diagnosis.report.words import flights_name, limit_flights, limit_words, simulator_name
 from descentflow.measurements.quantity_registry import label_of
 from descentflow.reporting.html_elements import (
     Html,
@@ -131,7 +130,7 @@ def _limits(found: Findings) -> Html:
         [
             found.details.label(limit.effect),
             limit_words(limit),
-            "all" if limit.share is None or limit.size is None else f"{percent(limit.share)} of them",
+            limit_flights(limit),
         ]
         for limit in found.details.detection_limits
     ]

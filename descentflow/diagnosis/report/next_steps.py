@@ -149,4 +149,4 @@ def _limits(found: Findings) -> list[str]:
     told = [limit_words(x) for x in found.details.detection_limits if x.size is not None][:SHOWN_LIMITS]
     if not told:
         return []
-    return [f"Take smaller causes for possible still: at least {spoken(told)} would be named in 80 of 100 cases."]
+    return [f"Smaller causes remain possible: from {spoken(told)} on they would be named in 80 of 100 cases."]

@@ -193,11 +193,33 @@ def limit_words(limit: DetectionLimit) -> str:
     """
     if limit.size is None:
         return "none that is possible"
-    known = EFFECTS[limit.effect].parameters if limit.effect in EFFECTS else ()
-    parameter = next((p for p in known if p.name == limit.parameter), None)
+    parameter = _parameter_of(limit)
     if parameter is not None:
         return told_text(parameter, Measured(limit.size))
     return f"{limit.label or limit.parameter.replace('_', ' ')} {trade_number(limit.size, limit.unit)}"
+
+
+def limit_flights(limit: DetectionLimit) -> str:
+    """Which flights have an effect of the smallest size that would be named.
+
+    Example:
+        >>> limit_flights(DetectionLimit("speed_brake", "extra_cd0", 1.1, "factor", share=0.61))
+        '61 % of them'
+        >>> limit_flights(DetectionLimit("temperature", "deviation_k", 1.2, "K"))
+        'all'
+        >>> limit_flights(DetectionLimit("geometric_path", "share", 6.0, "%"))  # its size says it
+        '-'
+    """
+    parameter = _parameter_of(limit)
+    if limit.size is None or (parameter is not None and parameter.shown_as == "flights"):
+        return "-"
+    return "all" if limit.share is None else f"{percent(limit.share)} of them"
+
+
+def _parameter_of(limit: DetectionLimit) -> Parameter | None:
+    """The parameter that a limit is of; None of an effect of the user's own."""
+    known = EFFECTS[limit.effect].parameters if limit.effect in EFFECTS else ()
+    return next((p for p in known if p.name == limit.parameter), None)
 
 
 def how_sure(cause: Cause) -> str:

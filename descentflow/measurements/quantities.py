@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import DataError
+from descentflow.core.row_runs import first_rows
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.measurements.along_track import drift_cosine, level_part_kt
 from descentflow.measurements.level_channels import LevelGrid, gaps_of, short_scale_noise
@@ -272,7 +273,8 @@ def of_some_aircraft(frame: pl.DataFrame, among: Sequence[str] | None = None, mo
         >>> of_some_aircraft(frame, most=12)["icao24"].n_unique()  # whole aircraft of five flights, the last one cut
         3
     """
-    flights = frame.group_by("flight_id").agg(pl.col("icao24").first().fill_null("")).sort("icao24", "flight_id")
+    flights = first_rows(frame.select("flight_id", "icao24"), "flight_id")
+    flights = flights.with_columns(pl.col("icao24").fill_null("")).sort("icao24", "flight_id")
     if among is not None:
         flights = flights.filter(pl.col("flight_id").is_in(list(among)))
     most = MAX_REFERENCE if most is None else most

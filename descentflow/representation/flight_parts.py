@@ -14,8 +14,12 @@ REACHED_BY = 0.25
 """The grid ends at the highest level that this share of the training flights reach (paper, appendix A)."""
 
 
-def top_level(train: Profiles) -> int:
+def top_level(train: Profiles, among: list[int] | None = None) -> int:
     """Highest flight level that at least a quarter of the training flights reach (paper, appendix A).
+
+    Args:
+        train: Training flights.
+        among: Which flights of it they are; all if absent.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -25,7 +29,8 @@ def top_level(train: Profiles) -> int:
         >>> float((flights.levels_fl[flights.entry_level] >= top_level(flights)).double().mean()) >= 0.25
         True
     """
-    entries = train.levels_fl[train.entry_level].sort(descending=True).values
+    entry = train.entry_level if among is None else train.entry_level[among]
+    entries = train.levels_fl[entry].sort(descending=True).values
     needed = -(-len(entries) * int(REACHED_BY * 100) // 100)
     return int(entries[needed - 1])
 
@@ -68,7 +73,8 @@ def with_levels(profiles: Profiles, say: Callable[[str], None]) -> Profiles:
     enough = profiles.mask.sum(1) >= 2
     if not bool(enough.all()):
         say(f"left out {int((~enough).sum())} flight(s) with fewer than two levels on the grid")
-    return profiles.subset(torch.nonzero(enough)[:, 0])
+        return profiles.subset(torch.nonzero(enough)[:, 0])
+    return profiles
 
 
 def parts_of(profiles: Profiles, split: Split) -> dict[Part, Profiles]:
@@ -84,6 +90,34 @@ def parts_of(profiles: Profiles, split: Split) -> dict[Part, Profiles]:
         >>> {part: len(profiles) for part, profiles in parts.items()}
         {'train': 118, 'validation': 1, 'test': 1}
     """
+    return {part: one_part(profiles, split, part) for part in PARTS}
+
+
+def one_part(profiles: Profiles, split: Split, part: Part) -> Profiles:
+    """Profiles of one part alone, see :func:`parts_of`.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = profiles_from_frame(read_descents("descents.parquet").frame, aircraft("A320"), 150)
+        >>> len(one_part(flights, Split(train=flights.flight_ids[1:], validation=(), test=()), "train"))
+        119
+    """
+    return profiles.subset(places(profiles, split, part))
+
+
+def places(profiles: Profiles, split: Split, part: Part) -> list[int]:
+    """Where the flights of a part are among profiles, in the order of the split.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = profiles_from_frame(read_descents("descents.parquet").frame, aircraft("A320"), 150)
+        >>> places(flights, Split(train=flights.flight_ids[1::-1], validation=(), test=()), "train")
+        [1, 0]
+    """
+    named = {"train": split.train, "validation": split.validation, "test": split.test}[part]
     position = {flight: i for i, flight in enumerate(profiles.flight_ids)}
-    named = {"train": split.train, "validation": split.validation, "test": split.test}
-    return {part: profiles.subset([position[f] for f in named[part] if f in position]) for part in PARTS}
+    return [position[f] for f in named if f in position]

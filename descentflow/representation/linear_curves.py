@@ -18,6 +18,8 @@ KEPT_NOISE = 1e-4
 """Share of the noise that blurs the weights of a flight seen whole: enough for the arithmetic, 1 % of its deviation."""
 BLOCK = 512
 """Sets of observed levels whose information is computed at a time."""
+FLIGHTS = 4096
+"""Flights whose values are weighted at a time."""
 
 
 @dataclass(frozen=True)
@@ -114,8 +116,13 @@ class LinearCurves:
         else:
             groups, by_level = group_masks(mask), products
         white = torch.cat([masks @ by_level for masks in torch.split(groups.masks, BLOCK)]).reshape(-1, total, total)
-        both = torch.cat(observed.values, 1).to(self.offset) - self.offset
-        shift = torch.where(mask, both, 0.0) @ scaled
+        some = zip(*(torch.split(one, FLIGHTS) for one in (mask, *observed.values)), strict=True)
+        shift = torch.cat(
+            [
+                torch.where(seen, torch.cat(values, 1).to(self.offset) - self.offset, 0.0) @ scaled
+                for seen, *values in some
+            ]
+        )
         # The noise left is that of the class's docstring: its inverse by Woodbury.
         whole = by_level.sum(0).reshape(total, total)[:d, :d]
         gap = torch.linalg.cholesky(whole / (1 - KEPT_NOISE) - white[:, :d, :d])

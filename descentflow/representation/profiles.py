@@ -12,6 +12,7 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
+from descentflow.core.row_runs import numbered
 from descentflow.core.tensors import Number
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.energy import inferred_drag_n
@@ -168,28 +169,27 @@ def profiles_from_frame(
         (120, 350)
     """
     highest = frame["level_fl"].to_numpy().max(initial=bottom_fl) if top_fl is None else top_fl
-    # Only what is read: the join below copies every row, of which there are millions.
     frame = frame.select("flight_id", "level_fl", "time_s", "IAS", "vertical_rate")
-    frame = frame.filter(pl.col("level_fl").is_between(bottom_fl, int(highest)))
-    if frame.is_empty():
+    on_grid = frame["level_fl"].is_between(bottom_fl, int(highest))
+    if not on_grid.any():
         raise DataError(
             f"no descent between FL{bottom_fl} and FL{highest}",
             expected="at least one flight with levels on the grid",
             mend="choose another bottom level, or prepare other rows",
         )
-    flight_ids = frame["flight_id"].unique().sort()
-    position = pl.DataFrame({"flight_id": flight_ids, "row": np.arange(len(flight_ids))})
-    placed = frame.join(position, on="flight_id")
+    if not on_grid.all():
+        frame = frame.filter(on_grid)
+    flight_ids, row = numbered(frame["flight_id"])
     levels = torch.arange(bottom_fl, int(highest) + 1, dtype=torch.float64)
-    index = (placed["row"].to_numpy(), placed["level_fl"].to_numpy() - bottom_fl)
-    mask = _scatter(np.ones(len(placed), dtype=bool), index, len(flight_ids), len(levels))
+    index = (row, frame["level_fl"].to_numpy() - bottom_fl)
+    mask = _scatter(np.ones(len(frame), dtype=bool), index, len(flight_ids), len(levels))
     time_s, cas_kt, rate_fpm = (
-        _scatter(placed[name].to_numpy().astype(np.float64), index, len(flight_ids), len(levels))
+        _scatter(frame[name].to_numpy().astype(np.float64, copy=False), index, len(flight_ids), len(levels))
         for name in ("time_s", "IAS", "vertical_rate")
     )
     # A plausible speed keeps the arithmetic finite at missing levels; the mask hides the result.
-    cas_mps = torch.where(mask, cas_kt, 250.0) * KT_MPS
-    rate_mps = rate_fpm * FPM_MPS
+    cas_mps = cas_kt.masked_fill_(~mask, 250.0).mul_(KT_MPS)
+    rate_mps = rate_fpm.mul_(FPM_MPS)
     return observed_profiles(aircraft, tuple(flight_ids), levels, time_s, cas_mps, rate_mps, mask, mass_kg, speed=speed)
 
 
@@ -236,9 +236,9 @@ def observed_profiles(
     for start in range(0, len(mask), BLOCK):
         part = slice(start, start + BLOCK)
         at_mach = None if found is None else found.holds_mach[part]
-        drag.append(infer_drag_n(aircraft, cas_mps[part], rate_mps[part], altitude_m, mass_kg, at_mach=at_mach))
-    drag_n = torch.where(mask, torch.cat(drag), 0.0)
-    return Profiles(flight_ids, levels_fl, time_s, cas_mps, rate_mps, drag_n, mask, found)
+        found_n = infer_drag_n(aircraft, cas_mps[part], rate_mps[part], altitude_m, mass_kg, at_mach=at_mach)
+        drag.append(torch.where(mask[part], found_n, 0.0))
+    return Profiles(flight_ids, levels_fl, time_s, cas_mps, rate_mps, torch.cat(drag), mask, found)
 
 
 def _scatter(values: np.ndarray, index: tuple[np.ndarray, np.ndarray], n: int, n_levels: int) -> Tensor:

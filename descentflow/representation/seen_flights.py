@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import CheckpointError
+from descentflow.core.row_runs import batches
 
 N_MARKS = 5
 """Levels of a flight whose times are kept: its highest, its lowest, and some between, so that other thresholds of the
@@ -67,9 +68,12 @@ class SeenFlights:
         parts = [*(0 for _ in train), *(1 for _ in validation)]
         kinds = {"flight_id": pl.String, "part": pl.Int64}
         names = pl.DataFrame({"flight_id": [*train, *validation], "part": parts}, schema=kinds)
-        rows = _passed(descents)
-        # Flight by flight before anything is joined: a year of flights has more rows than a copy should be made of.
-        flights = rows.group_by("flight_id").agg(pl.col("icao24").first(), *_marks("level_fl"), *_marks("passed_s"))
+        # Some flights at a time: a year of flights has more rows than a copy should be made of.
+        found = [
+            _passed(some).group_by("flight_id").agg(pl.col("icao24").first(), *_marks("level_fl"), *_marks("passed_s"))
+            for some in batches(descents.select("flight_id", "icao24", "level_fl", "timestamp"), "flight_id")
+        ]
+        flights = pl.concat(found)
         flights = flights.join(names, on="flight_id").join(_addresses(flights["icao24"]), on="icao24").sort("flight_id")
         return cls(
             torch.from_numpy(flights["address"].to_numpy().copy()),

@@ -1,5 +1,6 @@
 """The one DataModule: splits by flight, fits the representation on the train part, serves what flights show."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ from torch.utils.data import DataLoader
 from descentflow.air.standard_air import in_standard_air
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
+from descentflow.core.progress import Stage
 from descentflow.core.progress import stage as progress_stage
+from descentflow.core.row_runs import first_rows
 from descentflow.measurements.quantities import reference_state
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.context import ContextEncoder, Missing
@@ -26,7 +29,7 @@ from descentflow.representation.encode_flights import (
 )
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.flight_contexts import without_missing
-from descentflow.representation.flight_parts import Part, parts_of, top_level, with_levels
+from descentflow.representation.flight_parts import Part, one_part, places, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.held_speed import HeldSpeed, as_held
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
@@ -158,44 +161,19 @@ class DescentDataModule(LightningDataModule):
             return
         with progress_stage("reading descents", total=4, unit="steps") as done:
             known = None if self.checkpoint is None else load_representation(self.checkpoint)
-            source = open_prepared(self.descents) if known is None else comparable_descents(self.descents, known)
-            frame = of_typecodes(source, self.typecodes, name_of(self.descents))
-            done.say("inferring drag")
             if known is not None:
+                frame = of_typecodes(comparable_descents(self.descents, known), self.typecodes, name_of(self.descents))
+                done.say("inferring drag")
                 representation = known
                 air = None if representation.air is None or self.air == STANDARD else self.air
                 self._parts = encode_flights(frame, known, self.context_table, air=air, say=rank_zero_info)
             else:
-                named = self.context or []
-                masses = None if self.mass == STANDARD else masses_of(frame, self.mass, self.context_table)
-                frame = frame if masses is None else of_known_mass(frame, masses, rank_zero_info)
-                table = context_of(frame, named, self.context_table if named or masses is None else None)
-                frame = without_missing(frame, table, self.missing_context, rank_zero_info)
-                own_type = aircraft_of(frame, self.aircraft, self.bada_dir)
-                profiles, split = self._fresh(frame, source, own_type)
-                flown_by = at_mass(own_type, self.mass_kg)
-                profiles, kept_air, airs = in_air_asked(profiles, frame, flown_by, split, self.air, rank_zero_info)
-                if masses is not None:
-                    profiles = with_own_mass(profiles, flown_by, masses, rank_zero_info)
+                read = self._read(done)
                 done.say("fitting components")
-                representation = self._fit(profiles, split, Descents(frame, source.metadata), own_type)
-                levels, seen = profiles.levels_fl, [*split.train, *split.validation]
-                shown = frame.drop(source.computed, strict=False)
-                representation.air, representation.mass = kept_air, kept_masses(self.mass, profiles, split)
-                if kept_air is not None and airs is not None:
-                    # By reports, those that were computed from others say nothing.
-                    own = airs if kept_air.source == "field" else airs_as_kept(shown, levels, kept_air)
-                    shown = in_standard_air(shown, flown_by, own, levels)
-                representation.reference = reference_state(shown, float(levels[0]), float(levels[-1]), seen)
-                representation.context = self._encoder(table, split)
-                representation.cleaning = cleaning_told(source)
-                representation.seen = SeenFlights.of(frame, split.train, split.validation)
-                representation.gaps = self.gaps if has_noise_model(representation.decoder) else "filled"
-                # A gigabyte for forty thousand flights, which what follows has no use for.
-                del frame, shown, source
+                representation = self._fit(read)
                 done.say("encoding flights")
-                decoder = representation.decoder
-                self._parts = encode_parts(profiles, split, decoder, table, representation.context, rank_zero_info)
+                decoder, encoder = representation.decoder, representation.context
+                self._parts = encode_parts(read.profiles, read.split, decoder, read.table, encoder, rank_zero_info)
         self._representation = representation
         rank_zero_info(summary_of(self._parts, representation))
 
@@ -254,6 +232,46 @@ class DescentDataModule(LightningDataModule):
         most = -(-len(evidence) // self.fewest_batches) if shuffle else self.batch_size
         return flight_batches(evidence, self.contexts(part), min(self.batch_size, most), shuffle=shuffle)
 
+    def _read(self, done: Stage) -> "_Read":
+        """Ask the rows all that is wanted of them, then let them go: a gigabyte for forty thousand flights."""
+        source = open_prepared(self.descents)
+        frame = of_typecodes(source, self.typecodes, name_of(self.descents))
+        done.say("inferring drag")
+        named = self.context or []
+        masses = None if self.mass == STANDARD else masses_of(frame, self.mass, self.context_table)
+        frame = frame if masses is None else of_known_mass(frame, masses, rank_zero_info)
+        table = context_of(frame, named, self.context_table if named or masses is None else None)
+        frame = without_missing(frame, table, self.missing_context, rank_zero_info)
+        own_type = aircraft_of(frame, self.aircraft, self.bada_dir)
+        provenance = {
+            "descents": name_of(self.descents),
+            "typecodes": sorted(frame["typecode"].unique()),
+            "period": Descents(frame, source.metadata).period,
+        }
+        # Nothing asks any more for these texts of every row, which are a quarter of what is held.
+        frame = frame.drop("typecode", "callsign", strict=False)
+        source = Descents(frame, source.metadata)
+        profiles, split = self._fresh(frame, source, own_type)
+        flown_by = at_mass(own_type, self.mass_kg)
+        profiles, kept_air, airs = in_air_asked(profiles, frame, flown_by, split, self.air, rank_zero_info)
+        if masses is not None:
+            profiles = with_own_mass(profiles, flown_by, masses, rank_zero_info)
+        levels, seen = profiles.levels_fl, [*split.train, *split.validation]
+        shown = frame.drop(source.computed, strict=False)
+        if kept_air is not None and airs is not None:
+            # By reports, those that were computed from others say nothing.
+            own = airs if kept_air.source == "field" else airs_as_kept(shown, levels, kept_air)
+            shown = in_standard_air(shown, flown_by, own, levels)
+        kept = {
+            "air": kept_air,
+            "mass": kept_masses(self.mass, profiles, split),
+            "reference": reference_state(shown, float(levels[0]), float(levels[-1]), seen),
+            "context": self._encoder(table, split),
+            "cleaning": cleaning_told(source),
+            "seen": SeenFlights.of(frame, split.train, split.validation),
+        }
+        return _Read(profiles, split, table, own_type, provenance, kept)
+
     def _encoder(self, table: pl.DataFrame | None, split: Split) -> ContextEncoder | None:
         if table is None:
             return None
@@ -263,7 +281,7 @@ class DescentDataModule(LightningDataModule):
     def _fresh(self, frame: pl.DataFrame, source: Descents, own_type: Aircraft) -> tuple[Profiles, Split]:
         """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
         bottom = bottom_of(source, frame, self.bottom_fl)
-        owner = dict(frame.select("flight_id", "icao24").unique("flight_id").iter_rows())
+        owner = dict(first_rows(frame.select("flight_id", "icao24"), "flight_id").iter_rows())
 
         def made(speed: Speed) -> tuple[Profiles, Split]:
             profiles = profiles_from_frame(frame, own_type, bottom, mass_kg=self.mass_kg, speed=speed)
@@ -275,26 +293,39 @@ class DescentDataModule(LightningDataModule):
                 validation_fraction=self.validation_fraction,
                 seed=self.seed,
             )
-            return profiles.up_to(top_level(parts_of(profiles, split)["train"])), split
+            return profiles.up_to(top_level(profiles, places(profiles, split, "train"))), split
 
         asked: HeldSpeed = "cas" if self.speed == "auto" and self.fpca == "iterative" else self.speed
-        profiles, split = as_held(asked, made, lambda made: parts_of(*made)["train"], rank_zero_info)
+        profiles, split = as_held(asked, made, lambda made: one_part(*made, "train"), rank_zero_info)
         return with_levels(profiles, rank_zero_info), split
 
-    def _fit(self, profiles: Profiles, split: Split, used: Descents, own_type: Aircraft) -> Representation:
-        return fit_representation(
-            parts_of(profiles, split)["train"],
-            own_type,
-            split,
+    def _fit(self, read: "_Read") -> Representation:
+        fitted = fit_representation(
+            one_part(read.profiles, read.split, "train"),
+            read.own_type,
+            read.split,
             explained_variance=self.explained_variance,
             method=self.fpca,
             margin=self.margin,
             bounds=self.bounds,
             residual=self.residual,
             mass_kg=self.mass_kg,
-            provenance={
-                "descents": name_of(self.descents),
-                "typecodes": sorted(used.frame["typecode"].unique()),
-                "period": used.period,
-            },
+            provenance=read.provenance,
         )
+        for name, value in read.kept.items():
+            setattr(fitted, name, value)
+        fitted.gaps = self.gaps if has_noise_model(fitted.decoder) else "filled"
+        return fitted
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What a fit takes of the rows: flights and their split, context, type, and what a checkpoint keeps of them."""
+
+    profiles: Profiles
+    split: Split
+    table: pl.DataFrame | None
+    own_type: Aircraft
+    provenance: dict[str, Any]
+    kept: dict[str, Any]
+    """Attributes of the representation."""

@@ -1,8 +1,10 @@
 """Whether a table can be prepared descents: types of columns, values that flight has, one row per flight and level."""
 
+import numpy as np
 import polars as pl
 
 from descentflow.core.errors import DataError
+from descentflow.core.row_runs import numbered
 from descentflow.surveillance.descents.description import MEND
 from descentflow.surveillance.rows.schema import CHANNELS, POSSIBLE, TIMESTAMP
 
@@ -39,7 +41,9 @@ def checked_descents(frame: pl.DataFrame, source: object) -> pl.DataFrame:
         if name in frame.columns:
             _check_values(frame[name], source, *POSSIBLE.get(name, (None, None)))
     _check_values(frame["level_fl"], source, *LEVELS_FL)
-    double = frame.height - frame.select("flight_id", "level_fl").n_unique()
+    _, flight = numbered(frame["flight_id"])
+    place = flight.astype(np.int64) * (LEVELS_FL[1] + 1) + frame["level_fl"].to_numpy()
+    double = len(place) - pl.Series(place).n_unique()
     if double:
         raise _refused(source, "level_fl", f"has {double:,} levels twice in one flight", "each level of a flight once")
     return frame

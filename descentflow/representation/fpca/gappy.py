@@ -9,16 +9,12 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.fpca.complete import CompleteProfiles
+from descentflow.representation.fpca.gappy_profiles import GappyProfiles
 from descentflow.representation.fpca.iterative import MAX_GROWTH, iterate
-from descentflow.representation.fpca.judged_by_others import roughness_and_length
 from descentflow.representation.fpca.number_of_components import explained_share, number_of_components
-from descentflow.representation.fpca.roughness import smoothed
 
 Method = Literal["ppca", "iterative"]
-MAX_ITERATIONS = 100
-"""Bound on the iterations of EM, which ends before it."""
-TOLERANCE = 1e-5
-"""EM stops when the mean log-likelihood per observed value gains less (nats)."""
 
 
 class GappyFPCA:
@@ -48,6 +44,7 @@ class GappyFPCA:
         method: Method = "ppca",
         *,
         latent_dimension: int = 16,
+        learn_constants: bool = True,
     ) -> None:
         """Set the options.
 
@@ -55,6 +52,9 @@ class GappyFPCA:
             explained_variance: Share of the variance that the kept components explain, above 0 and below 1.
             method: ``ppca`` or ``iterative``.
             latent_dimension: First latent dimension tried; doubled until the wanted share is explained.
+            learn_constants: Whether the weight of the prior against roughness and the length of the noise are learnt
+                from flights left out (:mod:`~descentflow.representation.fpca.judged_by_others`); without, levels are
+                taken as they are, and one by one. Of complete profiles the components are the same.
         """
         if not 0 < explained_variance < 1:
             raise ConfigError(
@@ -65,6 +65,7 @@ class GappyFPCA:
         self.explained_variance = explained_variance
         self.method = method
         self.latent_dimension = latent_dimension
+        self.learn_constants = learn_constants
 
     def fit(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
         """Fit to profiles.
@@ -78,11 +79,14 @@ class GappyFPCA:
             DataError: If there are fewer than two flights, a level that fewer than two flights observe, a value
                 that is not finite, or no variance at all.
         """
-        values = torch.where(mask, values, 0.0).to(torch.float64)
-        _check(values, mask)
+        whole = int(mask.count_nonzero()) == mask.numel()
+        values = (values if whole else torch.where(mask, values, 0.0)).to(torch.float64)
+        largest = _check(values, mask, whole)
+        flights = CompleteProfiles(values) if whole else GappyProfiles(values, mask)
+        _check_spread(float(flights.scale), largest)
         if self.method == "iterative":
             return self._fit_iterative(values, mask, spacing_m)
-        return self._fit_ppca(values, mask, spacing_m)
+        return self._fit_ppca(flights, spacing_m)
 
     def transform(self, values: Tensor, mask: Tensor) -> Tensor:
         """Weights (n, k) of profiles (n, L)."""
@@ -92,15 +96,12 @@ class GappyFPCA:
         """Profiles (n, L) of weights (n, k)."""
         return self.basis_.decode(weights)
 
-    def _fit_ppca(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
-        n, n_levels = values.shape
-        mean = ppca.observed_mean(values, mask)
-        scale = torch.where(mask, values - mean, 0.0).square().sum().div(mask.sum()).sqrt()
-        centred = torch.where(mask, (values - mean) / scale, 0.0)
-        largest = min(n - 1, n_levels)
+    def _fit_ppca(self, flights: GappyProfiles | CompleteProfiles, spacing_m: float) -> "GappyFPCA":
+        mean, scale = flights.mean, flights.scale
+        largest = min(len(flights.values) - 1, len(mean))
         q = min(self.latent_dimension, largest)
         while True:
-            fitted = self._model(centred, mask, q)
+            fitted = flights.model(q)
             eigenvalues, eigenvectors = _spectrum(fitted)
             share = explained_share(eigenvalues)
             k = number_of_components(share, self.explained_variance)
@@ -108,13 +109,12 @@ class GappyFPCA:
                 break
             # All q latent directions would be kept: give the model room to see how the spectrum goes on.
             q = min(2 * q, largest)
-        weight, length = roughness_and_length(
-            centred, mask, mean / scale, lambda values, seen: self._model(values, seen, min(q, len(values) - 1))
-        )
-        fitted = smoothed(fitted, weight, centred, mask, mean / scale)
-        eigenvalues, eigenvectors = _spectrum(fitted)
-        share = explained_share(eigenvalues)
-        k = min(number_of_components(share, self.explained_variance), q)
+        weight, length = flights.learnt(q) if self.learn_constants else (0.0, 1.0)
+        if weight > 0:
+            fitted = flights.smoothed(fitted, weight)
+            eigenvalues, eigenvectors = _spectrum(fitted)
+            share = explained_share(eigenvalues)
+            k = min(number_of_components(share, self.explained_variance), q)
         self.n_iterations_, self.converged_ = len(fitted.log_likelihood), fitted.converged
         self._keep(
             mean + scale * fitted.shift, eigenvectors[:, :k], share.diff(prepend=share.new_zeros(1))[:k], spacing_m,
@@ -122,12 +122,6 @@ class GappyFPCA:
             noise_length=mean.new_tensor(length),
         )  # fmt: skip
         return self
-
-    def _model(self, centred: Tensor, mask: Tensor, q: int) -> ppca.PPCA:
-        if bool(mask.all()):
-            loadings, noise = ppca.closed_form(ppca.pairwise_covariance(centred, mask), q)
-            return ppca.PPCA(loadings, noise, centred.new_zeros(centred.shape[1]), [], converged=True)
-        return ppca.em(centred, mask, q, max_iterations=MAX_ITERATIONS, tolerance=TOLERANCE)
 
     def _fit_iterative(self, values: Tensor, mask: Tensor, spacing_m: float) -> "GappyFPCA":
         fitted = iterate(values, mask, self.explained_variance)
@@ -177,28 +171,33 @@ def _spectrum(fitted: ppca.PPCA) -> tuple[Tensor, Tensor]:
     return eigenvalues, left
 
 
-def _check(values: Tensor, mask: Tensor) -> None:
-    """Refuse profiles from which no covariance can be estimated."""
+def _check(values: Tensor, mask: Tensor, whole: bool) -> float:
+    """Refuse profiles from which no covariance can be estimated; the largest of their values, in magnitude."""
     if values.shape[0] < 2:
         raise DataError(
             f"{values.shape[0]} training flight(s)",
             expected="at least two flights",
             mend="prepare more descents",
         )
-    if not bool(torch.isfinite(values).all()):
+    extremes = torch.stack(values.aminmax())
+    if not bool(extremes.isfinite().all()):
         raise DataError(
             "profiles with values that are not finite", expected="finite observed values",
             mend="prepare the rows again: cleaning drops such rows",
         )  # fmt: skip
-    thin = (mask.sum(0) < 2).nonzero()
+    thin = mask[:0, 0] if whole else (mask.sum(0) < 2).nonzero()
     if len(thin):
         raise DataError(
             f"{len(thin)} level(s) observed by fewer than two training flights, the first at index {int(thin[0])}",
             expected="at least two flights on every level of the grid",
             mend="prepare more descents, or choose a higher lowest level (--data.bottom_fl)",
         )
-    centred = torch.where(mask, values - ppca.observed_mean(values, mask), 0.0)
-    if float(centred.abs().max()) <= 1e-9 * float(values.abs().max()):
+    return float(extremes.abs().max())
+
+
+def _check_spread(spread: float, largest: float) -> None:
+    """Refuse profiles that are all the same."""
+    if spread <= 1e-9 * largest:
         raise DataError(
             "training flights that are all identical", expected="profiles that vary between flights",
             mend="check that the rows come from different flights and are not copies",

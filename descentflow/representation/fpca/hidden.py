@@ -1,5 +1,6 @@
 """Hide observed levels, and how far what is expected there misses them."""
 
+from collections.abc import Sequence
 from typing import Literal
 
 import torch
@@ -7,7 +8,7 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.representation.fpca.mask_groups import group_masks
-from descentflow.representation.fpca.ppca import posterior
+from descentflow.representation.fpca.ppca import level_products, posterior_given
 
 Pattern = Literal["top", "random", "slow"]
 MOST_HIDDEN = 0.9
@@ -56,8 +57,10 @@ def hide(
     return hidden & ((mask & ~hidden).sum(0) >= MIN_SHARE_SHOWN * len(mask))
 
 
-def missed(centred: Tensor, seen: Tensor, hidden: Tensor, loadings: Tensor, noise: Tensor) -> float:
-    """Sum of the squared errors on hidden levels, of what is expected there given the others.
+def missed(
+    centred: Tensor, seen: Tensor, hidden: Tensor, loadings: Tensor, noise: Tensor, lengths: Sequence[float] = LENGTHS
+) -> list[float]:
+    """Sum of the squared errors on hidden levels, of what is expected there given the others, for each length.
 
     A probabilistic PCA takes the residual of its components for white noise, independent from level to level. It is
     smooth: neighbouring levels carry the same information, and a flight's weights, trusted to a precision that they do
@@ -70,13 +73,21 @@ def missed(centred: Tensor, seen: Tensor, hidden: Tensor, loadings: Tensor, nois
         hidden: (n, L) levels that are asked for.
         loadings: (L, q).
         noise: Noise variance.
+        lengths: Levels that count as one.
 
     Example:
         >>> centred = torch.tensor([[2.0, 2.0]]).double()
         >>> told = torch.tensor([[True, False]])
-        >>> found = missed(centred, told, ~told, torch.ones(2, 1).double(), torch.tensor(1.0).double())
-        >>> round(found, 9)  # 2 - 2 / (1 + 1)
-        1.0
+        >>> found = missed(centred, told, ~told, torch.ones(2, 1).double(), torch.tensor(1.0).double(), [1.0, 3.0])
+        >>> [round(one, 9) for one in found]  # (2 - 2 / (1 + 1))^2 and (2 - 2 / (1 + 3))^2
+        [1.0, 2.25]
     """
-    latent, _, _ = posterior(torch.where(seen, centred, 0.0), group_masks(seen), loadings, noise)
-    return float(torch.where(hidden, latent @ loadings.T - centred, 0.0).square().sum())
+    groups = group_masks(seen)
+    projected, grams = torch.where(seen, centred, 0.0) @ loadings, level_products(groups, loadings)
+    asked = torch.where(hidden, centred, 0.0)
+    errors = []
+    for length in lengths:
+        latent, _, _ = posterior_given(projected, groups, grams, noise * length)
+        expected = latent @ loadings.T
+        errors.append(float(torch.linalg.vector_norm(expected.mul_(hidden) - asked)) ** 2)
+    return errors

@@ -74,10 +74,8 @@ def roughness_and_length(centred: Tensor, mask: Tensor, mean: Tensor, fit: Fit) 
         for model, (_, judge), seen in zip(candidates(weight), parts, known, strict=True)
     ]
 
-    def miss(length: float) -> float:
-        return sum(
-            missed(values, seen & ~hidden, hidden, model.loadings, model.noise_variance * length)
-            for model, values, seen, hidden in judged
-        )
-
-    return weight, min(LENGTHS, key=miss)
+    found = [
+        missed(values, seen & ~hidden, hidden, model.loadings, model.noise_variance)
+        for model, values, seen, hidden in judged
+    ]
+    return weight, min(zip(map(sum, zip(*found, strict=True)), LENGTHS, strict=True))[1]

@@ -6,7 +6,6 @@ values). It replaces the unregularised fits of the paper's appendix A, whose err
 times larger.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import log, pi
 
@@ -15,10 +14,10 @@ from torch import Tensor
 
 from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
 
-CHUNK = 4096
-"""Flights whose q x q posterior is held at once."""
 FIRST_FLIGHTS = 4096
 """Of more than twice as many flights, so many say where EM starts: it climbs slowly, and most of the way is theirs."""
+LEAST_NOISE = 1e-10
+"""Variance of the noise at least, as a share of that of the values."""
 NOISE_STEPS = 10
 """EM steps for the noise alone, which converges fast: it has one number for all values."""
 
@@ -88,14 +87,9 @@ def closed_form(covariance: Tensor, q: int) -> tuple[Tensor, Tensor]:
     eigenvalues, eigenvectors = eigenvalues.flip(0), eigenvectors.flip(1)
     # A pairwise covariance may have negative eigenvalues; they stand for sampling error, not for variance.
     rest = eigenvalues[q:].clamp(min=0)
-    floor = eigenvalues[0].clamp(min=1e-300) * 1e-10
+    floor = eigenvalues[0].clamp(min=1e-300) * LEAST_NOISE
     noise = torch.maximum(rest.mean() if len(rest) else floor, floor)
     return eigenvectors[:, :q] * (eigenvalues[:q] - noise).clamp(min=0).sqrt(), noise
-
-
-def _chunks(index: Tensor, values: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
-    for start in range(0, len(index), CHUNK):
-        yield index[start : start + CHUNK], values[start : start + CHUNK]
 
 
 def posterior(centred: Tensor, groups: MaskGroups, loadings: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -118,11 +112,17 @@ def posterior(centred: Tensor, groups: MaskGroups, loadings: Tensor, noise: Tens
         tensor([[1.3333],
                 [1.0000]], dtype=torch.float64)
     """
-    return _posterior(centred @ loadings, groups, _grams(groups, loadings), noise)
+    return posterior_given(centred @ loadings, groups, level_products(groups, loadings), noise)
 
 
-def _grams(groups: MaskGroups, loadings: Tensor) -> Tensor:
-    """Products ``loadings' loadings`` over the levels of each mask, (U, q, q)."""
+def level_products(groups: MaskGroups, loadings: Tensor) -> Tensor:
+    """Products ``loadings' loadings`` over the levels of each mask, (U, q, q).
+
+    Example:
+        >>> groups = group_masks(torch.tensor([[True, False], [True, True]]))
+        >>> level_products(groups, torch.tensor([[1.0], [2.0]]).double()).flatten()
+        tensor([1., 5.], dtype=torch.float64)
+    """
     return _square(groups.masks @ _pairs(loadings), loadings.shape[1])
 
 
@@ -140,17 +140,21 @@ def _square(pairs: Tensor, q: int) -> Tensor:
     return pairs[:, number.flatten()].reshape(-1, q, q)
 
 
-def _posterior(projected: Tensor, groups: MaskGroups, grams: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """What :func:`posterior` returns, from ``centred @ loadings`` (n, q) and :func:`_grams`."""
+def posterior_given(
+    projected: Tensor, groups: MaskGroups, grams: Tensor, noise: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """What :func:`posterior` returns, from ``centred @ loadings`` (n, q) and :func:`level_products`.
+
+    Example:
+        >>> groups, one = group_masks(torch.ones(1, 2, dtype=torch.bool)), torch.tensor(1.0).double()
+        >>> posterior_given(4 * one[None, None], groups, 2 * one[None, None, None], one)[0]  # 4 / (2 + 1)
+        tensor([[1.3333]], dtype=torch.float64)
+    """
     precision = grams + noise * torch.eye(grams.shape[-1], dtype=grams.dtype, device=grams.device)
     factor = torch.linalg.cholesky(precision)
     covariance = noise * torch.cholesky_inverse(factor)
     log_det = 2 * factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-    projected = projected / noise
-    means = torch.cat(
-        [(covariance[index] @ part[:, :, None])[:, :, 0] for index, part in _chunks(groups.group, projected)]
-    )
-    return means, covariance, log_det
+    return groups.times(projected / noise, covariance), covariance, log_det
 
 
 def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance: float) -> PPCA:
@@ -186,7 +190,7 @@ def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance:
         shifted = groups.masks @ torch.cat([shift[:, None] * loadings, shift[:, None].square()], 1)
         products = centred @ torch.cat([loadings, 2 * shift[:, None]], 1) - shifted[groups.group]
         projected = products[:, :q]
-        means, covariance, log_det = _posterior(projected, groups, _grams(groups, loadings), noise)
+        means, covariance, log_det = posterior_given(projected, groups, level_products(groups, loadings), noise)
         fit = _log_likelihood(projected, energy - products[:, q], groups, means, noise, log_det)
         log_likelihood.append(float(fit / n_observed))
         if len(log_likelihood) > 1 and log_likelihood[-1] - log_likelihood[-2] < tolerance:
@@ -222,7 +226,7 @@ def log_likelihood(centred: Tensor, mask: Tensor, loadings: Tensor, noise: Tenso
     """
     groups = group_masks(mask)
     projected = centred @ loadings
-    means, _, log_det = _posterior(projected, groups, _grams(groups, loadings), noise)
+    means, _, log_det = posterior_given(projected, groups, level_products(groups, loadings), noise)
     return _log_likelihood(projected, centred.square().sum(1), groups, means, noise, log_det)
 
 
@@ -242,14 +246,17 @@ def noise_given_loadings(centred: Tensor, mask: Tensor, loadings: Tensor, noise:
         >>> round(float(found.sqrt()), 1)
         0.5
     """
+    # For given loadings the flights of a mask say no more than the sum of the products of their projections.
     groups = group_masks(mask)
-    counts = torch.bincount(groups.group, minlength=len(groups.masks)).to(centred.dtype)
-    grams, projected = _grams(groups, loadings), centred @ loadings
+    energy, n_observed = centred.square().sum(), mask.sum()
+    grams, found = level_products(groups, loadings), groups.moments(centred @ loadings)
+    eye = torch.eye(loadings.shape[1], dtype=grams.dtype, device=grams.device)
     for _ in range(NOISE_STEPS):
-        means, covariance, _ = _posterior(projected, groups, grams, noise)
-        missing = torch.where(mask, means @ loadings.T - centred, 0.0).square().sum()
-        spread = counts @ (grams * covariance).sum((1, 2))
-        noise = (missing + spread) / mask.sum()
+        gain = torch.cholesky_inverse(torch.linalg.cholesky(grams + noise * eye))  # means are projections times it
+        told = gain @ found
+        missing = energy + ((grams @ told) * gain).sum() - 2 * told.diagonal(dim1=-2, dim2=-1).sum()
+        spread = noise * (groups.counts @ (grams * gain).sum((1, 2)))
+        noise = ((missing + spread) / n_observed).clamp(min=float(LEAST_NOISE * energy / n_observed))
     return noise
 
 
@@ -258,14 +265,11 @@ def _maximise(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """M step: each level regresses on (z, 1), z given what was observed of the flights that show it."""
     q = means.shape[1]
-    counts = torch.bincount(groups.group, minlength=len(groups.masks)).to(means.dtype)
     design = torch.cat([means, torch.ones_like(means[:, :1])], 1)
+    moments = groups.moments(design)
+    moments[:, :q, :q] += groups.counts[:, None, None] * covariance
     first, second = torch.triu_indices(q + 1, q + 1)
-    spread = torch.nn.functional.pad(covariance, (0, 1, 0, 1))[:, first, second]
-    moments = counts[:, None] * spread
-    for index, part in _chunks(groups.group, design):
-        moments.index_add_(0, index, _pairs(part))
-    by_level = _square(groups.masks.T @ moments, q + 1)
+    by_level = _square(groups.masks.T @ moments[:, first, second], q + 1)
     cross = centred.T @ design
     ridge = 1e-10 * by_level.diagonal(dim1=-2, dim2=-1).mean(-1)
     by_level = by_level + ridge[:, None, None] * torch.eye(q + 1, dtype=means.dtype, device=means.device)
@@ -273,7 +277,7 @@ def _maximise(
     # With the exact solution, the quadratic term equals the cross term once.
     noise = (total - (lines * cross).sum()) / n_observed
     loadings = lines[:, :q]
-    return loadings, noise.clamp(min=1e-10 * float(total / n_observed)), lines[:, q] + loadings @ means.mean(0)
+    return loadings, noise.clamp(min=LEAST_NOISE * float(total / n_observed)), lines[:, q] + loadings @ means.mean(0)
 
 
 def _log_likelihood(

@@ -7,6 +7,7 @@ import normflows as nf
 import torch
 from torch import Tensor, nn
 
+from descentflow.densities.affine_pass import AffinePass
 from descentflow.densities.density import Density
 from descentflow.densities.importance import widened
 from descentflow.densities.layers import (
@@ -21,6 +22,7 @@ from descentflow.densities.layers import (
 )
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.observed import log_observed
+from descentflow.densities.splines import Spline
 from descentflow.representation.evidence import Evidence
 
 
@@ -107,18 +109,24 @@ class FlowDensity(Density):
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         """Log density (n,) of standardised weights (n, d), in nats, at context (n, c) if it takes one."""
         rows = self.rows_of_context(context, len(weights))
-        extra = () if rows is None else (rows.to(self._dtype),)
+        dtype = self._dtype
+        given = None if rows is None else rows.to(dtype)
         if not self.whitened:
-            plain: Tensor = self.flow.log_prob(weights.to(self._dtype), *extra)
+            z, log_det = self._pass(weights.to(dtype), given)
+            plain: Tensor = self.flow.q0.log_prob(z) + log_det
             return plain
-        start = self._standardised(weights, rows)
-        z, log_det = start.to(self._dtype), torch.zeros(len(start), dtype=self._dtype, device=start.device)
+        z, log_det = self._pass(self._standardised(weights, rows).to(dtype), given)
+        log_prob: Tensor = self._base(z) + log_det - self.scale.log().sum().to(dtype)
+        return log_prob
+
+    def _pass(self, z: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Through the flows, from weights to the standard normal, with the log-determinant."""
+        log_det = torch.zeros(len(z), dtype=z.dtype, device=z.device)
         for flow in reversed(self.flow.flows):
             # Not normflows' own loop, which adds up log-determinants in single precision.
-            z, part = flow.inverse(z, *extra)
+            z, part = flow.inverse(z) if context is None else flow.inverse(z, context)
             log_det = log_det + part
-        log_prob: Tensor = self._base(z) + log_det - self.scale.log().sum().to(self._dtype)
-        return log_prob
+        return z, log_det
 
     def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
         """Draw (n, d); a draw that is not finite is left for the sampler to count."""
@@ -230,6 +238,13 @@ class MaskedAffineFlowDensity(FlowDensity):
             mix = turned_linear(dimension) if linear else Flip()
             flows += [TurnedRound(affine) if turned_round else affine, mix]
         self.flow = self._assembled(flows)
+        self._at_once: AffinePass | None = None
+        if linear and turned_round:
+            self._at_once = AffinePass([turned.flow for turned in flows[::2]], flows[1::2])
+            self.register_load_state_dict_post_hook(self._at_once.forget)
+
+    def _pass(self, z: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
+        return super()._pass(z, context) if self._at_once is None else self._at_once(z, context)
 
     def settings(self) -> dict[str, Any]:
         """Number, width and kind of the flows."""
@@ -278,9 +293,7 @@ class SplineFlowDensity(FlowDensity):
         self.n_flows, self.hidden, self.n_bins = n_flows, hidden, n_bins
         flows: list[nf.flows.Flow] = []
         for _ in range(n_flows):
-            spline = nf.flows.AutoregressiveRationalQuadraticSpline(
-                dimension, num_blocks=1, num_hidden_channels=hidden, num_bins=n_bins, tail_bound=self.TAIL
-            )
+            spline = Spline(dimension, num_blocks=1, num_hidden_channels=hidden, num_bins=n_bins, tail_bound=self.TAIL)
             if n_context:
                 net = ContextNet(dimension, n_context, hidden, 3 * n_bins - 1, residual=True)
                 start = spline.mprqat.autoregressive_net.final_layer.bias.detach()

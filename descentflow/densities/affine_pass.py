@@ -1,0 +1,141 @@
+r"""The density side of masked affine flows with linear maps between them, all of them in a few calls.
+
+Of a few weights, a step costs what calling into torch costs. So what only depends on the parameters is made of all
+flows at once, as stacks: matrices of the linear maps, networks with their masks multiplied in. Each network begins with
+two linear layers and nothing between, which are one; without bounded inputs they take the linear map in as well.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from descentflow.densities.layers import MAX_INPUT, MAX_LOG_SCALE, ExponentialAffine, LinearMap, made
+
+SIGMOID_SHIFT, LEAST_SCALE = 2.0, 1e-3
+"""Of normflows' scale, ``sigmoid(s + 2) + 0.001``."""
+
+
+@dataclass(frozen=True)
+class _Constants:
+    """What no training changes, of all flows: masks of the layers, and where numbers stand in the linear maps."""
+
+    masks: tuple[Tensor, Tensor, Tensor]
+    places: Tensor
+    rows: Tensor
+    """Outputs of a network that are used: the log scales of all weights, then their shifts."""
+    shift: Tensor
+    """What is added to these outputs (2 d,) before the sigmoid."""
+
+
+class AffinePass:
+    """Weights to the standard normal through pairs of an affine flow and a linear map, and the log-determinant.
+
+    Parameters stay those of the flows, which are normflows' modules; what comes out is theirs to rounding.
+
+    Example:
+        >>> from descentflow.densities.flow import MaskedAffineFlowDensity
+        >>> flows, weights = MaskedAffineFlowDensity(dimension=3, n_flows=2).flow, torch.randn(4, 3)
+        >>> affine, maps = [turned.flow for turned in flows.flows[::2]], list(flows.flows[1::2])
+        >>> torch.allclose(AffinePass(affine, maps)(weights)[0], flows.inverse(weights), atol=1e-6)
+        True
+    """
+
+    def __init__(self, affine: Sequence[nn.Module], maps: Sequence[LinearMap]) -> None:
+        """Take flows in the order of drawing, which is the reverse of the order here.
+
+        Args:
+            affine: Masked affine flows.
+            maps: The linear map after each.
+        """
+        self.affine, self.maps = affine[::-1], maps[::-1]
+        self.bounded = isinstance(affine[0], ExponentialAffine)
+        self._constants: _Constants | None = None
+
+    def forget(self, *_: object) -> None:
+        """Forget what was kept, masks and permutations: those that a checkpoint brings may be others."""
+        self._constants = None
+        for one in self.maps:
+            one.__dict__.pop("_places", None)
+
+    def __call__(self, z: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Weights (n, d) at contexts (n, c) if there are any: (n, d), and the log-determinant (n,)."""
+        constants = self._kept(z.device)
+        maps, shifts, log_det = self._linear(constants)
+        layers = [made(one.autoregressive_net) for one in self.affine]  # type: ignore[arg-type]
+        (first, second, last), (at_first, at_second, at_last) = self._layers(layers, constants)
+        at_hidden = torch.baddbmm(at_second[:, :, None], second, at_first[:, :, None])[:, :, 0]
+        hidden = second @ first
+        given = None
+        if context is not None:
+            known = MAX_INPUT * torch.tanh(context / MAX_INPUT) if self.bounded else context
+            c = context.shape[1]
+            given, hidden = known @ hidden[:, :, :c].mT, hidden[:, :, c:]
+        # Of each flow in one product: the weights, and what its network takes of them.
+        inner = maps / MAX_INPUT if self.bounded else hidden @ maps
+        at_inner = shifts / MAX_INPUT if self.bounded else (hidden @ shifts[:, :, None])[:, :, 0] + at_hidden
+        both, at_both = torch.cat([maps, inner], 1).mT.unbind(), torch.cat([shifts, at_inner], 1).unbind()
+        scales, sizes = [], [z.shape[1], inner.shape[1]]
+        hiddens = (MAX_INPUT * hidden).mT.unbind() if self.bounded else ()
+        at_hiddens, lasts, at_lasts = at_hidden.unbind(), last.mT.unbind(), at_last.unbind()
+        for one in range(len(self.affine)):
+            z, taken = torch.split(torch.addmm(at_both[one], z, both[one]), sizes, 1)
+            if self.bounded:
+                taken = torch.addmm(at_hiddens[one], taken.tanh(), hiddens[one])
+            if given is not None:
+                taken = taken + given[one]
+            raw, shift = torch.addmm(at_lasts[one], taken.relu(), lasts[one]).chunk(2, 1)
+            if self.bounded:
+                scales.append(MAX_LOG_SCALE * (raw / MAX_LOG_SCALE).tanh() if MAX_LOG_SCALE != 1 else raw.tanh())
+                z = torch.addcmul(shift, scales[-1].exp(), z)
+            else:
+                scales.append(raw.sigmoid() + LEAST_SCALE)
+                z = torch.addcmul(shift, scales[-1], z)
+        logs = torch.cat(scales, 1)
+        return z, (logs if self.bounded else logs.log()).sum(1) + log_det
+
+    def _linear(self, constants: _Constants) -> tuple[Tensor, Tensor, Tensor]:
+        """Matrices (F, d, d) and shifts (F, d) of the linear maps, and the sum of their log-determinants."""
+        parts = [one.linear for one in self.maps]
+        raw = torch.stack([one.unconstrained_upper_diag for one in parts])
+        diagonal = nn.functional.softplus(raw) + parts[0].eps
+        below, above = (torch.stack([getattr(one, f"{side}_entries") for one in parts]) for side in ("lower", "upper"))
+        zero_one = diagonal.new_tensor([0.0, 1.0]).expand(len(parts), 2)
+        numbers = torch.cat([below, above, diagonal, zero_one], 1)
+        d = diagonal.shape[1]
+        lower, upper = numbers.gather(1, constants.places).reshape(-1, 2, d, d).unbind(1)
+        return lower @ upper, torch.stack([one.bias for one in parts]), diagonal.log().sum()
+
+    def _layers(
+        self, nets: list[nn.Module], constants: _Constants
+    ) -> tuple[tuple[Tensor, Tensor, Tensor], tuple[Tensor, Tensor, Tensor]]:
+        """Weights, with their masks, and biases of the three layers of each network, (F, out, in) and (F, out)."""
+        layers = [[_layers(net)[place] for net in nets] for place in range(3)]
+        weights = [torch.stack([one.weight for one in of_place]) for of_place in layers]
+        biases = [torch.stack([one.bias for one in of_place]) for of_place in layers]
+        weights[2], biases[2] = weights[2].index_select(1, constants.rows), biases[2].index_select(1, constants.rows)
+        if not self.bounded:
+            biases[2] = biases[2] + constants.shift
+        first, second, last = (weight * mask for weight, mask in zip(weights, constants.masks, strict=True))
+        return (first, second, last), (biases[0], biases[1], biases[2])
+
+    def _kept(self, device: torch.device) -> _Constants:
+        if self._constants is None or self._constants.places.device != device:
+            nets = [made(one.autoregressive_net) for one in self.affine]  # type: ignore[arg-type]
+            d = self.maps[0].linear.features
+            skipped = len(_layers(nets[0])[2].bias) - 2 * d
+            rows = skipped + torch.arange(2 * d).reshape(d, 2).T.flatten()
+            masks = [torch.stack([_layers(net)[place].mask for net in nets]) for place in range(3)]  # type: ignore[misc]
+            places = torch.stack([one._places.flatten() for one in self.maps])
+            self._constants = _Constants(
+                (masks[0].to(device), masks[1].to(device), masks[2][:, rows].to(device)),
+                places.to(device),
+                rows.to(device),
+                torch.tensor([SIGMOID_SHIFT, 0.0]).repeat_interleave(d).to(masks[0]).to(device),
+            )
+        return self._constants
+
+
+def _layers(net: nn.Module) -> tuple[nn.Linear, nn.Linear, nn.Linear]:
+    return net.initial_layer, net.blocks[0].linear, net.final_layer  # type: ignore[return-value, index, union-attr]

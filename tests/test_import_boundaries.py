@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "descentflow"
 
 ONLY_IN = {
     "pyro": ("densities/mixture.py",),
-    "normflows": ("densities/flow.py", "densities/layers.py"),
+    "normflows": ("densities/flow.py", "densities/layers.py", "densities/splines.py"),
     "lightning": ("training/", "cli/trainer.py"),
     "tensorboard": ("training/callbacks/", "training/run_page/"),
     "rs1090": ("surveillance/formats/",),

@@ -35,7 +35,8 @@ def first_rows(frame: pl.DataFrame, key: str) -> pl.DataFrame:
         [('b', 1), ('a', 3)]
     """
     lengths = frame[key].rle().struct.field("len").to_numpy().astype(np.int64)
-    return frame[lengths.cumsum() - lengths].unique(key, keep="first", maintain_order=True)
+    firsts: pl.DataFrame = frame[lengths.cumsum() - lengths]
+    return firsts.unique(key, keep="first", maintain_order=True)
 
 
 def batches(frame: pl.DataFrame, key: str, least: int = BATCH_ROWS) -> Iterator[pl.DataFrame]:

@@ -223,8 +223,8 @@ def _with_interval(estimate: float | None, fleets: list[float | None]) -> Closed
         return ClosedShare(estimate, None, None)
     error = float(((count - 1) / count * (known - known.mean()).square().sum()).sqrt())
     half = float(stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
-    # A gap cannot close by more than all of it, unless the estimate says so.
-    return ClosedShare(estimate, estimate - half, max(min(estimate + half, 1.0), estimate))
+    # Beyond one, too: what is left may lie below the floor by chance.
+    return ClosedShare(estimate, estimate - half, estimate + half)
 
 
 def rivals_closure(measure: GapMeasure, shifts: Mapping[str, Tensor], floor: float) -> list[RivalClosure]:

@@ -17,7 +17,7 @@ def test_no_effect_is_named_that_no_more_flights_have_than_may_be_odd(
     """However far it moves the mean: one flight in a hundred may be anything (all else that is asked holds here)."""
     monkeypatch.setattr(credible, "mean_shift", lambda *_: 100.0)
     monkeypatch.setattr(credible, "spreads_as_claimed", lambda *_: True)
-    monkeypatch.setattr(credible, "differs_by_flight", lambda *_: True)
+    monkeypatch.setattr(credible, "is_of_some", lambda *_: True)
     monkeypatch.setattr(credible, "share_its_own", lambda *_: 1.0)
     name = "geometric_path"
     theta = torch.tensor([share, 0.1, 0.02], dtype=torch.float64)

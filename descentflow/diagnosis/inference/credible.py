@@ -6,7 +6,7 @@ from torch import Tensor
 from descentflow.diagnosis.inference.heterogeneity import spreads_as_claimed
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mistaken import share_its_own
-from descentflow.diagnosis.inference.mixed_fit import differs_by_flight
+from descentflow.diagnosis.inference.mixed_fit import is_of_some
 from descentflow.diagnosis.inference.model_weights import ODD
 
 MIN_MEAN_SHIFT = 1.5
@@ -36,7 +36,7 @@ def is_credible(likelihood: EffectsLikelihood, fit: Fit, name: str) -> bool:
     if share <= ODD:
         # As many flights may be odd, whatever they have.
         return False
-    if share < 1 and differs_by_flight(likelihood, name) and name not in fit.per_flight:
+    if is_of_some(likelihood, name, theta) and name not in fit.per_flight:
         # What some flights have shows in them one by one; a cause that all have alike may imitate the mean of it.
         return False
     if name in fit.per_flight and share_its_own(likelihood, fit, name) < LEAST_ITS_OWN:

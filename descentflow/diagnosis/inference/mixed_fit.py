@@ -24,6 +24,10 @@ SETTLED = 0.02
 def with_flight_laws(likelihood: EffectsLikelihood, fit: Fit) -> Fit:
     """The fit with the laws of those effects that differ by flight, where that scores higher; else as it is.
 
+    What only some flights have shows in them one by one, and a mean shift of it in all is no cause that is believed
+    (:func:`~descentflow.diagnosis.inference.credible.is_credible`). So where the mean shift is of some, laws need not
+    score higher than it: among themselves they compete, and then with other causes.
+
     Args:
         likelihood: Of the flights.
         fit: Of effects whose mean shift all flights have.
@@ -40,13 +44,35 @@ def with_flight_laws(likelihood: EffectsLikelihood, fit: Fit) -> Fit:
     if not any(differs_by_flight(likelihood, name) for name in able):
         return fit
     state, best = likelihood.compared.state, fit
+    if any(is_of_some(likelihood, name, fit.theta[name]) for name in able):
+        best = replace(fit, log_score=torch.full_like(fit.log_score, -torch.inf))
     for laws in product(*[effect.law_starts(state, fit.theta[name]) for name, effect in able.items()]):
         for tried in _rounds(likelihood, fit, dict(zip(able, laws, strict=True)), best):
-            if float((tried.log_score - best.log_score).sum()) <= 0:
+            if float((tried.log_score - best.log_score).sum()) <= 0 or not _can_be(likelihood, tried):
                 # Another round would move it by little.
                 break
             best = tried
-    return best
+    return best if best.per_flight else fit
+
+
+def is_of_some(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> bool:
+    """Whether an effect that flights have each in their own way is, by its parameters (k,), one of some of them.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> half, all_of_them = (torch.tensor([0.3, 200, 240, share, 0, 0, 0, 0]) for share in (0.5, 1.0))
+        >>> [is_of_some(likelihood, "speed_brake", theta) for theta in (half, all_of_them)]
+        [True, False]
+    """
+    return likelihood.catalogue[name].mixture(theta)[0] < 1 and differs_by_flight(likelihood, name)
+
+
+def _can_be(likelihood: EffectsLikelihood, fit: Fit) -> bool:
+    """Whether all laws of a fit are possible ones."""
+    state = likelihood.compared.state
+    return all(likelihood.catalogue[name].plausible(state, fit.theta[name]) for name in fit.per_flight)
 
 
 def differs_by_flight(likelihood: EffectsLikelihood, name: str) -> bool:

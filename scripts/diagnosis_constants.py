@@ -6,6 +6,7 @@ the causes selected anew. ``--flights`` and ``--seed`` choose other sets.
 
 import argparse
 import importlib
+import pkgutil
 import sys
 import tempfile
 import warnings
@@ -77,14 +78,15 @@ class Constant:
         before = self.value
         loaded = [module for name, module in list(sys.modules.items()) if name.startswith("descentflow.")]
         with ExitStack() as changed:
-            for module in loaded:
-                if vars(module).get(self.name) is before:
-                    changed.enter_context(patch.object(module, self.name, value))
+            for home in (self._home, *loaded):
+                if vars(home).get(self.name) is before:
+                    changed.enter_context(patch.object(home, self.name, value))
             yield
 
     @property
     def _home(self) -> Any:
-        return importlib.import_module(f"descentflow.{self.module}")
+        """The module, or the class in it."""
+        return pkgutil.resolve_name(f"descentflow.{self.module}")
 
 
 INFERENCE = "diagnosis.inference"
@@ -106,7 +108,11 @@ def constants() -> list[Constant]:
         Constant(f"{INFERENCE}.model_weights", "ODD", 0.005, 0.02),
         Constant(f"{INFERENCE}.normal_flights", "FALSELY_NARROW", 0.0005, 0.002),
         Constant(f"{INFERENCE}.signature_columns", "MISFIT", 0.015, 0.06),
-        Constant(f"{INFERENCE}.signature_columns", "MISFIT_OF_RATE", 0.25, 1.0),
+        Constant("effects.effect.Effect", "misfit_of_rate", 0.25, 1.0),
+        Constant("effects.drag_polar.DragPolar", "misfit_of_rate", 0.05, 0.2),
+        Constant("effects.wind_gradient.WindGradient", "misfit_of_rate", 0.05, 0.2),
+        Constant("effects.speed_brake.SpeedBrake", "misfit_of_rate", 0.05, 0.2),
+        Constant("effects.geometric_path.GeometricPath", "misfit_of_rate", 0.1, 0.4),
         Constant(f"{INFERENCE}.signature_columns", "KNOTS", 2, 6),
         Constant(f"{INFERENCE}.discrepancy", "SPREAD", 5.0, 20.0),
         Constant(f"{INFERENCE}.credible", "MIN_MEAN_SHIFT", 0.75, 3.0),

@@ -34,6 +34,7 @@ class DragPolar(Effect):
         ),
     )
     heterogeneity = "gaussian"
+    misfit_of_rate = 0.1
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation."""

@@ -103,6 +103,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         spread_of("spread_extra", 2.0, "1", 0.1, "spread of the drag between flights with brakes out", "percent"),
     )
     heterogeneity = "window mixture"
+    misfit_of_rate = 0.1
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """Brakes are felt where they are out; their window has a height, ends below the top and is no whole descent.

@@ -37,6 +37,7 @@ class WindGradient(Effect):
         ),
     )
     heterogeneity = "measured covariate"
+    misfit_of_rate = 0.1
     splits = ("groundspeed", "TAS", "track", "heading")
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:

@@ -104,7 +104,7 @@ class EffectShifts:
 
         def made() -> tuple[Tensor, Tensor]:
             means = self.mean_shifts_beside(name, theta)
-            return means, misfit_columns(self.compared, means[0])
+            return means, misfit_columns(self.compared, means[0], self.catalogue[name].misfit_of_rate)
 
         return self._misfits.get(by_size(name, theta), made)
 

@@ -2,10 +2,10 @@ r"""What the named effects leave, in physical units: mean differences over parts
 
 A large share of the log score may be next to nothing in ft/min, and half of the rate's gap a small share of it: so
 this, and no score, decides whether what is named is all that matters. What is left of a part's mean may be chance, with
-the standard error :math:`s` of the mean, or what the named effects are off by: their equations hold to a stated share
-:math:`\varepsilon` of their shifts (:mod:`~descentflow.diagnosis.inference.signature_columns`). A gap is left where
+the standard error :math:`s` of the mean, or what the named effects are off by: their equations hold to stated shares
+:math:`\varepsilon_e` of their shifts (:mod:`~descentflow.diagnosis.inference.signature_columns`). A gap is left where
 
-.. math:: |\bar r| > \varepsilon \textstyle\sum_e |\bar d_e| + z\,s \quad\text{and}\quad |\bar r| > q,
+.. math:: |\bar r| > \textstyle\sum_e \varepsilon_e |\bar d_e| + z\,s \quad\text{and}\quad |\bar r| > q,
 
 with q the larger of what the rounding of one flight's reports leaves open and what equations leave out, and z such that
 chance leaves one in any of the parts as rarely as a gap is called without one.
@@ -133,7 +133,10 @@ def left_over(likelihood: EffectsLikelihood, fit: Fit, least: Tensor, level: flo
             left, error = _mean_difference(compared, (compared.y - fit.shift)[:, at])
             levels = [compared.level_range(compared.entries[i]) for i in at.tolist()]
             low, high = min(low for low, _ in levels), max(high for _, high in levels)
-            allowed = misfit_of(quantity) * sum(float(mean[at].mean().abs()) for mean in means.values())
+            allowed = sum(
+                misfit_of(quantity, likelihood.catalogue[name].misfit_of_rate) * float(mean[at].mean().abs())
+                for name, mean in means.items()
+            )
             found.append(Part(quantity, low, high, before, left, error, allowed, float(least[at].mean())))
     moved = {name: mean.abs() > compared.negligible() for name, mean in means.items()}
     quantities = {

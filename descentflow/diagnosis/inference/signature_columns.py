@@ -20,11 +20,9 @@ from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.measurements.quantity_registry import BY_BAND
 
 MISFIT = 0.03
-"""Share of its own shift by which an effect's equations may be off, at each knot and in each quantity by itself..."""
-MISFIT_OF_RATE = 0.5
-"""...and of its shift of the rate, which rests on a polar, an idle thrust and steady forces, and not on kinematics.
-
-Calibrated on six-degree-of-freedom flights of four types in air ten kelvin warmer."""
+"""Share of its own shift by which an effect's equations may be off, at each knot and in each quantity by itself. Of its
+shift of the rate, which rests on a polar, an idle thrust and steady forces and not on kinematics, each effect says its
+own (:attr:`~descentflow.effects.effect.Effect.misfit_of_rate`)."""
 KNOTS = 3
 """Hat functions over altitude: smoother than any window, so that no edge passes for a misfit."""
 FELT = 0.3
@@ -61,16 +59,21 @@ def signature_columns(shifts: Shifts, theta: Mapping[str, Tensor]) -> Tensor:
     return columns[:, (columns.abs() / compared.negligible()[:, None]).amax(0) > FELT]
 
 
-def misfit_columns(compared: Compared, shift: Tensor) -> Tensor:
+def misfit_columns(compared: Compared, shift: Tensor, of_rate: float) -> Tensor:
     """Columns (p, c) of a mean shift's (p,) own misfit: a share of it, smooth in altitude, quantity by quantity.
 
     They span no multiple of the whole shift: how large an effect is stays with its parameters.
 
+    Args:
+        compared: Flights of both sides.
+        shift: (p,) mean shift.
+        of_rate: Share of the rate's shift, see :func:`misfit_of`.
+
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> sides = example_sides()
-        >>> columns = misfit_columns(sides, sides.negligible())
-        >>> known_to = torch.tensor([misfit_of(entry.quantity) for entry in sides.entries]) * sides.negligible()
+        >>> columns = misfit_columns(sides, sides.negligible(), of_rate=0.5)
+        >>> known_to = torch.tensor([misfit_of(entry.quantity, 0.5) for entry in sides.entries]) * sides.negligible()
         >>> along_shift = (columns * (sides.negligible() / known_to**2)[:, None]).sum(0)
         >>> columns.shape, bool((along_shift.abs() < 1e-9).all())
         (torch.Size([33, 9]), True)
@@ -81,24 +84,24 @@ def misfit_columns(compared: Compared, shift: Tensor) -> Tensor:
         if bool((shift[at] != 0).any()):
             hat = _hats(compared, quantity, at)
             column = torch.zeros(len(hat), len(shift), dtype=shift.dtype)
-            column[:, at] = misfit_of(quantity) * hat * shift[at]
+            column[:, at] = misfit_of(quantity, of_rate) * hat * shift[at]
             columns.append(column)
     found = torch.cat(columns).T
     # How large an effect is stays with its parameters: what is a multiple of the whole shift is taken out, each
     # quantity weighed by how well its equations hold. Else the rate, which may be off by half, would outweigh TAS.
-    known_to = torch.tensor([misfit_of(entry.quantity) for entry in compared.entries]) * compared.negligible()
+    known_to = torch.tensor([misfit_of(entry.quantity, of_rate) for entry in compared.entries]) * compared.negligible()
     weighted = shift / known_to**2
     return found - torch.outer(shift, weighted @ found) / (weighted @ shift).clamp(min=1e-12)
 
 
-def misfit_of(quantity: str) -> float:
-    """Share of its own shift of a quantity by which an effect's equations may be off.
+def misfit_of(quantity: str, of_rate: float) -> float:
+    """Share of its own shift of a quantity by which an effect's equations may be off; of the rate its own.
 
     Example:
-        >>> misfit_of("rate"), misfit_of("tas")
+        >>> misfit_of("rate", 0.5), misfit_of("tas", 0.5)
         (0.5, 0.03)
     """
-    return MISFIT_OF_RATE if quantity == "rate" else MISFIT
+    return of_rate if quantity == "rate" else MISFIT
 
 
 def _hats(compared: Compared, quantity: str, at: Tensor) -> Tensor:

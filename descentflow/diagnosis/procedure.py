@@ -46,6 +46,8 @@ from descentflow.diagnosis.report.odd_flights import flights_worth_a_look
 from descentflow.diagnosis.stages import stages_of
 from descentflow.measurements.quantity_registry import QUANTITIES
 
+LEAST_CLOSED = 0.5
+"""Share of the gap from which what is named is its cause: else more is left than is explained."""
 SAMPLES_SLACK = 5.0
 """How much larger negligible shifts are against samples: they miss what components and energy share leave out, up to a
 percent of the rate about the transition."""
@@ -149,6 +151,8 @@ class Diagnosis:
             cells, affected = where(likelihood, settings.transition_fl, settings.seed)
             test = asked.result()
         verdict = self.verdict(test.p_value, chosen, cells)
+        if verdict == "effect" and self._leaves_most(chosen.fit, affected):
+            verdict = self._without_all(chosen)
         small = [] if verdict == "none" else self._below_rounding(cells)
         if small:
             verdict = "none"
@@ -157,10 +161,8 @@ class Diagnosis:
             chosen = replace(chosen, fit=chosen.beside)
         is_named = verdict in ("effect", "partial")
         fit = chosen.fit if is_named else chosen.null
-        if verdict == "none" or not bool(affected.any()):
-            # Entries that stand out by chance would make a gap of it.
-            affected = torch.ones_like(affected)
-        affected = self._without_by_products(affected, fit.effects)
+        # Of no gap, entries that stand out by chance would make one.
+        affected = self._measured_over(affected & (verdict != "none"), fit.effects)
         give_back()
         progress("measuring how far the gap shrinks")
         measure = GapMeasure(likelihood, affected, settings.seed)
@@ -241,12 +243,14 @@ class Diagnosis:
         unsided = EffectsLikelihood(c, blind, settings.catalogue, settings.seed, likelihood)
         return null_test(unsided, self.discrepancy, settings.transition_fl, settings.seed)
 
-    def _without_by_products(self, affected: Tensor, effects: Sequence[str]) -> Tensor:
-        """Entries that a gap is measured over: short-scale noise only where it is the matter, or all that there is.
+    def _measured_over(self, affected: Tensor, effects: Sequence[str]) -> Tensor:
+        """Entries that a gap is measured over: those affected, or all where none is.
 
-        Edges of windows and changes of path raise it as well, and no effect claims to undo that.
+        Short-scale noise is among them only where it is the matter, or all that there is: edges of windows and changes
+        of path raise it as well, and no effect claims to undo that.
         """
         noise = self._noise()
+        affected = affected if bool(affected.any()) else torch.ones_like(affected)
         is_matter = any(self.settings.catalogue[name].is_noise for name in effects)
         return affected if is_matter or not bool((affected & ~noise).any()) else affected & ~noise
 
@@ -266,8 +270,19 @@ class Diagnosis:
             return "unknown"
         if not (chosen.outside.named and self._left(chosen.fit, *chosen.alike).is_gap):
             return "effect"
+        return self._without_all(chosen)
+
+    def _without_all(self, chosen: Chosen) -> Verdict:
+        """Whether what is named is a part of the cause, where it is not all of it, or none."""
         is_part = not chosen.outside.is_larger and self._left(chosen.beside or chosen.fit).confirmed
         return "partial" if is_part else "unknown"
+
+    def _leaves_most(self, fit: Fit, affected: Tensor) -> bool:
+        """Whether named effects close less than half of a gap, in aircraft that they were not fitted to."""
+        measure = GapMeasure(self.likelihood, self._measured_over(affected, fit.effects), self.settings.seed)
+        shift = together(held_out_shifts(self.likelihood, fit)[0], self.likelihood)
+        closed = measure.claimed(shift, measure.floor(shift))
+        return closed is not None and closed < LEAST_CLOSED
 
     def _detection_limits(self, fit: Fit) -> list[DetectionLimit]:
         """The smallest sizes that would be named: beyond the rounding of one report, as a gap must be."""

@@ -16,6 +16,7 @@ from descentflow.diagnosis.findings.gap_found import GapCell
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.inclusion import WeightedSet
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
+from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.where import where
 from descentflow.diagnosis.inference.whitening import whiten
@@ -113,3 +114,11 @@ def test_what_neither_an_effect_nor_a_cell_shows_is_no_gap(nothing: float, p_val
     chosen = SimpleNamespace(sets=sets, fit=SimpleNamespace(effects=()))
     cell = GapCell("tas", 150.0, 195.0, "below", "all", 0.001, 0.001, "relative", 0.0, p_value, 0.0)
     assert Diagnosis.verdict(SimpleNamespace(source="flights"), 0.003, chosen, [cell]) == verdict
+
+
+@pytest.mark.parametrize(("named", "leaves_most"), [("temperature", False), ("level_off", True)])
+def test_what_closes_less_than_half_of_a_gap_is_not_its_cause(named: str, leaves_most: bool) -> None:
+    sides = example_sides(EFFECTS["temperature"], [10.0])
+    diagnosis = Diagnosis(sides, Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, str), "training flights")
+    fit = fit_effects(diagnosis.likelihood, [named])
+    assert diagnosis._leaves_most(fit, sides.of("tas")) == leaves_most

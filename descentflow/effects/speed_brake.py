@@ -9,6 +9,7 @@ from descentflow.core.units import FL_M
 from descentflow.effects.effect import AT_BOUND, STEP, FlightChange, Parameter, Shift
 from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Ways, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.effects.turn import AS_MEASURED
 from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.turning import MOST_BANK_DEG
 
@@ -118,13 +119,16 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         return felt and shared and whole
 
     def may_be(self, state: FlightState, theta: Tensor) -> tuple[str, ...]:
-        """Turns, where no heading says them, each flight has its own drag, and a bank of an airliner adds as much."""
+        """Turns, where no heading says them, each flight has its own drag, and a bank of an airliner adds as much.
+
+        What it adds is known as well as that of a turn by headings.
+        """
         if state.turned_more is not None or not self.is_law(theta):
             return ()
         within = state.mask * self.within(state, theta[1], theta[2])["rate"]
         bank = log_rate(state, induced=1 + math.tan(math.radians(MOST_BANK_DEG)) ** 2) - state.own_log_rate
         brakes = self.whole_change(state, theta[0] / theta[3])
-        return ("turn",) if float((within * (brakes - bank)).sum()) <= 0 else ()
+        return ("turn",) if float((within * (brakes - AS_MEASURED[1] * bank)).sum()) <= 0 else ()
 
     def whole_change(self, state: FlightState, size: Tensor) -> Tensor:
         """By the energy equation."""

@@ -119,6 +119,13 @@ def test_a_checkpoint_of_before_turns_were_measured_is_taken_to_fly_straight(tur
         Quantities.from_state({**state, "version": 1})
 
 
+def test_headings_that_no_real_flight_reports_say_nothing_of_turns(turning: Quantities) -> None:
+    """A checkpoint knows its flights' turns; against flights without headings brakes of own levels may be turns."""
+    nothing = torch.full_like(turning.physics["turning"], torch.nan)
+    real = replace(turning, physics={**turning.physics, "turning": nothing})
+    assert compare(turning, real, aircraft("A320")).state.turned_more is None
+
+
 def test_flights_without_directions_have_no_turns(turning: Quantities) -> None:
     frame = prepare(simulate("A320", 60, 81).rows).frame.drop("heading", "track")
     assert "turning" not in quantities_of(frame, 150, 350, CHANNELS).physics

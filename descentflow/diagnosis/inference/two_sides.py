@@ -192,7 +192,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, 
     values = dict(both.values)
     expected = log_rate(state)
     turning = both.physics.get("turning")
-    if turning is not None:
+    if turning is not None and bool(turning[is_real].isfinite().any()):
         state = replace(state, turned_more=turned_more(turning, is_real))
         expected = expected + by_own_turns(state, turning, is_real)
     values["rate"] = torch.where(settled, both.physics["log_rate"] - expected, torch.nan)

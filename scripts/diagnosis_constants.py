@@ -112,7 +112,6 @@ def constants() -> list[Constant]:
         Constant("effects.drag_polar.DragPolar", "misfit_of_rate", 0.05, 0.2),
         Constant("effects.wind_gradient.WindGradient", "misfit_of_rate", 0.05, 0.2),
         Constant("effects.speed_brake.SpeedBrake", "misfit_of_rate", 0.05, 0.2),
-        Constant("effects.geometric_path.GeometricPath", "misfit_of_rate", 0.1, 0.4),
         Constant(f"{INFERENCE}.signature_columns", "KNOTS", 2, 6),
         Constant(f"{INFERENCE}.discrepancy", "SPREAD", 5.0, 20.0),
         Constant(f"{INFERENCE}.credible", "MIN_MEAN_SHIFT", 0.75, 3.0),

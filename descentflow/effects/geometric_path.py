@@ -36,7 +36,6 @@ class GeometricPath(DiffersByFlight):
         spread_of("spread_shallower", 0.25, "1", 0.02, "spread of that between flights on a path", "percent"),
     )
     heterogeneity = "window mixture"
-    misfit_of_rate = 0.2
     splits = ("groundspeed",)
     holds_rate = True
     own_draws = 1

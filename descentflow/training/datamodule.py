@@ -11,6 +11,7 @@ from lightning.pytorch.utilities import rank_zero_info
 from torch import Tensor
 from torch.utils.data import DataLoader
 
+from descentflow.air.kept_air import KeptAir
 from descentflow.air.standard_air import in_standard_air
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
@@ -32,6 +33,7 @@ from descentflow.representation.flight_contexts import without_missing
 from descentflow.representation.flight_parts import Part, one_part, places, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.held_speed import HeldSpeed, as_held
+from descentflow.representation.kept_mass import KeptMass
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
 from descentflow.representation.own_air import STANDARD, airs_as_kept, in_air_asked
 from descentflow.representation.own_mass import kept_masses, masses_of, of_known_mass, with_own_mass
@@ -40,6 +42,7 @@ from descentflow.representation.profiles import Profiles, Speed, profiles_from_f
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation, Split, fit_representation
 from descentflow.representation.seen_flights import SeenFlights
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_prepared
 from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of, cleaning_told, name_of, of_typecodes
@@ -262,15 +265,19 @@ class DescentDataModule(LightningDataModule):
             # By reports, those that were computed from others say nothing.
             own = airs if kept_air.source == "field" else airs_as_kept(shown, levels, kept_air)
             shown = in_standard_air(shown, flown_by, own, levels)
-        kept = {
-            "air": kept_air,
-            "mass": kept_masses(self.mass, profiles, split),
-            "reference": reference_state(shown, float(levels[0]), float(levels[-1]), seen),
-            "context": self._encoder(table, split),
-            "cleaning": cleaning_told(source),
-            "seen": SeenFlights.of(frame, split.train, split.validation),
-        }
-        return _Read(profiles, split, table, own_type, provenance, kept)
+        return _Read(
+            profiles,
+            split,
+            table,
+            own_type,
+            provenance,
+            air=kept_air,
+            mass=kept_masses(self.mass, profiles, split),
+            reference=reference_state(shown, float(levels[0]), float(levels[-1]), seen),
+            context=self._encoder(table, split),
+            cleaning=cleaning_told(source),
+            seen=SeenFlights.of(frame, split.train, split.validation),
+        )
 
     def _encoder(self, table: pl.DataFrame | None, split: Split) -> ContextEncoder | None:
         if table is None:
@@ -312,8 +319,8 @@ class DescentDataModule(LightningDataModule):
             mass_kg=self.mass_kg,
             provenance=read.provenance,
         )
-        for name, value in read.kept.items():
-            setattr(fitted, name, value)
+        fitted.air, fitted.mass, fitted.context = read.air, read.mass, read.context
+        fitted.reference, fitted.cleaning, fitted.seen = read.reference, read.cleaning, read.seen
         fitted.gaps = self.gaps if has_noise_model(fitted.decoder) else "filled"
         return fitted
 
@@ -327,5 +334,9 @@ class _Read:
     table: pl.DataFrame | None
     own_type: Aircraft
     provenance: dict[str, Any]
-    kept: dict[str, Any]
-    """Attributes of the representation."""
+    air: KeptAir | None
+    mass: KeptMass | None
+    reference: dict[str, Any] | None
+    context: ContextEncoder | None
+    cleaning: Cleaning | None
+    seen: SeenFlights

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.core.threads import one_thread
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.complete import CompleteProfiles
@@ -79,7 +80,13 @@ class GappyFPCA:
             DataError: If there are fewer than two flights, a level that fewer than two flights observe, a value
                 that is not finite, or no variance at all.
         """
-        whole = int(mask.count_nonzero()) == mask.numel()
+        # Of complete profiles one product by NumPy is most of the work; torch's waiting threads would share its cores.
+        with one_thread():
+            if int(mask.count_nonzero()) == mask.numel():
+                return self._fit(values, mask, spacing_m, whole=True)
+        return self._fit(values, mask, spacing_m, whole=False)
+
+    def _fit(self, values: Tensor, mask: Tensor, spacing_m: float, whole: bool) -> "GappyFPCA":
         values = (values if whole else torch.where(mask, values, 0.0)).to(torch.float64)
         largest = _check(values, mask, whole)
         flights = CompleteProfiles(values) if whole else GappyProfiles(values, mask)

@@ -87,7 +87,7 @@ class AffinePass:
                 taken = taken + given[one]
             raw, shift = torch.addmm(at_lasts[one], taken.relu(), lasts[one]).chunk(2, 1)
             if self.bounded:
-                scales.append(MAX_LOG_SCALE * (raw / MAX_LOG_SCALE).tanh() if MAX_LOG_SCALE != 1 else raw.tanh())
+                scales.append(MAX_LOG_SCALE * (raw / MAX_LOG_SCALE).tanh())
                 z = torch.addcmul(shift, scales[-1].exp(), z)
             else:
                 scales.append(raw.sigmoid() + LEAST_SCALE)

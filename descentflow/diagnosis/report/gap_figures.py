@@ -143,7 +143,7 @@ def curves_figure(
     for ax in axes[count:]:
         ax.set_visible(False)
     for k, (ax, q) in enumerate(zip(axes, shown, strict=False)):
-        _curve(ax, q, curves[q], profile, (18 if narrow else 28, after))
+        _curve(ax, q, curves[q], profile, 18 if narrow else 28, with_after=after)
         if k % columns == 0:
             ax.set_ylabel("flight level", fontsize=SMALL)
     if not shown:
@@ -154,9 +154,8 @@ def curves_figure(
 
 
 def _curve(
-    ax: Axes, quantity: str, curve: Curve, profile: Sequence[LevelMeans], letters_and_after: tuple[int, bool]
+    ax: Axes, quantity: str, curve: Curve, profile: Sequence[LevelMeans], letters: int, *, with_after: bool
 ) -> None:
-    letters, with_after = letters_and_after
     levels = np.array(curve.level_fl, dtype=float)
 
     def told(values: Sequence[float]) -> tuple[list[float], str]:

@@ -57,9 +57,11 @@ def fitted(mach: bool = False) -> Representation:
     return Representation.from_state(state(mach))
 
 
-@cache
 def mixture(gated: bool = False, mach: bool = False) -> GaussianMixtureDensity:
-    """Two components about the mean flight, one of them wide: many of its draws are not plausible."""
+    """Two components about the mean flight, one of them wide: many of its draws are not plausible.
+
+    A density of one's own, for some tests attach another representation to it.
+    """
     d = parts(mach).decoder.dimension
     density = GaussianMixtureDensity(d, 2)
     locs = torch.zeros(2, d, dtype=torch.float64)

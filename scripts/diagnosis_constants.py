@@ -10,7 +10,7 @@ import pkgutil
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +22,7 @@ import torch
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import DescentflowWarning
 from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.inference.shared_effects import shared_effects
 from descentflow.diagnosis.inference.spread_learnt import select_by_either
 from descentflow.diagnosis.inference.two_sides import compare
 from descentflow.diagnosis.inference.where import where
@@ -30,9 +31,10 @@ from descentflow.diagnosis.procedure import Diagnosis
 from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS
+from descentflow.measurements.quantities import quantities_of
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.simulation.world import simulate
-from descentflow.surveillance.descents.prepared_descents import write_descents
+from descentflow.surveillance.descents.prepared_descents import read_descents, write_descents
 from descentflow.surveillance.prepare import prepare
 
 SETS: dict[str, dict[str, dict[str, float]]] = {
@@ -45,6 +47,7 @@ SETS: dict[str, dict[str, dict[str, float]]] = {
     "paths": {"geometric_path": {"share": 0.6, "of_idle": 0.9}},
     "late": {"vertical_rate_lag": {"lag_s": 8.0}},
     "turns": {"turn": {}},
+    "noisy": {"measurement_noise": {"factor": 2.0}},
     "brakes in own air": {
         "speed_brake": {"factor": 1.5, "share": 0.5, "spread_fl": 15.0},
         "temperature": {"deviation_k": 6.0, "spread_k": 3.0},
@@ -143,6 +146,7 @@ def _of_measurement() -> list[Constant]:
         Constant("measurements.turning", "STEPS", 4, 12),
         Constant("measurements.turning", "MOST_BANK_DEG", 17.5, 70.0),
         Constant("measurements.level_channels", "QUIET", 0.4, 1.0),
+        Constant("measurements.level_channels", "LEAST_NOISE", 0.25, 1.0),
     ]
 
 
@@ -160,6 +164,17 @@ def _of_effects() -> list[Constant]:
     ]
 
 
+def of_shared_effects() -> list[Constant]:
+    """Those that decide which effects show against physics alone."""
+    home = f"{INFERENCE}.shared_effects"
+    return [
+        Constant(home, "MIN_GAIN", 10.0, 40.0),
+        Constant(home, "MIN_GAIN_Z", 2.0, 8.0),
+        Constant(home, "MIN_FURTHER_SHARE", 0.025, 0.1),
+        Constant(home, "MAX_EFFECTS", 2, 6),
+    ]
+
+
 def ready_to_diagnose(folder: Path, name: str, flights: int, seed: int) -> Callable[[], Diagnosis]:
     """A set that is prepared; what measures and diagnoses it does so with the constants of its time."""
     simulator = descents(folder, "simulator", {}, flights, seed)
@@ -171,6 +186,19 @@ def ready_to_diagnose(folder: Path, name: str, flights: int, seed: int) -> Calla
         return Diagnosis(compare(sides.reference, sides.real, asked.simulator.aircraft), asked, sides.source)
 
     return begin
+
+
+def ready_for_physics(folder: Path, name: str, flights: int, seed: int) -> Callable[[], str]:
+    """The same set held against physics alone, as where a simulator's own flights have what the real ones have."""
+    descents_of = read_descents(descents(folder, name, SETS[name], flights, seed + 1)).frame
+    real, a320 = quantities_of(descents_of, 150, 340, CHANNELS), open_aircraft("A320")
+
+    def answer() -> str:
+        found = shared_effects(real, a320, EFFECTS, 0, lambda _: None)
+        gains = {} if found is None else found.chosen.gains
+        return ", ".join(f"{effect} ({gain:.0f} nats)" for effect, (gain, _) in gains.items()) or "nothing"
+
+    return answer
 
 
 def descents(folder: Path, name: str, plant: dict[str, dict[str, float]], flights: int, seed: int) -> Path:
@@ -203,26 +231,31 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=150, help="of either side (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the simulated flights (default: %(default)s)")
     parser.add_argument("--sets", nargs="+", default=list(SETS), help="default: all")
-    names = list(dict.fromkeys(constant.name for constant in constants()))
+    names = list(dict.fromkeys(constant.name for constant in (*constants(), *of_shared_effects())))
     parser.add_argument("--constants", nargs="+", default=names, choices=names, metavar="NAME", help="default: all")
     args = parser.parse_args()
     torch.set_num_threads(1)
     warnings.simplefilter("ignore", DescentflowWarning)
     with tempfile.TemporaryDirectory() as name:
-        ready = {one: ready_to_diagnose(Path(name), one, args.flights, args.seed) for one in args.sets}
+        made = Path(name), args.flights, args.seed
+        begun = {one: ready_to_diagnose(made[0], one, *made[1:]) for one in args.sets}
+        print_moves(constants(), args.constants, {one: lambda one=one: says(begun[one]()) for one in begun})
+        alone = {f"{one}, physics alone": ready_for_physics(made[0], one, *made[1:]) for one in args.sets}
+        print_moves(of_shared_effects(), args.constants, alone)
 
-        def answers() -> dict[str, str]:
-            return {one: says(begin()) for one, begin in ready.items()}
 
-        usual = answers()
-        for one, answer in usual.items():
-            print(f"as it is, {one}: {answer}", flush=True)
-        for constant in (one for one in constants() if one.name in args.constants):
-            for value in (constant.less, constant.more):
-                with constant.at(value):
-                    moved = {one: answer for one, answer in answers().items() if answer != usual[one]}
-                told = "; ".join(f"{one}: {answer}" for one, answer in moved.items()) or "nothing"
-                print(f"| {constant.short} | {_short(constant.value)} | {_short(value)} | {told} |", flush=True)
+def print_moves(rows: Sequence[Constant], wanted: Sequence[str], sets: Mapping[str, Callable[[], str]]) -> None:
+    """A line of the table for each value of each constant, with the sets whose answer it moves."""
+    rows = [one for one in rows if one.name in wanted]
+    usual = {one: answer() for one, answer in sets.items()} if rows else {}
+    for one, said in usual.items():
+        print(f"as it is, {one}: {said}", flush=True)
+    for constant in rows:
+        for value in (constant.less, constant.more):
+            with constant.at(value):
+                now = {one: answer() for one, answer in sets.items()}
+            told = "; ".join(f"{one}: {said}" for one, said in now.items() if said != usual[one]) or "nothing"
+            print(f"| {constant.short} | {_short(constant.value)} | {_short(value)} | {told} |", flush=True)
 
 
 if __name__ == "__main__":

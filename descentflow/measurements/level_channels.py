@@ -20,6 +20,8 @@ QUIET = 0.8
 number to CAS, at the tropopause) a step of the flight is left, and no noise."""
 OF_QUIET = 0.4377
 """Mean square of the least 80 % of normal values, in the mean square of all: 1 - 2 z phi(z) / 0.8 with z = 1.2816."""
+LEAST_NOISE = 0.5
+"""Of a report's step: less noise is not told apart from rounding."""
 NAMED = {"rate": "vertical_rate", "cas": "IAS", "mach": "Mach", "tas": "TAS", "groundspeed": "groundspeed"}
 """Name of a noise -> the channel that has it; that of the altitude is in the times at which levels are crossed."""
 KNOT = 1e-4
@@ -222,7 +224,7 @@ def least_noise(name: str) -> float:
         >>> round(least_noise("rate"), 1), round(least_noise("cas"), 1)  # ft/min and kt
         (16.0, 0.5)
     """
-    return STEPS[NAMED.get(name, name)] / 2 * (FT_M if name == "altitude" else 1.0)
+    return LEAST_NOISE * STEPS[NAMED.get(name, name)] * (FT_M if name == "altitude" else 1.0)
 
 
 def kept_of_noise(grid: LevelGrid) -> Tensor:

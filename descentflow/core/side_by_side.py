@@ -70,6 +70,7 @@ class Begun(Generic[T]):
         """
         self._call, self._own_core = call, own_core
         self._process: Any = None
+        self._sent: bytes | None = None
         # Readable once it is done; nothing where the call waits until it is asked for.
         self.pipe: Any = None
         if _allowed > 1:
@@ -88,8 +89,13 @@ class Begun(Generic[T]):
 
     @property
     def works(self) -> bool:
-        """Whether a copy is at work, or waits to send what it worked out."""
-        return self._process is not None and self._process.is_alive()
+        """Whether a copy is at work. One that has done it is received from: until then it could not end."""
+        if self._process is None or self._sent is not None:
+            return False
+        if self.pipe.poll():
+            self._receive()
+            return False
+        return bool(self._process.is_alive())
 
     def _fork(self) -> None:
         context = get_context("fork")
@@ -115,20 +121,28 @@ class Begun(Generic[T]):
         """
         if self.pipe is None:
             return self._call()
-        try:
-            # Plain pickle: torch's own would leave tensors in memory of a process that has ended.
-            done, value = pickle.loads(self.pipe.recv_bytes())
-        except EOFError:
+        if self._sent is None:
+            self._receive()
+        if not self._sent:
             self._process.join()
             raise MemoryError(
                 f"a process that worked for this one ended with status {self._process.exitcode}, which is mostly for "
                 "lack of memory: OMP_NUM_THREADS=1 does one thing after another"
-            ) from None
+            )
+        # Plain pickle: torch's own would leave tensors in memory of a process that has ended.
+        done, value = pickle.loads(self._sent)
         self.end()
         if not done:
             raise value
         found: T = value
         return found
+
+    def _receive(self) -> None:
+        """Keep what the copy sends, or nothing of it where it was killed; waits for it."""
+        try:
+            self._sent = self.pipe.recv_bytes()
+        except EOFError:
+            self._sent = b""
 
     def end(self) -> None:
         """Leave nothing of it behind."""

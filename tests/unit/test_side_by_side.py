@@ -13,6 +13,9 @@ import torch
 from descentflow.core.side_by_side import Begun, at_once, cores_shared, is_shared, side_by_side
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.example_sides import example_likelihood
+from descentflow.diagnosis.inference.fits_ahead import FitsAhead
+from descentflow.diagnosis.inference.free_discrepancy import FreeDiscrepancy
+from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.selection import Chosen, select
 from descentflow.effects import EFFECTS
 
@@ -94,6 +97,39 @@ def test_a_long_call_has_a_core_while_it_works() -> None:
         with Begun(at_once, own_core=True) as other:
             assert other.result() == 1
         assert at_once() == 2
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core: nothing is begun")
+def test_a_core_is_free_once_its_call_is_done_though_nobody_asked_yet() -> None:
+    # More than a pipe holds: the copy could not end before it is received.
+    with cores_shared(), Begun(lambda: b"x" * 10**7, own_core=True) as begun:
+        until = time.monotonic() + 30
+        while at_once() < 2 and time.monotonic() < until:
+            time.sleep(0.01)
+        assert at_once() == 2
+        assert len(begun.result()) == 10**7
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core: nothing is begun")
+def test_what_follows_a_fit_is_worked_out_where_the_fit_was() -> None:
+    likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+    free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared)[0])
+    start = {name: EFFECTS[name].start() for name in ("temperature", "mass")}
+    one = (("temperature",), {"temperature": start["temperature"]})
+    begun: list[str] = []
+    with (
+        cores_shared(),
+        FitsAhead(likelihood, free, begun.append, lambda fit: one if len(fit.effects) == 2 else None) as ahead,
+    ):
+        ahead.foresee([(("temperature", "mass"), start)])
+        ahead.fit(("temperature", "mass"), start)
+        found = ahead.fit(*one)
+        assert begun == ["fitting temperature, mass"]
+        ahead.fit(("mass",), {"mass": start["mass"]})
+    assert begun[1:] == ["fitting mass"]
+    alone = fit_effects(likelihood, *one)
+    assert torch.equal(found.theta["temperature"], alone.theta["temperature"])
+    assert torch.equal(found.log_score, alone.log_score)
 
 
 def test_a_result_that_nobody_wants_any_more_is_no_error(capfd: pytest.CaptureFixture[str]) -> None:

@@ -18,6 +18,8 @@ from descentflow.effects.flight_law import DiffersByFlight
 Names = tuple[str, ...]
 Asked = tuple[Names, Mapping[str, Tensor]]
 """Effects, and the parameters from which their fit starts."""
+_Key = tuple[Names, tuple[tuple[str, tuple[float, ...]], ...]]
+_Made = tuple[_Key, Fit, Beside | None]
 
 
 def fits_side_by_side(
@@ -72,11 +74,23 @@ class FitsAhead:
     """
 
     def __init__(
-        self, likelihood: EffectsLikelihood, discrepancy: FreeDiscrepancy, progress: Callable[[str], None]
+        self,
+        likelihood: EffectsLikelihood,
+        discrepancy: FreeDiscrepancy,
+        progress: Callable[[str], None],
+        follows: Callable[[Fit], Asked | None] = lambda fit: None,
     ) -> None:
-        """Begin with none."""
-        self.likelihood, self.discrepancy = likelihood, discrepancy
-        self._calls = ForeseenCalls[tuple[Fit, Beside | None]](lambda key: progress(f"fitting {', '.join(key[0])}"))
+        """Begin with none.
+
+        Args:
+            likelihood: Of the flights.
+            discrepancy: That is tried beside each.
+            progress: Called with what is being fitted.
+            follows: What will be asked for after a fit, where the fit alone decides it: whoever made one goes on.
+        """
+        self.likelihood, self.discrepancy, self._follows = likelihood, discrepancy, follows
+        self._calls = ForeseenCalls[list[_Made]](lambda key: progress(f"fitting {', '.join(key[0])}"))
+        self._made: dict[_Key, tuple[Fit, Beside | None]] = {}
 
     def __enter__(self) -> "FitsAhead":
         """Itself; no fit runs on after the end of the block."""
@@ -88,22 +102,32 @@ class FitsAhead:
     def foresee(self, asked: Sequence[Asked]) -> None:
         """Work out fits that will be asked for, or may be, the most probable first, and no others any more."""
         _know_what_is_shared(self.likelihood)
-        self._calls.foresee({_key(*one): partial(self._both, *one) for one in asked})
+        self._calls.foresee({_key(*one): partial(self._each, *one) for one in asked})
 
     def fit(self, names: Names, start: Mapping[str, Tensor]) -> Fit:
         """A fit, worked out now if it was not begun before."""
-        fit, beside = self._calls.ask(_key(names, start), lambda: (fit_effects(self.likelihood, names, start), None))
+        key = _key(names, start)
+        if key not in self._made:
+            made = self._calls.ask(key, lambda: [(key, fit_effects(self.likelihood, names, start), None)])
+            self._made |= {one: (fit, beside) for one, fit, beside in made}
+        fit, beside = self._made.pop(key)
         if beside is None:
             return fit
         self.discrepancy.found[fit.effects] = beside
         return with_design(self.likelihood, fit)
 
-    def _both(self, names: Names, start: Mapping[str, Tensor]) -> tuple[Fit, Beside]:
-        fit = fit_effects(self.likelihood, names, start)
-        return without_design(fit), self.discrepancy.beside(fit)
+    def _each(self, names: Names, start: Mapping[str, Tensor]) -> list[_Made]:
+        """A fit, and those that follow it, as they are sent to another process."""
+        made: list[_Made] = []
+        asked: Asked | None = (names, start)
+        while asked is not None:
+            fit = fit_effects(self.likelihood, *asked)
+            made.append((_key(*asked), without_design(fit), self.discrepancy.beside(fit)))
+            asked = self._follows(fit)
+        return made
 
 
-def _key(names: Names, start: Mapping[str, Tensor]) -> tuple[Names, tuple[tuple[str, tuple[float, ...]], ...]]:
+def _key(names: Names, start: Mapping[str, Tensor]) -> _Key:
     return names, tuple((name, tuple(value.tolist())) for name, value in start.items())
 
 

@@ -13,11 +13,13 @@ from descentflow.diagnosis.inference import mixed_fit
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.example_sides import example_likelihood
 from descentflow.diagnosis.inference.flight_fit import FlightFit
-from descentflow.diagnosis.inference.flight_laws import Explained, Law, WaysOfFlights, log_ratio, taken
+from descentflow.diagnosis.inference.flight_laws import Law, log_ratio, taken
+from descentflow.diagnosis.inference.flight_ways import WaysOfFlights
 from descentflow.diagnosis.inference.likelihood import FlightShares
 from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.selection import select
 from descentflow.diagnosis.inference.set_search import SetSearch
+from descentflow.diagnosis.inference.size_in_ways import Explained
 from descentflow.diagnosis.inference.two_sides import Entry
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects import EFFECTS
@@ -105,20 +107,53 @@ def test_the_mixture_is_the_sum_over_all_ways() -> None:
     prior, share = torch.tensor([0.1, 0.2, 0.3, 0.25, 0.15]).double(), 0.3
     placed = WaysOfFlights(ways, entries, whitening)
     found = taken({"e": placed.explained(rest)}, {"e": Law(prior.log(), share, MEAN, 0.0)})
+    probability = found.ways["e"].placed(found.ways["e"].probability)
     for i in range(3):
         none, each = density(i, None, 0.0), [density(i, way, MEAN) for way in range(5)]
         whole = (1 - share) * none + share * float(prior @ torch.tensor(each).double())
         assert float(found.log_ratio[i]) == pytest.approx(np.log(whole / none), abs=1e-6)
         exact = share * prior * torch.tensor(each).double() / whole
-        torch.testing.assert_close(found.probability["e"][i], exact, atol=1e-6, rtol=0)
+        torch.testing.assert_close(probability[i], exact, atol=1e-6, rtol=0)
     # The expected shift is the sum over the ways, each at its size.
-    shift = placed.expected(found.probability["e"], found.size["e"])
+    shift = placed.placed(placed.at_slots(found.ways["e"]))
     brute = torch.zeros(3, 4).double()
     for way in range(5):
         weights = (ways.table[ways.upper[way]] - ways.table[ways.lower[way]])[:3]
         shown = ways.offset[:, :3] + MEAN * weights * ways.shape[:, :3]
-        brute[:, 1:] += found.probability["e"][:, way, None] * shown
+        brute[:, 1:] += probability[:, way, None] * shown
     torch.testing.assert_close(shift, brute)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.05, SPREAD])
+def test_ways_that_are_told_by_their_bound_change_no_number(spread: float) -> None:
+    generator = torch.Generator().manual_seed(11)
+    # From flights that show nothing to some of which hundreds of nats tell one way from another.
+    scale = torch.logspace(-1, 2.5, 60).double()[:, None]
+    seen = {
+        name: Explained(
+            scale * 2 * torch.randn(60, 40, generator=generator).double(),
+            scale * torch.rand(60, 40, generator=generator).double(),
+            torch.randn(60, generator=generator).double(),
+        )
+        for name in ("a", "b")
+    }
+    prior = torch.full((40,), 1 / 40).double().log()
+    laws = {"a": Law(prior, 0.3, MEAN, spread), "b": Law(prior, 0.6, 2 * MEAN, spread)}
+    found = taken(seen, laws)
+    likely = {name: seen[name].under(law.mean, law.spread) for name, law in laws.items()}
+    joint = {name: likely[name].log_ratio + law.log_joint for name, law in laws.items()}
+    none = torch.full((60, 1), np.log(0.1), dtype=torch.float64)
+    whole = torch.cat([none, *joint.values()], 1).logsumexp(1)
+    torch.testing.assert_close(found.log_ratio, whole, atol=1e-12, rtol=1e-12)
+    assert len(found.ways["a"].way) < 2000  # of 2,400: some are left out
+    for name, law in laws.items():
+        assert bool((seen[name].bound(law.mean, law.spread) >= likely[name].log_ratio - 1e-9).all())
+        probability, ways = (joint[name] - whole[:, None]).exp(), found.ways[name]
+        torch.testing.assert_close(ways.placed(ways.probability), probability, atol=1e-12, rtol=1e-9)
+        sums = probability, probability * likely[name].size
+        squared = probability * (likely[name].size.square() + likely[name].variance)
+        for got, table in zip(dataclasses.astuple(ways.learnt())[:3], (*sums, squared), strict=True):
+            torch.testing.assert_close(got, table.sum(0), atol=1e-10, rtol=1e-9)
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,8 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.inference.discrepancy import SPREAD
-from descentflow.diagnosis.inference.flight_laws import Law, Taken, WaysOfFlights, log_ratio, taken
+from descentflow.diagnosis.inference.flight_laws import Law, Taken, log_ratio, taken
+from descentflow.diagnosis.inference.flight_ways import WaysOfFlights
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, FlightShares
 from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects.flight_law import DiffersByFlight
@@ -91,7 +92,7 @@ class FlightFit:
             self.taken = taken(explained, self._laws(self.laws))
             # The likelihood of flights and of their own mean together, up to a constant.
             value = float(self.taken.log_ratio.sum() + self.off @ whole - 0.5 * self.off @ self.total @ self.off)
-            slots = {n: w.at_slots(self.taken.probability[n], self.taken.sized[n]) for n, w in ways.items()}
+            slots = {n: w.at_slots(self.taken.ways[n]) for n, w in ways.items()}
             self.laws = self.learnt()
             without = whole - torch.stack([w.summed(slots[n]) for n, w in ways.items()]).sum(0)
             self.off = torch.cholesky_solve(without[:, None], self.factor)[:, 0]
@@ -106,7 +107,7 @@ class FlightFit:
 
     def learnt(self, chosen: Tensor | None = None) -> Laws:
         """Laws that the flights (m,) chosen say, by what is expected of each."""
-        return {n: self.effect(n).learn(self.state, t, self.taken.learnt(n, chosen)) for n, t in self.laws.items()}
+        return {n: self.effect(n).learn(self.state, t, self.taken.ways[n].learnt(chosen)) for n, t in self.laws.items()}
 
     def effect(self, name: str) -> DiffersByFlight:
         """The effect of a law."""
@@ -141,15 +142,15 @@ class FlightFit:
         held = torch.zeros(len(self.at), dtype=torch.bool)
         for name in self.laws:
             if self.effect(name).holds_rate:
-                held |= self.taken.probability[name].sum(1) > MIN_TAKEN
+                held |= self.taken.ways[name].share > MIN_TAKEN
         return held
 
     def shares(self) -> dict[str, FlightShares]:
         """What each flight has of every effect; zero for the simulator's flights."""
         found = {}
         for name, theta in self.laws.items():
-            probability, size = self.taken.probability[name], self.taken.size[name]
-            share = probability.sum(1)
+            ways = self.taken.ways[name]
+            share, probability, size = ways.share, ways.placed(ways.probability), ways.placed(ways.size)
             numbers = self.effect(name).own_numbers(self.state, theta, probability / share[:, None].clamp(1e-12), size)
             found[name] = FlightShares(
                 self._of_all(share),

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.inference.flight_fit import FlightFit
-from descentflow.diagnosis.inference.flight_laws import Law, WaysOfFlights, log_ratio
+from descentflow.diagnosis.inference.flight_laws import Law, log_ratio
+from descentflow.diagnosis.inference.flight_ways import WaysOfFlights
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mixed_fit import expected_with
 from descentflow.effects.flight_law import LeavesBehind

@@ -144,7 +144,9 @@ class Diagnosis:
         # The search may put another likelihood in its place, before or after the test is worked out.
         with Begun(partial(self._null_test, self.likelihood)) as asked:
             self.learnt, chosen = select_by_either(self.learnt, self.discrepancy, settings.seed, progress)
-            # A search leaves much between what is kept of it.
+            # What a search keeps is made again where it is asked for; it leaves much between what is kept of it.
+            for searched in (self.learnt.likelihood, self.learnt.searched):
+                searched.forget()
             give_back()
             progress("asking where it lies")
             likelihood = self.likelihood
@@ -178,6 +180,8 @@ class Diagnosis:
             details = self._measured(details, affected, shift if causes else None)
             scores = scored.result()
         hidden = not_identifiable(settings, self.source)
+        likelihood.forget()
+        give_back()
         return GapReport(
             verdict=verdict,
             p_value=test.p_value,

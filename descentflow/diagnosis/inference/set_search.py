@@ -165,16 +165,14 @@ class SetSearch:
 
     def _explored(self, members: Sequence[Member], beside: Fit, at_most: int) -> Fit:
         """The best credible fit, after so many sets at most were fitted, those that promise most first."""
-        laws = set(beside.per_flight)
         for _ in range(at_most):
-            left = [names for names in self._screened(members, beside) if frozenset(names) not in self.fits]
-            if not left:
+            names = next((n for n in self._screened(members, beside) if frozenset(n) not in self.fits), None)
+            if names is None:
                 break
-            by_set = [self._untried([*self._parts(names, laws), names]) for names in left[:at_most]]
-            # What comes next of the best set will probably be asked for, if it is not the set itself; then other sets.
-            likely = dict.fromkeys([*by_set[0][: at_once()], *(parts[0] for parts in by_set)])
-            self.ahead.foresee([(part, self._begin(part, {})) for part in likely])
-            self._credible_part(self.fit(by_set[0][0]))
+            parts = self._untried([*self._parts(names, set(beside.per_flight)), names])
+            # What comes next of the same set will probably be asked for, if it is not the set itself.
+            self.ahead.foresee([(part, self._begin(part, {})) for part in parts[: at_once()]])
+            self._credible_part(self.fit(parts[0]))
         return max(self._credible_fits(), key=self._score)
 
     def _parts(self, names: Names, laws: set[str]) -> list[Names]:

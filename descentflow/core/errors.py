@@ -52,6 +52,14 @@ to mend it, rename the airspeed column to IAS (knots)
         self.got, self.expected, self.mend = shortened(got), shortened(expected), shortened(mend)
         super().__init__(f"{self.got}; expected {self.expected}; to mend it, {self.mend}")
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """As another process raises it: made of its message and what it names, whatever its arguments were."""
+        return _made_again, (type(self), str(self)), self.__dict__
+
+
+def _made_again(kind: "type[DescentflowError]", message: str) -> "DescentflowError":
+    return kind.__new__(kind, message)
+
 
 class DescentflowWarning(UserWarning):
     """What a user should know although the work goes on; the command line prints it in one line.
@@ -144,14 +152,6 @@ class ImplausibleError(SamplingError):
         """Build the message, and keep what it names."""
         super().__init__(got, expected=expected, mend=mend)
         self.constraint, self.nearest = constraint, nearest
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """As other processes raise it."""
-        return _implausible, (self.got, self.expected, self.mend, self.constraint, self.nearest)
-
-
-def _implausible(got: str, expected: str, mend: str, constraint: str, nearest: float) -> ImplausibleError:
-    return ImplausibleError(got, expected=expected, mend=mend, constraint=constraint, nearest=nearest)
 
 
 class ConfigError(DescentflowError):

@@ -1,0 +1,32 @@
+"""What a worker raises must reach the process that waits for it: an error that cannot be sent breaks the pool."""
+
+import pickle
+
+import pytest
+
+from descentflow.core.errors import ConfigError, DataError, DescentflowError, ImplausibleError
+from descentflow.core.workers import ProcessEngine
+
+PARTS = {"expected": "a number", "mend": "correct it"}
+
+
+def refuse(task: int, common: object) -> None:
+    raise DataError(f"task {task}", **PARTS)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        DescentflowError("one", **PARTS),
+        ConfigError("two", **PARTS),
+        ImplausibleError("three", constraint="cas_kt", nearest=230.0, **PARTS),
+    ],
+)
+def test_an_error_is_the_same_after_it_was_sent(error: DescentflowError) -> None:
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
+
+
+def test_an_engine_of_processes_raises_what_its_worker_raised() -> None:
+    with pytest.raises(DataError, match=r"task [12]; expected a number; to mend it, correct it"):
+        list(ProcessEngine(workers=2).run(refuse, [1, 2], None))

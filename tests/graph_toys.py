@@ -8,6 +8,7 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
+from descentflow.densities.entry_law import EntryLaw
 from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture import GaussianMixtureDensity
@@ -23,7 +24,17 @@ def factor(d: int, generator: torch.Generator) -> Tensor:
 
 
 def density(kind: str, parts: Representation, n_context: int = 0) -> Density:
-    """A Gaussian, a mixture with an entry gate (none with a context), or a flow, none of them at its start."""
+    """A Gaussian, a mixture with an entry gate (none with a context), or a flow, none of them at its start.
+
+    "gaussian by entry" and "whitened flow by entry" have a law of their normals by the level of entry.
+    """
+    if kind.endswith(" by entry"):
+        known: Any = density(kind.removesuffix(" by entry"), parts)
+        generator = torch.Generator().manual_seed(4)
+        shift = 0.3 * torch.randn(2, known.dimension, generator=generator).double()
+        root = 0.6 * torch.stack([factor(known.dimension, generator) for _ in range(2)])
+        known.entry_law = EntryLaw(torch.tensor([170]), torch.tensor([0.4, 0.6], dtype=torch.float64), shift, root)
+        return known
     d, generator = parts.decoder.dimension, torch.Generator().manual_seed(3)
 
     def normal(*shape: int) -> Tensor:
@@ -60,7 +71,7 @@ def weights_of(model: Density, noise_seed: int, n: int, component: Tensor | None
         noise = torch.randn(n, d, 1, generator=torch.Generator().manual_seed(noise_seed), dtype=torch.float64)[..., 0]
         return noise, model.sample_of(component, noise_seed)  # type: ignore[operator]
     if isinstance(model, MaskedAffineFlowDensity):
-        noise = torch.randn(n, d, generator=torch.Generator().manual_seed(noise_seed), dtype=model._dtype)
+        noise = torch.randn(n, d, generator=torch.Generator().manual_seed(noise_seed), dtype=model.white_dtype)
         return noise, model.of_white(noise)
     first, second = (torch.Generator().manual_seed(noise_seed) for _ in range(2))
     return torch.randn(n, d, generator=first, dtype=torch.float64), model.draw(n, second)

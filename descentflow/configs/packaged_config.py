@@ -14,8 +14,8 @@ def packaged_configs() -> dict[str, Path]:
         Name to file.
 
     Example:
-        >>> sorted(packaged_configs())
-        ['default', 'flow', 'flow_paper', 'gaussian', 'gmm', 'gmm_paper', 'gmm_svi', 'paper', 'quickstart', 'spline']
+        >>> " ".join(sorted(packaged_configs()))
+        'default flow flow_paper gaussian gaussian_paper gmm gmm_paper gmm_svi paper quickstart spline'
     """
     return {path.stem: path for path in sorted(FOLDER.rglob("*.yaml"))}
 

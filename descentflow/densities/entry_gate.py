@@ -67,6 +67,18 @@ class EntryGate:
         return cls(torch.tensor(state["edges"], dtype=torch.long), torch.tensor(state["shares"], dtype=torch.float64))
 
 
+def bin_edges(entry: Tensor) -> Tensor:
+    """The highest entry level of each bin but the last, of flights that enter at these levels (n,).
+
+    Example:
+        >>> bin_edges(torch.arange(8)), bin_edges(torch.full((8,), 200))  # all alike: one bin
+        (tensor([1, 3, 5]), tensor([], dtype=torch.int64))
+    """
+    quantiles = torch.quantile(entry.double(), torch.arange(1, BINS).double() / BINS, interpolation="lower").long()
+    edges: Tensor = quantiles.unique()  # type: ignore[no-untyped-call]
+    return edges[edges < entry.max()].cpu()
+
+
 def learn_gate(entry: Tensor, log_likelihood: Tensor, probs: Tensor) -> EntryGate:
     """The proportions by bin under which training flights are most probable.
 
@@ -81,9 +93,7 @@ def learn_gate(entry: Tensor, log_likelihood: Tensor, probs: Tensor) -> EntryGat
         >>> learn_gate(entry, told, torch.tensor([0.5, 0.5]).double()).shares[[0, 3], [0, 1]] > 0.9
         tensor([True, True])
     """
-    quantiles = torch.quantile(entry.double(), torch.arange(1, BINS).double() / BINS, interpolation="lower").long()
-    edges = quantiles.unique()  # type: ignore[no-untyped-call]
-    edges = edges[edges < entry.max()].cpu()
+    edges = bin_edges(entry)
     bins = torch.bucketize(entry.cpu(), edges).to(probs.device)
     of_bin = torch.nn.functional.one_hot(bins, len(edges) + 1).to(probs)
     shares = probs.expand(len(edges) + 1, -1)

@@ -1,6 +1,5 @@
 """Autoregressive flows from normflows: masked affine (paper, section 2.3 and appendix C), and splines."""
 
-from math import log, pi
 from typing import Any
 
 import normflows as nf
@@ -8,7 +7,6 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.densities.affine_pass import AffinePass
-from descentflow.densities.density import Density
 from descentflow.densities.importance import widened
 from descentflow.densities.layers import (
     Bounded,
@@ -23,11 +21,12 @@ from descentflow.densities.layers import (
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.observed import log_observed
 from descentflow.densities.splines import Spline
+from descentflow.densities.transformed import TransformedDensity, standard_normal
 from descentflow.representation.evidence import Evidence
 
 
-class FlowDensity(Density):
-    """What flows share: ``log p(w | c) = log N(z; 0, I) + log |det dz/dw|``, where the flows map weights w to z.
+class FlowDensity(TransformedDensity):
+    """What flows share: ``log p(w | c) = log N(u; 0, I) + log |det du/dw|``, where they map weights w to normals u.
 
     A whitened flow starts from the Gaussian of the weights, whose parameters are not trained: for each weight its mean
     (at the context) is subtracted and its standard deviation divided out before the flows, and the correlation is
@@ -49,15 +48,16 @@ class FlowDensity(Density):
     correlation_tril: Tensor
     order: Tensor
 
-    def __init__(self, dimension: int, n_context: int, whitened: bool) -> None:
+    def __init__(self, dimension: int, n_context: int, whitened: bool, entry_law: dict[str, Any] | None) -> None:
         """Whiten with the standard normal until :meth:`whiten` says otherwise.
 
         Args:
             dimension: Number of weights d.
             n_context: Numbers of context c.
             whitened: Whether the flow starts from the Gaussian of the weights.
+            entry_law: State of an :class:`~descentflow.densities.entry_law.EntryLaw`; none if absent.
         """
-        super().__init__(dimension, n_context)
+        super().__init__(dimension, n_context, entry_law)
         self.whitened = whitened
         if whitened:
             self.register_buffer("loc", torch.zeros(dimension, dtype=torch.float64))
@@ -73,7 +73,7 @@ class FlowDensity(Density):
         self.slope.copy_(slope)
         self.scale.copy_(scale_tril.norm(dim=1))
         # The identity but for the order of the weights, which the linear maps change.
-        eye = torch.eye(self.dimension, dtype=self._dtype, device=self.device)
+        eye = torch.eye(self.dimension, dtype=self.white_dtype, device=self.device)
         context = (eye.new_zeros(self.dimension, self.n_context),) if self.n_context else ()
         order = self.flow.inverse(eye, *context).argmax(1).argsort()
         self.order.copy_(order)
@@ -83,8 +83,9 @@ class FlowDensity(Density):
     @torch.no_grad()
     def base_log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         """Log density (n,) of an untrained flow, the Gaussian alone."""
-        standard = self._standardised(weights, self.rows_of_context(context, len(weights)))
-        return self._base(standard[:, self.order]) - self.scale.log().sum()
+        standard = self._standardised(weights, self.rows_of_context(context, len(weights)))[:, self.order]
+        log_det = self.scale.log().sum() + self.correlation_tril.diagonal().log().sum()
+        return standard_normal(self._uncorrelated(standard)) - log_det
 
     @torch.no_grad()
     def base_log_observed(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
@@ -106,18 +107,15 @@ class FlowDensity(Density):
         """A Gaussian wider than the density: of a whitened flow the one that it starts from, widened."""
         return widened(self.base_gaussian()) if self.whitened else super().wide_gaussian(context)
 
-    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        """Log density (n,) of standardised weights (n, d), in nats, at context (n, c) if it takes one."""
-        rows = self.rows_of_context(context, len(weights))
-        dtype = self._dtype
-        given = None if rows is None else rows.to(dtype)
+    def to_white(self, weights: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Normals (n, d) of weights (n, d), and the log-determinant (n,) of that map."""
+        dtype = self.white_dtype
+        given = None if context is None else context.to(dtype)
         if not self.whitened:
-            z, log_det = self._pass(weights.to(dtype), given)
-            plain: Tensor = self.flow.q0.log_prob(z) + log_det
-            return plain
-        z, log_det = self._pass(self._standardised(weights, rows).to(dtype), given)
-        log_prob: Tensor = self._base(z) + log_det - self.scale.log().sum().to(dtype)
-        return log_prob
+            return self._pass(weights.to(dtype), given)
+        z, log_det = self._pass(self._standardised(weights, context).to(dtype), given)
+        own = self.scale.log().sum() + self.correlation_tril.diagonal().log().sum()
+        return self._uncorrelated(z), log_det - own.to(dtype)
 
     def _pass(self, z: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
         """Through the flows, from weights to the standard normal, with the log-determinant."""
@@ -128,11 +126,6 @@ class FlowDensity(Density):
             log_det = log_det + part
         return z, log_det
 
-    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
-        """Draw (n, d); a draw that is not finite is left for the sampler to count."""
-        shape = (n, self.dimension)
-        return self.of_white(torch.randn(shape, generator=generator, dtype=self._dtype, device=self.device), context)
-
     def of_white(self, white: Tensor, context: Tensor | None = None) -> Tensor:
         """Weights (n, d) of standard normals (n, d), at context (n, c) if it takes one.
 
@@ -141,16 +134,17 @@ class FlowDensity(Density):
             >>> flow.of_white(torch.zeros(1, 2))  # a whitened flow is its Gaussian until it is trained
             tensor([[0., 0.]], dtype=torch.float64...)
         """
-        extra = () if context is None else (context.to(self._dtype),)
+        extra = () if context is None else (context.to(self.white_dtype),)
         if not self.whitened:
-            plain: Tensor = self.flow.forward(white.to(self._dtype), *extra)
+            plain: Tensor = self.flow.forward(white.to(self.white_dtype), *extra)
             return plain.to(torch.float64)
-        start = white.to(self._dtype) @ self.correlation_tril.to(self._dtype).T
+        start = white.to(self.white_dtype) @ self.correlation_tril.to(self.white_dtype).T
         z: Tensor = self.flow.forward(start, *extra)
         return self._locs(context) + self.scale * z.to(torch.float64)
 
     @property
-    def _dtype(self) -> torch.dtype:
+    def white_dtype(self) -> torch.dtype:
+        """Precision of the flows' arithmetic."""
         dtype: torch.dtype = next(self.flow.parameters()).dtype
         return dtype
 
@@ -160,13 +154,10 @@ class FlowDensity(Density):
     def _standardised(self, weights: Tensor, context: Tensor | None) -> Tensor:
         return (weights.to(self.loc.dtype) - self._locs(context)) / self.scale
 
-    def _base(self, z: Tensor) -> Tensor:
-        """Log density (n,) of the flows' output: a normal with the correlation of the weights."""
-        factor = self.correlation_tril.to(z.dtype)
-        white = torch.linalg.solve_triangular(factor, z.T, upper=False)
-        constant = factor.diagonal().log().sum() + 0.5 * self.dimension * log(2 * pi)
-        log_prob: Tensor = -0.5 * white.square().sum(0) - constant
-        return log_prob
+    def _uncorrelated(self, z: Tensor) -> Tensor:
+        """The flows' output without the correlation of the weights."""
+        white: Tensor = torch.linalg.solve_triangular(self.correlation_tril.to(z.dtype), z.T, upper=False)
+        return white.T
 
     def _assembled(self, flows: list[nf.flows.Flow]) -> nf.NormalizingFlow:
         base = nf.distributions.DiagGaussian(self.dimension, trainable=False)
@@ -175,10 +166,9 @@ class FlowDensity(Density):
         found: nf.NormalizingFlow = kind(base, flows).to(torch.float32)
         return found
 
-    def _own_settings(self) -> dict[str, Any]:
-        """Settings that older checkpoints do not have, where they are not the defaults."""
-        context = {"n_context": self.n_context} if self.n_context else {}
-        return {**context, "whitened": True} if self.whitened else context
+    def settings(self) -> dict[str, Any]:
+        """Those that older checkpoints do not have, where they are not the defaults."""
+        return {**super().settings(), "whitened": True} if self.whitened else super().settings()
 
 
 class MaskedAffineFlowDensity(FlowDensity):
@@ -207,6 +197,7 @@ class MaskedAffineFlowDensity(FlowDensity):
         whitened: bool = False,
         linear: bool = True,
         turned_round: bool = True,
+        entry_law: dict[str, Any] | None = None,
     ) -> None:
         """Flows that start close to the identity; at the identity where they are whitened.
 
@@ -219,8 +210,9 @@ class MaskedAffineFlowDensity(FlowDensity):
             linear: LU-decomposed maps between the flows; their order is reversed otherwise.
             turned_round: Whether one pass of the networks gives the density and sampling is sequential; as shipped,
                 normflows has it the other way about.
+            entry_law: State of an :class:`~descentflow.densities.entry_law.EntryLaw`; none if absent.
         """
-        super().__init__(dimension, n_context, whitened)
+        super().__init__(dimension, n_context, whitened, entry_law)
         self.n_flows, self.hidden_per_weight = n_flows, hidden_per_weight
         self.linear, self.turned_round = linear, turned_round
         hidden = hidden_per_weight * (dimension + n_context)
@@ -251,7 +243,7 @@ class MaskedAffineFlowDensity(FlowDensity):
         mix = {} if self.linear else {"linear": False}
         mix |= {} if self.turned_round else {"turned_round": False}
         size = {"n_flows": self.n_flows, "hidden_per_weight": self.hidden_per_weight}
-        return {**size, **self._own_settings(), **mix}
+        return {**size, **super().settings(), **mix}
 
 
 class SplineFlowDensity(FlowDensity):
@@ -278,6 +270,7 @@ class SplineFlowDensity(FlowDensity):
         n_bins: int = 8,
         n_context: int = 0,
         whitened: bool = False,
+        entry_law: dict[str, Any] | None = None,
     ) -> None:
         """Flows that start at the identity.
 
@@ -288,8 +281,9 @@ class SplineFlowDensity(FlowDensity):
             n_bins: Pieces of each spline.
             n_context: Numbers of context c.
             whitened: Start at the weights' Gaussian, see :class:`FlowDensity`.
+            entry_law: State of an :class:`~descentflow.densities.entry_law.EntryLaw`; none if absent.
         """
-        super().__init__(dimension, n_context, whitened)
+        super().__init__(dimension, n_context, whitened, entry_law)
         self.n_flows, self.hidden, self.n_bins = n_flows, hidden, n_bins
         flows: list[nf.flows.Flow] = []
         for _ in range(n_flows):
@@ -307,4 +301,4 @@ class SplineFlowDensity(FlowDensity):
     def settings(self) -> dict[str, Any]:
         """Number and size of the flows."""
         size = {"n_flows": self.n_flows, "hidden": self.hidden, "n_bins": self.n_bins}
-        return {**size, **self._own_settings()}
+        return {**size, **super().settings()}

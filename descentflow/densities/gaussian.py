@@ -5,12 +5,15 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from descentflow.densities.density import Density
+from descentflow.densities.importance import widened
 from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.transformed import TransformedDensity
 
 
-class GaussianDensity(Density):
-    """``log p(w | c) = log N(w; loc + slope c, scale_tril scale_tril')``, a standard normal until it is fitted.
+class GaussianDensity(TransformedDensity):
+    """``w = loc + slope c + scale_tril u``, a standard normal until it is fitted.
+
+    With a law of u by bins of the entry level it is a Gaussian in each bin.
 
     Example:
         >>> density = GaussianDensity(dimension=2)
@@ -18,51 +21,66 @@ class GaussianDensity(Density):
         0.1592
     """
 
-    def __init__(self, dimension: int, n_context: int = 0) -> None:
+    def __init__(self, dimension: int, n_context: int = 0, entry_law: dict[str, Any] | None = None) -> None:
         """A standard normal of d weights.
 
         Args:
             dimension: Number of weights d.
             n_context: Numbers of context c.
+            entry_law: State of an :class:`~descentflow.densities.entry_law.EntryLaw`; none if absent.
         """
-        super().__init__(dimension, n_context)
+        super().__init__(dimension, n_context, entry_law)
         self.loc = nn.Parameter(torch.zeros(dimension, dtype=torch.float64))
         self.scale_tril = nn.Parameter(torch.eye(dimension, dtype=torch.float64))
         if n_context:
             self.slope = nn.Parameter(torch.zeros(dimension, n_context, dtype=torch.float64))
 
-    def settings(self) -> dict[str, Any]:
-        """Numbers of context, if there are any."""
-        return {"n_context": self.n_context} if self.n_context else {}
-
     @property
-    def mixture(self) -> Mixture:
-        """The density as a mixture of one."""
+    def overall(self) -> Mixture:
+        """The Gaussian of all levels of entry, as a mixture of one."""
         one = self.loc.new_ones(1)
         if not self.n_context:
             return Mixture(one, self.loc[None], self.scale_tril[None])
         gate = self.loc.new_zeros(1, self.n_context)
         return Mixture(one, self.loc[None], self.scale_tril[None], self.slope[None], gate)
 
+    @property
+    def mixture(self) -> Mixture:
+        """The density as a mixture of one, or of as many as the entry level has bins."""
+        law = self.entry_law
+        if law is None:
+            return self.overall
+        shares, shift, root = (value.to(self.loc) for value in (law.shares, law.shift, law.root))
+        return Mixture(shares, self.loc + shift @ self.scale_tril.T, self.scale_tril @ root)
+
     @mixture.setter
     @torch.no_grad()
     def mixture(self, mixture: Mixture) -> None:
+        self.entry_law = None  # of another Gaussian
         self.loc.copy_(mixture.locs[0])
         self.scale_tril.copy_(mixture.scale_trils[0])
         if mixture.slopes is not None:
             self.slope.copy_(mixture.slopes[0])
 
+    @torch.no_grad()
+    def wide_gaussian(self, context: Tensor | None = None) -> Mixture:
+        """The Gaussian of all levels of entry, widened."""
+        return widened(self.overall)
+
+    @property
+    def white_dtype(self) -> torch.dtype:
+        """Double precision, as the parameters."""
+        return self.loc.dtype
+
+    def of_white(self, white: Tensor, context: Tensor | None = None) -> Tensor:
+        """Weights (n, d) of normals (n, d), at context (n, c) if it takes one."""
+        return self._locs(context) + (self.scale_tril @ white.to(self.loc.dtype)[..., None])[..., 0]
+
+    def to_white(self, weights: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Normals (n, d) of weights (n, d), and the log-determinant (n,) of that map."""
+        off = weights.to(self.loc.dtype) - self._locs(context)
+        white = torch.linalg.solve_triangular(self.scale_tril, off.T, upper=False).T
+        return white, -self.scale_tril.diagonal().log().sum().expand(len(weights))
+
     def _locs(self, context: Tensor | None) -> Tensor:
         return self.loc if context is None else self.loc + context.to(self.loc.dtype) @ self.slope.T
-
-    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        """Log density (n,) of standardised weights (n, d), in nats, at context (n, c) if it takes one."""
-        locs = self._locs(self.rows_of_context(context, len(weights)))
-        normal = torch.distributions.MultivariateNormal(locs, scale_tril=self.scale_tril, validate_args=False)
-        log_prob: Tensor = normal.log_prob(weights.to(self.loc.dtype))  # type: ignore[no-untyped-call]
-        return log_prob
-
-    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
-        """Draw (n, d)."""
-        white = torch.randn(n, self.dimension, generator=generator, dtype=self.loc.dtype, device=self.loc.device)
-        return self._locs(context) + (self.scale_tril @ white[..., None])[..., 0]

@@ -11,7 +11,7 @@ from descentflow.core.version import __version__
 from descentflow.densities.density import Density
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
-from descentflow.exports.weight_draws import MixtureDraw
+from descentflow.exports.weight_draws import DrawByEntry, MixtureDraw
 from descentflow.representation.context import Column
 
 FORMAT = "descentflow-sampler"
@@ -58,7 +58,6 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
     parts = density.representation
     levels_fl = parts.decoder.levels_fl
     counts = parts.plausibility.entry_counts.cpu().double()
-    gated = isinstance(sampler.draw, MixtureDraw) and sampler.draw.edges is not None
     described: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
@@ -80,11 +79,19 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
             for name, buffers in BOUNDS.items()
         },
         "entry_share": _numbers(counts / counts.sum()),
-        "redraw": "noise, with the same entry_fl and uniform" if gated else "everything",
+        "redraw": _redraw(sampler),
     }
     if parts.context is not None:
         described["context"] = [_context(column) for column in parts.context.columns]
     return described
+
+
+def _redraw(sampler: SamplerGraph) -> str:
+    """What a draw that is not accepted is drawn again with."""
+    if isinstance(sampler.draw, DrawByEntry):
+        return "noise, with the same entry_fl"
+    gated = isinstance(sampler.draw, MixtureDraw) and sampler.draw.edges is not None
+    return "noise, with the same entry_fl and uniform" if gated else "everything"
 
 
 def decoder_inputs(sampler: SamplerGraph, n: int) -> dict[str, Tensor]:

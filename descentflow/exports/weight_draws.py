@@ -6,8 +6,11 @@ from torch import Tensor, nn
 from descentflow.core.errors import ConfigError
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
+from descentflow.densities.entry_law import EntryLaw
+from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
+from descentflow.densities.transformed import TransformedDensity
 from descentflow.generation.samplers import GatedSampler
 
 
@@ -105,7 +108,52 @@ def _constant(value: Tensor) -> Tensor:
     return kept.double() if kept.is_floating_point() else kept
 
 
-def weight_draw(density: Density, dtype: torch.dtype) -> "MixtureDraw | _Flow":
+class DrawByEntry(nn.Module):
+    """What maps standard normals, with their law by bins of the entry level before it.
+
+    Example:
+        >>> from descentflow.densities.entry_law import EntryLaw
+        >>> shift, root = torch.tensor([[0.0], [90.0]]).double(), torch.ones(2, 1, 1).double()
+        >>> law = EntryLaw(torch.tensor([100]), torch.tensor([0.5, 0.5]).double(), shift, root)
+        >>> one = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
+        >>> DrawByEntry(MixtureDraw(one), law)(torch.zeros(2, 1), entry=torch.tensor([90, 110]))
+        tensor([[ 0.],
+                [90.]], dtype=torch.float64)
+    """
+
+    edges: Tensor
+    shift: Tensor
+    root: Tensor
+
+    def __init__(self, draw: nn.Module, law: EntryLaw) -> None:
+        """Copy the law."""
+        super().__init__()
+        self.draw = draw
+        for name in ("edges", "shift", "root"):
+            self.register_buffer(name, _constant(getattr(law, name)))
+
+    def forward(
+        self, noise: Tensor, entry: Tensor, uniform: Tensor | None = None, context: Tensor | None = None
+    ) -> Tensor:
+        """Weights (n, d), float64, of standard normals (n, d) and entry levels (n,), indices of the grid."""
+        bins = (entry[:, None] > self.edges).sum(1)
+        normals = self.shift[bins] + (self.root[bins] @ noise.double()[:, :, None])[:, :, 0]
+        weights: Tensor = self.draw(normals, entry, uniform, context)
+        return weights
+
+    def residual(
+        self,
+        weights: Tensor,
+        noise: Tensor,
+        entry: Tensor,
+        uniform: Tensor | None = None,
+        context: Tensor | None = None,
+    ) -> Tensor:
+        """Residual numbers (n, r) as they come: they do not go with the weights of such a density."""
+        return noise
+
+
+def weight_draw(density: Density, dtype: torch.dtype) -> "MixtureDraw | DrawByEntry | _Flow":
     """The module that draws a density's weights.
 
     Args:
@@ -117,24 +165,38 @@ def weight_draw(density: Density, dtype: torch.dtype) -> "MixtureDraw | _Flow":
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> weight_draw(load_model("best.ckpt"), torch.float64).n_components
-        1
+        >>> sorted(weight_draw(load_model("best.ckpt"), torch.float64).state_dict())[:2]
+        ['cumulative', 'locs']
     """
+    if isinstance(density, TransformedDensity):
+        plain = _plain_draw(density, dtype)
+        return plain if density.entry_law is None else DrawByEntry(plain, density.entry_law)
     mixture = density.mixture
-    if mixture is not None:
-        gate = density.entry_gate if isinstance(density, GatedSampler) else None
-        return MixtureDraw(mixture, gate, density.residual_law)
+    if mixture is None:
+        raise _no_graph(density)
+    gate = density.entry_gate if isinstance(density, GatedSampler) else None
+    return MixtureDraw(mixture, gate, density.residual_law)
+
+
+def _plain_draw(density: TransformedDensity, dtype: torch.dtype) -> "MixtureDraw | _Flow":
+    """The map of normals alone."""
+    if isinstance(density, GaussianDensity):
+        return MixtureDraw(density.overall)
     # Here and not above: whoever exports a Gaussian need not have imported normflows.
     from descentflow.densities.flow import MaskedAffineFlowDensity
     from descentflow.densities.flow_draw import FlowDraw
 
     if not isinstance(density, MaskedAffineFlowDensity):
-        raise ConfigError(
-            f"a {type(density).__name__}, whose draws cannot be written as a graph",
-            expected="a Gaussian, a mixture or a masked affine flow",
-            mend="fit one of those, or export samples (--to json)",
-        )
+        raise _no_graph(density)
     return _Flow(FlowDraw(density, dtype))
+
+
+def _no_graph(density: Density) -> ConfigError:
+    return ConfigError(
+        f"a {type(density).__name__}, whose draws cannot be written as a graph",
+        expected="a Gaussian, a mixture or a masked affine flow",
+        mend="fit one of those, or export samples (--to json)",
+    )
 
 
 class _Flow(nn.Module):

@@ -17,7 +17,7 @@ from descentflow.densities.density import Density
 from descentflow.exports.descent_graph import OFF_GRID, PROFILES, Precision, SamplerGraph
 from descentflow.exports.onnx_export import to_onnx
 from descentflow.exports.traced import TRACED_WITH, trace
-from descentflow.exports.weight_draws import MixtureDraw
+from descentflow.exports.weight_draws import DrawByEntry, MixtureDraw
 from descentflow.representation.plausibility import RULES
 
 ort = pytest.importorskip("onnxruntime", reason="onnxruntime is in the extra onnx of descentflow")
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::Deprec
 
 N = 60
 OUTPUTS = ["level_fl", *PROFILES, "accepted", "broken", "weights"]
-KINDS = ("gaussian", "mixture", "whitened flow")
+KINDS = ("gaussian", "gaussian by entry", "mixture", "whitened flow", "whitened flow by entry")
 OURS = {"float64": 1e-9, "float32": 1e-4}
 """Largest difference of times, in seconds. In single precision a time below 2,048 s is rounded by up to 6e-5 s."""
 
@@ -52,7 +52,9 @@ def ours(model: Density, sampler: SamplerGraph, inputs: dict[str, Tensor]) -> tu
     """Inputs with noise of a seed, and our table and weights of the same numbers."""
     entry = sampler.descents.entry(inputs["entry_fl"])
     component = None
-    if sampler.picks:
+    if isinstance(sampler.draw, DrawByEntry):
+        component = model.entry_law.bins(entry)  # type: ignore[union-attr, operator]
+    elif sampler.picks:
         assert isinstance(sampler.draw, MixtureDraw)
         component = sampler.draw.component(entry, inputs["uniform"])
     noise, weights = weights_of(model, 5, len(entry), component)
@@ -86,7 +88,7 @@ def compare(kind: str, precision: Precision, runs: list[Callable[..., dict[str, 
         assert torch.equal(found["level_fl"].double(), PARTS.decoder.levels_fl)
 
 
-@pytest.mark.parametrize("kind", [pytest.param("gaussian", marks=pytest.mark.slow), "mixture", "whitened flow"])
+@pytest.mark.parametrize("kind", [pytest.param("gaussian", marks=pytest.mark.slow), *KINDS[1:]])
 def test_float64_gives_our_descents(kind: str) -> None:
     compare(kind, "float64", [by_torch, by_onnx])
 

@@ -37,7 +37,7 @@ def test_all_flights_but_the_test_flights_train(descents: Path) -> None:
     assert torch.equal(batch[0].points, data.evidence("train").points)
 
 
-@pytest.mark.parametrize("name", ["gmm_paper", "flow_paper"])
+@pytest.mark.parametrize("name", ["gaussian_paper", "gmm_paper", "flow_paper"])
 def test_models_are_fitted_and_read_back(descents: Path, name: str, tmp_path: Path) -> None:
     out = tmp_path / "model.ckpt"
     model = fit(descents, name, out=out, max_epochs=2)

@@ -64,7 +64,7 @@ export class Descents {
   /**
    * n plausible descents. `entry_fl`: where all of them start, as the training flights did if absent; `context`: the
    * encoded numbers of a conditional model (see `about.context`). What the model does not accept is drawn again, a
-   * mixture with an entry gate with the same level and component, so that both stay as frequent as among flights.
+   * density that knows where flights enter with the same level (and component), so that both stay as frequent as among flights.
    */
   async draw(n, { entry_fl = null, context = null, budget = Math.max(100 * n, 10000) } = {}) {
     const gated = this.about.redraw !== "everything";

@@ -8,7 +8,7 @@ from scipy.special import ndtri
 from torch import Tensor
 
 from descentflow.densities.density import Density
-from descentflow.densities.flow import FlowDensity
+from descentflow.densities.transformed import TransformedDensity
 from descentflow.generation.conditional.entry_shares import EntryShares
 from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
 from descentflow.generation.conditional.latent_draws import ConditionedTarget, Drawn
@@ -68,8 +68,11 @@ class FreeTarget:
         entry = np.searchsorted(self.up_to, uniform[:, 1] * self.up_to[-1], side="right")
         white = ndtri(uniform[:, 2:])
         rows = None if self.context is None else self.context.expand(len(uniform), -1)
-        if isinstance(self.density, FlowDensity):
-            weights = self.density.of_white(torch.from_numpy(white[:, :d].copy()), rows)
+        if isinstance(self.density, TransformedDensity):
+            normals, law = torch.from_numpy(white[:, :d].copy()), self.density.entry_law
+            if law is not None:
+                normals = law.of(normals, law.bins(torch.from_numpy(entry)))
+            weights = self.density.of_white(normals, rows)
         else:
             # Of any other density a number can be drawn by a seed alone.
             seeds = (uniform[:, 0] * 2**53).astype(np.int64).tolist()
@@ -140,6 +143,6 @@ def _entries(request: Request, shares: EntryShares) -> np.ndarray:
 def _log_shares(request: Request, parts: LatentParts, shares: EntryShares, entry: int) -> Array:
     """Log shares (K,) of the components that enter at a level, up to a constant of the request."""
     own = None if request.flown is not None else shares.log_components(entry)
-    log_entry = 0.0 if request.entry is not None else shares.log_entries[entry]
+    log_entry = 0.0 if request.entry is not None else shares.log_entries_of_draws[entry]
     found: Array = (parts.log_probs if own is None else own) + log_entry
     return found

@@ -1,6 +1,6 @@
 """How probable levels of entry and components are among samples, so that conditioned draws have the same law.
 
-Samples of a mixture with a gate have the gate's shares of components among *plausible* flights: a rejected draw is
+Samples of a density with a gate have the gate's shares of components among *plausible* flights: a rejected draw is
 drawn again of its component (:mod:`descentflow.generation.rejection`). Conditioned draws are rejected whole, so that a
 component must be drawn more often the less often it is plausible: its share divided by that probability.
 """
@@ -34,6 +34,8 @@ class EntryShares:
         counts = parts.plausibility.entry_counts.cpu().double().numpy()
         with np.errstate(divide="ignore"):
             self.log_entries: Array = np.log(counts / counts.sum())
+        self.log_entries_of_draws = self.log_entries
+        """The same among draws that are rejected whole, where that of components does not say it."""
         gate: EntryGate | None = getattr(density, "entry_gate", None)
         self._by_entry: Array | None = None
         if gate is not None and density.n_context == 0:
@@ -44,7 +46,12 @@ class EntryShares:
             kept = shares * (1 - (1 - plausible) ** MAX_TRIES)
             kept = kept / np.maximum(kept.sum(1, keepdims=True), 1e-300)
             with np.errstate(divide="ignore"):
-                self._by_entry = np.log(kept) - np.log(np.maximum(plausible, 0.5 / TRIED))
+                by_entry = np.log(kept) - np.log(np.maximum(plausible, 0.5 / TRIED))
+            if density.mixture is None:
+                # Of a flow a level of entry has one component, its bin.
+                self.log_entries_of_draws = self.log_entries + by_entry.max(1)
+            else:
+                self._by_entry = by_entry
 
     def log_components(self, entry: int) -> Array | None:
         """Log shares (K,) at a level of entry, up to rejection; None where they do not depend on it."""

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.residual_law import ResidualLaw
+from descentflow.densities.transformed import TransformedDensity
 from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
 from descentflow.generation.conditional.latent_profiles import LatentProfiles, LinearProfile
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
@@ -32,6 +33,7 @@ class LatentParts:
         profiles: Of drag and speed.
         n_weights: How many of u are the density's weights: the first.
         prior: What proposes and what it stands for, where the density is no mixture; None where it is.
+        by_entry: What that is where it knows the level of entry, and nothing was flown yet.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -47,14 +49,19 @@ class LatentParts:
     profiles: LatentProfiles
     n_weights: int
     prior: Prior | None = None
+    by_entry: TransformedDensity | None = None
 
-    def log_ratio(self, u: Array) -> Array:
-        """Log of the density over what proposes (n,), at (n, D); zero where the Gaussians are the density."""
+    def log_ratio(self, u: Array, entry: Array) -> Array:
+        """Log of the density over what proposes (n,), at (n, D) and entries (n,); zero where both are the same."""
         if self.prior is None:
             return np.zeros(len(u))
         weights = torch.from_numpy(u[:, : self.n_weights])
         with torch.no_grad():
-            ratio = self.prior.log_prob(weights) - log_density(self.prior.mixture, weights)
+            if self.by_entry is None:
+                log_prob = self.prior.log_prob(weights)
+            else:
+                log_prob = self.by_entry.log_prob_entering(weights, torch.from_numpy(entry)).double()
+            ratio = log_prob - log_density(self.prior.mixture, weights)
         return torch.where(ratio.isfinite(), ratio, -torch.inf).numpy()
 
 
@@ -84,7 +91,10 @@ def parts_of(density: Density, grid: FlownProfiles, context: Tensor | None, seed
     law = known.first(n_white)
     roots, means = _numbers(law.joint_roots(mixture.scale_trils)), _numbers(law.joint_means(mixture.locs))
     profiles, log_probs = sample_profiles(decoder, grid), _numbers(mixture.probs.log())
-    return LatentParts(log_probs, means, roots, profiles, n_weights, prior if prior.exact is not None else None)
+    if prior.exact is None:
+        return LatentParts(log_probs, means, roots, profiles, n_weights)
+    by_entry = density if isinstance(density, TransformedDensity) and density.entry_law is not None else None
+    return LatentParts(log_probs, means, roots, profiles, n_weights, prior, by_entry)
 
 
 def parts_after(

@@ -56,7 +56,7 @@ class Recipe:
 RECIPES = {
     "own": Recipe({name: name for name in MODELS}, {}),
     "paper": Recipe(
-        {"gaussian": "gaussian", "gmm": "gmm_paper", "flow": "flow_paper"},
+        {"gaussian": "gaussian_paper", "gmm": "gmm_paper", "flow": "flow_paper"},
         {
             "validation_fraction": 0.0,
             "fpca": "iterative",

@@ -13,6 +13,7 @@ from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, Spl
 from descentflow.densities.importance import estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import regression
+from descentflow.training.models.by_entry import entry_law_of
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import adam_with_cosine
 
@@ -34,6 +35,7 @@ class _Flow(LatentModel[F], ABC):
     shrinkage: float
     caution: float
     n_draws: int
+    by_entry: bool
 
     def __init__(self) -> None:
         super().__init__()
@@ -96,13 +98,24 @@ class _Flow(LatentModel[F], ABC):
             self._best = float(bound), {k: v.detach().clone() for k, v in self.density.state_dict().items()}
 
     def on_train_end(self) -> None:
-        """Go back to the best epoch; `last.ckpt` has been written before and goes on from the last one."""
+        """Go back to the best epoch, and learn how flights differ by their entry.
+
+        `last.ckpt` has been written before and goes on from the last one.
+        """
         if self._best is not None:
             self.density.load_state_dict(self._best[1])
+        self._learn_by_entry()
+
+    def _learn_by_entry(self) -> None:
+        """With the flow held: it is trained as the density of all flights."""
+        self.density.entry_law = None
+        if self.by_entry:
+            self.density.entry_law = entry_law_of(self)
 
     def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
         """AdamW with a cosine that ends with the last epoch; before it, the Gaussian of the training flights."""
         evidence, context = training_flights(self)
+        self.density.entry_law = None  # of a checkpoint from which training goes on
         if self.density.whitened and not self._restored:
             if evidence.known:
                 given = evidence.points[:, :0] if context is None else context
@@ -118,8 +131,10 @@ class _Flow(LatentModel[F], ABC):
         return adam_with_cosine(self, self.learning_rate, decay, still_first=self.density.whitened)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """As every model, with the best epoch so far, so that a resumed fit can go back to it."""
+        """As every model, with the law by entry of this epoch, and the best epoch so far for a fit that is resumed."""
+        self._learn_by_entry()
         super().on_save_checkpoint(checkpoint)
+        self.density.entry_law = None  # training goes on
         if self._best is not None:
             checkpoint[BEST] = {"bound": self._best[0], "state_dict": self._best[1]}
 
@@ -152,6 +167,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         turned_round: bool = True,
         caution: NonNegativeFloat = 1.0,
         n_draws: PositiveInt = 8,
+        by_entry: bool = True,
     ) -> None:
         """Set the hyperparameters.
 
@@ -167,6 +183,8 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
             turned_round: One pass of the networks for a density, not one a weight; see the density.
             caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
             n_draws: Weights drawn of each flight, given what it shows, in each epoch.
+            by_entry: Learn the law of the normals by bins of the entry level, where held-out halves of the training
+                flights are more probable so; not with a context.
         """
         super().__init__()
         self.save_hyperparameters()
@@ -175,6 +193,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
         self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
         self.shrinkage, self.caution, self.n_draws = float(shrinkage), float(caution), int(n_draws)
+        self.by_entry = by_entry
 
     def make(self, dimension: int, n_context: int = 0) -> MaskedAffineFlowDensity:
         """Flows that start at the identity or its neighbourhood."""
@@ -209,6 +228,7 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         whitened: bool = True,
         caution: NonNegativeFloat = 1.0,
         n_draws: PositiveInt = 8,
+        by_entry: bool = True,
     ) -> None:
         """Set the hyperparameters.
 
@@ -223,6 +243,8 @@ class SplineFlow(_Flow[SplineFlowDensity]):
             whitened: Start from the Gaussian of the training flights.
             caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
             n_draws: Weights drawn of each flight, given what it shows, in each epoch.
+            by_entry: Learn the law of the normals by bins of the entry level, where held-out halves of the training
+                flights are more probable so; not with a context.
         """
         super().__init__()
         self.save_hyperparameters()
@@ -230,6 +252,7 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
         self.whitened, self.shrinkage, self.caution = whitened, float(shrinkage), float(caution)
         self.n_draws = int(n_draws)
+        self.by_entry = by_entry
 
     def make(self, dimension: int, n_context: int = 0) -> SplineFlowDensity:
         """Flows that start at the identity."""

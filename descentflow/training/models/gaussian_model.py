@@ -7,6 +7,7 @@ from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import RIDGE, regression
+from descentflow.training.models.by_entry import entry_law_of
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm
 
@@ -26,17 +27,21 @@ class Gaussian(LatentModel[GaussianDensity]):
         True
     """
 
-    def __init__(self, jitter: ClosedUnitInterval = 1e-6, ridge: NonNegativeFloat = RIDGE) -> None:
+    def __init__(
+        self, jitter: ClosedUnitInterval = 1e-6, ridge: NonNegativeFloat = RIDGE, by_entry: bool = True
+    ) -> None:
         """Set the options.
 
         Args:
             jitter: Added to the variances of the standardised weights; scikit-learn's ``reg_covar``.
             ridge: Number of flights at one standard deviation of context that the prior of zero slopes counts as.
+            by_entry: Let flights of each bin of the entry level have a Gaussian of their own, where held-out halves of
+                the training flights are more probable so; not with a context.
         """
         super().__init__()
         self.save_hyperparameters()
         self.automatic_optimization = False
-        self.jitter, self.ridge = float(jitter), float(ridge)
+        self.jitter, self.ridge, self.by_entry = float(jitter), float(ridge), by_entry
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianDensity:
         """A standard normal of the dimension."""
@@ -62,6 +67,8 @@ class Gaussian(LatentModel[GaussianDensity]):
             )
         else:
             self.density.mixture = EvidenceSteps(evidence, context, ridge=self.ridge, jitter=self.jitter).single
+        if self.by_entry:
+            self.density.entry_law = entry_law_of(self)
         train = self.log_observed(evidence) if context is None else self.log_observed(evidence, context)
         self.log("train/nll", -train.mean(), on_epoch=True, on_step=False, batch_size=len(evidence))
 

@@ -49,6 +49,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         learning_rate: PositiveFloat = 0.005,
         seed: int = 0,
         extend: bool = True,
+        by_entry: bool = True,
     ) -> None:
         """Set the hyperparameters.
 
@@ -61,6 +62,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             seed: Of the starts.
             extend: Try more components than 15 flights per parameter allow where BIC decides for that cap, down to
                 two flights per parameter; the paper stops at the cap.
+            by_entry: Learn the components' proportions by bins of the entry level; not with a context.
         """
         super().__init__()
         self.save_hyperparameters()
@@ -71,6 +73,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.n_clusters, self.n_restarts, self.tolerance = n_clusters, n_restarts, tolerance
         # A built-in float: the optimizer's state keeps it, and a checkpoint holds primitives only.
         self.learning_rate, self.seed, self.extend = float(learning_rate), seed, extend
+        self.by_entry = by_entry
         self.bic: dict[int, float] = {}
         self._restored = False
         self._steps: Steps | None = None
@@ -149,7 +152,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             return
         steps = self._steps if self._steps is not None else steps_of(flights, context)
         joint = steps.log_joint(mixture).to(mixture.probs)
-        if not density.n_context:
+        if self.by_entry and not density.n_context:
             told = joint - mixture.probs.log()
             if density.entry_gate is None:
                 density.entry_gate = learn_gate(entry, told, mixture.probs)

@@ -53,7 +53,7 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
         >>> model = load_model("best.ckpt")
         >>> made = describe(model, SamplerGraph(model), "float64")
         >>> made["inputs"]["sampler"]["noise"]["shape"], made["outputs"]["CAS"]["unit"], made["redraw"]
-        (['n', 4], 'knot', 'everything')
+        (['n', 4], 'knot', 'noise, with the same entry_fl')
     """
     parts = density.representation
     levels_fl = parts.decoder.levels_fl

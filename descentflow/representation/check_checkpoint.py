@@ -52,6 +52,7 @@ TENSORS = (
 )
 """Places of the representation that are dictionaries, and tensors."""
 OF_MACH = "mach_basis"
+OF_DRAG = "drag_scale"
 """What a decoder has as well whose speed is a Mach number and a CAS, together with ``speed_residual``."""
 MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "air", "own_mass", "seen_flights", "low", "high")
 MAY_HAVE_GAPS = "reference"
@@ -107,6 +108,8 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
     if isinstance(representation["decoder"], dict) and OF_MACH in representation["decoder"]:
         dictionaries = (*DICTIONARIES, f"decoder.{OF_MACH}")
         tensors = (*TENSORS, *(f"decoder.{OF_MACH}.{one}" for one in ("mean", "components")), "decoder.speed_residual")
+    if isinstance(representation["decoder"], dict) and OF_DRAG in representation["decoder"]:
+        dictionaries, tensors = (*dictionaries, f"decoder.{OF_DRAG}"), (*tensors, f"decoder.{OF_DRAG}.thrust_n")
     for places, kind, name in ((dictionaries, dict, "dictionary"), ((*tensors, *bounds), Tensor, "tensor")):
         for place in places:
             found = _at(representation, place)
@@ -140,6 +143,9 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
         raise _wrong("decoder.weight_scale is not positive", "standard deviations of the training flights' weights")
     if decoder.residual.dim() != 2 or decoder.residual.shape[1] != len(levels):
         raise _wrong("decoder.residual is not on the grid", f"(number of parts, {len(levels)}) drag in N")
+    scale = decoder.drag_scale
+    if scale is not None and (scale.thrust_n.shape != levels.shape or not scale.force_n > 0):
+        raise _wrong("decoder.drag_scale is not of this grid", f"{len(levels)} thrusts and a positive force, N")
     of_speed = ", ".join(list(decoder.bases)[1:])
     width = (len(decoder.bases) - 1) * len(levels)
     if decoder.speed_residual.dim() != 2 or decoder.speed_residual.shape[1] != width:

@@ -6,6 +6,7 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.physics.airspeed import cas_to_mach
+from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.profiles import Profiles, Speed
 
 
@@ -26,12 +27,13 @@ class Observed(NamedTuple):
     masks: tuple[Tensor, ...]
 
 
-def observed_channels(flights: Profiles, speed: Speed) -> Observed:
+def observed_channels(flights: Profiles, speed: Speed, drag_scale: DragScale | None = None) -> Observed:
     """What flights show of each profile, in the order of the weights.
 
     Args:
         flights: With crossovers where speed is held as Mach and CAS, and without where it is one CAS profile.
         speed: How it is held.
+        drag_scale: On which drag is linear in the weights; newtons if absent.
 
     Raises:
         ConfigError: If the flights are of the other way.
@@ -52,8 +54,9 @@ def observed_channels(flights: Profiles, speed: Speed) -> Observed:
             expected=f"flights of speed={speed!r}, as the model has it",
             mend=f"make their profiles with speed={speed!r}",
         )
+    drag = flights.drag_n if drag_scale is None else drag_scale.scaled(flights.drag_n)
     if flights.crossovers is None:
-        return Observed((flights.drag_n, flights.cas_mps), (flights.mask, flights.mask))
+        return Observed((drag, flights.cas_mps), (flights.mask, flights.mask))
     seen, at_mach = flights.mask & flights.crossovers.sure, flights.crossovers.holds_mach
     mach = cas_to_mach(flights.cas_mps, flights.altitude_m)
-    return Observed((flights.drag_n, mach, flights.cas_mps), (flights.mask, seen & at_mach, seen & ~at_mach))
+    return Observed((drag, mach, flights.cas_mps), (flights.mask, seen & at_mach, seen & ~at_mach))

@@ -9,6 +9,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.few_flights import moved_outward, outward
 from descentflow.representation.profiles import Profiles
 
@@ -70,7 +71,13 @@ class Plausibility(nn.Module):
             self.register_buffer(name, value, persistent=False)
 
     @classmethod
-    def from_profiles(cls, profiles: Profiles, margin: float = MARGIN, bounds: Bounds = "expected") -> "Plausibility":
+    def from_profiles(
+        cls,
+        profiles: Profiles,
+        margin: float = MARGIN,
+        bounds: Bounds = "expected",
+        drag_scale: DragScale | None = None,
+    ) -> "Plausibility":
         """Bounds of training flights.
 
         Args:
@@ -79,6 +86,7 @@ class Plausibility(nn.Module):
             bounds: ``expected`` moves extremes of fewer than 3,000 flights to where those of 3,000 are expected
                 (:mod:`~descentflow.representation.few_flights`) and bounds changes between neighbouring levels by the
                 99.9 % quantile of the flights' and 40 %; ``paper`` takes extremes as they are, and no changes.
+            drag_scale: On which extremes of drag are moved; newtons if absent.
 
         Raises:
             ConfigError: If the margin is not positive, or there are no such bounds.
@@ -89,9 +97,12 @@ class Plausibility(nn.Module):
             raise ConfigError(
                 f"a margin of {margin:g} about the training flights", expected="a share above 0", mend="try 0.05"
             )
-        between = level_bounds if bounds == "paper" else expected_bounds
-        drag_low, drag_high = between(profiles.drag_n, profiles.mask, margin)
-        cas_low, cas_high = between(profiles.cas_mps, profiles.mask, margin)
+        if bounds == "paper":
+            drag_low, drag_high = level_bounds(profiles.drag_n, profiles.mask, margin)
+            cas_low, cas_high = level_bounds(profiles.cas_mps, profiles.mask, margin)
+        else:
+            drag_low, drag_high = expected_bounds(profiles.drag_n, profiles.mask, margin, drag_scale)
+            cas_low, cas_high = expected_bounds(profiles.cas_mps, profiles.mask, margin)
         slowest = profiles.rate_mps[profiles.mask].max() * (1 - margin)
         if bounds == "paper":
             changes = (slowest.new_tensor(torch.inf),) * 2
@@ -172,8 +183,16 @@ def acceleration_mps2(tas_mps: Tensor, rate_mps: Tensor, altitude_m: Tensor) -> 
     return -tas_mps.diff(dim=1) / seconds
 
 
-def expected_bounds(values: Tensor, mask: Tensor, margin: float = MARGIN) -> tuple[Tensor, Tensor]:
+def expected_bounds(
+    values: Tensor, mask: Tensor, margin: float = MARGIN, drag_scale: DragScale | None = None
+) -> tuple[Tensor, Tensor]:
     """:func:`level_bounds`, from extremes that are moved outward where few flights show a level.
+
+    Args:
+        values: (n, L).
+        mask: (n, L) observed.
+        margin: Share of the extreme's magnitude.
+        drag_scale: On which extremes of drag are moved: there flights spread as normals do.
 
     Example:
         >>> values = 140 + 10 * torch.randn(20, 1)
@@ -181,9 +200,11 @@ def expected_bounds(values: Tensor, mask: Tensor, margin: float = MARGIN) -> tup
         >>> bool(low < values.min()), bool(high > values.max())
         (True, True)
     """
-    count = mask.sum(0)
-    mean = torch.where(mask, values, 0.0).sum(0) / count
-    low, high = (moved_outward(one, mean, count) for one in level_bounds(values, mask, margin=0.0))
+    count, on_scale = mask.sum(0), values if drag_scale is None else drag_scale.scaled(values)
+    mean = torch.where(mask, on_scale, 0.0).sum(0) / count
+    low, high = (moved_outward(one, mean, count) for one in level_bounds(on_scale, mask, margin=0.0))
+    if drag_scale is not None:
+        low, high = drag_scale.drag_n(low), drag_scale.drag_n(high)
     return low - margin * low.abs(), high + margin * high.abs()
 
 

@@ -13,6 +13,7 @@ from descentflow.core.units import FL_M
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.constant_basis import fit_constant
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
@@ -160,6 +161,7 @@ def fit_representation(
     margin: float = MARGIN,
     bounds: Bounds = "expected",
     residual: bool = True,
+    drag_scale: DragScaleName = "log",
     mass_kg: float | None = None,
     provenance: dict[str, Any] | None = None,
 ) -> Representation:
@@ -174,6 +176,8 @@ def fit_representation(
         margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
         residual: Whether samples have the drag and the speed that the components leave out, with their own variance;
             never with ``iterative``, which does not know it.
+        drag_scale: Scale on which drag is linear in the weights: ``log``, the logarithm of drag minus idle thrust, or
+            ``newton``.
         bounds: Which extremes, see :meth:`~descentflow.representation.plausibility.Plausibility.from_profiles`.
         mass_kg: Mass that inferred the drag, if not the reference mass.
         provenance: Recorded in the checkpoint.
@@ -190,15 +194,21 @@ def fit_representation(
         >>> parts.decoder.encode(train).std(0).round(decimals=6).unique()  # standardised
         tensor([1.], dtype=torch.float64)
     """
-    bases = _fitted_bases(train, explained_variance, method)
-    decoder = standardised_decoder(train, aircraft, bases, mass_kg)
+    scale = None if drag_scale == "newton" else fit_drag_scale(train, aircraft)
+    bases = _fitted_bases(train, explained_variance, method, scale)
+    decoder = standardised_decoder(train, aircraft, bases, mass_kg, scale)
     if residual and method == "ppca":
         decoder.keep_residual(residual_drag(decoder, train), residual_speed(decoder, train))
-    return Representation(decoder, Plausibility.from_profiles(train, margin, bounds), split, provenance or {})
+    plausibility = Plausibility.from_profiles(train, margin, bounds, scale)
+    return Representation(decoder, plausibility, split, provenance or {})
 
 
 def standardised_decoder(
-    train: Profiles, aircraft: Aircraft, bases: list[FunctionalBasis], mass_kg: float | None = None
+    train: Profiles,
+    aircraft: Aircraft,
+    bases: list[FunctionalBasis],
+    mass_kg: float | None = None,
+    drag_scale: DragScale | None = None,
 ) -> DescentDecoder:
     """The decoder of which every weight has mean zero and variance one over the training flights.
 
@@ -207,6 +217,7 @@ def standardised_decoder(
         aircraft: Coefficients that inferred their drag.
         bases: Of drag, of the Mach number where speed is held as Mach and CAS, and of CAS.
         mass_kg: Mass that inferred the drag, if not the reference mass.
+        drag_scale: Of the basis of drag; newtons if absent.
 
     Raises:
         DataError: If a weight is the same for every flight.
@@ -217,11 +228,12 @@ def standardised_decoder(
         >>> import polars as pl
         >>> known = load_representation("best.ckpt")
         >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
-        >>> again = standardised_decoder(train, known.decoder.aircraft, list(known.decoder.bases.values()))
+        >>> bases, scale = list(known.decoder.bases.values()), known.decoder.drag_scale
+        >>> again = standardised_decoder(train, known.decoder.aircraft, bases, drag_scale=scale)
         >>> bool(torch.allclose(again.weight_scale, known.decoder.weight_scale))
         True
     """
-    parts = zip(bases, *observed_channels(train, held_speed(train)), strict=True)
+    parts = zip(bases, *observed_channels(train, held_speed(train), drag_scale), strict=True)
     raw = torch.cat([basis.encode(values, mask) for basis, values, mask in parts], 1)
     scale = raw.std(0)
     if not bool((scale > 0).all()):
@@ -232,7 +244,15 @@ def standardised_decoder(
         )
     drag, *of_mach, cas = bases
     return DescentDecoder(
-        aircraft, train.levels_fl, drag, cas, raw.mean(0), scale, mass_kg, mach_basis=of_mach[0] if of_mach else None
+        aircraft,
+        train.levels_fl,
+        drag,
+        cas,
+        raw.mean(0),
+        scale,
+        mass_kg,
+        mach_basis=of_mach[0] if of_mach else None,
+        drag_scale=drag_scale,
     )
 
 
@@ -249,9 +269,11 @@ def held_speed(flights: Profiles) -> Speed:
     return "cas" if flights.crossovers is None else "mach_cas"
 
 
-def _fitted_bases(train: Profiles, explained_variance: float, method: Method) -> list[FunctionalBasis]:
+def _fitted_bases(
+    train: Profiles, explained_variance: float, method: Method, drag_scale: DragScale | None
+) -> list[FunctionalBasis]:
     """Bases of drag and of speed, in the order of the weights."""
-    drag, *speeds = zip(*observed_channels(train, held_speed(train)), strict=True)
+    drag, *speeds = zip(*observed_channels(train, held_speed(train), drag_scale), strict=True)
     fitted = [GappyFPCA(explained_variance, method).fit(*drag, FL_M).basis_]
     if train.crossovers is None:
         return [*fitted, *(GappyFPCA(explained_variance, method).fit(*one, FL_M).basis_ for one in speeds)]

@@ -13,7 +13,7 @@ ROUGHNESS_WEIGHT = 1e5
 
 
 def residual_drag(decoder: DescentDecoder, train: Profiles) -> Tensor:
-    """Curves of drag (r, L), in N, each of which samples have times a standard normal of its own.
+    """Curves of drag (r, L), N on its scale, each of which samples have times a standard normal of its own.
 
     They are the directions of the probabilistic PCA beyond the kept components, which are smooth, made as large at each
     level as what flights show less their kept components. Where few flights show a level, as at the top, the model's
@@ -34,8 +34,9 @@ def residual_drag(decoder: DescentDecoder, train: Profiles) -> Tensor:
         >>> bool((spread < train.drag_n[:, 0].std()).all())  # less than of the flights
         True
     """
-    kept, _ = decoder.curves(decoder.encode(train))
-    return _as_large_as_left(decoder.drag_basis, train.drag_n - kept, train.mask)
+    kept, *_ = decoder.profiles(decoder.encode(train))
+    shown = decoder.observed(train).values[0]
+    return _as_large_as_left(decoder.drag_basis, shown - kept, train.mask)
 
 
 def residual_speed(decoder: DescentDecoder, train: Profiles) -> Tensor:

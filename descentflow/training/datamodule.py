@@ -21,6 +21,7 @@ from descentflow.core.row_runs import first_rows
 from descentflow.measurements.quantities import reference_state
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.context import ContextEncoder, Missing
+from descentflow.representation.drag_scale import DragScaleName
 from descentflow.representation.encode_flights import (
     EncodedFlights,
     context_of,
@@ -90,6 +91,7 @@ class DescentDataModule(LightningDataModule):
         gaps: Gaps = "marginal",
         bounds: Bounds = "expected",
         residual: bool = True,
+        drag_scale: DragScaleName = "log",
         speed: HeldSpeed = "cas",
         air: str | Path = "standard",
         mass: str = "standard",
@@ -127,6 +129,8 @@ class DescentDataModule(LightningDataModule):
             bounds: What samples are held to: ``expected``, extremes as of 3,000 training flights or more, and changes
                 from level to level; or ``paper``, extremes as observed.
             residual: Whether samples have the drag and the speed beyond the components, with their own variance.
+            drag_scale: Scale on which drag is linear in the weights: ``log``, the logarithm of drag minus idle thrust,
+                so that all weights descend; or ``newton``, as in the paper.
             speed: How speed is held: ``cas``, one CAS profile and the type's transition altitude, as in the paper;
                 ``mach_cas``, a Mach number above each flight's own crossover and a CAS below it; or ``auto``, that
                 where enough training flights show both and components are not ``iterative``.
@@ -148,7 +152,7 @@ class DescentDataModule(LightningDataModule):
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
         self.gaps, self.bounds, self.residual, self.speed = gaps, bounds, residual, speed
-        self.air, self.mass = air, mass
+        self.air, self.mass, self.drag_scale = air, mass, drag_scale
         self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
         self._parts: dict[Part, EncodedFlights] = {}
@@ -316,6 +320,7 @@ class DescentDataModule(LightningDataModule):
             margin=self.margin,
             bounds=self.bounds,
             residual=self.residual,
+            drag_scale=self.drag_scale,
             mass_kg=self.mass_kg,
             provenance=read.provenance,
         )

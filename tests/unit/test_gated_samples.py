@@ -116,7 +116,8 @@ def test_samples_have_the_spread_that_components_leave_out(name: str) -> None:
     decoder = parts.decoder
     of_drag, of_cas = decoder.weight_scale.split([basis.n_components for basis in decoder.bases.values()])
     residual, scale = (decoder.residual, of_drag) if name == "drag" else (decoder.speed_residual, of_cas)
-    spread = (flights.drag_n if name == "drag" else flights.cas_mps).std(0)
+    drag, cas = decoder.observed(flights).values
+    spread = (drag if name == "drag" else cas).std(0)
     assert len(residual) >= 1
     kept = decoder.bases[name].components.T @ torch.diag(scale)
     total = (kept.square().sum(1) + residual.square().sum(0)).sqrt()
@@ -124,7 +125,8 @@ def test_samples_have_the_spread_that_components_leave_out(name: str) -> None:
     assert float((kept.square().sum(1).sqrt() / spread).mean()) < 0.95
     white = torch.randn(4000, decoder.n_white, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     flown = decoder(torch.zeros(4000, decoder.dimension, dtype=torch.float64), white=white)
-    found = (flown.drag_n if name == "drag" else flown.cas_mps).std(0)
+    assert decoder.drag_scale is not None
+    found = (decoder.drag_scale.scaled(flown.drag_n) if name == "drag" else flown.cas_mps).std(0)
     torch.testing.assert_close(found, residual.square().sum(0).sqrt(), rtol=0.06, atol=1.0 if name == "drag" else 0.01)
 
 

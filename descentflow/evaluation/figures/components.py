@@ -1,5 +1,7 @@
 """The functional bases of drag and CAS: mean function, components and what they explain."""
 
+from collections.abc import Callable
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -7,6 +9,7 @@ from torch import Tensor
 
 from descentflow.core.units import KT_MPS
 from descentflow.reporting.figure_style import BLACK, BLUE, RED, legend_below, tidy
+from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.fpca.basis import FunctionalBasis
 
 MAX_COMPONENTS = 4
@@ -18,6 +21,7 @@ def components_figure(
     cas_basis: FunctionalBasis,
     levels_fl: Tensor,
     mach_basis: FunctionalBasis | None = None,
+    drag_scale: DragScale | None = None,
 ) -> Figure:
     """Mean function plus and minus each component, and the shares of variance explained.
 
@@ -29,6 +33,7 @@ def components_figure(
         cas_basis: Basis of CAS on the same levels.
         levels_fl: (L,) ascending grid.
         mach_basis: Basis of the Mach number, of a model that has one.
+        drag_scale: On which the basis of drag is linear; newtons if absent.
 
     Returns:
         A figure of two or three rows (drag, Mach, CAS): a panel for each component up to four, then the shares.
@@ -36,21 +41,27 @@ def components_figure(
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> decoder = load_representation("best.ckpt").decoder
-        >>> figure = components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl)
+        >>> scale = decoder.drag_scale
+        >>> figure = components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, None, scale)
         >>> figure.axes[0].get_xlabel()
         'Drag (kN)'
     """
     levels_fl = levels_fl.detach().cpu()
-    of_mach = () if mach_basis is None else (("Mach number", 1.0, mach_basis),)
-    bases = ("Drag (kN)", 1000.0, drag_basis), *of_mach, ("CAS (kt)", KT_MPS, cas_basis)
+    of_mach = () if mach_basis is None else (("Mach number", _plain, mach_basis),)
+    newtons = _plain if drag_scale is None else drag_scale.drag_n
+
+    def kilonewtons(values: Tensor) -> Tensor:
+        return newtons(values) / 1000
+
+    bases = ("Drag (kN)", kilonewtons, drag_basis), *of_mach, ("CAS (kt)", _knots, cas_basis)
     n_panels = min(MAX_COMPONENTS, max(basis.n_components for _, _, basis in bases))
     figure = Figure(figsize=(2.6 * n_panels + 3.4, 3.5 * len(bases)), layout="constrained")
     axes = figure.subplots(len(bases), n_panels + 1, squeeze=False)
-    for row, (name, scale, basis) in zip(axes, bases, strict=True):
+    for row, (name, shown, basis) in zip(axes, bases, strict=True):
         tidy(row)
         for k, ax in enumerate(row[:-1]):
             if k < basis.n_components:
-                _draw_component(ax, basis, k, levels_fl, scale)
+                _draw_component(ax, basis, k, levels_fl, shown)
                 ax.set_xlabel(name)
             else:
                 ax.set_axis_off()
@@ -77,13 +88,23 @@ def weight_deviations(basis: FunctionalBasis) -> Tensor | None:
     return (projected.square().sum(1) + basis.noise_variance * basis.spacing_m).sqrt()
 
 
-def _draw_component(ax: Axes, basis: FunctionalBasis, k: int, levels_fl: Tensor, scale: float) -> None:
-    mean = basis.mean.detach().cpu() / scale
+def _plain(values: Tensor) -> Tensor:
+    return values
+
+
+def _knots(values: Tensor) -> Tensor:
+    return values / KT_MPS
+
+
+def _draw_component(
+    ax: Axes, basis: FunctionalBasis, k: int, levels_fl: Tensor, shown: Callable[[Tensor], Tensor]
+) -> None:
+    mean = basis.mean.detach().cpu()
     change, name = _change(basis, k)
-    change = change.detach().cpu() / scale
-    ax.plot(mean + change, levels_fl, color=RED, linestyle="--", linewidth=1.6, label=f"mean + {name}")
-    ax.plot(mean - change, levels_fl, color=BLUE, linestyle="-.", linewidth=1.6, label=f"mean - {name}")
-    ax.plot(mean, levels_fl, color=BLACK, linewidth=1.6, label="mean")
+    change = change.detach().cpu()
+    ax.plot(shown(mean + change), levels_fl, color=RED, linestyle="--", linewidth=1.6, label=f"mean + {name}")
+    ax.plot(shown(mean - change), levels_fl, color=BLUE, linestyle="-.", linewidth=1.6, label=f"mean - {name}")
+    ax.plot(shown(mean), levels_fl, color=BLACK, linewidth=1.6, label="mean")
     ax.set_title(f"component {k + 1} ({float(basis.explained_variance[k]):.0%})", fontsize=10)
     ax.set_ylim(float(levels_fl[0]), float(levels_fl[-1]))
 

@@ -4,7 +4,8 @@ Reading order: :mod:`~descentflow.generation.conditional.generator` (what a user
 :mod:`~descentflow.generation.conditional.constraints` (what can be asked),
 :mod:`~descentflow.generation.conditional.latent_parts` (the density as Gaussians over the latent numbers),
 :mod:`~descentflow.generation.conditional.speed_conditions` (speeds, in closed form),
-:mod:`~descentflow.generation.conditional.point_condition` (a time or a distance at a level, by importance resampling),
+:mod:`~descentflow.generation.conditional.point_condition` (a time or a distance at a level, by importance resampling)
+with :mod:`~descentflow.generation.conditional.point_measure`,
 :mod:`~descentflow.generation.conditional.conditioned_density` and
 :mod:`~descentflow.generation.conditional.entry_shares` (both joined, with the law of samples),
 :mod:`~descentflow.generation.conditional.latent_draws`,

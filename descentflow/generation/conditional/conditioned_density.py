@@ -42,8 +42,8 @@ class FreeTarget:
         >>> drawn = target.draw(np.full((1, target.width), 0.5))
         >>> bool(grid.levels_fl[drawn.entry[0]] == 330)
         True
-        >>> np.allclose(drawn.u[:, : model.dimension], model.sample(1, seed=2**52).numpy())
-        True
+        >>> drawn.u.shape == (1, target.width - 2), np.allclose(drawn.u[:, model.dimension :], 0.0)
+        (True, True)
     """
 
     def __init__(

@@ -23,9 +23,12 @@ class EntryShares:
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> shares = EntryShares(load_model("best.ckpt"))
-        >>> bool(np.isclose(np.exp(shares.log_entries).sum(), 1.0)), shares.log_components(10)
-        (True, None)
+        >>> model = load_model("best.ckpt")
+        >>> shares = EntryShares(model)
+        >>> bool(np.isclose(np.exp(shares.log_entries).sum(), 1.0))
+        True
+        >>> len(shares.log_components(10)) == model.mixture.n_components  # a Gaussian in each bin of the entry level
+        True
     """
 
     def __init__(self, density: Density) -> None:

@@ -64,6 +64,7 @@ class FlownProfiles:
         self.cells = [(cell, float(lower), float(upper)) for cell, lower, upper in breaks.cells]
         self.inner = breaks.inner.numpy()
         self.airspeed_ratio = np.ones(self.width)
+        self.drag_scale = decoder.drag_scale
 
     def in_air(self, deviation_k: float) -> "FlownProfiles":
         """The same grid with distances in air of another temperature: at the same Mach number, which sets the rate."""
@@ -80,6 +81,20 @@ class FlownProfiles:
         sides = values[..., self.base] + self.share * (values[..., self.base + 1] - values[..., self.base])
         padding = np.repeat(values[..., :1], self.width - self.n_levels - self.n_sides, -1)
         return np.ascontiguousarray(np.concatenate([values, sides, padding], -1))
+
+    def drag_n(self, linear: Array) -> Array:
+        """Drag in N (n, W) of profiles that are linear in latent numbers (n, W), on the decoder's scale."""
+        if self.drag_scale is None:
+            return linear
+        # At the jumps of the rate, the drag at the levels is continued, as the decoder does.
+        return self.columns(self.drag_scale.drag_n(torch.from_numpy(linear[:, : self.n_levels])).numpy())
+
+    def drag_slope(self, linear: Array) -> Array:
+        """Change of the drag in N (n, W) with such profiles."""
+        if self.drag_scale is None:
+            return np.ones_like(linear)
+        found: Array = np.exp(linear / self.drag_scale.force_n)
+        return found
 
     def lower(self, mach: Array, cas_mps: Array) -> tuple[Array, Array]:
         """CAS flown (m/s) of a Mach number and a CAS, each (n, W), and how far the CAS of the Mach number is ahead.

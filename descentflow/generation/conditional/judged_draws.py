@@ -27,7 +27,7 @@ class DrawnDescents:
         >>> from descentflow.generation.conditional.point_condition import Flown
         >>> parts = load_model("best.ckpt").representation
         >>> grid, mean = FlownProfiles(parts.decoder), torch.zeros(1, parts.decoder.dimension).double()
-        >>> curves = Curves(*(grid.columns(values.numpy()) for values in parts.decoder.curves(mean)))
+        >>> curves = Curves(*(grid.columns(values.numpy()) for values in parts.decoder.profiles(mean)))
         >>> drawn = Drawn(np.zeros((1, 4)), np.array([100]), Flown.of(grid, curves), np.zeros(1))
         >>> descents = DrawnDescents(parts, grid, seed=0)
         >>> float(descents.of(drawn, np.array([0])).time_s[0, 100]), descents.broken(drawn, np.array([0])).any()

@@ -102,11 +102,13 @@ class ConditionedTarget:
         >>> from descentflow.generation.conditional.speed_conditions import Rows, conditions
         >>> model = load_model("best.ckpt")
         >>> grid = FlownProfiles(model.representation.decoder)
-        >>> parts, level, cas_mps = parts_of(model, grid, None), grid.nearest(200), np.array([[145.0]])
-        >>> cas = parts.profiles.cas
-        >>> rows = Rows(cas.loadings[None, None, :, level], cas.of(parts.means)[:, [level]], cas_mps, cas_mps)
+        >>> parts, level = parts_of(model, grid, None), grid.nearest(200)
+        >>> cas, cas_mps = parts.profiles.cas, np.full((len(parts.means), 1), 145.0)
+        >>> of_level = np.repeat(cas.loadings[None, None, :, level], len(parts.means), 0)
+        >>> rows = Rows(of_level, cas.of(parts.means)[:, [level]], cas_mps, cas_mps)
         >>> speeds = conditions(parts.log_probs, parts.means, parts.roots, rows)
-        >>> target = ConditionedTarget(parts, grid, np.array([0]), np.array([grid.nearest(330)]), speeds, None)
+        >>> components = np.arange(len(parts.means))
+        >>> target = ConditionedTarget(parts, grid, components, 0 * components + grid.nearest(330), speeds, None)
         >>> drawn = target.draw(Numbers(seed=0, first=0).uniform(100, target.width, stream=0))
         >>> target.in_closed_form, np.allclose(drawn.flown.cas[:, level], 145.0, rtol=0, atol=1e-9)  # m/s
         (True, True)

@@ -41,7 +41,7 @@ class LinearProfile:
 
 
 class Curves(NamedTuple):
-    """Profiles (n, W) of n descents: drag (N), CAS (m/s), and the Mach number where the lower of both is flown.
+    """Profiles (n, W) of n descents: drag (N, on the decoder's scale), CAS (m/s), and the Mach number, if there is one.
 
     Example:
         >>> one = Curves(np.array([[9000.0]]), np.array([[140.0]]))
@@ -68,7 +68,7 @@ class LatentProfiles:
     """The profiles that latent numbers (n, D) make.
 
     Attributes:
-        drag: Of N.
+        drag: Of N, on the scale of the decoder, see :class:`~descentflow.representation.drag_scale.DragScale`.
         cas: Of m/s.
         mach: Of the Mach number, where the lower of both speeds is flown; None where speed is one CAS profile.
 

@@ -1,6 +1,7 @@
 r"""A time or a distance at a level: not linear in the latent numbers, so met along a line and weighted.
 
-Time is a sum of reciprocals of rates, so that its own reciprocal T, a mean rate, is nearly linear: that is what is met.
+Time is a sum of reciprocals of rates, so that its own reciprocal, a mean rate, is nearly linear in drag in newtons, and
+minus its logarithm in drag on its logarithmic scale: that, T, is what is met.
 With the slope g of T at a Gaussian's mean and the covariance $\Sigma$ that is left by the rows of
 :mod:`~descentflow.generation.conditional.speed_conditions`, the direction $v = \Sigma g$ leaves the rows as they are,
 and the coordinate s along it is independent of the rest, with variance $1 / g^T v$. A draw keeps its rest; its s is
@@ -19,6 +20,7 @@ from descentflow.generation.conditional.constraints import PointAsked
 from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
 from descentflow.generation.conditional.latent_parts import LatentParts
 from descentflow.generation.conditional.latent_profiles import Curves
+from descentflow.generation.conditional.point_measure import Measure
 from descentflow.generation.conditional.speed_conditions import Conditions, cut_normal, log_between, log_total
 
 STEP_N, STEP_MPS = 50.0, 0.1
@@ -54,7 +56,7 @@ class Flown:
         >>> from descentflow.densities.checkpoint import load_model
         >>> decoder = load_model("best.ckpt").representation.decoder
         >>> grid, mean = FlownProfiles(decoder), torch.zeros(1, decoder.dimension).double()
-        >>> flown = Flown.of(grid, Curves(*(grid.columns(values.numpy()) for values in decoder.curves(mean))))
+        >>> flown = Flown.of(grid, Curves(*(grid.columns(values.numpy()) for values in decoder.profiles(mean))))
         >>> np.allclose(flown.mach[:, : grid.n_levels], decoder(mean).mach.numpy(), rtol=1e-12)
         True
     """
@@ -71,8 +73,9 @@ class Flown:
     def of(cls, grid: FlownProfiles, curves: Curves) -> "Flown":
         """Fly profiles (n, W)."""
         cas, ahead = (curves.cas, None) if curves.mach is None else grid.lower(curves.mach, curves.cas)
-        mach, tas, rate, slowness = grid.fly(curves.drag, cas, ahead)
-        return cls(curves.drag, cas, mach, tas, rate, grid.seconds(slowness, ahead), ahead)
+        drag = grid.drag_n(curves.drag)
+        mach, tas, rate, slowness = grid.fly(drag, cas, ahead)
+        return cls(drag, cas, mach, tas, rate, grid.seconds(slowness, ahead), ahead)
 
 
 class PointCondition:
@@ -95,10 +98,10 @@ class PointCondition:
         >>> model = load_model("best.ckpt")
         >>> grid = FlownProfiles(model.representation.decoder)
         >>> parts, entry, level = parts_of(model, grid, None), grid.nearest(330), grid.nearest(100)
-        >>> u = np.zeros((1, parts.means.shape[1]))
+        >>> u = np.zeros_like(parts.means)
         >>> free = conditions(parts.log_probs, parts.means, parts.roots, Rows(u[:, None][:, :0], *[u[:, :0]] * 3))
         >>> point = PointCondition(PointAsked("time_s", 700.0, 700.0, (100.0, 100.0)), parts, grid, entry, free)
-        >>> _, flown, log_weight = point.meet(np.array([0]), u, np.array([0.5]))
+        >>> _, flown, log_weight = point.meet(np.array([0]), u[:1], np.array([0.5]))
         >>> round(float(flown.seconds[0, level] - flown.seconds[0, entry]), 2), bool(np.isfinite(log_weight[0]))  # s
         (700.0, True)
     """
@@ -108,8 +111,9 @@ class PointCondition:
     ) -> None:
         """Take slopes at the Gaussians' means given the speeds."""
         self.asked, self.parts, self.grid, self.entry, self.speeds = asked, parts, grid, entry, speeds
-        self.low = 1 / (asked.high * asked.unit)
-        self.high = 1 / (asked.low * asked.unit) if asked.low > 0 else np.inf
+        self.measure = Measure(logarithm=grid.drag_scale is not None)
+        self.low = float(self.measure.of(np.array(asked.high * asked.unit)))
+        self.high = float(self.measure.of(np.array(asked.low * asked.unit))) if asked.low > 0 else np.inf
         self.levels = np.interp(asked.levels, grid.levels_fl, np.arange(grid.n_levels))
         n_cells = len(parts.means)
         middle, _ = speeds.values(np.arange(n_cells), np.full((n_cells, speeds.rows.n_rows), 0.5))
@@ -120,7 +124,8 @@ class PointCondition:
         self.slope = self._slope(curves) if curves.mach is None else self._slope_with_crossovers(mean)
         spread = parts.roots @ (parts.roots.mT @ self.slope[:, :, None])
         direction = (spread - speeds.gain @ (speeds.rows.matrix @ spread))[:, :, 0]
-        least = LEAST_SPREAD * _reciprocal(self.profile, np.full(n_cells, self.levels.mean()))
+        middle_level = np.full(n_cells, self.levels.mean())
+        least = LEAST_SPREAD * self.measure.share(self._measured(self.profile, middle_level))
         self.variance = np.maximum((self.slope * direction).sum(1), least**2)
         self.direction = direction
         self.by_s = parts.profiles.change(direction)
@@ -154,7 +159,7 @@ class PointCondition:
         slope, direction = self.slope[cell], self.direction[cell]
         u = u - direction * ((slope * (u - given)).sum(1) / variance)[:, None]
         level = self.levels[0] + (self.levels[1] - self.levels[0]) * uniform
-        expected = _reciprocal(self.profile[cell], level) + (slope * (given - self.moved[cell])).sum(1)
+        expected = self._measured(self.profile[cell], level) + (slope * (given - self.moved[cell])).sum(1)
         target, log_weight = self._target(expected, np.sqrt(variance), uniform)
         whole = parts.means[cell] + u
         line = parts.profiles.of(whole), self.by_s.rows(cell)
@@ -162,7 +167,7 @@ class PointCondition:
         with np.errstate(divide="ignore", invalid="ignore"):
             log_weight += 0.5 * np.log(variance / (2 * pi)) - 0.5 * variance * s**2 - np.log(slope_s) - self.own[cell]
             if self.is_level_band:
-                log_weight += np.log(np.abs(_by_level(self._since_entry(flown), level)) * target**2)
+                log_weight += np.log(np.abs(_by_level(self._since_entry(flown), level)) * self.measure.slope(target))
         tolerance = TOLERANCE if parts.profiles.mach is None else TOLERANCE_AT_CROSSOVERS
         met = np.isfinite(log_weight) & (np.abs(off) <= tolerance[self.asked.name])
         return u + s[:, None] * direction, flown, np.where(met, log_weight, -np.inf)
@@ -182,7 +187,7 @@ class PointCondition:
 
         def at(s: Array) -> tuple[Flown, Array]:
             flown = Flown.of(self.grid, curves.moved(s[:, None], by_s))
-            return flown, _reciprocal(self._since_entry(flown), level)
+            return flown, self._measured(self._since_entry(flown), level)
 
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             found, ahead = s + (target - at(s)[1]) / variance, STEP_SD / np.sqrt(variance)
@@ -191,7 +196,7 @@ class PointCondition:
                 slope = (at(found + ahead)[1] - value) / ahead
                 found = found + (target - value) / slope
             flown, value = at(found)
-            return found, flown, slope, 1 / value - 1 / target
+            return found, flown, slope, self.measure.back(value) - self.measure.back(target)
 
     def _since_entry(self, flown: Flown) -> Array:
         """Seconds or metres (n, L) since entry, growing downwards."""
@@ -201,22 +206,20 @@ class PointCondition:
         return since - since[:, self.entry : self.entry + 1]
 
     def _slope(self, curves: Curves) -> Array:
-        """Slopes (C, D) of the reciprocal at the middle of the levels, from those of its integrand column by column."""
+        """Slopes (C, D) of T at the middle of the levels, from those of its integrand column by column."""
         middle = round(float(self.levels.mean()))
         columns = self.grid.seconds(np.eye(self.grid.width))
         weights = columns[:, middle] - columns[:, self.entry]
+        drag = self.grid.drag_n(curves.drag)
         here, heavier, faster = (
             self._integrand(*profiles)
-            for profiles in (
-                (curves.drag, curves.cas),
-                (curves.drag + STEP_N, curves.cas),
-                (curves.drag, curves.cas + STEP_MPS),
-            )
+            for profiles in ((drag, curves.cas), (drag + STEP_N, curves.cas), (drag, curves.cas + STEP_MPS))
         )
-        by_drag = weights * (heavier - here) / STEP_N @ self.parts.profiles.drag.loadings.T
+        by_newton = weights * (heavier - here) / STEP_N
+        by_drag = by_newton * self.grid.drag_slope(curves.drag) @ self.parts.profiles.drag.loadings.T
         by_cas = weights * (faster - here) / STEP_MPS @ self.parts.profiles.cas.loadings.T
-        value = _reciprocal(self.profile, np.full(len(here), self.levels.mean()))
-        found: Array = -(by_drag + by_cas) * value[:, None] ** 2
+        value = self._measured(self.profile, np.full(len(here), self.levels.mean()))
+        found: Array = -(by_drag + by_cas) * self.measure.slope(value)[:, None]
         return found
 
     def _slope_with_crossovers(self, mean: Array) -> Array:
@@ -227,11 +230,15 @@ class PointCondition:
             step = np.zeros(mean.shape[1])
             step[number] = STEP_LATENT
             after, before = (
-                _reciprocal(self._since_entry(Flown.of(self.grid, self.parts.profiles.of(u))), middle)
+                self._measured(self._since_entry(Flown.of(self.grid, self.parts.profiles.of(u))), middle)
                 for u in (mean + step, mean - step)
             )
             found[:, number] = (after - before) / (2 * STEP_LATENT)
         return found
+
+    def _measured(self, values: Array, level: Array) -> Array:
+        """T of times or distances (n, L) at levels (n,) that are indices with fractions."""
+        return self.measure.of(_at_level(values, level))
 
     def _integrand(self, drag: Array, cas: Array) -> Array:
         _, tas, _, slowness = self.grid.fly(drag, cas)
@@ -240,7 +247,7 @@ class PointCondition:
     def _log_share(self, level: float) -> Array:
         """Log probability (C,) of what is asked at a level (an index), by the slopes."""
         sd = np.sqrt(self.variance)
-        expected = _reciprocal(self.profile, np.full(len(sd), level))
+        expected = self._measured(self.profile, np.full(len(sd), level))
         low, high = (self.low - expected) / sd, (self.high - expected) / sd
         return log_between(low, high) if self.low < self.high else -0.5 * low**2 - np.log(sd) - 0.5 * log(2 * pi)
 
@@ -249,7 +256,7 @@ class PointCondition:
         shares, sd = np.exp(self.speeds.log_probs), np.sqrt(self.variance)
         found = []
         for level in levels:
-            expected = _reciprocal(self.profile, np.full(len(sd), level))
+            expected = self._measured(self.profile, np.full(len(sd), level))
             low, high = (self.low - expected) / sd, (self.high - expected) / sd
             if self.low < self.high:
                 found.append(float(shares @ np.exp(log_between(low, high))))
@@ -260,10 +267,10 @@ class PointCondition:
         return max(found)
 
 
-def _reciprocal(values: Array, level: Array) -> Array:
-    """One over values (n, L) at levels (n,) that are indices with fractions."""
+def _at_level(values: Array, level: Array) -> Array:
+    """Values (n, L) at levels (n,) that are indices with fractions."""
     rows, below = np.arange(len(values)), np.minimum(level.astype(int), values.shape[1] - 2)
-    found: Array = 1 / (values[rows, below] + (level - below) * (values[rows, below + 1] - values[rows, below]))
+    found: Array = values[rows, below] + (level - below) * (values[rows, below + 1] - values[rows, below])
     return found
 
 

@@ -17,6 +17,7 @@ from descentflow.representation.decoder.flown_correction import FlownCorrection
 from descentflow.representation.decoder.fused import is_plain
 from descentflow.representation.decoder.lower_speed import FlownCurves, lower_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
+from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.constant_basis import ConstantBasis
 from descentflow.representation.observed_channels import Observed, observed_channels
@@ -64,13 +65,14 @@ class DescentDecoder(nn.Module):
         residual: Tensor | None = None,
         mach_basis: FunctionalBasis | None = None,
         speed_residual: Tensor | None = None,
+        drag_scale: DragScale | None = None,
     ) -> None:
         """Build from fitted parts.
 
         Args:
             aircraft: Coefficients of the type that flies.
             levels_fl: (L,) ascending flight levels of the bases.
-            drag_basis: Basis of drag (N).
+            drag_basis: Basis of drag (N), on its scale.
             cas_basis: Basis of CAS (m/s).
             weight_mean: (d,) mean of the training flights' weights.
             weight_scale: (d,) their standard deviation.
@@ -82,6 +84,7 @@ class DescentDecoder(nn.Module):
                 if absent.
             speed_residual: (s, L) deviations of the CAS (m/s) that samples have, likewise; (s, 2 L) of the Mach number
                 and of the CAS where both are held.
+            drag_scale: On which profiles of drag are linear in the weights; newtons if absent.
         """
         super().__init__()
         self.correction = correction
@@ -91,6 +94,7 @@ class DescentDecoder(nn.Module):
         self.keep_residual(levels_fl.new_zeros(0, len(levels_fl)) if residual is None else residual, speed_residual)
         self.register_buffer("weight_mean", weight_mean.to(torch.float64), persistent=False)
         self.register_buffer("weight_scale", weight_scale.to(torch.float64), persistent=False)
+        self.drag_scale = drag_scale
         self._grids: dict[tuple[torch.dtype, torch.device], tuple[Aircraft, FlightGrid | None]] = {}
         self.grid(self.levels_fl)
 
@@ -156,7 +160,7 @@ class DescentDecoder(nn.Module):
         Raises:
             ConfigError: If the drag of the flights was inferred in other regimes than this decoder flies.
         """
-        return observed_channels(flights, self.speed)
+        return observed_channels(flights, self.speed, self.drag_scale)
 
     def encode(self, profiles: Profiles) -> Tensor:
         """Standardised weights (n, d) of observed profiles on this decoder's grid, gaps allowed."""
@@ -181,7 +185,10 @@ class DescentDecoder(nn.Module):
         return self.flown(*self.profiles(weights, white))
 
     def profiles(self, weights: Tensor, white: Tensor | None = None) -> list[Tensor]:
-        """Profiles (n, L) in the order of :attr:`bases`, linear in weights (n, d) and ``white`` (n, r + s)."""
+        """Profiles (n, L) in the order of :attr:`bases`, linear in weights (n, d) and ``white`` (n, r + s).
+
+        Drag is on the scale on which it is linear, see :meth:`flown`.
+        """
         raw = weights * self.weight_scale.to(weights) + self.weight_mean.to(weights)
         sizes = [basis.n_components for basis in self.bases.values()]
         parts = zip(self.bases.values(), torch.split(raw, sizes, 1), strict=True)
@@ -196,9 +203,11 @@ class DescentDecoder(nn.Module):
 
     def flown(self, *values: Tensor) -> FlownCurves:
         """What is flown of profiles (n, L) in the order of the weights."""
+        linear, *speeds = values
+        drag = linear if self.drag_scale is None else self.drag_scale.drag_n(linear)
         if self.mach_basis is None:
-            return FlownCurves(*values)
-        drag, mach, cas = values
+            return FlownCurves(drag, *speeds)
+        mach, cas = speeds
         schedule = lower_of(mach, cas, (self.levels_fl * FL_M).to(drag))
         return FlownCurves(drag, schedule.cas_mps, schedule.ahead_mps)
 
@@ -271,6 +280,8 @@ class DescentDecoder(nn.Module):
         }
         if len(self.residual):
             state["residual"] = self.residual.cpu()
+        if self.drag_scale is not None:
+            state["drag_scale"] = self.drag_scale.to_state()
         if self.mach_basis is not None:
             state["mach_basis"] = self.mach_basis.to_state()
         if self.mach_basis is not None or len(self.speed_residual):
@@ -306,4 +317,5 @@ class DescentDecoder(nn.Module):
             residual=state.get("residual"),
             mach_basis=ConstantBasis.from_state(state["mach_basis"]) if "mach_basis" in state else None,
             speed_residual=state.get("speed_residual"),
+            drag_scale=DragScale.from_state(state["drag_scale"]) if "drag_scale" in state else None,
         )

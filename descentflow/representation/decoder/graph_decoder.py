@@ -11,6 +11,7 @@ from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.flight_grid import FlightGrid
 from descentflow.representation.decoder.lower_speed import LowerSpeed, lower_of, with_crossovers
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.drag_scale import DragScale
 
 TABLE = tuple(LevelTable.__dataclass_fields__)
 
@@ -18,8 +19,9 @@ TABLE = tuple(LevelTable.__dataclass_fields__)
 class GraphDecoder(nn.Module):
     """Weights to descents, as :class:`~.descent_decoder.DescentDecoder` does, to rounding.
 
-    Drag and CAS are linear in the weights, so one product gives them at the L levels and at the b sides of the jumps (a
-    Mach number and a CAS at the levels, where the lower of them is taken); the time between two levels is linear in the
+    What is linear in the weights, drag in newtons and CAS, one product gives at the L levels and at the b sides of the
+    jumps; what is not (drag on its logarithmic scale, the lower of a Mach number and a CAS) is made at the levels and
+    continued to the sides, as the decoder does. The time between two levels is linear in the
     slowness at these places. All of it is in float64.
 
     Example:
@@ -44,6 +46,7 @@ class GraphDecoder(nn.Module):
     altitude_m: Tensor
     half_step_m: Tensor
     to_sides: Tensor | None
+    thrust_n: Tensor | None
     speed_residual: Tensor | None
 
     def __init__(self, decoder: DescentDecoder) -> None:
@@ -81,22 +84,26 @@ class GraphDecoder(nn.Module):
         sizes = [basis.n_components for basis in decoder.bases.values()]
         means, scales = (torch.split(values, sizes) for values in (decoder.weight_mean, decoder.weight_scale))
         for (name, basis), mean, scale in zip(decoder.bases.items(), means, scales, strict=True):
-            # The lower of Mach and CAS is not linear: it is continued to the sides once it is known.
-            placed = everywhere if name == "drag" or decoder.speed == "cas" else torch.clone
+            # What is not linear, the lower of Mach and CAS, is continued to the sides once it is known.
+            linear = decoder.drag_scale is None if name == "drag" else decoder.speed == "cas"
+            placed = everywhere if linear else torch.clone
             self.register_buffer(f"{name.lower()}_mean", placed(basis.decode(mean[None]))[0])
             self.register_buffer(f"{name.lower()}_loadings", placed(basis.components * scale[:, None]))
         # Absent and not empty where there is none: empty tensors cannot be saved with a program.
-        self.register_buffer("residual", everywhere(decoder.residual) if len(decoder.residual) else None)
+        of_drag = decoder.drag_scale
+        placed = everywhere if of_drag is None else torch.clone
+        self.register_buffer("residual", placed(decoder.residual) if len(decoder.residual) else None)
+        self.register_buffer("thrust_n", None if of_drag is None else of_drag.thrust_n.clone())
+        self.force_n = 0.0 if of_drag is None else of_drag.force_n
         extra = decoder.speed_residual
         placed = everywhere if decoder.speed == "cas" else torch.clone
         self.register_buffer("speed_residual", placed(extra) if len(extra) else None)
         self.mach_sizes = decoder.mach_basis.n_components if decoder.mach_basis is not None else 0
         if decoder.speed == "mach_cas":
-            n_levels = len(decoder.levels_fl)
             self.register_buffer("altitude_m", grid.altitude_m.clone())
             self.register_buffer("half_step_m", grid.half_step_m.clone())
-            to_sides = grid.breaks.continued(torch.eye(n_levels).to(grid.altitude_m))
-            self.register_buffer("to_sides", to_sides if to_sides.shape[1] else None)
+        to_sides = grid.breaks.continued(torch.eye(len(decoder.levels_fl)).to(grid.altitude_m))
+        self.register_buffer("to_sides", to_sides if to_sides.shape[1] else None)
 
     def _keep_quadrature(self, grid: FlightGrid) -> None:
         """Metres by which the slowness at the lower level, the upper level and the sides enters each cell's time."""
@@ -125,6 +132,8 @@ class GraphDecoder(nn.Module):
         drag_n = self.drag_mean + double[:, :n_drag] @ self.drag_loadings
         if white is not None and self.residual is not None:
             drag_n = drag_n + white[:, :n_white] @ self.residual
+        if self.thrust_n is not None:
+            drag_n = self._at_sides(DragScale(self.thrust_n, self.force_n).drag_n(drag_n))
         table = LevelTable(*(getattr(self, f"table_{name}") for name in TABLE))
         ahead_mps = None
         if self.mach_sizes:

@@ -62,6 +62,7 @@ RECIPES = {
             "fpca": "iterative",
             "gaps": "filled",
             "bounds": "paper",
+            "drag_scale": "newton",
             "residual": False,
             "speed": "cas",
         },

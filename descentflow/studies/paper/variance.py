@@ -115,7 +115,7 @@ def truncated(basis: FunctionalBasis, share: float) -> FunctionalBasis:
 
 
 def _bases(train: Profiles, shares: tuple[float, ...]) -> dict[float, list[FunctionalBasis]]:
-    """Bases of drag and of speed for each share, in the order of the weights."""
+    """Bases of drag and of speed for each share, in the order of the weights; drag in newtons, as the paper has it."""
     drag, *speeds = zip(*observed_channels(train, held_speed(train)), strict=True)
     of_drag = _truncated_bases(*drag, shares)
     if train.crossovers is None:

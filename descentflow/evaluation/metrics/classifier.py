@@ -139,7 +139,7 @@ def detect(samples: DescentSet, real: DescentSet, seed: int = 0, *, explain: boo
     """
     generator = torch.Generator().manual_seed(seed)
     by_flight = torch.full((len(real),), torch.nan, dtype=torch.float64)
-    drawn, judged = _pairs(samples, real, generator)
+    drawn, judged = pairs_by_entry(samples, real, generator)
     if len(judged) < MIN_PAIRS:
         return Detection(by_flight, ())
     shown = torch.arange(0, real.mask.shape[1], max(real.mask.shape[1] // SHOWN_LEVELS, 1))
@@ -158,13 +158,27 @@ def detect(samples: DescentSet, real: DescentSet, seed: int = 0, *, explain: boo
     return Detection(by_flight, tuple(told))
 
 
-def _pairs(samples: DescentSet, real: DescentSet, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+def pairs_by_entry(
+    samples: DescentSet, real: DescentSet, generator: torch.Generator, most: int = MAX_PAIRS
+) -> tuple[Tensor, Tensor]:
     """Positions of samples and flights, paired by the rank of their entry levels, in random order.
 
     Ranks treat both sides alike, so that for sets of one distribution each of a pair may be either.
+
+    Args:
+        samples: Sampled descents.
+        real: Flights on the same grid.
+        generator: Of the choice and the order.
+        most: Most pairs.
+
+    Example:
+        >>> from descentflow.generation.sample import sample
+        >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", n, seed=n).trajectories) for n in (50, 40))
+        >>> [len(positions) for positions in pairs_by_entry(one, two, torch.Generator().manual_seed(0))]
+        [40, 40]
     """
     seen = [torch.nonzero(one.mask.any(1))[:, 0].cpu() for one in (samples, real)]
-    n = min(*map(len, seen), MAX_PAIRS)
+    n = min(*map(len, seen), most)
     found = []
     for one, positions in zip((samples, real), seen, strict=True):
         chosen = positions[torch.randperm(len(positions), generator=generator)[:n]]

@@ -42,6 +42,7 @@ class Goal:
 _LEVELS = ("cas_above_transition", "cas_below_transition", "rocd_above_transition", "rocd_below_transition")
 GOALS = (
     *(Goal(f"time_to_bottom_of_descent/{kind}", (0.0, 1.1), (0.0, 1.25)) for kind in ("ks", "wasserstein")),
+    *(Goal(f"time_shown/{kind}", (0.0, 1.1), (0.0, 1.25)) for kind in ("ks", "wasserstein")),
     *(Goal(f"{level}/{kind}", (0.0, 1.15), (0.0, 1.3)) for level in _LEVELS for kind in ("ks", "wasserstein")),
     Goal("top_spread_rate", (0.97, 1.03), (0.97, 1.03)),
     Goal("auc", (0.0, 0.6), (0.0, 0.6)),
@@ -49,7 +50,8 @@ GOALS = (
     Goal("covered_worst_level", (0.88, 0.92), (0.88, 0.92)),
     Goal("kept", (0.9, 1.0), (0.9, 1.0)),
 )
-"""Distances over their floor, spread at the top, AUC of 200 a side, intervals in flight, share of draws kept."""
+"""Distances over their floor (times of flights without gaps, and of all flights on the levels that they show), spread
+at the top, AUC of 200 a side, intervals in flight, share of draws kept."""
 
 
 def of_types(plan: StudyPlan, name: str, folder: Path) -> pl.DataFrame:

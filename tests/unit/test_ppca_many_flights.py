@@ -48,3 +48,20 @@ def test_levels_that_too_few_of_the_first_show_are_left_to_all(monkeypatch: pyte
     found = ppca.em(centred, mask, 3, max_iterations=300, tolerance=1e-6)
     assert found.converged
     assert bool(found.loadings.isfinite().all())
+
+
+def test_a_level_that_no_flight_shows_has_no_loadings_and_changes_no_other() -> None:
+    """Of fifteen real flights a level was shown by one alone; dealt into three parts, one part did not have it."""
+    generator = torch.Generator().manual_seed(5)
+    values = torch.randn(12, 2, generator=generator).double() @ torch.randn(2, 20, generator=generator).double()
+    values += 0.1 * torch.randn(12, 20, generator=generator).double()
+    mask = torch.rand(12, 20, generator=generator) < 0.8
+    mask[:, 7] = False
+    centred = torch.where(mask, values, 0.0)
+    others = torch.arange(20) != 7
+    found = ppca.em(centred, mask, 2, max_iterations=3000, tolerance=1e-13)
+    without = ppca.em(centred[:, others], mask[:, others], 2, max_iterations=3000, tolerance=1e-13)
+    assert torch.equal(found.loadings[7], torch.zeros(2, dtype=torch.float64))
+    product, same = found.loadings[others], without.loadings
+    torch.testing.assert_close(product @ product.T, same @ same.T, rtol=1e-3, atol=1e-3)
+    torch.testing.assert_close(found.noise_variance, without.noise_variance, rtol=1e-3, atol=0)

@@ -272,6 +272,8 @@ def _maximise(
     by_level = _square(groups.masks.T @ moments[:, first, second], q + 1)
     cross = centred.T @ design
     ridge = 1e-10 * by_level.diagonal(dim1=-2, dim2=-1).mean(-1)
+    # A level that no flight shows, of few that are dealt into parts, has no loadings.
+    ridge = torch.where(ridge > 0, ridge, 1.0)
     by_level = by_level + ridge[:, None, None] * torch.eye(q + 1, dtype=means.dtype, device=means.device)
     lines = torch.cholesky_solve(cross[:, :, None], torch.linalg.cholesky(by_level))[:, :, 0]
     # With the exact solution, the quadratic term equals the cross term once.

@@ -13,6 +13,7 @@ from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.transformed import TransformedDensity
 from descentflow.exports.descent_graph import PROFILES
 from descentflow.generation.sample_tables import to_frame
 from descentflow.representation.representation import Representation
@@ -68,7 +69,8 @@ def weights_of(model: Density, noise_seed: int, n: int, component: Tensor | None
     """Standard normals (n, d) and the weights that the density itself draws with them."""
     d = model.dimension
     if component is not None:
-        noise = torch.randn(n, d, 1, generator=torch.Generator().manual_seed(noise_seed), dtype=torch.float64)[..., 0]
+        dtype = model.white_dtype if isinstance(model, TransformedDensity) else torch.float64
+        noise = torch.randn(n, d, 1, generator=torch.Generator().manual_seed(noise_seed), dtype=dtype)[..., 0]
         return noise, model.sample_of(component, noise_seed)  # type: ignore[operator]
     if isinstance(model, MaskedAffineFlowDensity):
         noise = torch.randn(n, d, generator=torch.Generator().manual_seed(noise_seed), dtype=model.white_dtype)

@@ -1,7 +1,9 @@
 """Densities over the weights of a flight: log density, sampling and checkpoints; :mod:`descentflow.training` fits them.
 
 Reading order: :mod:`~descentflow.densities.density` (what every density offers),
-:mod:`~descentflow.densities.gaussian`, :mod:`~descentflow.densities.mixture` (with
+:mod:`~descentflow.densities.transformed` (those that map standard normals, with their law by the entry level,
+:mod:`~descentflow.densities.entry_law`), :mod:`~descentflow.densities.gaussian`,
+:mod:`~descentflow.densities.mixture` (with :mod:`~descentflow.densities.entry_gate` and
 :mod:`~descentflow.densities.mixture_parameters`), :mod:`~descentflow.densities.em` (its fit; the steps are in
 :mod:`~descentflow.densities.gaussian_steps` and :mod:`~descentflow.densities.regression_steps`),
 :mod:`~descentflow.densities.component_search` (how many mixture components), :mod:`~descentflow.densities.flow` (with

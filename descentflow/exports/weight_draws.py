@@ -108,7 +108,22 @@ def _constant(value: Tensor) -> Tensor:
     return kept.double() if kept.is_floating_point() else kept
 
 
-class DrawByEntry(nn.Module):
+class _NormalDraw(nn.Module):
+    """What maps normals, beyond whose components lie standard normals that do not go with the weights."""
+
+    def residual(
+        self,
+        weights: Tensor,
+        noise: Tensor,
+        entry: Tensor,
+        uniform: Tensor | None = None,
+        context: Tensor | None = None,
+    ) -> Tensor:
+        """Residual numbers (n, r) as they come."""
+        return noise
+
+
+class DrawByEntry(_NormalDraw):
     """What maps standard normals, with their law by bins of the entry level before it.
 
     Example:
@@ -140,17 +155,6 @@ class DrawByEntry(nn.Module):
         normals = self.shift[bins] + (self.root[bins] @ noise.double()[:, :, None])[:, :, 0]
         weights: Tensor = self.draw(normals, entry, uniform, context)
         return weights
-
-    def residual(
-        self,
-        weights: Tensor,
-        noise: Tensor,
-        entry: Tensor,
-        uniform: Tensor | None = None,
-        context: Tensor | None = None,
-    ) -> Tensor:
-        """Residual numbers (n, r) as they come: they do not go with the weights of such a density."""
-        return noise
 
 
 def weight_draw(density: Density, dtype: torch.dtype) -> "MixtureDraw | DrawByEntry | _Flow":
@@ -199,7 +203,7 @@ def _no_graph(density: Density) -> ConfigError:
     )
 
 
-class _Flow(nn.Module):
+class _Flow(_NormalDraw):
     """A flow, called as a mixture is."""
 
     def __init__(self, draw: nn.Module) -> None:
@@ -211,13 +215,3 @@ class _Flow(nn.Module):
     ) -> Tensor:
         weights: Tensor = self.draw(noise, context)
         return weights
-
-    def residual(
-        self,
-        weights: Tensor,
-        noise: Tensor,
-        entry: Tensor,
-        uniform: Tensor | None = None,
-        context: Tensor | None = None,
-    ) -> Tensor:
-        return noise

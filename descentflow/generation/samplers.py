@@ -40,7 +40,9 @@ class ConditionalSampler(Protocol):
 
 @runtime_checkable
 class GatedSampler(Protocol):
-    """Whatever draws of mixture components, which it knows by the level of entry where ``entry_gate`` is not None.
+    """Whatever draws of components (of a mixture, or bins of the entry level), known by the level of entry.
+
+    That is where ``entry_gate`` is not None.
 
     Example:
         >>> from descentflow.densities.mixture import GaussianMixtureDensity

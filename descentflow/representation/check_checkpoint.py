@@ -52,8 +52,9 @@ TENSORS = (
 )
 """Places of the representation that are dictionaries, and tensors."""
 OF_MACH = "mach_basis"
-OF_DRAG = "drag_scale"
 """What a decoder has as well whose speed is a Mach number and a CAS, together with ``speed_residual``."""
+OF_DRAG = "drag_scale"
+"""What one has whose drag is on the logarithmic scale."""
 MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "air", "own_mass", "seen_flights", "low", "high")
 MAY_HAVE_GAPS = "reference"
 """What flights measured: not a number where they showed no level."""

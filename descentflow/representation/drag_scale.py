@@ -6,7 +6,6 @@ scale $z = \bar F \log(F / \bar F)$ that is a symmetric spread, and every weight
 typical force $\bar F$ a newton of z is a newton of drag.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -59,10 +58,6 @@ class DragScale:
     def from_state(cls, state: dict[str, Any]) -> "DragScale":
         """Rebuild from :meth:`to_state`."""
         return cls(state["thrust_n"], float(state["force_n"]))
-
-    def moved(self, move: Callable[[Tensor], Tensor]) -> "DragScale":
-        """The same with its tensor moved, for instance to another device."""
-        return DragScale(move(self.thrust_n), self.force_n)
 
 
 def fit_drag_scale(train: Profiles, aircraft: Aircraft) -> DragScale:

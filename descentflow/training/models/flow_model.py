@@ -132,9 +132,10 @@ class _Flow(LatentModel[F], ABC):
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """As every model, with the law by entry of this epoch, and the best epoch so far for a fit that is resumed."""
+        before = self.density.entry_law  # none while it is trained
         self._learn_by_entry()
         super().on_save_checkpoint(checkpoint)
-        self.density.entry_law = None  # training goes on
+        self.density.entry_law = before
         if self._best is not None:
             checkpoint[BEST] = {"bound": self._best[0], "state_dict": self._best[1]}
 

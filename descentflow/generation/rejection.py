@@ -48,8 +48,8 @@ def sample_descents(
 
     A density with a gate draws each sample's component by its level of entry, and a rejected draw is drawn again of
     the same component from the same level: proportions are shares of flights, all of which are plausible, and rejection
-    would change them. With m contexts, sample i has context i modulo m, and a rejected draw is drawn again with the same
-    context, so that contexts whose draws are rejected more often are as frequent among the samples as the others.
+    would change them. With m contexts, sample i has context i modulo m, and a rejected draw is drawn again with the
+    same context, so that contexts whose draws are rejected more often are as frequent among the samples as the others.
 
     Args:
         model: Density of the standardised weights.

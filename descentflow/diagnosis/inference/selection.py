@@ -108,7 +108,7 @@ def select(
         likelihood: Flights and catalogue.
         discrepancy: (n, p, e) its columns, with unit prior spread.
         progress: Called with what is being fitted.
-        explored: Called half way, with the best fit from which sets grow.
+        explored: Called with the best fit so far, whenever that may be another.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood

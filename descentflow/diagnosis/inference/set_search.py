@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 import torch
 from torch import Tensor
 
-from descentflow.core.side_by_side import at_once
 from descentflow.diagnosis.inference.aircraft_groups import by_aircraft
 from descentflow.diagnosis.inference.credible import is_credible
 from descentflow.diagnosis.inference.fits_ahead import FitsAhead, reordered
@@ -75,25 +74,31 @@ class SetSearch:
         """Sets that were refitted, with weights: with and without a discrepancy beside each, and without one alone.
 
         Args:
-            explored: Called with the best fit from which sets grow.
+            explored: Called with the best fit so far: of effects alone, of screened sets, and of those that grow.
         """
+        tell = explored or (lambda best: None)
         self.progress("screening sets of effects")
         with self.ahead:
+            tell(self._best())
             members = [member_of(self.likelihood, name, theta) for name, theta in self.start.items()]
             law = self._first_law()
             beside = law or self._explored(members, self.fit(()), at_most=FIRST)
             members += self._beside(beside)
             if law is not None:
+                self._foresee(self._pairs_with(law))
                 self._explored(members, law, at_most=FIRST)
-            if explored is not None:
-                explored(max(self._credible_fits(), key=self._score))
-            return self._grown()
+            tell(self._best())
+            return self._grown(tell)
 
-    def _grown(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
+    def _best(self) -> Fit:
+        return max(self._credible_fits(), key=self._score)
+
+    def _grown(self, tell: Callable[[Fit], None]) -> tuple[list[WeightedSet], list[WeightedSet]]:
         """Weights, once nothing that is near the best set is left to be fitted."""
         while True:
             sets, alone = self._weighed()
             best = inclusion(sets, alone).best
+            tell(self.fit(best))
             # A set that grows is looked at from all sides once it has stopped growing, and without each of its effects
             # once it is known which of those that scale one equation it has.
             larger, exchanged = self._untried(self._with_another(best)), self._untried(self._exchanged(best))
@@ -166,17 +171,30 @@ class SetSearch:
     def _explored(self, members: Sequence[Member], beside: Fit, at_most: int) -> Fit:
         """The best credible fit, after so many sets at most were fitted, those that promise most first."""
         for _ in range(at_most):
-            names = next((n for n in self._screened(members, beside) if frozenset(n) not in self.fits), None)
-            if names is None:
+            screened = self._screened(members, beside)
+            untried = self._untried(list(screened))
+            if not untried or screened[untried[0]] >= SCREENED_GAP:
                 break
-            parts = self._untried([*self._parts(names, set(beside.per_flight)), names])
-            # What comes next of the same set will probably be asked for, if it is not the set itself.
-            self.ahead.foresee([(part, self._begin(part, {})) for part in parts[: at_once()]])
-            self._credible_part(self.fit(parts[0]))
-        return max(self._credible_fits(), key=self._score)
+            laws = set(beside.per_flight)
+            wanted = self._untried_parts(untried[0], laws)
+            # Most parts keep little of what they promised: then the best set without this one follows, or else its own.
+            other = next((names for names in untried if not set(wanted[0]) <= set(names)), untried[0])
+            self._foresee([wanted[0], *self._untried_parts(other, laws)[:1], *wanted, *self._pairs_with(beside)])
+            self._credible_part(self.fit(wanted[0]))
+        return self._best()
 
-    def _parts(self, names: Names, laws: set[str]) -> list[Names]:
-        """Parts of a set that are to be fitted before it, in turn: a core, and the core with one effect more.
+    def _foresee(self, sets: Sequence[Names]) -> None:
+        """Work out meanwhile what may be asked for, the most probable first."""
+        self.ahead.foresee([(names, self._begin(names, {})) for names in dict.fromkeys(sets)])
+
+    def _pairs_with(self, law: Fit) -> list[Names]:
+        """The effects of a fit with each other one that gains something alone, what gains most first."""
+        gains = {names: self._score(fit) for names, fit in self.fits.items() if len(names) == 1}
+        others = [next(iter(names)) for names in sorted(gains, key=lambda names: -gains[names])]
+        return self._untried([tuple(sorted({*law.effects, name})) for name in others if name not in law.effects])
+
+    def _untried_parts(self, names: Names, laws: set[str]) -> list[Names]:
+        """Parts of a set that are to be fitted in turn, itself last: a core, and the core with one effect more.
 
         The core are laws that are known, or else the effects that all flights have alike. What a mean shift gains
         beside them may be theirs, or nothing, once each flight is asked.
@@ -186,7 +204,7 @@ class SetSearch:
         core = laws if laws and laws < set(names) else alike
         parts = [tuple(n for n in names if n in core)]
         parts += [tuple(n for n in names if n in core or n == other) for other in names if other not in core]
-        return list(dict.fromkeys(part for part in parts if part and part != names))
+        return self._untried([part for part in dict.fromkeys(parts) if part and part != names] + [names])
 
     def _score(self, fit: Fit) -> float:
         """What the search holds against each other: held-out log score with priors, the better of with and without."""
@@ -240,8 +258,10 @@ class SetSearch:
             self.costs[fit.effects] = self.likelihood.improbability(fit.shift, fit.design)
         return self.costs[fit.effects]
 
-    def _screened(self, members: Sequence[Member], beside: Fit) -> list[Names]:
-        """Sets that none of their effects could be taken out of without loss, best first.
+    def _screened(self, members: Sequence[Member], beside: Fit) -> dict[Names, float]:
+        """Sets that none of their effects could be taken out of without loss, best first, and what each is short of.
+
+        That is the promise of the set that promises most (nats).
 
         Without a discrepancy, and with one that is as wide as it is beside some fit. A set promises no more than its
         parts have kept of what they promised, and nothing where one of them was not credible.
@@ -260,8 +280,8 @@ class SetSearch:
         for names, score in found.items():
             kept[names] = score + min((lack for fitted, lack in short.items() if fitted <= set(names)), default=0.0)
         most = max(kept.values())
-        near = [names for names, score in kept.items() if score > most - SCREENED_GAP and _is_whole(names, found)]
-        return sorted(near, key=lambda names: -kept[names])
+        short_of = {names: most - score for names, score in kept.items() if _is_whole(names, found)}
+        return dict(sorted(short_of.items(), key=lambda pair: pair[1]))
 
     def _first_law(self) -> Fit | None:
         """The effect that explains most by itself, if flights have it each in their own way: others show beside it."""

@@ -11,6 +11,7 @@ from itertools import combinations
 
 import torch
 from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
 
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
@@ -147,12 +148,15 @@ class Screening:
         sizes = [m.sensitivity.shape[2] for m in self.members]
         widths = [m.alike.shape[1] for m in self.members]
         own = torch.split(torch.arange(sum(sizes)), sizes)
-        self.offset = torch.arange(sum(sizes), sum(sizes) + len(sizes)).tolist()
+        self.offset = torch.arange(sum(sizes), sum(sizes) + len(sizes))
         first = sum(sizes) + len(sizes)
         alike = torch.split(torch.arange(first, first + sum(widths)), widths)
-        self.at = [torch.cat(pair) for pair in zip(own, alike, strict=True)]
-        self.ridge = torch.zeros(self.last + 1, dtype=torch.float64)
+        at = [torch.cat(pair) for pair in zip(own, alike, strict=True)]
+        self.at = pad_sequence(at, batch_first=True, padding_value=self.last + 1) if at else torch.zeros(0, 0).long()
+        self.ridge = torch.zeros(self.last + 2, dtype=torch.float64)
         self.ridge[first : self.last] = 1.0
+        self.ridge[-1] = 1.0
+        self.problems = [_Problems(_padded(inner), self.ridge) for inner in self.inner]
 
     def scores(self, sets: Sequence[tuple[int, ...]]) -> dict[tuple[str, ...], float]:
         """Held-out log score of every set, by the sorted names of its effects, the best of several; with its prior."""
@@ -168,33 +172,52 @@ class Screening:
 
     def _of_size(self, group: list[tuple[int, ...]]) -> Tensor:
         """Scores of sets that have as many members each."""
-        columns = [torch.cat([self.at[i] for i in members]) if members else torch.zeros(0).long() for members in group]
-        width = max(len(c) for c in columns)
-        # Sets with fewer columns are filled up with one that is zero.
-        blank = self.last + 1
-        index = torch.full((len(group), width), blank)
-        for row, of_set in enumerate(columns):
-            index[row, : len(of_set)] = of_set
-        fixed = torch.tensor([[self.offset[i] for i in members] for members in group], dtype=torch.long)
-        fixed = fixed.reshape(len(group), -1)
-        ridge = torch.cat([self.ridge, torch.ones(1, dtype=torch.float64)])[index]
+        members = torch.tensor(group, dtype=torch.long).reshape(len(group), -1)
+        # Sets with fewer columns are filled up with the one that is zero, which is the last.
+        index = self.at[members].flatten(1).sort(1).values
+        index = index[:, : int((index <= self.last).sum(1).max())]
+        # What was measured, without the offsets.
+        known = torch.zeros(len(group), self.last + 2, dtype=torch.float64)
+        known[:, self.last] = 1.0
+        known.scatter_(1, self.offset[members], -1.0)
+        ridge = self.ridge[index]
         total = torch.zeros(len(group), dtype=torch.float64)
-        place = torch.cat([index, fixed, torch.full((len(group), 1), self.last)], 1)
-        known = torch.cat([-torch.ones_like(fixed), torch.ones(len(group), 1)], 1).double()
-        for fold in range(FOLDS + 1):
-            inner = torch.nn.functional.pad(self.inner[fold], (0, 1, 0, 1))
-            matrix = inner[index[:, :, None], index[:, None, :]]
-            target = inner[index, self.last] - inner[index[:, :, None], fixed[:, None, :]].sum(2)
-            step = _solved(matrix, target, ridge)
+        for fold, problem in enumerate(self.problems):
+            step = problem.solved(index, known)
             if fold == FOLDS:
                 # Of all flights: what is off in them is as improbable as its prior says.
                 total -= 0.5 * (ridge * step**2).sum(1)
                 break
-            held = torch.nn.functional.pad(self.held_out[fold], (0, 1, 0, 1))
-            v = torch.cat([-step, known], 1)
-            part = held[place[:, :, None], place[:, None, :]]
-            total += -0.5 * (v[:, None] @ part @ v[:, :, None])[:, 0, 0]
+            left = known.scatter_add(1, index, -step)
+            total -= 0.5 * (left @ _padded(self.held_out[fold]) * left).sum(1)
         return total
+
+
+class _Problems:
+    """Penalised least squares of any columns of one table, in units in which every column is as large."""
+
+    def __init__(self, inner: Tensor, ridge: Tensor) -> None:
+        """Scale the table (l, l); ``ridge`` (l,) is the prior precision of its columns."""
+        raw = inner.diagonal()
+        known = raw + ridge > 1e-9
+        self.inner, self.size = inner, torch.where(known, raw + ridge, 1.0).sqrt()
+        self.scaled = inner / (self.size[:, None] * self.size)
+        # What the data say nothing about is left alone.
+        self.more = ridge / self.size**2 + torch.where(known, RIDGE, UNKNOWN_TO_DATA)
+
+    def solved(self, index: Tensor, known: Tensor) -> Tensor:
+        """Coefficients (s, k) of columns (s, k) that explain most of a sum of columns with weights (s, l)."""
+        matrix = self.scaled[index[:, :, None], index[:, None, :]]
+        matrix.diagonal(dim1=1, dim2=2).add_(self.more[index])
+        size = self.size[index]
+        target = (known @ self.inner).gather(1, index)
+        found: Tensor = torch.linalg.solve(matrix, (target / size)[..., None])[..., 0] / size
+        return found
+
+
+def _padded(table: Tensor) -> Tensor:
+    """A table (l, l) with one more column and row, of zeros."""
+    return torch.nn.functional.pad(table, (0, 1, 0, 1))
 
 
 def _profiled_out(inner: Tensor, held_out: Tensor, gone: Tensor, ridge: Tensor) -> tuple[Tensor, Tensor]:
@@ -210,17 +233,6 @@ def _profiled_out(inner: Tensor, held_out: Tensor, gone: Tensor, ridge: Tensor) 
     between = held_out[:, kept_at[:, None], gone] @ share
     own = share.transpose(1, 2) @ held_out[:, gone[:, None], gone] @ share
     return left, held_out[:, kept_at[:, None], kept_at] - between - between.transpose(1, 2) + own
-
-
-def _solved(matrix: Tensor, target: Tensor, ridge: Tensor) -> Tensor:
-    """Coefficients (s, k) of many small penalised problems, leaving alone what the data say nothing about."""
-    raw = matrix.diagonal(dim1=1, dim2=2)
-    known = raw + ridge > 1e-9
-    size = torch.where(known, raw + ridge, 1.0).sqrt()
-    scaled = (matrix + torch.diag_embed(ridge)) / (size[:, :, None] * size[:, None])
-    scaled = scaled + torch.diag_embed(torch.where(known, RIDGE, UNKNOWN_TO_DATA))
-    found: Tensor = torch.linalg.solve(scaled, (target / size)[..., None])[..., 0] / size
-    return found
 
 
 def sets_of(members: Sequence[Member], most: int = MAX_EFFECTS) -> list[tuple[int, ...]]:

@@ -33,6 +33,17 @@ COMMANDS = {
 }
 TRAINER = ("fit", "validate", "test", "predict")
 """Commands of the LightningCLI, which know every option of trainer, model and data."""
+LIBRARIES = {
+    "simulate": "descentflow.simulation.world",
+    "prepare": "descentflow.surveillance.prepare",
+    "info": "descentflow.densities.checkpoint_summary",
+    "sample": "descentflow.generation.sample",
+    "predict-descent": "descentflow.generation.prediction.predict",
+    "export": "descentflow.exports.export",
+    "evaluate": "descentflow.evaluation.evaluate",
+    "diagnose": "descentflow.diagnosis.diagnose",
+}
+"""What a command imports before it does anything, with all that it takes of large libraries."""
 QUIET = "--quiet"
 """Option of every command: no progress on stderr."""
 
@@ -164,6 +175,9 @@ def _run(name: str, rest: list[str]) -> int:
     args = parser.parse_args(rest)
     if "checkpoint" in args:
         _check_checkpoint(args.checkpoint)
+    if name in LIBRARIES:
+        with _without_cycle_search():
+            import_module(LIBRARIES[name])
     module.run(args)
     return 0
 

@@ -14,6 +14,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from typing import Any, Generic, TypeVar
@@ -74,7 +75,7 @@ class Begun(Generic[T]):
         # Readable once it is done; nothing where the call waits until it is asked for.
         self.pipe: Any = None
         if _allowed > 1:
-            self._fork()
+            self._process, self.pipe = forked(partial(_send_once, call))
 
     def __enter__(self) -> "Begun[T]":
         """Itself; nothing of it is left behind at the end of the block, whatever happens in it."""
@@ -97,21 +98,6 @@ class Begun(Generic[T]):
             return False
         return bool(self._process.is_alive())
 
-    def _fork(self) -> None:
-        context = get_context("fork")
-        self.pipe, theirs = context.Pipe(duplex=False)
-        self._process = context.Process(target=_work, args=(self._call, self.pipe, theirs), daemon=True)
-        with warnings.catch_warnings():
-            # Python 3.12 warns of fork beside threads, which may hold locks: the copy runs plain torch and no thread's.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            # Ctrl-C waits until the copy knows what to do with it.
-            signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-            try:
-                self._process.start()
-            finally:
-                signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-        theirs.close()
-
     def result(self) -> T:
         """What was worked out.
 
@@ -124,17 +110,9 @@ class Begun(Generic[T]):
         if self._sent is None:
             self._receive()
         if not self._sent:
-            self._process.join()
-            raise MemoryError(
-                f"a process that worked for this one ended with status {self._process.exitcode}, which is mostly for "
-                "lack of memory: OMP_NUM_THREADS=1 does one thing after another"
-            )
-        # Plain pickle: torch's own would leave tensors in memory of a process that has ended.
-        done, value = pickle.loads(self._sent)
+            raise killed(self._process)
         self.end()
-        if not done:
-            raise value
-        found: T = value
+        found: T = received(self._sent)
         return found
 
     def _receive(self) -> None:
@@ -212,8 +190,35 @@ def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None]
     return [done[place] for place in range(len(calls))]
 
 
-def _work(call: Callable[[], object], theirs: Any, pipe: Any) -> None:
-    """In the copy: work out the call and send its result or its error."""
+def forked(work: Callable[[Any], None]) -> tuple[Any, Any]:
+    """A copy of this process, and the pipe that leads to it.
+
+    Args:
+        work: What the copy does, given its end of the pipe; then it ends.
+
+    Example:
+        >>> process, pipe = forked(lambda pipe: pipe.send("here"))
+        >>> pipe.recv(), process.join(), process.exitcode
+        ('here', None, 0)
+    """
+    context = get_context("fork")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_work, args=(work, ours, theirs), daemon=True)
+    with warnings.catch_warnings():
+        # Python 3.12 warns of fork beside threads, which may hold locks: the copy runs plain torch and no thread's.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        # Ctrl-C waits until the copy knows what to do with it.
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+    theirs.close()
+    return process, ours
+
+
+def _work(work: Callable[[Any], None], theirs: Any, pipe: Any) -> None:
+    """In the copy: one thread, nothing beside it, and no Ctrl-C of its own."""
     global _allowed
     _beside.clear()
     # The end that is read: while this process had it too, nothing would tell that nobody reads any more.
@@ -223,12 +228,56 @@ def _work(call: Callable[[], object], theirs: Any, pipe: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     torch.set_num_threads(1)
+    # Nobody reads what is sent where the one that asked has ended, or wants it no more.
+    with suppress(BrokenPipeError):
+        work(pipe)
+    pipe.close()
+
+
+def answered(call: Callable[[], object]) -> bytes:
+    """What a call gives, or its error, as a copy of a process sends it.
+
+    Example:
+        >>> received(answered(lambda: 6 * 7))
+        42
+    """
     try:
         sent: tuple[bool, object] = (True, call())
     except Exception as error:
         error.add_note("".join(traceback.format_exception(error)))
         sent = (False, error)
-    # Nobody reads it where the one that asked has ended, or wants it no more.
-    with suppress(BrokenPipeError):
-        pipe.send_bytes(pickle.dumps(sent))
-    pipe.close()
+    return pickle.dumps(sent)
+
+
+def received(sent: bytes) -> Any:
+    """What :func:`answered` was given, or its error raised.
+
+    Example:
+        >>> received(answered(lambda: 1 // 0))
+        Traceback (most recent call last):
+        ZeroDivisionError: integer division or modulo by zero
+    """
+    # Plain pickle: torch's own would leave tensors in memory of a process that has ended.
+    done, value = pickle.loads(sent)
+    if not done:
+        raise value
+    return value
+
+
+def killed(process: Any) -> MemoryError:
+    """The error that says so of a copy which ended before it sent what was asked of it.
+
+    Example:
+        >>> process, _ = forked(lambda pipe: None)
+        >>> "lack of memory" in str(killed(process))
+        True
+    """
+    process.join()
+    return MemoryError(
+        f"a process that worked for this one ended with status {process.exitcode}, which is mostly for "
+        "lack of memory: OMP_NUM_THREADS=1 does one thing after another"
+    )
+
+
+def _send_once(call: Callable[[], object], pipe: Any) -> None:
+    pipe.send_bytes(answered(call))

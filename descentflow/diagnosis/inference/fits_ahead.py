@@ -1,13 +1,13 @@
 """Fits worked out side by side, and fits worked out before it is known whether they are wanted."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 from torch import Tensor
 
 from descentflow.core.foreseen_calls import ForeseenCalls
-from descentflow.core.side_by_side import at_once, side_by_side
+from descentflow.core.side_by_side import at_once
 from descentflow.diagnosis.inference.free_discrepancy import Beside, FreeDiscrepancy
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.linear_algebra import Design
@@ -19,7 +19,28 @@ Names = tuple[str, ...]
 Asked = tuple[Names, Mapping[str, Tensor]]
 """Effects, and the parameters from which their fit starts."""
 _Key = tuple[Names, tuple[tuple[str, tuple[float, ...]], ...]]
-_Made = tuple[_Key, Fit, Beside | None]
+
+
+@dataclass(frozen=True)
+class _Question:
+    """A fit that is asked for, and what is asked for next where some of its effects cannot be what they say."""
+
+    names: Names
+    start: Mapping[str, Tensor]
+    others: Mapping[str, Tensor]
+    """Parameters of every effect from which the next fit starts."""
+    tried: frozenset[frozenset[str]]
+    """Sets that were fitted already, and are not again."""
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A fit; of another process without its design, but with a discrepancy beside it and the effects that can be."""
+
+    key: _Key
+    fit: Fit
+    beside: Beside | None = None
+    kept: Names = ()
 
 
 def fits_side_by_side(
@@ -44,10 +65,14 @@ def fits_side_by_side(
     """
     _know_what_is_shared(likelihood)
     names = [one[0] for one in asked]
-    order = _long_ones_first(likelihood, names)
-    calls = [partial(_fitted, likelihood, *asked[at]) for at in order]
-    found = side_by_side(calls, lambda place: progress(f"fitting {', '.join(names[order[place]])}"))
-    return [with_design(likelihood, fit) for _, fit in sorted(zip(order, found, strict=True), key=lambda pair: pair[0])]
+    begins = {place: f"fitting {', '.join(names[place])}" for place in _long_ones_first(likelihood, names)}
+
+    def fitted(place: int) -> Fit:
+        return without_design(fit_effects(likelihood, *asked[place]))
+
+    with ForeseenCalls(fitted, lambda place: progress(begins[place])) as calls:
+        calls.foresee({place: place for place in begins})
+        return [with_design(likelihood, calls.ask(place, partial(fitted, place))) for place in range(len(asked))]
 
 
 def _long_ones_first(likelihood: EffectsLikelihood, asked: Sequence[Names]) -> list[int]:
@@ -67,7 +92,7 @@ class FitsAhead:
         >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared)[0])
         >>> start = {"temperature": EFFECTS["temperature"].start()}
         >>> with FitsAhead(likelihood, free, print) as ahead:
-        ...     ahead.foresee([(("temperature",), start)])  # where only one may run, it waits until it is asked for
+        ...     ahead.foresee([(("temperature",), start)], start)  # where only one may run, it waits until asked for
         ...     ahead.fit(("temperature",), start).theta["temperature"].round()
         fitting temperature
         tensor([10.], dtype=torch.float64)
@@ -78,7 +103,7 @@ class FitsAhead:
         likelihood: EffectsLikelihood,
         discrepancy: FreeDiscrepancy,
         progress: Callable[[str], None],
-        follows: Callable[[Fit], Asked | None] = lambda fit: None,
+        credible: Callable[[Fit], Names] = lambda fit: fit.effects,
     ) -> None:
         """Begin with none.
 
@@ -86,53 +111,69 @@ class FitsAhead:
             likelihood: Of the flights.
             discrepancy: That is tried beside each.
             progress: Called with what is being fitted.
-            follows: What will be asked for after a fit, where the fit alone decides it: whoever made one goes on.
+            credible: Which effects of a fit can be what they say: whoever made one goes on with these alone.
         """
-        self.likelihood, self.discrepancy, self._follows = likelihood, discrepancy, follows
-        self._calls = ForeseenCalls[list[_Made]](lambda key: progress(f"fitting {', '.join(key[0])}"))
-        self._made: dict[_Key, tuple[Fit, Beside | None]] = {}
+        self.likelihood, self.discrepancy, self._credible = likelihood, discrepancy, credible
+        self._calls = ForeseenCalls(self._answer, lambda key: progress(f"fitting {', '.join(key[0])}"))
+        self._made: dict[_Key, _Made] = {}
+        self._kept: dict[Names, Names] = {}
 
     def __enter__(self) -> "FitsAhead":
         """Itself; no fit runs on after the end of the block."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._calls.foresee({})
+        self._calls.__exit__()
 
-    def foresee(self, asked: Sequence[Asked]) -> None:
-        """Work out fits that will be asked for, or may be, the most probable first, and no others any more."""
+    def foresee(
+        self, asked: Sequence[Asked], others: Mapping[str, Tensor], tried: Collection[frozenset[str]] = ()
+    ) -> None:
+        """Work out fits that will be asked for, or may be, the most probable first, and no others any more.
+
+        Args:
+            asked: The fits.
+            others: Parameters of every effect from which the fit of those starts that are credible in one of them.
+            tried: Sets that need not be fitted any more.
+        """
         _know_what_is_shared(self.likelihood)
-        self._calls.foresee({_key(*one): partial(self._each, *one) for one in asked})
+        known = frozenset(tried)
+        self._calls.foresee({_key(*one): _Question(*one, others, known) for one in asked})
 
     def fit(self, names: Names, start: Mapping[str, Tensor]) -> Fit:
         """A fit, worked out now if it was not begun before."""
         key = _key(names, start)
         if key not in self._made:
-            made = self._calls.ask(key, lambda: [(key, fit_effects(self.likelihood, names, start), None)])
-            self._made |= {one: (fit, beside) for one, fit, beside in made}
-        fit, beside = self._made.pop(key)
-        if beside is None:
-            return fit
-        self.discrepancy.found[fit.effects] = beside
-        return with_design(self.likelihood, fit)
+            made = self._calls.ask(key, lambda: [_Made(key, fit_effects(self.likelihood, names, start))])
+            self._made |= {one.key: one for one in made}
+        found = self._made.pop(key)
+        if found.beside is None:
+            return found.fit
+        self.discrepancy.found[names], self._kept[names] = found.beside, found.kept
+        return with_design(self.likelihood, found.fit)
 
-    def _each(self, names: Names, start: Mapping[str, Tensor]) -> list[_Made]:
+    def credible(self, fit: Fit) -> Names:
+        """Which effects of a fit can be what they say, asked once."""
+        if fit.effects not in self._kept:
+            self._kept[fit.effects] = self._credible(fit)
+        return self._kept[fit.effects]
+
+    def _answer(self, question: _Question) -> list[_Made]:
         """A fit, and those that follow it, as they are sent to another process."""
         made: list[_Made] = []
-        asked: Asked | None = (names, start)
-        while asked is not None:
-            fit = fit_effects(self.likelihood, *asked)
-            made.append((_key(*asked), without_design(fit), self.discrepancy.beside(fit)))
-            asked = self._follows(fit)
-        return made
+        names, start = question.names, question.start
+        while True:
+            fit = fit_effects(self.likelihood, names, start)
+            # The same effects may have been asked for before, from elsewhere.
+            self.discrepancy.found.pop(names, None)
+            kept = self._credible(fit)
+            made.append(_Made(_key(names, start), without_design(fit), self.discrepancy.beside(fit), kept))
+            if kept == names or frozenset(kept) in question.tried:
+                return made
+            names, start = kept, {name: question.others[name] for name in kept}
 
 
 def _key(names: Names, start: Mapping[str, Tensor]) -> _Key:
     return names, tuple((name, tuple(value.tolist())) for name, value in start.items())
-
-
-def _fitted(likelihood: EffectsLikelihood, names: Names, start: Mapping[str, Tensor]) -> Fit:
-    return without_design(fit_effects(likelihood, names, start))
 
 
 def reordered(likelihood: EffectsLikelihood, fit: Fit, names: Names) -> Fit:

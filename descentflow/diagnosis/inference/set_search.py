@@ -58,13 +58,12 @@ class SetSearch:
         """Begin with the effects alone."""
         self.likelihood, self.progress = likelihood, progress
         self.discrepancy = FreeDiscrepancy(likelihood, discrepancy)
-        self.ahead = FitsAhead(likelihood, self.discrepancy, progress, self._follows)
+        self.ahead = FitsAhead(likelihood, self.discrepancy, progress, self._credible_names)
         self.fits: dict[frozenset[str], Fit] = {frozenset(): null}
         for name, single in singles.items():
             if single.fit.kept is not null.kept:
                 self.fits[frozenset([name])] = single.fit
         self.start = {name: single.fit.theta[name] for name, single in singles.items()}
-        self.credible: dict[tuple[Names, str], bool] = {}
         self.costs: dict[Names, float] = {}
         self.promised: dict[Names, dict[str, float]] = {}
         self.lack: dict[str, float] = {}
@@ -107,7 +106,7 @@ class SetSearch:
             if not wanted:
                 return sets, alone
             # While the best stays the best, all of these will be asked for.
-            self.ahead.foresee([(names, self._begin(names, start)) for names in (*larger, *exchanged, *smaller)])
+            self._foresee((*larger, *exchanged, *smaller), start)
             for names in wanted:
                 self._credible_part(self.fit(names, start))
 
@@ -183,9 +182,10 @@ class SetSearch:
             self._credible_part(self.fit(wanted[0]))
         return self._best()
 
-    def _foresee(self, sets: Sequence[Names]) -> None:
+    def _foresee(self, sets: Sequence[Names], start: Mapping[str, Tensor] | None = None) -> None:
         """Work out meanwhile what may be asked for, the most probable first."""
-        self.ahead.foresee([(names, self._begin(names, {})) for names in dict.fromkeys(sets)])
+        asked = [(names, self._begin(names, start or {})) for names in dict.fromkeys(sets)]
+        self.ahead.foresee(asked, self.start, self.fits)
 
     def _pairs_with(self, law: Fit) -> list[Names]:
         """The effects of a fit with each other one that gains something alone, what gains most first."""
@@ -222,21 +222,13 @@ class SetSearch:
     def _credible_part(self, fit: Fit) -> Fit:
         """The fit without effects that cannot be what they say, fitted again until all can."""
         while True:
-            kept = tuple(name for name in fit.effects if self._is_credible(fit, name))
+            kept = self.ahead.credible(fit)
             if kept == fit.effects:
                 return fit
             fit = self.fit(kept)
 
-    def _follows(self, fit: Fit) -> tuple[Names, dict[str, Tensor]] | None:
-        """What :meth:`_credible_part` asks for next, if it was not fitted before."""
-        kept = tuple(name for name in fit.effects if self._is_credible(fit, name))
-        return (kept, self._begin(kept, {})) if kept != fit.effects and self._untried([kept]) else None
-
-    def _is_credible(self, fit: Fit, name: str) -> bool:
-        key = (fit.effects, name)
-        if key not in self.credible:
-            self.credible[key] = is_credible(self.likelihood, fit, name)
-        return self.credible[key]
+    def _credible_names(self, fit: Fit) -> Names:
+        return tuple(name for name in fit.effects if is_credible(self.likelihood, fit, name))
 
     def fit(self, names: Sequence[str], start: Mapping[str, Tensor] | None = None) -> Fit:
         """The fit of a set, made once; from the parameters of another fit, where these are given."""

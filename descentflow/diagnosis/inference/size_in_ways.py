@@ -60,11 +60,9 @@ class Explained:
         if spread == 0.0:
             return self._of_law(mean, spread)[0]
         variance = spread**2
-        size = (variance * self.slope).add_(mean)
-        gain = (size + mean).mul_(self.slope).mul_(0.5).sub_(0.5 * mean**2 * self.curvature)
-        gain.div_(1 + variance * self.curvature)
-        gain[size < 0] = -0.5 * mean**2 / variance
-        return gain.add_((self.by_offset - _log_above(mean, spread))[:, None])
+        gain = (variance * self.slope).add_(mean).clamp_(min=0.0).square_()
+        gain.div_((2 * variance**2 * self.curvature).add_(2 * variance))
+        return gain.add_((self.by_offset - (_log_above(mean, spread) + 0.5 * mean**2 / variance))[:, None])
 
     def under(self, mean: float, spread: float) -> "Likely":
         """How much more likely each way is than none under a law of the size, and the size in it."""

@@ -119,9 +119,9 @@ def test_what_follows_a_fit_is_worked_out_where_the_fit_was() -> None:
     begun: list[str] = []
     with (
         cores_shared(),
-        FitsAhead(likelihood, free, begun.append, lambda fit: one if len(fit.effects) == 2 else None) as ahead,
+        FitsAhead(likelihood, free, begun.append, lambda fit: ("temperature",)) as ahead,
     ):
-        ahead.foresee([(("temperature", "mass"), start)])
+        ahead.foresee([(("temperature", "mass"), start)], start)
         ahead.fit(("temperature", "mass"), start)
         found = ahead.fit(*one)
         assert begun == ["fitting temperature, mass"]

@@ -32,7 +32,11 @@ MAX_SECANTS = 4
 MAX_STEPS = 15
 """...and steps of expectation and maximisation for each of them, at most."""
 MIN_EM_GAIN = 0.2
-"""Nats by which a step must raise the likelihood for another to follow: far less than decides between two sets."""
+"""Nats by which a step must raise the likelihood for another to follow: far less than decides between two sets..."""
+GAIN_OF_FLIGHT = 5e-4
+"""...or so many of each flight, where they are more than 400: of as many more flights a step gains as much more."""
+MANY = 800
+"""Flights from which on laws are learnt of every k-th at first, of half as many at least: then few steps are left."""
 SETTLED = 0.02
 """Relative change of a size below which ways need not be worked out anew."""
 MIN_TAKEN = 0.5
@@ -53,18 +57,19 @@ class FlightFit:
         1.0
     """
 
-    def __init__(self, likelihood: EffectsLikelihood, laws: Laws) -> None:
+    def __init__(self, likelihood: EffectsLikelihood, laws: Laws, every: int = 1) -> None:
         """Prepare.
 
         Args:
             likelihood: Of all flights.
             laws: Where to start.
+            every: Of the real flights each so many are taken.
         """
         self.likelihood, self.laws = likelihood, dict(laws)
-        self.at = torch.nonzero(likelihood.real)[:, 0]
+        self.at = torch.nonzero(likelihood.real)[::every, 0]
         self.state: FlightState = likelihood.compared.state.rows(self.at)
         self.seen = likelihood.compared.y[self.at].isfinite()
-        self.single = likelihood.single_real
+        self.single = likelihood.single_real if every == 1 else likelihood.single.rows(self.at)
         self.total = self.single.total(torch.ones(len(self.at)))
         self.total += torch.diag((SPREAD * likelihood.compared.negligible()) ** -2)
         self.factor = torch.linalg.cholesky(self.total)
@@ -74,6 +79,11 @@ class FlightFit:
 
     def learn(self, expected: Tensor) -> None:
         """Learn the laws, given what is expected (m, p) of the real flights without the effects."""
+        every = 2 * len(self.at) // MANY
+        if len(self.at) >= MANY and not bool(self.off.any()):
+            some = FlightFit(self.likelihood, self.laws, every)
+            some.learn(expected[::every])
+            self.laws, self.off = some.laws, some.off
         left = self.likelihood.compared.y[self.at].nan_to_num(0.0) - expected
         for _ in range(MAX_SECANTS):
             before = self.laws
@@ -86,6 +96,7 @@ class FlightFit:
         """Steps of expectation and maximisation until they gain nothing; ``left`` (m, p) of the flights."""
         left = torch.where(self.seen, left, 0.0)
         whole, reached = self.single.summed(left), -torch.inf
+        least = max(MIN_EM_GAIN, GAIN_OF_FLIGHT * len(self.at))
         shown = {name: w.weighted(left) for name, w in ways.items()}
         for _ in range(MAX_STEPS):
             explained = {n: w.explained_of(shown[n] - w.weighted_alike(self.off)) for n, w in ways.items()}
@@ -96,7 +107,7 @@ class FlightFit:
             self.laws = self.learnt()
             without = whole - torch.stack([w.summed(slots[n]) for n, w in ways.items()]).sum(0)
             self.off = torch.cholesky_solve(without[:, None], self.factor)[:, 0]
-            if value < reached + MIN_EM_GAIN:
+            if value < reached + least:
                 break
             reached = value
         self.shifts = {name: w.placed(slots[name]) for name, w in ways.items()}

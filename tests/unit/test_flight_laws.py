@@ -9,7 +9,7 @@ import torch
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from descentflow.diagnosis.inference import mixed_fit
+from descentflow.diagnosis.inference import flight_fit, mixed_fit
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.example_sides import example_likelihood
 from descentflow.diagnosis.inference.flight_fit import FlightFit
@@ -184,6 +184,25 @@ def test_own_windows_score_higher_than_one_for_all(windows) -> None:
     null = fit_effects(held, ())
     mean_alone = held.log_score(held.shift(fit.theta), held.design(fit.theta))
     assert held.gain(fit.log_score, mean_alone)[0] > 10 * abs(held.gain(mean_alone, null.log_score)[0])
+
+
+def test_laws_of_many_flights_are_begun_with_some_and_end_where_all_lead(windows, monkeypatch) -> None:
+    held, _, _, fit = windows
+    start = fit.theta["speed_brake"] * torch.tensor([0.8, 1.0, 1.0, 0.8, 1.0, 1.2, 1.2, 1.2]).double()
+    found, steps = [], []
+    settle = FlightFit._settle
+    monkeypatch.setattr(FlightFit, "_settle", lambda self, *a: (steps.append(len(self.at)), settle(self, *a)))
+    for many in (10**6, 150):
+        monkeypatch.setattr(flight_fit, "MANY", many)
+        steps.clear()
+        flights = FlightFit(held, {"speed_brake": start})
+        flights.learn(torch.zeros_like(held.y[held.real]))
+        found.append(flights.laws["speed_brake"])
+        assert min(steps) == (len(flights.at) if many > 150 else len(flights.at[:: 2 * len(flights.at) // 150]))
+    size, share = found[0][0] / found[0][3], found[0][3]
+    # What a step gains when the steps end, 0.2 nats, is a fifth of a standard deviation of any parameter or so.
+    assert float(found[1][0] / found[1][3]) == pytest.approx(float(size), rel=0.02)
+    assert float(found[1][3]) == pytest.approx(float(share), abs=0.01)
 
 
 def test_the_log_score_is_that_of_the_mixture(windows) -> None:

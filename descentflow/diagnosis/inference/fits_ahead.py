@@ -7,6 +7,7 @@ from functools import partial
 from torch import Tensor
 
 from descentflow.core.foreseen_calls import ForeseenCalls
+from descentflow.core.freed_memory import give_back
 from descentflow.core.side_by_side import at_once
 from descentflow.diagnosis.inference.free_discrepancy import Beside, FreeDiscrepancy
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
@@ -15,6 +16,9 @@ from descentflow.diagnosis.inference.mixed_fit import design_with_laws
 from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.effects.flight_law import DiffersByFlight
 
+MANY_NUMBERS = 200_000
+"""Measured in all flights, from which on memory is given back after each fit: what fits leave between what is kept of
+them adds up to hundreds of megabytes of thousands of flights, and of hundreds is not worth the time."""
 Names = tuple[str, ...]
 Asked = tuple[Names, Mapping[str, Tensor]]
 """Effects, and the parameters from which their fit starts."""
@@ -143,13 +147,19 @@ class FitsAhead:
         """A fit, worked out now if it was not begun before."""
         key = _key(names, start)
         if key not in self._made:
-            made = self._calls.ask(key, lambda: [_Made(key, fit_effects(self.likelihood, names, start))])
+            made = self._calls.ask(key, lambda: [_Made(key, self._fitted(names, start))])
             self._made |= {one.key: one for one in made}
         found = self._made.pop(key)
         if found.beside is None:
             return found.fit
         self.discrepancy.found[names], self._kept[names] = found.beside, found.kept
         return with_design(self.likelihood, found.fit)
+
+    def _fitted(self, names: Names, start: Mapping[str, Tensor]) -> Fit:
+        fit = fit_effects(self.likelihood, names, start)
+        if self.likelihood.y.numel() > MANY_NUMBERS:
+            give_back()
+        return fit
 
     def credible(self, fit: Fit) -> Names:
         """Which effects of a fit can be what they say, asked once."""
@@ -162,7 +172,7 @@ class FitsAhead:
         made: list[_Made] = []
         names, start = question.names, question.start
         while True:
-            fit = fit_effects(self.likelihood, names, start)
+            fit = self._fitted(names, start)
             # The same effects may have been asked for before, from elsewhere.
             self.discrepancy.found.pop(names, None)
             kept = self._credible(fit)

@@ -13,6 +13,8 @@ KEPT = 6
 """Selections of rows of the precisions that are kept: effects that show in the same quantities ask for the same."""
 PARTS = 8
 """Parts of the flights whose precisions are kept: the folds, either side, and all real ones by fold."""
+AT_ONCE = 1 << 21
+"""Numbers that are worked out at a time: 16 MB."""
 ITERATIONS = 6
 """Of EM; what is missing is mostly the top of the grid, and its neighbours say nearly all of it."""
 
@@ -79,10 +81,13 @@ class Whitening:
         # Most effects show in a few quantities alone.
         used = torch.nonzero((values != 0).any(2).any(0))[:, 0]
         n, p, k = values.shape
-        shown = values[:, used].transpose(1, 2)[order]
-        rows = self.of_entries(used)
-        found = self._times(shown.reshape(n, k * len(used)), rows, k)
-        return found.reshape(n, k, p)[back].transpose(1, 2)
+        rows, found = self.of_entries(used), torch.empty(n, k, p, dtype=values.dtype)
+        step = max(AT_ONCE // (n * p), 1)
+        for at in range(0, k, step):
+            part = values[:, used, at : at + step].transpose(1, 2)[order]
+            count = part.shape[1]
+            found[order, at : at + step] = self._times(part.flatten(1), rows, count).reshape(n, count, p)
+        return found.transpose(1, 2)
 
     def _times(self, ordered: Tensor, precision: Tensor, k: int = 1) -> Tensor:
         """Values (n, k u) of ordered flights times the precision (patterns, u, p) of their own pattern: (n k, p)."""

@@ -147,7 +147,7 @@ class FitsAhead:
         """A fit, worked out now if it was not begun before."""
         key = _key(names, start)
         if key not in self._made:
-            made = self._calls.ask(key, lambda: [_Made(key, self._fitted(names, start))])
+            made = self._calls.ask(key, lambda: [_Made(key, self.fitted(names, start))])
             self._made |= {one.key: one for one in made}
         found = self._made.pop(key)
         if found.beside is None:
@@ -155,7 +155,8 @@ class FitsAhead:
         self.discrepancy.found[names], self._kept[names] = found.beside, found.kept
         return with_design(self.likelihood, found.fit)
 
-    def _fitted(self, names: Names, start: Mapping[str, Tensor]) -> Fit:
+    def fitted(self, names: Names, start: Mapping[str, Tensor]) -> Fit:
+        """A fit, worked out here and now."""
         fit = fit_effects(self.likelihood, names, start)
         if self.likelihood.y.numel() > MANY_NUMBERS:
             give_back()
@@ -172,7 +173,7 @@ class FitsAhead:
         made: list[_Made] = []
         names, start = question.names, question.start
         while True:
-            fit = self._fitted(names, start)
+            fit = self.fitted(names, start)
             # The same effects may have been asked for before, from elsewhere.
             self.discrepancy.found.pop(names, None)
             kept = self._credible(fit)

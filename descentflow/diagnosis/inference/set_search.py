@@ -14,7 +14,7 @@ from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mixed_fit import without_laws
 from descentflow.diagnosis.inference.model_weights import weights_of
 from descentflow.diagnosis.inference.screened_scores import BothScores, screened_scores
-from descentflow.diagnosis.inference.search import first_guess, fit_effects
+from descentflow.diagnosis.inference.search import first_guess
 from descentflow.diagnosis.inference.set_growth import others_beside, promised_beside
 from descentflow.diagnosis.inference.single_effects import Candidate
 from descentflow.diagnosis.inference.subset_screening import Member, member_of
@@ -36,6 +36,7 @@ class SetSearch:
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> from descentflow.diagnosis.inference.search import fit_effects
         >>> from descentflow.diagnosis.inference.single_effects import every_single
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
@@ -307,7 +308,7 @@ class SetSearch:
                 found.append(member_of(self.likelihood, name, guess))
             else:
                 self.progress(f"fitting {name} beside {', '.join(fit.effects)}")
-                other = fit_effects(self.likelihood, (*fit.effects, name), fit.theta)
+                other = self.ahead.fitted((*fit.effects, name), fit.theta)
                 self.fits[frozenset(other.effects)] = other
                 self.start[name] = other.theta[name]
                 found.append(member_of(self.likelihood, name, other.theta[name]))

@@ -229,7 +229,7 @@ def _work(work: Callable[[Any], None], theirs: Any, pipe: Any) -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     torch.set_num_threads(1)
     # Nobody reads what is sent where the one that asked has ended, or wants it no more.
-    with suppress(BrokenPipeError):
+    with suppress(ConnectionError):
         work(pipe)
     pipe.close()
 

@@ -42,7 +42,7 @@ class Worker(Generic[Q, T]):
         try:
             # Plain pickle: torch's own would share memory between the two.
             self.pipe.send_bytes(pickle.dumps(question))
-        except BrokenPipeError:
+        except ConnectionError:
             raise killed(self._process) from None
 
     def result(self) -> T:
@@ -54,7 +54,7 @@ class Worker(Generic[Q, T]):
         """
         try:
             sent = self.pipe.recv_bytes()
-        except (EOFError, ConnectionResetError):
+        except (EOFError, ConnectionError):
             raise killed(self._process) from None
         found: T = received(sent)
         return found
@@ -71,6 +71,6 @@ def _answer_all(answer: Callable[[Any], object], pipe: Any) -> None:
     while True:
         try:
             question = pickle.loads(pipe.recv_bytes())
-        except EOFError:
+        except (EOFError, ConnectionError):
             return
         pipe.send_bytes(answered(partial(answer, question)))

@@ -88,7 +88,8 @@ def select_by_either(
         def explored(best: Fit) -> None:
             """Begin the second search where it will probably be asked for, and a copy of this process may do it.
 
-            That the best effect alone leaves flights that differ too little was the last word in 64 of 66 sets.
+            Whether the simulator's flights still differ too little beside the best effect alone was the last word in 64
+            of 66 sets of the sealed study.
             """
             if not begun and is_shared() and not learnt.narrow and is_narrow(searched, best.shift):
                 second = partial(_second_search, learnt, discrepancy, seed)

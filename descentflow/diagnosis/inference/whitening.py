@@ -82,7 +82,7 @@ class Whitening:
         used = torch.nonzero((values != 0).any(2).any(0))[:, 0]
         n, p, k = values.shape
         rows, found = self.of_entries(used), torch.empty(n, k, p, dtype=values.dtype)
-        step = max(AT_ONCE // (n * p), 1)
+        step = max(AT_ONCE // max(n * p, 1), 1)
         for at in range(0, k, step):
             part = values[:, used, at : at + step].transpose(1, 2)[order]
             count = part.shape[1]

@@ -24,6 +24,10 @@ import torch
 T = TypeVar("T")
 MOST = 4
 """Copies at once at most: each takes memory for what it changes."""
+LESS_URGENT = 5
+"""Niceness that a copy adds: the process that others wait for comes first where both want a core."""
+LEAST_URGENT = 19
+"""Niceness of a process that runs where no other wants to."""
 _allowed = 1
 _beside: list["Begun[Any]"] = []
 """Calls that have a core of their own while they work."""
@@ -61,13 +65,14 @@ class Begun(Generic[T]):
         42
     """
 
-    def __init__(self, call: Callable[[], T], *, own_core: bool = False) -> None:
+    def __init__(self, call: Callable[[], T], *, own_core: bool = False, gives_way: bool = False) -> None:
         """Begin.
 
         Args:
             call: What to work out; its result must be one that pickle takes, and what it changes is not seen here.
             own_core: Whether it has one of the cores while it works, in a ``with`` block: others share what is left.
                 For long calls.
+            gives_way: Whether it has only what others leave of the cores: its result is asked for much later.
         """
         self._call, self._own_core = call, own_core
         self._process: Any = None
@@ -75,7 +80,7 @@ class Begun(Generic[T]):
         # Readable once it is done; nothing where the call waits until it is asked for.
         self.pipe: Any = None
         if _allowed > 1:
-            self._process, self.pipe = forked(partial(_send_once, call))
+            self._process, self.pipe = forked(partial(_send_once, call, gives_way=gives_way))
 
     def __enter__(self) -> "Begun[T]":
         """Itself; nothing of it is left behind at the end of the block, whatever happens in it."""
@@ -217,6 +222,17 @@ def forked(work: Callable[[Any], None]) -> tuple[Any, Any]:
     return process, ours
 
 
+def give_way() -> None:
+    """In a copy of this process: leave the cores to all others that want them.
+
+    Example:
+        >>> with cores_shared(), Begun(lambda: os.nice(0), gives_way=True) as begun:
+        ...     begun.result() if is_shared() else 19  # its niceness
+        19
+    """
+    os.nice(LEAST_URGENT)
+
+
 def _work(work: Callable[[Any], None], theirs: Any, pipe: Any) -> None:
     """In the copy: one thread, nothing beside it, and no Ctrl-C of its own."""
     global _allowed
@@ -228,6 +244,7 @@ def _work(work: Callable[[Any], None], theirs: Any, pipe: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     torch.set_num_threads(1)
+    os.nice(LESS_URGENT)
     # Nobody reads what is sent where the one that asked has ended, or wants it no more.
     with suppress(ConnectionError):
         work(pipe)
@@ -281,5 +298,7 @@ def killed(process: Any) -> MemoryError:
     )
 
 
-def _send_once(call: Callable[[], object], pipe: Any) -> None:
+def _send_once(call: Callable[[], object], pipe: Any, *, gives_way: bool) -> None:
+    if gives_way:
+        give_way()
     pipe.send_bytes(answered(call))

@@ -1,6 +1,7 @@
 """The diagnosis itself: from flights and a simulator to a report."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 
@@ -24,7 +25,7 @@ from descentflow.diagnosis.findings.selection_found import DetectionLimit
 from descentflow.diagnosis.inference.blind_whitening import blind_whitening
 from descentflow.diagnosis.inference.detection_limit import detection_limits
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-from descentflow.diagnosis.inference.held_out import held_out_shifts
+from descentflow.diagnosis.inference.held_out import HeldOut, held_out_shifts
 from descentflow.diagnosis.inference.heterogeneity import together
 from descentflow.diagnosis.inference.inclusion import NAMED
 from descentflow.diagnosis.inference.left_over import LeftOver, least_left
@@ -126,6 +127,7 @@ class Diagnosis:
         settings.progress("estimating the spread between flights")
         self.discrepancy, _ = discrepancy_columns(compared)
         self.learnt = SpreadLearnt.of(compared, settings.catalogue, settings.seed)
+        self._of_last: tuple[Fit, HeldOut] | None = None
 
     @property
     def likelihood(self) -> EffectsLikelihood:
@@ -142,7 +144,7 @@ class Diagnosis:
         settings, progress = self.settings, self.settings.progress
         progress("asking whether there is a gap")
         # The search may put another likelihood in its place, before or after the test is worked out.
-        with Begun(partial(self._null_test, self.likelihood)) as asked:
+        with Begun(partial(self._null_test, self.likelihood), gives_way=True) as asked:
             self.learnt, chosen = select_by_either(self.learnt, self.discrepancy, settings.seed, progress)
             # What a search keeps is made again where it is asked for; it leaves much between what is kept of it.
             for searched in (self.learnt.likelihood, self.learnt.searched):
@@ -168,17 +170,18 @@ class Diagnosis:
         give_back()
         progress("measuring how far the gap shrinks")
         measure = GapMeasure(likelihood, affected, settings.seed)
-        shifts, spreads = held_out_shifts(likelihood, fit)
+        shifts, spreads = self._held_out(fit)
         shift = together(shifts, likelihood)
         gap = measure.gap(shift)
         made = self._made(frame, fit, spreads) if is_named else CorrectionMade()
-        with Begun(made.scored) as scored:
+        with ExitStack() as meanwhile:
+            begun = [meanwhile.enter_context(Begun(call)) for call in made.scoring.calls]
             causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if is_named else []
             progress("asking at which stage the simulator loses most")
             stages = stages_of(settings.simulator, frame, settings.seed)
             details = self._details(chosen, test, fit.shift, counts)
             details = self._measured(details, affected, shift if causes else None)
-            scores = scored.result()
+            scores = made.scoring.rows([one.result() for one in begun])
         hidden = not_identifiable(settings, self.source)
         likelihood.forget()
         give_back()
@@ -284,9 +287,15 @@ class Diagnosis:
     def _leaves_most(self, fit: Fit, affected: Tensor) -> bool:
         """Whether named effects close less than half of a gap, in aircraft that they were not fitted to."""
         measure = GapMeasure(self.likelihood, self._measured_over(affected, fit.effects), self.settings.seed)
-        shift = together(held_out_shifts(self.likelihood, fit)[0], self.likelihood)
+        shift = together(self._held_out(fit)[0], self.likelihood)
         closed = measure.claimed(shift, measure.floor(shift))
         return closed is not None and closed < LEAST_CLOSED
+
+    def _held_out(self, fit: Fit) -> HeldOut:
+        """What effects shift in flights that their parameters were not learnt from; of the last fit asked for, kept."""
+        if self._of_last is None or self._of_last[0] is not fit:
+            self._of_last = fit, held_out_shifts(self.likelihood, fit)
+        return self._of_last[1]
 
     def _detection_limits(self, fit: Fit) -> list[DetectionLimit]:
         """The smallest sizes that would be named: beyond the rounding of one report, as a gap must be."""

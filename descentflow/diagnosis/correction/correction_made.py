@@ -1,8 +1,7 @@
 """The corrected simulator of a diagnosis: the file that holds it, what writes it, and its scores before and after."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import polars as pl
@@ -11,10 +10,9 @@ from torch import Tensor
 
 from descentflow.diagnosis.correction.corrected_descents import corrected_descents
 from descentflow.diagnosis.correction.corrected_simulator import air_of_training, corrected
-from descentflow.diagnosis.correction.correction_scores import MOST, NEEDED, Halves, descents_of, scores_of
+from descentflow.diagnosis.correction.correction_scores import MOST, NEEDED, Halves, Scoring, descents_of, scoring
 from descentflow.diagnosis.correction.effects_in_flights import Correction, state_of_levels, with_effects
 from descentflow.diagnosis.correction.sampled_descents import sampled_descents
-from descentflow.diagnosis.findings.correction_found import Score
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.search import parameters_of_part
 from descentflow.diagnosis.simulator import Simulator
@@ -39,7 +37,7 @@ class CorrectionMade:
     Attributes:
         file_name: Of the corrected simulator; empty where there is none to write.
         write: Writes it to a path; None where there is none.
-        scored: Works out the scores before and after.
+        scoring: Works out the scores before and after.
         write_flights: Of a checkpoint, writes sampled flights with the causes in them; None where there is none.
 
     Example:
@@ -49,7 +47,7 @@ class CorrectionMade:
 
     file_name: str = ""
     write: Callable[[Path], None] | None = None
-    scored: Callable[[], list[Score]] = list
+    scoring: Scoring = field(default_factory=Scoring)
     write_flights: Callable[[Path], None] | None = None
 
 
@@ -93,7 +91,7 @@ def correction_made(
         return CorrectionMade(
             FLIGHTS,
             _writer(simulator, simulator.flights, correction),
-            _scores_of_flights(simulator, simulator.flights, frame, likelihood, fit, correction, transition_fl),
+            _scoring_of_flights(simulator, simulator.flights, frame, likelihood, fit, correction, transition_fl),
         )
     write = corrected(simulator, mass_kg, catalogue, fit.theta, spreads=spreads)
     parts = simulator.representation
@@ -104,13 +102,13 @@ def correction_made(
     ):
         return CorrectionMade(CHECKPOINT if write is not None else "", write)
     flown, moved = _samples(simulator, frame, mass_kg, seed, spreads)
-    scored = _scores_of_samples(simulator, frame, likelihood, fit, flown, moved, transition_fl, seed)
+    asked = _scoring_of_samples(simulator, frame, likelihood, fit, flown, moved, transition_fl, seed)
     settings = None if parts.cleaning is None else asdict(parts.cleaning)
 
     def write_flights(path: Path) -> None:
         write_descents(sampled_descents(moved(fit.theta), simulator.aircraft.typecode, settings), path)
 
-    return CorrectionMade(CHECKPOINT if write is not None else "", write, scored, write_flights)
+    return CorrectionMade(CHECKPOINT if write is not None else "", write, asked, write_flights)
 
 
 def _writer(simulator: Simulator, flights: pl.DataFrame, correction: Correction) -> Callable[[Path], None]:
@@ -120,7 +118,7 @@ def _writer(simulator: Simulator, flights: pl.DataFrame, correction: Correction)
     return write
 
 
-def _scores_of_flights(
+def _scoring_of_flights(
     simulator: Simulator,
     flights: pl.DataFrame,
     frame: pl.DataFrame,
@@ -128,7 +126,7 @@ def _scores_of_flights(
     fit: Fit,
     correction: Correction,
     transition_fl: float,
-) -> Callable[[], list[Score]]:
+) -> Scoring:
     """What works out the scores; all that needs tables is done here, for no copy of this process can use these."""
     low, high = simulator.levels(frame)
     names = flights["flight_id"].unique().sort()
@@ -138,14 +136,14 @@ def _scores_of_flights(
     )
     halves = _halves(frame, low, high, likelihood, fit, correction.seed)
     if own is None or halves is None:
-        return list
+        return Scoring()
 
     state = state_of_levels(own, simulator.aircraft, correction)
 
     def with_theta(theta: Mapping[str, Tensor]) -> DescentSet:
         return descents_of(with_effects(own, simulator.aircraft, replace(correction, theta=theta), state))
 
-    return partial(scores_of, halves, descents_of(own), with_theta, transition_fl, correction.seed)
+    return scoring(halves, descents_of(own), with_theta, transition_fl, correction.seed)
 
 
 def _samples(
@@ -171,7 +169,7 @@ def _samples(
     return flown, moved
 
 
-def _scores_of_samples(
+def _scoring_of_samples(
     simulator: Simulator,
     frame: pl.DataFrame,
     likelihood: EffectsLikelihood,
@@ -180,17 +178,17 @@ def _scores_of_samples(
     moved: Callable[[Mapping[str, Tensor]], Trajectories],
     transition_fl: float,
     seed: int,
-) -> Callable[[], list[Score]]:
+) -> Scoring:
     """The same of samples."""
     halves = _halves(frame, *simulator.levels(frame), likelihood, fit, seed)
     if halves is None:
-        return list
+        return Scoring()
     before = DescentSet.of_trajectories(flown)
 
     def with_theta(theta: Mapping[str, Tensor]) -> DescentSet:
         return DescentSet.of_trajectories(moved(theta))
 
-    return partial(scores_of, halves, before, with_theta, transition_fl, seed)
+    return scoring(halves, before, with_theta, transition_fl, seed)
 
 
 def _halves(

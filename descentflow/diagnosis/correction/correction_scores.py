@@ -5,7 +5,7 @@ flights, which are scored against the other half, and the other way about; the m
 noise floor: one half of those flights against the other, at the same size.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import isnan
@@ -13,7 +13,6 @@ from math import isnan
 import torch
 from torch import Tensor
 
-from descentflow.core.side_by_side import side_by_side
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.diagnosis.findings.correction_found import Score
 from descentflow.evaluation.metrics.descent_set import DescentSet
@@ -31,6 +30,8 @@ NEEDED = ("IAS", "vertical_rate")
 
 Corrected = Callable[[Mapping[str, Tensor]], DescentSet]
 """The simulator's flights with effects of given parameters in them."""
+Tables = dict[str, ScoreTable]
+"""Before and after, and with each cause alone."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,43 @@ def descents_of(grid: LevelGrid) -> DescentSet:
     )
 
 
-def scores_of(halves: Halves, before: DescentSet, corrected: Corrected, transition_fl: float, seed: int) -> list[Score]:
+@dataclass(frozen=True)
+class Scoring:
+    """Scores that are still to be worked out.
+
+    Attributes:
+        calls: Each works out the tables of one half of the real flights, scored by what the other gives.
+        alone: Causes that are scored by themselves too, where there are several.
+
+    Example:
+        >>> Scoring().rows([])  # of no causes
+        []
+    """
+
+    calls: tuple[Callable[[], Tables], ...] = ()
+    alone: tuple[str, ...] = ()
+
+    def rows(self, found: Sequence[Tables]) -> list[Score]:
+        """Means over both halves of what the calls gave; scores that have too few flights in either are left out."""
+        told = []
+        for part, statistic in rows() if found else []:
+            tables = [{key: table.get(part.name, statistic.name) for key, table in one.items()} for one in found]
+
+            def mean(key: str, field: str, tables: list[dict[str, object]] = tables) -> float:  # type: ignore[assignment]
+                return sum(float(getattr(one[key], field)) for one in tables) / len(tables)
+
+            before, after, floor = mean("before", "equal_size"), mean("after", "equal_size"), mean("before", "floor")
+            if isnan(before) or isnan(after):
+                continue
+            each = {name: mean(name, "equal_size") for name in self.alone}
+            label = f"{part.label[0].lower()}{part.label[1:]}" if not part.label.startswith("CAS") else part.label
+            name = f"{label}, {statistic.label}"
+            unit = statistic.unit_of(part.quantity)
+            told.append(Score(name, unit, before, after, None if isnan(floor) else floor, each))
+        return told
+
+
+def scoring(halves: Halves, before: DescentSet, corrected: Corrected, transition_fl: float, seed: int) -> Scoring:
     """Every score before and after the causes, all together and each alone, beside the noise floor.
 
     Args:
@@ -95,42 +132,21 @@ def scores_of(halves: Halves, before: DescentSet, corrected: Corrected, transiti
         >>> real = descents_of(grid)
         >>> first = torch.arange(120) < 60
         >>> halves = Halves((real.subset(first), real.subset(~first)), ({}, {}))
-        >>> found = scores_of(halves, real, lambda theta: real, transition_fl=290.0, seed=0)
+        >>> asked = scoring(halves, real, lambda theta: real, transition_fl=290.0, seed=0)
+        >>> found = asked.rows([call() for call in asked.calls])
         >>> found[0].name, found[0].unit, found[0].before == found[0].after
         ('time to bottom of descent, KS distance', '1', True)
     """
-    names = list(halves.theta[0])
+    names = tuple(halves.theta[0])
+    alone = names if len(names) > 1 else ()
 
-    def scored(real: DescentSet, theta: Mapping[str, Tensor]) -> dict[str, ScoreTable]:
+    def scored(real: DescentSet, theta: Mapping[str, Tensor]) -> Tables:
         sets = {"before": before, "after": corrected(theta)}
-        if len(names) > 1:
-            sets |= {name: corrected({name: theta[name]}) for name in names}
+        sets |= {name: corrected({name: theta[name]}) for name in alone}
         # The floor is of the real flights, whatever is set beside them.
         return {
             key: score(one, real, transition_fl, seed=seed, n_splits=N_SPLITS, floor=key == "before")
             for key, one in sets.items()
         }
 
-    # Each half is scored by what the other gives.
-    found = side_by_side([partial(scored, halves.flights[k], halves.theta[1 - k]) for k in (0, 1)])
-    return _rows(found, names if len(names) > 1 else [])
-
-
-def _rows(found: list[dict[str, ScoreTable]], alone: list[str]) -> list[Score]:
-    """Means over both directions; scores that have too few flights in either are left out."""
-    told = []
-    for part, statistic in rows():
-        tables = [{key: table.get(part.name, statistic.name) for key, table in one.items()} for one in found]
-
-        def mean(key: str, field: str, tables: list[dict[str, object]] = tables) -> float:  # type: ignore[assignment]
-            return sum(float(getattr(one[key], field)) for one in tables) / len(tables)
-
-        before, after, floor = mean("before", "equal_size"), mean("after", "equal_size"), mean("before", "floor")
-        if isnan(before) or isnan(after):
-            continue
-        each = {name: mean(name, "equal_size") for name in alone}
-        label = f"{part.label[0].lower()}{part.label[1:]}" if not part.label.startswith("CAS") else part.label
-        name = f"{label}, {statistic.label}"
-        unit = statistic.unit_of(part.quantity)
-        told.append(Score(name, unit, before, after, None if isnan(floor) else floor, each))
-    return told
+    return Scoring(tuple(partial(scored, halves.flights[k], halves.theta[1 - k]) for k in (0, 1)), alone)

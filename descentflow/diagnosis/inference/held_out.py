@@ -10,8 +10,11 @@ from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shifts
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.search import parameters_of_part
 
+HeldOut = tuple[dict[str, Tensor], dict[str, float]]
+"""Shift (n, p) of each effect, and how widely its shares spread."""
 
-def held_out_shifts(likelihood: EffectsLikelihood, fit: Fit) -> tuple[dict[str, Tensor], dict[str, float]]:
+
+def held_out_shifts(likelihood: EffectsLikelihood, fit: Fit) -> HeldOut:
     """Shift (n, p) of each effect with parameters of the other folds' aircraft, and how widely shares spread.
 
     So a gap is not closed by what was fitted to the very flights in which it is measured. Windows stay where they are,

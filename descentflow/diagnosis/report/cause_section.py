@@ -3,7 +3,6 @@
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import percent
-from descentflow.diagnosis.report.gap_figures import singles_figure
 from descentflow.diagnosis.report.words import how_sure, shown_sizes, spoken
 from descentflow.reporting.html_elements import Html, bold, details, lines, paragraph, stacked_table, table
 from descentflow.reporting.svg_figures import drawn_for_both
@@ -66,6 +65,8 @@ def _closure(found: Findings) -> Html:
 
 
 def _alone(found: Findings) -> Html:
+    from descentflow.diagnosis.report.gap_figures import singles_figure  # matplotlib loads where figures are drawn
+
     chosen = [cause.effect for cause in found.causes]
     group = [name for cause in found.causes for name in cause.group]
     label = found.details.label

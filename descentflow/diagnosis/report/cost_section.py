@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from descentflow.diagnosis.findings.costs_found import Cost, Measured
 from descentflow.diagnosis.findings.findings import Findings
-from descentflow.diagnosis.report.gap_figures import costs_figure
 from descentflow.diagnosis.report.trade_units import level_range, trade_number
 from descentflow.diagnosis.report.words import (
     flights_name,
@@ -27,6 +26,8 @@ def cost_section(found: Findings) -> list[Html]:
         >>> [part[:8] for part in cost_section(report)]
         ['<p>Means', '<figure>', '<div cla', '<details']
     """
+    from descentflow.diagnosis.report.gap_figures import costs_figure  # matplotlib loads where figures are drawn
+
     if not found.costs:
         return [paragraph("No rate of descent is compared, so nothing is known of times and distances.")]
     whole = whole_costs(found)

@@ -225,6 +225,7 @@ def singles_figure(
     about = "log score gained on flights that it was not fitted to (natural logarithm)"
     ax.set_xlabel(fill(about, 36 if narrow else 90), fontsize=SMALL)
     ax.set_xscale("symlog", linthresh=10)
+    ax.xaxis.set_major_formatter("{x:,.0f}")
     ax.set_xlim(0, 1.6 * max([20.0, *(r.score_gain + 2 * r.error for r in rows)]))
     tidy([ax])
     legend_below(figure, [ax], 1 if narrow else 3)

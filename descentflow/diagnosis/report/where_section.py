@@ -3,7 +3,6 @@
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.gap_found import GapCell
 from descentflow.diagnosis.findings.plain_values import percent
-from descentflow.diagnosis.report.gap_figures import curves_figure, where_figure
 from descentflow.diagnosis.report.text import small_difference
 from descentflow.diagnosis.report.trade_units import at_level, in_trade, level_range, trade_number
 from descentflow.diagnosis.report.words import spoken
@@ -30,6 +29,8 @@ def where_section(found: Findings) -> list[Html]:
         >>> [part[:7] for part in where_section(report)][:2]
         ['<figure', '<div cl']
     """
+    from descentflow.diagnosis.report.gap_figures import where_figure  # matplotlib loads where figures are drawn
+
     d = found.details
     caption = (
         "Real flights minus simulator, from low levels (left) to high ones. Numbers, or signs on a narrow screen, "
@@ -148,6 +149,8 @@ def curves_section(found: Findings) -> list[Html]:
         >>> [part[:7] for part in curves_section(report)]
         ['<figure']
     """
+    from descentflow.diagnosis.report.gap_figures import curves_figure  # matplotlib loads where figures are drawn
+
     d = found.details
     shown = _shown(found)
     if not shown:

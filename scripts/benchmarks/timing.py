@@ -1,6 +1,7 @@
 """How times and memory are taken."""
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -61,7 +62,10 @@ def _in_a_small_parent(command: list[str], said: IO[bytes]) -> tuple[float, int]
     """
     with tempfile.TemporaryDirectory() as folder:
         found = Path(folder) / "usage.json"
-        run = subprocess.run([sys.executable, "-c", _PARENT, str(found), *command], stdout=said, stderr=said)
+        # As an installed package has it: compiled once, and not for every command.
+        others = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+        words = [sys.executable, "-c", _PARENT, str(found), *command]
+        run = subprocess.run(words, stdout=said, stderr=said, env=others)
         if run.returncode:
             said.seek(0)
             raise SystemExit(f"{command} ended with {run.returncode}:\n{said.read().decode()}")

@@ -65,7 +65,9 @@ class Begun(Generic[T]):
         42
     """
 
-    def __init__(self, call: Callable[[], T], *, own_core: bool = False, gives_way: bool = False) -> None:
+    def __init__(
+        self, call: Callable[[], T], *, own_core: bool = False, gives_way: bool = False, held: bool = False
+    ) -> None:
         """Begin.
 
         Args:
@@ -73,14 +75,29 @@ class Begun(Generic[T]):
             own_core: Whether it has one of the cores while it works, in a ``with`` block: others share what is left.
                 For long calls.
             gives_way: Whether it has only what others leave of the cores: its result is asked for much later.
+            held: Whether the copy is made now, of what this process is now, and begins when :meth:`start` says so.
         """
         self._call, self._own_core = call, own_core
         self._process: Any = None
         self._sent: bytes | None = None
+        self._held = held
         # Readable once it is done; nothing where the call waits until it is asked for.
         self.pipe: Any = None
         if _allowed > 1:
-            self._process, self.pipe = forked(partial(_send_once, call, gives_way=gives_way))
+            self._process, self.pipe = forked(partial(_send_once, call, gives_way=gives_way, held=held))
+
+    @property
+    def is_held(self) -> bool:
+        """Whether it waits for its start."""
+        return self._held
+
+    def start(self) -> None:
+        """Begin what was held."""
+        self._held = False
+        if self.pipe is not None:
+            # A copy that was killed is found when it is asked.
+            with suppress(ConnectionError):
+                self.pipe.send_bytes(b"")
 
     def __enter__(self) -> "Begun[T]":
         """Itself; nothing of it is left behind at the end of the block, whatever happens in it."""
@@ -96,7 +113,7 @@ class Begun(Generic[T]):
     @property
     def works(self) -> bool:
         """Whether a copy is at work. One that has done it is received from: until then it could not end."""
-        if self._process is None or self._sent is not None:
+        if self._process is None or self._held or self._sent is not None:
             return False
         if self.pipe.poll():
             self._receive()
@@ -112,6 +129,8 @@ class Begun(Generic[T]):
         """
         if self.pipe is None:
             return self._call()
+        if self._held:
+            self.start()
         if self._sent is None:
             self._receive()
         if not self._sent:
@@ -298,7 +317,12 @@ def killed(process: Any) -> MemoryError:
     )
 
 
-def _send_once(call: Callable[[], object], pipe: Any, *, gives_way: bool) -> None:
+def _send_once(call: Callable[[], object], pipe: Any, *, gives_way: bool, held: bool) -> None:
+    if held:
+        try:
+            pipe.recv_bytes()
+        except EOFError:
+            return
     if gives_way:
         give_way()
     pipe.send_bytes(answered(call))

@@ -125,7 +125,7 @@ class Diagnosis:
         """
         self.compared, self.settings, self.source = compared, settings, source
         settings.progress("estimating the spread between flights")
-        self.discrepancy, _ = discrepancy_columns(compared)
+        self.discrepancy = discrepancy_columns(compared)
         self.learnt = SpreadLearnt.of(compared, settings.catalogue, settings.seed)
         self._of_last: tuple[Fit, HeldOut] | None = None
 

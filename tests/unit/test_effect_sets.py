@@ -62,8 +62,8 @@ def test_the_screening_is_as_good_as_fits_about_the_same_place() -> None:
     likelihood = example_likelihood(EFFECTS["temperature"], [6.0])
     theta = {name: fit_effects(likelihood, [name]).theta[name] for name in NAMES}
     members = [member_of(likelihood, name, theta[name]) for name in NAMES]
-    columns, _ = discrepancy_columns(likelihood.compared)
-    precision = torch.full((columns.shape[2],), 4.0, dtype=torch.float64)
+    columns = discrepancy_columns(likelihood.compared)
+    precision = torch.full((len(columns),), 4.0, dtype=torch.float64)
     plain = Screening(likelihood, members).scores(sets_of(members))
     beside = Screening(likelihood, members, columns, precision).scores(sets_of(members))
     assert len(plain) == 16
@@ -77,7 +77,7 @@ def test_the_screening_is_as_good_as_fits_about_the_same_place() -> None:
         # Scaled equations have a ridge of 1e-6, and what is scaled differs in the last digits.
         expected = float(likelihood.log_score(offset, design).sum()) - likelihood.improbability(offset, design)
         assert score == pytest.approx(expected, abs=1e-2)
-        wider = likelihood.joined([*own, columns[likelihood.real]], alike)
+        wider = likelihood.joined([*own, columns.columns()[likelihood.real]], alike)
         prior = torch.cat([torch.zeros(design.n_parameters).double(), precision, torch.ones(alike.shape[1]).double()])
         wider = replace(wider, own_ridge=prior)
         expected = float(likelihood.log_score(offset, wider).sum())
@@ -122,7 +122,7 @@ def test_the_misfit_of_a_large_effect_names_no_second(monkeypatch: pytest.Monkey
     weights = whiten(sides.y, sides.real, sides.airframe, sides.nugget(), sides.of_flight())
     catalogue = {name: EFFECTS[name] for name in ("temperature", "mass", "drag_polar")}
     held = EffectsLikelihood(sides, weights, catalogue, seed=0)
-    chosen = select(held, discrepancy_columns(sides)[0], lambda _: None)
+    chosen = select(held, discrepancy_columns(sides), lambda _: None)
     assert "temperature" in chosen.fit.effects
     assert (len(chosen.fit.effects) > 1) == exact
 
@@ -177,7 +177,7 @@ def test_what_is_left_is_judged_in_the_rate_and_not_in_nats(slower: float, left:
     sides.y[:, at] += torch.where(sides.real[:, None], slower, 0.0)
     weights = whiten(sides.y, sides.real, sides.airframe, sides.nugget(), sides.of_flight())
     likelihood = EffectsLikelihood(sides, weights, {"temperature": EFFECTS["temperature"]}, seed=0)
-    columns, _ = discrepancy_columns(sides)
+    columns = discrepancy_columns(sides)
     chosen = select(likelihood, columns, lambda _: None)
     assert chosen.fit.effects == ("temperature",)
     found = left_over(likelihood, chosen.fit, torch.zeros(sides.y.shape[1], dtype=torch.float64), 0.02)
@@ -221,7 +221,7 @@ def test_chance_leaves_a_gap_as_rarely_as_one_is_called(error: float, called: fl
 
 def test_nothing_is_named_where_nothing_differs() -> None:
     likelihood = example_likelihood()
-    chosen = select(likelihood, discrepancy_columns(likelihood.compared)[0], lambda _: None)
+    chosen = select(likelihood, discrepancy_columns(likelihood.compared), lambda _: None)
     assert chosen.fit.effects == ()
     assert not chosen.outside.named
 
@@ -236,7 +236,7 @@ def test_a_set_grows_beyond_what_was_screened(monkeypatch: pytest.MonkeyPatch) -
     likelihood = EffectsLikelihood(sides, weights, {name: EFFECTS[name] for name in NAMES}, seed=0)
     null = fit_effects(likelihood, ())
     singles = every_single(likelihood, null, lambda stage: None)
-    columns, _ = discrepancy_columns(sides)
+    columns = discrepancy_columns(sides)
     sets, _ = SetSearch(likelihood, columns, null, singles, lambda stage: None).weighted()
     assert set(max(sets, key=lambda one: one.weight).effects) == {"temperature", "airspeed_bias"}
 
@@ -246,7 +246,7 @@ def test_a_part_that_is_fitted_late_is_weighed_too(monkeypatch: pytest.MonkeyPat
     likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
     null = fit_effects(likelihood, ())
     singles = every_single(likelihood, null, lambda stage: None)
-    columns, _ = discrepancy_columns(likelihood.compared)
+    columns = discrepancy_columns(likelihood.compared)
     search = SetSearch(likelihood, columns, null, singles, lambda stage: None)
     del search.fits[frozenset(["temperature"])]
     both = ("temperature", "airspeed_bias")

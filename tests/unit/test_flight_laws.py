@@ -48,7 +48,7 @@ def small() -> tuple[Ways, list[Entry], Whitening, torch.Tensor, torch.Tensor]:
     seen = torch.tensor([[True, True, True, True], [True, True, False, True], [True, True, True, True]])
     whitening = Whitening(torch.zeros(3, dtype=torch.long), covariance[None], covariance, torch.ones(3), covariance)
     rest = torch.where(seen, 0.4 * torch.randn(3, 4, generator=generator).double(), 0.0)
-    return ways, entries, whitening.of_single_flights(seen), rest, seen
+    return ways, entries, whitening.of_single_flights(torch.arange(3), seen), rest, seen
 
 
 def density(i: int, way: int | None, size: float) -> float:
@@ -253,7 +253,7 @@ def test_an_effect_beside_a_path_is_not_biased_by_it(drag: float) -> None:
 def test_what_acts_beside_a_path_is_named_and_nothing_else(drag: float, second: bool) -> None:
     """Sets with a path are screened on the flights without it: a mean shift leaves too much of it for others."""
     compared, _ = flight_toys.on_own_paths(300, share=0.6, drag=drag)
-    chosen = select(flight_toys.likelihood(compared), discrepancy_columns(compared)[0], lambda _: None)
+    chosen = select(flight_toys.likelihood(compared), discrepancy_columns(compared), lambda _: None)
     found = {frozenset({name, *chosen.groups[name]}) for name in chosen.fit.effects}
     assert sum("geometric_path" in group for group in found) == 1
     assert any("drag_polar" in group for group in found) == second
@@ -286,7 +286,7 @@ def test_no_law_where_all_flights_are_alike() -> None:
 
 def test_nothing_is_left_beside_own_windows(windows) -> None:
     held, _, _, fit = windows
-    columns, _ = discrepancy_columns(held.compared)
+    columns = discrepancy_columns(held.compared)
     null = fit_effects(held, ())
     search = SetSearch(held, columns, null, {}, lambda _: None)
     left, error = held.gain(search.discrepancy.beside(fit).log_score, fit.log_score)

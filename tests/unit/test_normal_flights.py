@@ -134,7 +134,7 @@ def test_the_spread_that_leaves_less_between_the_means_is_taken(
 def test_the_second_search_is_the_same_beside_the_first_and_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
     torch.set_num_threads(1)
     sides = of_one_rate()
-    columns, _ = discrepancy_columns(sides)
+    columns = discrepancy_columns(sides)
     learnt = SpreadLearnt.of(sides, EFFECTS, seed=0)
     assert is_narrow(sides, torch.zeros_like(sides.y))
     monkeypatch.setattr(spread_learnt, "left_between_means", lambda compared, shift: next(left))
@@ -162,7 +162,7 @@ def test_what_a_likelihood_forgets_it_makes_again() -> None:
     likelihood = SpreadLearnt.of(example_sides(EFFECTS["mass"], [0.2]), EFFECTS, seed=0).likelihood
     before = fit_effects(likelihood, ["mass"])
     likelihood.forget()
-    assert not any(name in vars(likelihood) for name in ("sums", "single", "single_real"))
+    assert not any(name in vars(likelihood) for name in ("sums", "single"))
     again = fit_effects(likelihood, ["mass"])
     torch.testing.assert_close(again.log_score, before.log_score, rtol=0, atol=0)
     torch.testing.assert_close(again.design.columns, before.design.columns, rtol=0, atol=0)

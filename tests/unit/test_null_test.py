@@ -53,7 +53,7 @@ def law(halves: tuple[Quantities, Quantities]) -> FlightLaw:
 
 def p_values(law: FlightLaw, simulated: Sequence[int], real: Sequence[int], seeds: range, count: int) -> list[float]:
     known: Known = {}
-    columns = discrepancy_columns(law.draw(simulated, real, 0, speeds=0))[0]
+    columns = discrepancy_columns(law.draw(simulated, real, 0, speeds=0))
     found = []
     for seed in seeds:
         null = Reused(law.draw(simulated, real, seed, speeds=0), known)
@@ -89,7 +89,7 @@ def test_nothing_knows_which_labelling_is_the_true_one(law: FlightLaw) -> None:
     null = law.draw([2] * 30, [2] * 30, seed=7)
     labels = labellings_of(null, 9, seed=0)
     other = replace(null, real=labels.flights(4))
-    columns = discrepancy_columns(null)[0]
+    columns = discrepancy_columns(null).columns()
     first, second = (
         LabelScores.of(Reused(sides, {}), labels).normal_score(columns, ridge=1.0) for sides in (null, other)
     )
@@ -130,7 +130,8 @@ def test_scores_of_permuted_flights_are_near_normal(law: FlightLaw) -> None:
     null = law.draw([2] * 60, [2] * 60, seed=11)
     held = Reused(null, {})
     scores = LabelScores.of(held, labellings_of(null, 2000, seed=0))
-    for columns, ridge in ((discrepancy_columns(null)[0], 1.0), (held.jacobian("mass", torch.zeros(1).double()), 0.0)):
+    discrepancy, mass = discrepancy_columns(null).columns(), held.jacobian("mass", torch.zeros(1).double())
+    for columns, ridge in ((discrepancy, 1.0), (mass, 0.0)):
         found = scores.normal_score(columns, ridge)
         # Means of 2,000 are known to 0.02; the rest is what is left of the skewness, and of the variances' own error.
         assert float(found.mean()) == pytest.approx(0.0, abs=0.15)
@@ -140,7 +141,7 @@ def test_scores_of_permuted_flights_are_near_normal(law: FlightLaw) -> None:
 def test_levels_narrower_than_any_window_are_tested_without_windows() -> None:
     """Flights between FL320 and FL374 ended in a traceback, for no brakes fit between their levels."""
     likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-    columns, _ = discrepancy_columns(likelihood.compared)
+    columns = discrepancy_columns(likelihood.compared)
     whole = null_test(likelihood, columns, TRANSITION_FL, seed=0, count=19)
     assert whole.by_window > 0
     for name in list(likelihood.catalogue):

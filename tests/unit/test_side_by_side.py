@@ -100,6 +100,35 @@ def test_a_long_call_has_a_core_while_it_works() -> None:
 
 
 @pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core: nothing is begun")
+def test_a_call_that_is_held_takes_no_core_and_knows_what_was_known_when_it_was_made() -> None:
+    known = ["before"]
+    with cores_shared(), Begun(lambda: (list(known), at_once()), own_core=True, held=True) as begun:
+        known.append("after")
+        assert begun.is_held
+        assert at_once() == 2
+        begun.start()
+        assert not begun.is_held
+        assert begun.result() == (["before"], 1)
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core: nothing is begun")
+def test_a_call_that_is_held_begins_when_it_is_asked_for() -> None:
+    with cores_shared(), Begun(os.getpid, held=True) as begun:
+        assert begun.result() != os.getpid()
+    with cores_shared(), Begun(lambda: 1, held=True):
+        pass
+    assert active_children() == []
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core: nothing is begun")
+def test_copies_come_after_the_process_that_they_work_for() -> None:
+    usual = os.nice(0)
+    with cores_shared(), Begun(lambda: os.nice(0)) as begun, Begun(lambda: os.nice(0), gives_way=True) as late:
+        assert usual < begun.result() < late.result()
+    assert os.nice(0) == usual
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core: nothing is begun")
 def test_a_core_is_free_once_its_call_is_done_though_nobody_asked_yet() -> None:
     # More than a pipe holds: the copy could not end before it is received.
     with cores_shared(), Begun(lambda: b"x" * 10**7, own_core=True) as begun:
@@ -113,7 +142,7 @@ def test_a_core_is_free_once_its_call_is_done_though_nobody_asked_yet() -> None:
 @pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core: nothing is begun")
 def test_what_follows_a_fit_is_worked_out_where_the_fit_was() -> None:
     likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-    free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared)[0])
+    free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared))
     start = {name: EFFECTS[name].start() for name in ("temperature", "mass")}
     one = (("temperature",), {"temperature": start["temperature"]})
     begun: list[str] = []
@@ -145,7 +174,7 @@ def test_a_result_that_nobody_wants_any_more_is_no_error(capfd: pytest.CaptureFi
 
 def test_a_selection_is_the_same_on_one_core_and_on_two() -> None:
     likelihood = example_likelihood(EFFECTS["speed_brake"], [0.4, 200, 240, 1, 0, 0, 0, 0])
-    columns, _ = discrepancy_columns(likelihood.compared)
+    columns = discrepancy_columns(likelihood.compared)
 
     def chosen() -> Chosen:
         return select(likelihood, columns, lambda stage: None)

@@ -23,7 +23,7 @@ FLIGHTS_BESIDE = 40
 """About so many real flights say how a mean shift answers to other coefficients: speeds differ little between them."""
 MISFITS = 64
 """Mean shifts, and columns by which they may be off, that are kept: some thousand numbers each."""
-KEPT = 8
+KEPT = 5
 """Shifts and sensitivities that are kept, for one fit starts where another ended; n p k numbers of eight bytes each."""
 
 

@@ -93,7 +93,7 @@ class FitsAhead:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared)[0])
+        >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared))
         >>> start = {"temperature": EFFECTS["temperature"].start()}
         >>> with FitsAhead(likelihood, free, print) as ahead:
         ...     ahead.foresee([(("temperature",), start)], start)  # where only one may run, it waits until asked for

@@ -69,7 +69,9 @@ class FlightFit:
         self.at = torch.nonzero(likelihood.real)[::every, 0]
         self.state: FlightState = likelihood.compared.state.rows(self.at)
         self.seen = likelihood.compared.y[self.at].isfinite()
-        self.single = likelihood.single_real if every == 1 else likelihood.single.rows(self.at)
+        self.single = likelihood.single
+        if every > 1:
+            self.single = self.single.rows(torch.arange(int(likelihood.real.sum()))[::every])
         self.total = self.single.total(torch.ones(len(self.at)))
         self.total += torch.diag((SPREAD * likelihood.compared.negligible()) ** -2)
         self.factor = torch.linalg.cholesky(self.total)

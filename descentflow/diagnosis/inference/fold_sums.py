@@ -4,6 +4,7 @@ The free mean and the common columns are in every fit: they are summed and facto
 real flights alone; columns that are alike in all of them (how signatures may be off) need no sum over flights at all.
 """
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -15,7 +16,7 @@ from descentflow.diagnosis.inference.aircraft_groups import FOLDS
 from descentflow.diagnosis.inference.linear_algebra import Block, Common, Design, solve
 from descentflow.diagnosis.inference.whitening import Whitening
 
-BLOCKS = 6
+BLOCKS = 4
 """Blocks of columns that are kept: one fit starts where another ended."""
 SUMS = 512
 """Sums of a block, and of two blocks, that are kept: a few hundred numbers each."""
@@ -146,10 +147,19 @@ class FoldSums:
 
         def made() -> tuple[Tensor, Block]:
             # The columns stay with their block, so that no other tensor can have their identity.
-            ordered = columns[self.order]
-            return columns, Block(ordered, self.of_real.apply(ordered))
+            return columns, self.block_of([columns])
 
         return self._blocks.get(id(columns), made)[1] if kept else made()[1]
+
+    def block_of(self, parts: Sequence[Tensor]) -> Block:
+        """Columns (r, p, k) of several beside each other, which are not copied twice."""
+        ordered = torch.empty(*parts[0].shape[:2], sum(part.shape[2] for part in parts), dtype=parts[0].dtype)
+        first = 0
+        for part in parts:
+            last = first + part.shape[2]
+            ordered[:, :, first:last] = part[self.order]
+            first = last
+        return Block(ordered, self.of_real.apply(ordered))
 
     def of_columns(self, design: Design) -> Sums:
         """Sums of the columns of the real flights."""

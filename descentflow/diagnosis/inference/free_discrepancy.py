@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.inference.discrepancy import learnt_precision, quantity_of
+from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns, learnt_precision, quantity_of
 from descentflow.diagnosis.inference.fold_sums import solved
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.linear_algebra import Design
@@ -37,13 +37,13 @@ class FreeDiscrepancy:
         >>> from descentflow.diagnosis.inference.search import fit_effects
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared)[0])
+        >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared))
         >>> none, warm = (fit_effects(likelihood, names) for names in ((), ("temperature",)))
         >>> [likelihood.gain(free.beside(fit).log_score, fit.log_score)[0] > 50 for fit in (none, warm)]
         [True, False]
     """
 
-    def __init__(self, likelihood: EffectsLikelihood, columns: Tensor) -> None:
+    def __init__(self, likelihood: EffectsLikelihood, columns: DiscrepancyColumns) -> None:
         """Take columns (n, p, e) with unit prior spread."""
         self.likelihood, self.columns = likelihood, columns
         self.of = quantity_of(columns, likelihood.compared)
@@ -80,7 +80,7 @@ class FreeDiscrepancy:
         """Information (e, e) and gradient (e,) of a discrepancy once all else has explained what it can."""
         sums = self.likelihood.sums
         whole = sums.profiled(sums.rest(fit.shift, design, sums.of_columns(design)), everyone=True).inner[0]
-        k, e = design.n_parameters, self.columns.shape[2]
+        k, e = design.n_parameters, len(self.columns)
         at = torch.arange(k, k + e)
         others = torch.tensor([i for i in range(len(whole) - 1) if not k <= i < k + e], dtype=torch.long)
         kept = torch.cat([at, torch.tensor([len(whole) - 1])])

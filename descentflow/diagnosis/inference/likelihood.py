@@ -16,6 +16,7 @@ from torch import Tensor
 
 from descentflow.core.recent import Recent
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS, by_aircraft, folds_of
+from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
 from descentflow.diagnosis.inference.effect_shifts import EffectShifts
 from descentflow.diagnosis.inference.fold_sums import FoldSums, solved
 from descentflow.diagnosis.inference.linear_algebra import Block, Common, Design, Moments, solve
@@ -118,7 +119,7 @@ class EffectsLikelihood(EffectShifts):
         super().__init__(compared, whitening, catalogue)
         self.fold: Tensor = folds_of(compared.airframe, compared.real, seed) if like is None else like.fold
         self.qy = whitening.apply(self.y)
-        self._beside = Recent[tuple[Tensor, Block, Tensor]](1)
+        self._beside = Recent[tuple[DiscrepancyColumns, Block]](1)
         self._designs = Recent[Design](DESIGNS)
         self._like: EffectsLikelihood | None = None
         if nuisance is not None:
@@ -140,7 +141,7 @@ class EffectsLikelihood(EffectShifts):
         super().forget()
         for kept in (self._beside, self._designs):
             kept.known.clear()
-        for name in ("sums", "single", "single_real"):
+        for name in ("sums", "single"):
             self.__dict__.pop(name, None)
 
     @cached_property
@@ -152,13 +153,8 @@ class EffectsLikelihood(EffectShifts):
 
     @cached_property
     def single(self) -> Whitening:
-        """Precision of each flight by itself, without what is negligible for means."""
-        return self.whitening.of_single_flights(self.compared.y.isfinite())
-
-    @cached_property
-    def single_real(self) -> Whitening:
-        """The same of the real flights."""
-        return self.single.rows(torch.nonzero(self.real)[:, 0])
+        """Precision of each real flight by itself, without what is negligible for means."""
+        return self.whitening.of_single_flights(torch.nonzero(self.real)[:, 0], self.compared.y[self.real].isfinite())
 
     def at_start(self, name: str) -> Design:
         """Sensitivities of an effect where its fits start; of a windowed one, those in every band."""
@@ -186,37 +182,30 @@ class EffectsLikelihood(EffectShifts):
         return Common(joined, self.whitening.apply(joined), torch.tensor(prior, dtype=self.y.dtype))
 
     def design(
-        self, theta: Mapping[str, Tensor], extra: Tensor | None = None, signatures: Tensor | None = None
+        self, theta: Mapping[str, Tensor], extra: DiscrepancyColumns | None = None, signatures: Tensor | None = None
     ) -> Design:
-        """Columns of the effects' sensitivities, of how their signatures may be off, and of anything else (n, p, e).
+        """Columns of the effects' sensitivities, of how their signatures may be off, and of a discrepancy.
 
         What is beside the sensitivities has a prior precision of one. Signatures (p, c) may be given.
         """
         blocks = tuple(self.sums.block(self.real_jacobian(name, value), kept=True) for name, value in theta.items())
-        found = self._of_blocks(blocks, signature_columns(self, theta) if signatures is None else signatures)
+        found = self.of_blocks(blocks, signature_columns(self, theta) if signatures is None else signatures)
         return found if extra is None else self.beside(found, extra)
 
-    def beside(self, design: Design, extra: Tensor) -> Design:
-        """A design with columns (n, p, e) after its own, whose prior precision is one.
+    def beside(self, design: Design, extra: DiscrepancyColumns) -> Design:
+        """A design with e columns after its own, whose prior precision is one.
 
         Most of them are alike in all flights, and need no sum over these.
         """
-        block, alike = self._beside.get(id(extra), lambda: (extra, *self._split(extra)))[1:]
+        block = self._beside.get(id(extra), lambda: (extra, self.sums.block(extra.differing[self.real])))[1]
         k = design.n_own
-        prior = torch.cat([design.own_ridge[:k], torch.ones(extra.shape[2], dtype=self.y.dtype)])
+        prior = torch.cat([design.own_ridge[:k], torch.ones(len(extra), dtype=self.y.dtype)])
         return replace(
             design,
             blocks=(*design.blocks, block),
-            alike=torch.cat([alike, design.alike], 1),
+            alike=torch.cat([extra.alike, design.alike], 1),
             own_ridge=torch.cat([prior, design.own_ridge[k:]]),
         )
-
-    def _split(self, extra: Tensor) -> tuple[Block, Tensor]:
-        """Columns up to the last that differs between real flights, and those (p, c) after it."""
-        mine = extra[self.real]
-        differ = torch.nonzero((mine != mine[:1]).any(1).any(0))[:, 0]
-        most = int(differ[-1]) + 1 if len(differ) else 0
-        return self.sums.block(mine[:, :, :most].clone()), mine[0, :, most:].clone()
 
     def kept(self, make: Callable[[], Design]) -> Callable[[], Design]:
         """A design that is kept for a while, and made again when it is asked for later.
@@ -233,15 +222,17 @@ class EffectsLikelihood(EffectShifts):
         key = object()
         return lambda: self._designs.get(key, make)
 
-    def with_common(self, own: Tensor) -> Design:
-        """Columns (r, p, k) of the real flights beside those of all flights."""
-        return self.joined([own], torch.zeros(own.shape[1], 0, dtype=own.dtype))
+    def with_common(self, *own: Tensor) -> Design:
+        """Columns (r, p, k) of the real flights, of several beside each other, beside those of all flights."""
+        block = self.sums.block_of(own)
+        return self.of_blocks((block,), torch.zeros(self.y.shape[1], 0, dtype=self.y.dtype))
 
     def joined(self, parts: Sequence[Tensor], alike: Tensor) -> Design:
         """Columns (r, p, k) of the real flights, and (p, c) alike in all of them with a prior precision of one."""
-        return self._of_blocks(tuple(self.sums.block(part) for part in parts), alike)
+        return self.of_blocks(tuple(self.sums.block(part) for part in parts), alike)
 
-    def _of_blocks(self, blocks: tuple[Block, ...], alike: Tensor) -> Design:
+    def of_blocks(self, blocks: tuple[Block, ...], alike: Tensor) -> Design:
+        """The same of blocks that are there."""
         k = sum(block.count for block in blocks)
         prior = torch.cat([torch.zeros(k, dtype=self.y.dtype), torch.ones(alike.shape[1], dtype=self.y.dtype)])
         return Design(self.common, self.real, self.sums.order, blocks, alike, prior, k)

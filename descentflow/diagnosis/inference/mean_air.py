@@ -92,7 +92,7 @@ def _entries(compared: Compared, shifts: EffectShifts, names: Sequence[str]) -> 
 def _air_of_flights(compared: Compared, weights: Whitening, sensitivity: Tensor, at: Tensor) -> tuple[Tensor, Tensor]:
     """What each flight says of its air (n, k), and the variance of the error; NaN where it says nothing."""
     seen = compared.y.isfinite()
-    precision = weights.of_single_flights(seen).only(at, seen)
+    precision = replace(weights, covariance=weights.between).only(at, seen)
     y = compared.y[:, at]
     rest = torch.where(seen[:, at], y - y[~compared.real].nanmean(0), 0.0)
     own = torch.where(seen[:, at, None], sensitivity[:, at], 0.0)

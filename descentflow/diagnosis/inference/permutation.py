@@ -7,6 +7,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.findings.findings import NullTest
 from descentflow.diagnosis.inference.cells import cell_scores, cells
+from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
 from descentflow.diagnosis.inference.label_scores import LabelScores
 from descentflow.diagnosis.inference.labellings import labellings_of
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
@@ -23,7 +24,7 @@ WINDOW_STEP_FL = 10.0
 
 def null_test(
     likelihood: EffectsLikelihood,
-    discrepancy: Tensor,
+    discrepancy: DiscrepancyColumns,
     transition_fl: float,
     seed: int,
     count: int = PERMUTATIONS,
@@ -37,7 +38,7 @@ def null_test(
 
     Args:
         likelihood: With a covariance that does not know the sides, or the test would favour the true ones.
-        discrepancy: (n, p, e) columns of a shift of any shape, with unit prior spread.
+        discrepancy: Columns of a shift of any shape, with unit prior spread.
         transition_fl: Flight level at which cells are cut.
         seed: Of the permutations.
         count: Number of permutations; the p-value is at least ``1 / (1 + count)``.
@@ -47,7 +48,7 @@ def null_test(
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> columns = discrepancy_columns(likelihood.compared)
         >>> null_test(likelihood, columns, transition_fl=290.0, seed=0, count=19).p_value
         0.05
     """
@@ -57,7 +58,7 @@ def null_test(
     kinds = {
         "effect": _largest(scores.normal_score(columns) for columns in _sensitivities(likelihood)),
         "window": _largest(scores.one_sided(columns, weights) for columns, weights in _windows(likelihood)),
-        "discrepancy": scores.normal_score(discrepancy, ridge=1.0),
+        "discrepancy": scores.normal_score(discrepancy.columns(), ridge=1.0),
         "cell": cell_scores(compared.y, labels, cells(compared, transition_fl)).amax(1),
     }
     standing = {kind: _standing(value) for kind, value in kinds.items() if value is not None}

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from torch import Tensor
 
+from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
 from descentflow.diagnosis.inference.free_discrepancy import FreeDiscrepancy
 from descentflow.diagnosis.inference.inclusion import Names
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
@@ -36,7 +37,7 @@ def screened_scores(
         >>> from descentflow.diagnosis.inference.subset_screening import member_of
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared)[0])
+        >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared))
         >>> members = [member_of(likelihood, name, EFFECTS[name].start()) for name in ("temperature", "mass")]
         >>> plain, wide = screened_scores(likelihood, free, members, fit_effects(likelihood, ()), cost=0.0)
         >>> plain[("temperature",)] > plain[()], wide[()] > plain[()]
@@ -54,7 +55,7 @@ def screened_scores(
 
 
 def _of_sets(
-    likelihood: EffectsLikelihood, columns: Tensor, precision: Tensor, members: Sequence[Member], most: int
+    likelihood: EffectsLikelihood, columns: DiscrepancyColumns, precision: Tensor, members: Sequence[Member], most: int
 ) -> BothScores:
     """Scores of all sets of at most so many members."""
     sets = sets_of(members, most)

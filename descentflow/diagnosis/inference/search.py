@@ -103,7 +103,7 @@ def first_guess(likelihood: EffectsLikelihood, name: str, known: Mapping[str, Te
     size = FIRST_SIZE
     for _ in range(SECANTS):
         bands = band_columns(likelihood, windowed, size, likelihood.real_state)
-        moments = likelihood.moments(rest, likelihood.with_common(torch.cat([*beside, bands], 2)))
+        moments = likelihood.moments(rest, likelihood.with_common(*beside, bands))
         window = best_window(likelihood, windowed, moments, bands.shape[2], size)
         size = min(window.size, windowed.parameters[0].high)
     return windowed.clamp(windowed.at_window(theta, size, window.low_fl, window.high_fl))

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from torch import Tensor
-
+from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
 from descentflow.diagnosis.inference.fits_ahead import with_design, without_design
 from descentflow.diagnosis.inference.free_discrepancy import FreeDiscrepancy
 from descentflow.diagnosis.inference.inclusion import Inclusion, Names, WeightedSet, inclusion
@@ -60,7 +59,7 @@ class Chosen:
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> columns = discrepancy_columns(likelihood.compared)
         >>> chosen = select(likelihood, columns, lambda stage: None)
         >>> gain, error = chosen.gains["temperature"]
         >>> gain > 10 * error, chosen.groups["temperature"], chosen.alike
@@ -84,7 +83,7 @@ class Chosen:
         """Without designs, which are large, and are made again by :meth:`in_this_process` where it arrives."""
         return self._with_fits(without_design)
 
-    def in_this_process(self, likelihood: EffectsLikelihood, discrepancy: Tensor) -> "Chosen":
+    def in_this_process(self, likelihood: EffectsLikelihood, discrepancy: DiscrepancyColumns) -> "Chosen":
         """What another process sent, with the designs of a likelihood of the same flights."""
         found = self._with_fits(lambda fit: with_design(likelihood, fit))
         return replace(found, beside=FreeDiscrepancy(likelihood, discrepancy).refitted(found.fit))
@@ -98,7 +97,7 @@ class Chosen:
 
 def select(
     likelihood: EffectsLikelihood,
-    discrepancy: Tensor,
+    discrepancy: DiscrepancyColumns,
     progress: Callable[[str], None],
     explored: Callable[[Fit], None] | None = None,
 ) -> Chosen:
@@ -106,7 +105,7 @@ def select(
 
     Args:
         likelihood: Flights and catalogue.
-        discrepancy: (n, p, e) its columns, with unit prior spread.
+        discrepancy: Its columns, with unit prior spread.
         progress: Called with what is being fitted.
         explored: Called with the best fit so far, whenever that may be another.
 
@@ -115,7 +114,7 @@ def select(
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> columns = discrepancy_columns(likelihood.compared)
         >>> chosen = select(likelihood, columns, lambda stage: None)
         >>> chosen.fit.effects, chosen.outside.named
         (('temperature',), False)

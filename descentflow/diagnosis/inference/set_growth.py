@@ -63,7 +63,7 @@ def promised_beside(
         >>> from descentflow.diagnosis.inference.search import fit_effects
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared)[0])
+        >>> free = FreeDiscrepancy(likelihood, discrepancy_columns(likelihood.compared))
         >>> others = {name: EFFECTS[name].start() for name in ("temperature", "mass", "speed_schedule")}
         >>> promised = promised_beside(likelihood, free, fit_effects(likelihood, []), others, -2.5)
         >>> max(promised, key=promised.get)

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.inference.aircraft_groups import by_aircraft
 from descentflow.diagnosis.inference.credible import is_credible
+from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
 from descentflow.diagnosis.inference.fits_ahead import FitsAhead, reordered
 from descentflow.diagnosis.inference.free_discrepancy import FreeDiscrepancy
 from descentflow.diagnosis.inference.inclusion import Names, WeightedSet, inclusion
@@ -40,7 +41,7 @@ class SetSearch:
         >>> from descentflow.diagnosis.inference.single_effects import every_single
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> columns = discrepancy_columns(likelihood.compared)
         >>> null = fit_effects(likelihood, ())
         >>> singles = every_single(likelihood, null, lambda stage: None)
         >>> sets, _ = SetSearch(likelihood, columns, null, singles, lambda stage: None).weighted()
@@ -51,7 +52,7 @@ class SetSearch:
     def __init__(
         self,
         likelihood: EffectsLikelihood,
-        discrepancy: Tensor,
+        discrepancy: DiscrepancyColumns,
         null: Fit,
         singles: Mapping[str, Candidate],
         progress: Callable[[str], None],

@@ -121,7 +121,7 @@ def shared_effects(
     empty: dict[str, tuple[str, ...]] = dict.fromkeys(gains, ())
     found = Chosen(null, Outside(explained, 0.0, 0.0, False), singles, chosen, empty, dict.fromkeys(gains, 1.0), gains)
     transition_fl = float(transition_altitude_m(aircraft)) / FL_M
-    test = null_test(likelihood, discrepancy_columns(compared)[0], transition_fl, seed)
+    test = null_test(likelihood, discrepancy_columns(compared), transition_fl, seed)
     return SharedEffects(likelihood, found, test.p_value)
 
 

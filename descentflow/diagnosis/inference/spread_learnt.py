@@ -1,14 +1,13 @@
 """Which flights say how widely flights differ, before effects are fitted and after, and the likelihoods of either."""
 
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 
-from torch import Tensor
-
 from descentflow.core.freed_memory import give_back
 from descentflow.core.side_by_side import Begun, is_shared
+from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mean_air import in_mean_air
 from descentflow.diagnosis.inference.normal_flights import is_narrow, left_between_means, normal_flights
@@ -58,7 +57,7 @@ class SpreadLearnt:
 
 
 def select_by_either(
-    learnt: SpreadLearnt, discrepancy: Tensor, seed: int, progress: Callable[[str], None]
+    learnt: SpreadLearnt, discrepancy: DiscrepancyColumns, seed: int, progress: Callable[[str], None]
 ) -> tuple[SpreadLearnt, Chosen]:
     """Name effects; again with the spread of real flights, where these differ in more than what was found.
 
@@ -67,7 +66,7 @@ def select_by_either(
 
     Args:
         learnt: The spread that is tried first.
-        discrepancy: (n, p, e) columns of a shift without a cause.
+        discrepancy: Columns of a shift without a cause.
         seed: Of folds.
         progress: Called with what is being done.
 
@@ -77,13 +76,14 @@ def select_by_either(
         >>> from descentflow.effects import EFFECTS
         >>> sides, only = example_sides(EFFECTS["mass"], [0.2]), {"mass": EFFECTS["mass"]}
         >>> learnt = SpreadLearnt.of(sides, only, seed=0)
-        >>> same, chosen = select_by_either(learnt, discrepancy_columns(sides)[0], 0, lambda stage: None)
+        >>> same, chosen = select_by_either(learnt, discrepancy_columns(sides), 0, lambda stage: None)
         >>> same is learnt, chosen.fit.effects
         (True, ('mass',))
     """
     searched = learnt.searched.compared
-    with ExitStack() as block:
-        begun: list[Begun[Chosen]] = []
+    second = partial(_second_search, learnt, discrepancy, seed)
+    # The copy is made now: it should not hold what the first search will.
+    with Begun(second, own_core=True, held=True) if _may_follow(learnt) else nullcontext() as ahead:
 
         def explored(best: Fit) -> None:
             """Begin the second search where it will probably be asked for, and a copy of this process may do it.
@@ -91,21 +91,25 @@ def select_by_either(
             Whether the simulator's flights still differ too little beside the best effect alone was the last word in 64
             of 66 sets of the sealed study.
             """
-            if not begun and is_shared() and not learnt.narrow and is_narrow(searched, best.shift):
-                second = partial(_second_search, learnt, discrepancy, seed)
-                begun.append(block.enter_context(Begun(second, own_core=True)))
+            if ahead is not None and ahead.is_held and is_narrow(searched, best.shift):
+                ahead.start()
 
         chosen = select(learnt.searched, discrepancy, progress, explored)
         if learnt.narrow or not is_narrow(searched, chosen.fit.shift):
             return learnt, chosen
         progress("learning the spread from real flights")
         real = _learnt_from_real_flights(learnt, seed)
-        if begun:
-            again = begun[0].result().in_this_process(real.searched, discrepancy)
+        if ahead is not None:
+            again = ahead.result().in_this_process(real.searched, discrepancy)
         else:
             again = select(real.searched, discrepancy, progress)
     left = [left_between_means(learnt.likelihood.compared, one.fit.shift) for one in (chosen, again)]
     return (real, again) if left[1] < left[0] else (learnt, chosen)
+
+
+def _may_follow(learnt: SpreadLearnt) -> bool:
+    """Whether a second search may follow the first, and a copy of this process work it out."""
+    return is_shared() and not learnt.narrow
 
 
 def _learnt_from_real_flights(first: SpreadLearnt, seed: int) -> SpreadLearnt:
@@ -116,7 +120,7 @@ def _learnt_from_real_flights(first: SpreadLearnt, seed: int) -> SpreadLearnt:
     return SpreadLearnt.of(first.likelihood.compared, first.likelihood.catalogue, seed, narrow=True)
 
 
-def _second_search(first: SpreadLearnt, discrepancy: Tensor, seed: int) -> Chosen:
+def _second_search(first: SpreadLearnt, discrepancy: DiscrepancyColumns, seed: int) -> Chosen:
     """The second search, as another process sends it."""
     real = _learnt_from_real_flights(first, seed)
     return select(real.searched, discrepancy, lambda stage: None).to_send()

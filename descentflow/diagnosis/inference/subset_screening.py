@@ -14,6 +14,7 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS
+from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.linear_algebra import RIDGE, Design
 from descentflow.diagnosis.inference.signature_columns import signature_columns
@@ -72,23 +73,24 @@ def joined_members(likelihood: EffectsLikelihood, members: Sequence[Member]) -> 
         >>> joined_members(likelihood, members).n_own
         4
     """
-    parts = [torch.cat([m.sensitivity for m in members], 2), torch.stack([m.offset for m in members], 2)]
-    return likelihood.joined(parts, torch.cat([m.alike for m in members], 1))
+    columns = [[m.sensitivity for m in members], [m.offset[:, :, None] for m in members]]
+    blocks = tuple(likelihood.sums.block_of(parts) for parts in columns)
+    return likelihood.of_blocks(blocks, torch.cat([m.alike for m in members], 1))
 
 
 def plain_and_free(
-    likelihood: EffectsLikelihood, members: Sequence[Member], discrepancy: Tensor, precision: Tensor
+    likelihood: EffectsLikelihood, members: Sequence[Member], discrepancy: DiscrepancyColumns, precision: Tensor
 ) -> tuple["Screening", "Screening"]:
-    """The same sets by themselves, and each with a discrepancy (n, p, e) of prior precision (e,) beside it.
+    """The same sets by themselves, and each with a discrepancy of prior precision (e,) beside it.
 
     Example:
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> columns = discrepancy_columns(likelihood.compared)
         >>> members = [member_of(likelihood, "temperature", torch.zeros(1).double())]
-        >>> plain, free = plain_and_free(likelihood, members, columns, torch.ones(columns.shape[2]).double())
+        >>> plain, free = plain_and_free(likelihood, members, columns, torch.ones(len(columns)).double())
         >>> plain.scores([()])[()] < free.scores([()])[()] < plain.scores([(0,)])[("temperature",)]
         True
     """
@@ -115,7 +117,7 @@ class Screening:
         self,
         likelihood: EffectsLikelihood,
         members: Sequence[Member],
-        discrepancy: Tensor | None = None,
+        discrepancy: DiscrepancyColumns | None = None,
         precision: Tensor | None = None,
         design: Design | None = None,
     ) -> None:
@@ -124,7 +126,7 @@ class Screening:
         Args:
             likelihood: Of the flights.
             members: Effects, each once or about several parameters.
-            discrepancy: (n, p, e) columns of a shift without a cause, which every set then has beside it.
+            discrepancy: Columns of a shift without a cause, which every set then has beside it.
             precision: (e,) prior precision of their coefficients.
             design: What :func:`joined_members` gives of them, where it is known.
         """
@@ -137,7 +139,7 @@ class Screening:
         profiled = likelihood.sums.profiled(sums)
         tables = profiled.inner, likelihood.sums.held_out(sums, profiled)
         if discrepancy is not None and precision is not None:
-            gone = torch.arange(own, own + discrepancy.shape[2])
+            gone = torch.arange(own, own + len(discrepancy))
             tables = _profiled_out(*tables, gone, precision)
         self.inner, self.held_out = tables
         self.last = self.inner.shape[1] - 1

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from descentflow.core.recent import Recent
 
-KEPT = 6
+KEPT = 3
 """Selections of rows of the precisions that are kept: effects that show in the same quantities ask for the same."""
 PARTS = 8
 """Parts of the flights whose precisions are kept: the folds, either side, and all real ones by fold."""
@@ -132,10 +132,15 @@ class Whitening:
         precision[at < 0] = _inverted(self.covariance, patterns[at < 0])
         return Whitening(pattern, precision, self.covariance, self.optimism, self.between)
 
-    def of_single_flights(self, seen: Tensor) -> "Whitening":
-        """With the precision of flights taken by themselves, what is negligible for means included; ``seen`` (n, p)."""
+    def of_single_flights(self, index: Tensor, seen: Tensor) -> "Whitening":
+        """Of the flights (r,) at these positions, taken by themselves, what is negligible for means included.
+
+        Args:
+            index: (r,).
+            seen: (r, p) what they show.
+        """
         patterns, pattern = _patterns(seen)
-        return Whitening(pattern, _inverted(self.between, patterns), self.between, self.optimism, self.between)
+        return Whitening(pattern, _inverted(self.between, patterns), self.between, self.optimism[index], self.between)
 
     def summed(self, values: Tensor) -> Tensor:
         """Sum (p,) over flights of the precision times values (n, p), which are zero where nothing was seen."""

@@ -46,7 +46,7 @@ def causes_of(
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> columns = discrepancy_columns(likelihood.compared)
         >>> from descentflow.diagnosis.inference.heterogeneity import heterogeneous_shifts
         >>> from descentflow.diagnosis.inference.selection import select
         >>> chosen = select(likelihood, columns, lambda stage: None)

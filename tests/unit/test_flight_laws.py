@@ -13,7 +13,7 @@ from descentflow.diagnosis.inference import flight_fit, mixed_fit
 from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.example_sides import example_likelihood
 from descentflow.diagnosis.inference.flight_fit import FlightFit
-from descentflow.diagnosis.inference.flight_laws import Law, log_ratio, taken
+from descentflow.diagnosis.inference.flight_laws import NEGLIGIBLE, Law, log_ratio, taken
 from descentflow.diagnosis.inference.flight_ways import WaysOfFlights
 from descentflow.diagnosis.inference.likelihood import FlightShares
 from descentflow.diagnosis.inference.search import fit_effects
@@ -125,7 +125,7 @@ def test_the_mixture_is_the_sum_over_all_ways() -> None:
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05, SPREAD])
-def test_ways_that_are_told_by_their_bound_change_no_number(spread: float) -> None:
+def test_ways_that_are_told_by_their_bound_change_no_number_that_is_reported(spread: float) -> None:
     generator = torch.Generator().manual_seed(11)
     # From flights that show nothing to some of which hundreds of nats tell one way from another.
     scale = torch.logspace(-1, 2.5, 60).double()[:, None]
@@ -144,16 +144,19 @@ def test_ways_that_are_told_by_their_bound_change_no_number(spread: float) -> No
     joint = {name: likely[name].log_ratio + law.log_joint for name, law in laws.items()}
     none = torch.full((60, 1), np.log(0.1), dtype=torch.float64)
     whole = torch.cat([none, *joint.values()], 1).logsumexp(1)
-    torch.testing.assert_close(found.log_ratio, whole, atol=1e-12, rtol=1e-12)
+    # Of 80 ways of a flight each that is left out has less than e^-25 of its probability.
+    left_out = 80 * np.exp(-NEGLIGIBLE)
+    torch.testing.assert_close(found.log_ratio, whole, atol=left_out, rtol=1e-12)
     assert len(found.ways["a"].way) < 2000  # of 2,400: some are left out
     for name, law in laws.items():
         assert bool((seen[name].bound(law.mean, law.spread) >= likely[name].log_ratio - 1e-9).all())
         probability, ways = (joint[name] - whole[:, None]).exp(), found.ways[name]
-        torch.testing.assert_close(ways.placed(ways.probability), probability, atol=1e-12, rtol=1e-9)
+        torch.testing.assert_close(ways.placed(ways.probability), probability, atol=left_out, rtol=1e-8)
         sums = probability, probability * likely[name].size
         squared = probability * (likely[name].size.square() + likely[name].variance)
         for got, table in zip(dataclasses.astuple(ways.learnt())[:3], (*sums, squared), strict=True):
-            torch.testing.assert_close(got, table.sum(0), atol=1e-10, rtol=1e-9)
+            # In sums over 60 flights.
+            torch.testing.assert_close(got, table.sum(0), atol=60 * left_out, rtol=1e-8)
 
 
 @pytest.fixture(scope="module")

@@ -99,7 +99,7 @@ def select_by_either(
             return learnt, chosen
         progress("learning the spread from real flights")
         real = _learnt_from_real_flights(learnt, seed)
-        if ahead is not None:
+        if ahead is not None and not ahead.is_held:
             again = ahead.result().in_this_process(real.searched, discrepancy)
         else:
             again = select(real.searched, discrepancy, progress)

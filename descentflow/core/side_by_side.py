@@ -24,10 +24,9 @@ import torch
 T = TypeVar("T")
 MOST = 4
 """Copies at once at most: each takes memory for what it changes."""
-LESS_URGENT = 5
-"""Niceness that a copy adds: the process that others wait for comes first where both want a core."""
-LEAST_URGENT = 19
-"""Niceness of a process that runs where no other wants to."""
+LESS_URGENT = 10
+"""Niceness that a copy adds whose result is asked for late: a tenth of the share of others. With 19, which leaves it a
+hundredth, it would not end where other programs keep all cores busy."""
 _allowed = 1
 _beside: list["Begun[Any]"] = []
 """Calls that have a core of their own while they work."""
@@ -74,7 +73,7 @@ class Begun(Generic[T]):
             call: What to work out; its result must be one that pickle takes, and what it changes is not seen here.
             own_core: Whether it has one of the cores while it works, in a ``with`` block: others share what is left.
                 For long calls.
-            gives_way: Whether it has only what others leave of the cores: its result is asked for much later.
+            gives_way: Whether others have more of the cores, where all are wanted: its result is asked for much later.
             held: Whether the copy is made now, of what this process is now, and begins when :meth:`start` says so.
         """
         self._call, self._own_core = call, own_core
@@ -242,14 +241,14 @@ def forked(work: Callable[[Any], None]) -> tuple[Any, Any]:
 
 
 def give_way() -> None:
-    """In a copy of this process: leave the cores to all others that want them.
+    """In a copy of this process: leave most of the cores to others that want them.
 
     Example:
         >>> with cores_shared(), Begun(lambda: os.nice(0), gives_way=True) as begun:
-        ...     begun.result() if is_shared() else 19  # its niceness
-        19
+        ...     (begun.result() if is_shared() else os.nice(0) + 10) - os.nice(0)
+        10
     """
-    os.nice(LEAST_URGENT)
+    os.nice(LESS_URGENT)
 
 
 def _work(work: Callable[[Any], None], theirs: Any, pipe: Any) -> None:
@@ -263,7 +262,6 @@ def _work(work: Callable[[Any], None], theirs: Any, pipe: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     torch.set_num_threads(1)
-    os.nice(LESS_URGENT)
     # Nobody reads what is sent where the one that asked has ended, or wants it no more.
     with suppress(ConnectionError):
         work(pipe)

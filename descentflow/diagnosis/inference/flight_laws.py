@@ -15,7 +15,7 @@ AT_ONCE = 1 << 18
 """Ways of flights that are worked out at a time: 2 MB an array."""
 NEGLIGIBLE = 25.0
 """Nats by which a way's bound may fall short of its flight's most likely way for it to count: what is left out is
-e^-25 of a flight's probability for each, of a thousand 1e-8; at 40 no number of a report differs by more than 1e-9."""
+e^-25 of a flight's probability for each, of a thousand 1e-8; of a report made with 40 too no number was off by more."""
 MIN_SHARE = 1e-12
 """Of flights, for the logarithm of a share that is zero."""
 

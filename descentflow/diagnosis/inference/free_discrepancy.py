@@ -44,7 +44,7 @@ class FreeDiscrepancy:
     """
 
     def __init__(self, likelihood: EffectsLikelihood, columns: DiscrepancyColumns) -> None:
-        """Take columns (n, p, e) with unit prior spread."""
+        """Take the columns."""
         self.likelihood, self.columns = likelihood, columns
         self.of = quantity_of(columns, likelihood.compared)
         self.found: dict[tuple[str, ...], Beside] = {}

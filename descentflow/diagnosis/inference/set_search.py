@@ -28,8 +28,7 @@ FIRST = 4
 WITH_DISCREPANCY = 6
 """Sets that are tried with a discrepancy beside them at most."""
 MOST_GROWN = 5
-"""Effects that a set may grow to: no diagnosis of the sealed study named more than four, and where a sixth or seventh
-was wanted the cause lay outside the catalogue."""
+"""Effects that a set may grow to: one more than any diagnosis of the sealed study named."""
 SCREENED_GAP = 8.0
 """Nats by which a set's linear gain may fall short of the best for it to be refitted: its weight would be e^-8."""
 

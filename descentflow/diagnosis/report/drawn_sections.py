@@ -68,7 +68,7 @@ class DrawnSections:
 def _answer(question: tuple[str, Findings] | None) -> list[Html]:
     """In a copy: what a section holds; of no question, nothing, once figures can be drawn."""
     if question is None:
-        # A process that ends with the page needs no search for garbage, and the library no core that others want.
+        # A process that ends with the page needs no search for garbage, and the library is wanted late.
         gc.disable()
         give_way()
         from descentflow.diagnosis.report.gap_figures import singles_figure

@@ -4,7 +4,7 @@ from collections.abc import Callable, Hashable, Mapping
 from multiprocessing.connection import wait
 from typing import Any, Generic, TypeVar
 
-from descentflow.core.side_by_side import at_once
+from descentflow.core.side_by_side import at_once, is_shared, pipes_beside
 from descentflow.core.worker import Worker
 
 Q = TypeVar("Q")
@@ -52,7 +52,7 @@ class ForeseenCalls(Generic[Q, T]):
         for key in [key for key in self._running if key not in questions]:
             self._running.pop(key).end()
         known = self._running.keys() | self._done.keys()
-        self._waiting = {key: q for key, q in questions.items() if key not in known} if at_once() > 1 else {}
+        self._waiting = {key: q for key, q in questions.items() if key not in known} if is_shared() else {}
         self._fill()
 
     def ask(self, key: Hashable, call: Callable[[], T]) -> T:
@@ -62,8 +62,11 @@ class ForeseenCalls(Generic[Q, T]):
             Exception: That of the call, or of the answer.
             MemoryError: If the copy that worked it out was killed, as it is where memory runs out.
         """
+        if key in self._waiting and at_once() == 1 and not self._running:
+            # As soon as what works beside it has ended, others are begun too: this process must be there to see it.
+            self._run(key)
         while key in self._running:
-            ready = wait([worker.pipe for worker in self._running.values()])
+            ready = wait([*(worker.pipe for worker in self._running.values()), *pipes_beside()])
             for other in [other for other, worker in self._running.items() if worker.pipe in ready and other != key]:
                 self._collect(other)
             if self._running[key].pipe in ready:
@@ -76,12 +79,14 @@ class ForeseenCalls(Generic[Q, T]):
         return call()
 
     def _fill(self) -> None:
-        while self._waiting and len(self._running) < at_once():
-            key = next(iter(self._waiting))
-            self._begins(key)
-            worker = self._idle.pop() if self._idle else Worker(self._answer)
-            worker.ask(self._waiting.pop(key))
-            self._running[key] = worker
+        while self._waiting and len(self._running) < at_once() and at_once() > 1:
+            self._run(next(iter(self._waiting)))
+
+    def _run(self, key: Hashable) -> None:
+        self._begins(key)
+        worker = self._idle.pop() if self._idle else Worker(self._answer)
+        worker.ask(self._waiting.pop(key))
+        self._running[key] = worker
 
     def _received(self, key: Hashable) -> T:
         """What a worker sent, which then is free for another question."""

@@ -176,6 +176,18 @@ def at_once() -> int:
     return max(_allowed - sum(one.works for one in _beside), 1)
 
 
+def pipes_beside() -> list[Any]:
+    """Pipes of the calls that have a core of their own now: one is readable once its call has ended.
+
+    Example:
+        >>> import time
+        >>> with cores_shared(), Begun(lambda: time.sleep(60), own_core=True):
+        ...     len(pipes_beside()) if is_shared() else 1
+        1
+    """
+    return [one.pipe for one in _beside if one.works]
+
+
 def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None] = lambda place: None) -> list[T]:
     """Results of independent calls in their order, the first error raised.
 

@@ -171,6 +171,10 @@ class DiffersByFlight(Effect):
             beyond: (n, K) ln of the rate that is expected without it beyond the polar's.
         """
 
+    def coarser(self, theta: Tensor) -> "DiffersByFlight":
+        """The same effect with fewer ways, by which its law is found in less time; itself where these are few."""
+        return self
+
     @abstractmethod
     def log_prior(self, state: FlightState, theta: Tensor) -> Tensor:
         """Logarithm (W,) of how often those that have it have it in each way."""

@@ -1,6 +1,7 @@
 """Drag added within a window of altitude: speed brakes, or a restriction that makes crews use them."""
 
 import math
+from copy import copy
 
 import torch
 from torch import Tensor
@@ -29,7 +30,9 @@ APART = 2.0
 """Two groups are told apart if their means are so many spreads within them apart; else all flights are one."""
 
 GRID_FL = 5.0
-"""Ends of each flight's own window are told apart in steps of so much: a third of a band."""
+"""Ends of each flight's own window are told apart in steps of so much: a third of a band..."""
+COARSE_FL = 10.0
+"""...and in steps of so much while a law is sought: of a quarter as many windows."""
 LEAST_SPREAD_FL = 1.0
 """Least spread of own windows: less is one window for all."""
 LEAST_SPREAD_EXTRA = 0.02
@@ -63,6 +66,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
     narrowest_fl = NARROWEST_FL
     inset_fl = RUN_OUT_M / FL_M
     own_draws = 3
+    grid_fl = GRID_FL
     parameters = (
         Parameter(
             "extra_cd0",
@@ -223,15 +227,26 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         names = (*slots, ("noise_rate", -1))
         return Ways(names, shape, torch.zeros_like(shape), table, lower, upper + len(ends))
 
+    def _is_one_window(self, theta: Tensor) -> bool:
+        return float(theta[5]) == 0.0 and float(theta[6]) == 0.0
+
     def _windows(self, state: FlightState, theta: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Ends (E,) of windows, and which of them are the lower and the upper one of each (W,)."""
-        if float(theta[5]) == 0.0 and float(theta[6]) == 0.0:
+        if self._is_one_window(theta):
             return theta[1:3], torch.tensor([0]), torch.tensor([1])
         low, high = self.range_fl(state)
-        ends = torch.arange(low, high + GRID_FL / 2, GRID_FL, dtype=torch.float64)
+        ends = torch.arange(low, high + self.grid_fl / 2, self.grid_fl, dtype=torch.float64)
         height = ends - ends[:, None]
         lower, upper = torch.nonzero((height >= NARROWEST_FL) & (height <= self.longest_fl(state)), as_tuple=True)
         return ends, lower, upper
+
+    def coarser(self, theta: Tensor) -> "SpeedBrake":
+        """The same with fewer windows."""
+        if self._is_one_window(theta):
+            return self
+        found = copy(self)
+        found.grid_fl = COARSE_FL
+        return found
 
     def log_prior(self, state: FlightState, theta: Tensor) -> Tensor:
         """Normal laws of the middle and the height of a window."""

@@ -9,7 +9,7 @@ from multiprocessing import active_children
 import pytest
 
 from descentflow.core.foreseen_calls import ForeseenCalls
-from descentflow.core.side_by_side import cores_shared
+from descentflow.core.side_by_side import Begun, at_once, cores_shared
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="copies of a process are made on Linux alone"),
@@ -74,6 +74,23 @@ def test_nothing_is_begun_where_one_may_run_at_a_time() -> None:
         assert begun == []
         assert calls.ask("a", here)[1] == os.getpid()
     assert begun == ["a"]
+
+
+@needs_two_cores
+def test_a_core_that_is_left_free_meanwhile_is_used_at_once() -> None:
+    copies: dict[object, int] = {}
+    with (
+        cores_shared(),
+        Begun(lambda: time.sleep(0.2), own_core=True) as beside,
+        ForeseenCalls(answer, lambda key: copies.update({key: at_once()})) as calls,
+    ):
+        calls.foresee({k: k for k in (700, 701)})
+        assert copies == {}  # the call beside has the one core, and this process the other
+        assert calls.ask(700, unwanted)[1] != os.getpid()
+        assert copies == {700: 1, 701: 2}
+        assert calls.ask(701, unwanted)[0] == 1402
+        beside.result()
+    assert active_children() == []
 
 
 @needs_two_cores

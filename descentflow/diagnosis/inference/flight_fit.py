@@ -12,8 +12,6 @@ rate. The log score of a held-out flight is that of the mixture,
 under the same precision :math:`Q_i` as that of any other fit, so that fits of all kinds can be set beside each other.
 """
 
-from collections.abc import Mapping
-
 import torch
 from torch import Tensor
 
@@ -30,7 +28,9 @@ Laws = dict[str, Tensor]
 MAX_SECANTS = 4
 """Times at most that ways are worked out anew at what was learnt..."""
 MAX_STEPS = 15
-"""...and steps of expectation and maximisation for each of them, at most."""
+"""...and steps of expectation and maximisation for each of them, at most..."""
+FINE_STEPS = 3
+"""...of which so many at most, the last, are of all ways where an effect has a coarser set of them."""
 MIN_EM_GAIN = 0.2
 """Nats by which a step must raise the likelihood for another to follow: far less than decides between two sets..."""
 GAIN_OF_FLIGHT = 5e-4
@@ -66,6 +66,7 @@ class FlightFit:
             every: Of the real flights each so many are taken.
         """
         self.likelihood, self.laws = likelihood, dict(laws)
+        self.effects = {n: e for n in laws if isinstance(e := likelihood.catalogue[n], DiffersByFlight)}
         self.at = torch.nonzero(likelihood.real)[::every, 0]
         self.state: FlightState = likelihood.compared.state.rows(self.at)
         self.seen = likelihood.compared.y[self.at].isfinite()
@@ -86,21 +87,26 @@ class FlightFit:
             some = FlightFit(self.likelihood, self.laws, every)
             some.learn(expected[::every])
             self.laws, self.off = some.laws, some.off
-        left = self.likelihood.compared.y[self.at].nan_to_num(0.0) - expected
+        fine = self.effects
+        self.effects = {name: effect.coarser(self.laws[name]) for name, effect in fine.items()}
         for _ in range(MAX_SECANTS):
             before = self.laws
-            ways = self.ways(self.laws, expected + self.off, self.state, self.single)
-            self._settle(ways, left)
+            self._settle(expected, MAX_STEPS)
             if all(self._is_settled(name, before[name], theta) for name, theta in self.laws.items()):
                 break
+        if any(self.effects[name] is not effect for name, effect in fine.items()):
+            self.effects = fine
+            self._settle(expected, FINE_STEPS)
 
-    def _settle(self, ways: Mapping[str, WaysOfFlights], left: Tensor) -> None:
-        """Steps of expectation and maximisation until they gain nothing; ``left`` (m, p) of the flights."""
+    def _settle(self, expected: Tensor, most: int) -> None:
+        """Steps of expectation and maximisation until they gain nothing, ``most`` of them at most."""
+        ways = self.ways(self.laws, expected + self.off, self.state, self.single)
+        left = self.likelihood.compared.y[self.at].nan_to_num(0.0) - expected
         left = torch.where(self.seen, left, 0.0)
         whole, reached = self.single.summed(left), -torch.inf
         least = max(MIN_EM_GAIN, GAIN_OF_FLIGHT * len(self.at))
         shown = {name: w.weighted(left) for name, w in ways.items()}
-        for _ in range(MAX_STEPS):
+        for _ in range(most):
             explained = {n: w.explained_of(shown[n] - w.weighted_alike(self.off)) for n, w in ways.items()}
             self.taken = taken(explained, self._laws(self.laws))
             # The likelihood of flights and of their own mean together, up to a constant.
@@ -115,18 +121,13 @@ class FlightFit:
         self.shifts = {name: w.placed(slots[name]) for name, w in ways.items()}
 
     def _is_settled(self, name: str, before: Tensor, now: Tensor) -> bool:
-        size, other = self.effect(name).size(before)[1], self.effect(name).size(now)[1]
+        size, other = self.effects[name].size(before)[1], self.effects[name].size(now)[1]
         return abs(other - size) <= SETTLED * abs(size)
 
     def learnt(self, chosen: Tensor | None = None) -> Laws:
         """Laws that the flights (m,) chosen say, by what is expected of each."""
-        return {n: self.effect(n).learn(self.state, t, self.taken.ways[n].learnt(chosen)) for n, t in self.laws.items()}
-
-    def effect(self, name: str) -> DiffersByFlight:
-        """The effect of a law."""
-        found = self.likelihood.catalogue[name]
-        assert isinstance(found, DiffersByFlight)
-        return found
+        said = {name: ways.learnt(chosen) for name, ways in self.taken.ways.items()}
+        return {name: self.effects[name].learn(self.state, t, said[name]) for name, t in self.laws.items()}
 
     def ways(self, laws: Laws, expected: Tensor, state: FlightState, precision: Whitening) -> dict[str, WaysOfFlights]:
         """Ways of every effect in some flights, of which (k, p) is expected without."""
@@ -134,7 +135,7 @@ class FlightFit:
         beyond = torch.zeros(len(expected), len(c.state.altitude_m), dtype=expected.dtype)
         rates = c.columns("rate")
         beyond[:, [c.entries[i].band for i in rates.tolist()]] = expected[:, rates]
-        found = {name: self.effect(name).ways(state, theta, beyond) for name, theta in laws.items()}
+        found = {name: self.effects[name].ways(state, theta, beyond) for name, theta in laws.items()}
         return {name: WaysOfFlights(ways, c.entries, precision) for name, ways in found.items()}
 
     def log_ratio(self, laws: Laws, rest: Tensor, expected: Tensor, at: Tensor) -> Tensor:
@@ -154,7 +155,7 @@ class FlightFit:
         """Which real flights (m,) hold a path or a rate."""
         held = torch.zeros(len(self.at), dtype=torch.bool)
         for name in self.laws:
-            if self.effect(name).holds_rate:
+            if self.effects[name].holds_rate:
                 held |= self.taken.ways[name].share > MIN_TAKEN
         return held
 
@@ -164,7 +165,7 @@ class FlightFit:
         for name, theta in self.laws.items():
             ways = self.taken.ways[name]
             share, probability, size = ways.share, ways.placed(ways.probability), ways.placed(ways.size)
-            numbers = self.effect(name).own_numbers(self.state, theta, probability / share[:, None].clamp(1e-12), size)
+            numbers = self.effects[name].own_numbers(self.state, theta, probability / share[:, None].clamp(1e-12), size)
             found[name] = FlightShares(
                 self._of_all(share),
                 {key: self._of_all(value) for key, value in numbers.items()},
@@ -180,7 +181,7 @@ class FlightFit:
     def _laws(self, laws: Laws) -> dict[str, Law]:
         state = self.likelihood.compared.state
         return {
-            name: Law(self.effect(name).log_prior(state, theta), *self.effect(name).size(theta))
+            name: Law(self.effects[name].log_prior(state, theta), *self.effects[name].size(theta))
             for name, theta in laws.items()
         }
 

@@ -43,7 +43,7 @@ def share_its_own(likelihood: EffectsLikelihood, fit: Fit, name: str) -> float:
     flights = FlightFit(likelihood, {name: theta})
     expected = expected_with(likelihood, fit.shift, fit.shift - own.shift)[at]
     rest = torch.where(flights.seen, likelihood.compared.y[at].nan_to_num(0.0) - expected, 0.0)
-    effect, ways = flights.effect(name), flights.ways({name: theta}, expected, flights.state, flights.single)[name]
+    effect, ways = flights.effects[name], flights.ways({name: theta}, expected, flights.state, flights.single)[name]
     _, mean, spread = effect.size(theta)
     mine = _log_ratio(ways, rest, Law(effect.log_prior(flights.state, theta), 1.0, mean, spread))
     share = own.share[at]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
 from descentflow.diagnosis.inference.fits_ahead import with_design, without_design
@@ -95,12 +96,92 @@ class Chosen:
         return replace(self, null=change(self.null), singles=singles, fit=change(self.fit), alike=alike, beside=None)
 
 
-def select(
+@dataclass(frozen=True)
+class Searched:
+    """A search that has ended: the sets with their weights, and the fit of the effects that they name.
+
+    Attributes:
+        search: The search.
+        null: The fit without effects.
+        singles: Each effect alone.
+        sets: All sets with their weights.
+        found: What the weights say.
+        undecided: Effects that would be named, each with those that it may be as well for lack of their channels.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> ended = searched(likelihood, discrepancy_columns(likelihood.compared), lambda stage: None)
+        >>> ended.fit.effects, sorted(ended.chosen.gains)
+        (('temperature',), ['temperature'])
+    """
+
+    search: SetSearch
+    null: Fit
+    singles: dict[str, Candidate]
+    sets: tuple[WeightedSet, ...]
+    found: Inclusion
+    fit: Fit
+    undecided: tuple[Names, ...]
+
+    @cached_property
+    def chosen(self) -> Chosen:
+        """The outcome; what each effect gains takes the fits of sets without it, and is worked out when asked for."""
+        likelihood, search, fit, found = self.search.likelihood, self.search, self.fit, self.found
+        free = search.discrepancy.beside(fit).log_score
+        rest, error = likelihood.gain(free, fit.log_score)
+        explained = likelihood.gain(fit.log_score, self.null.log_score)[0]
+        fewer = [tuple(other for other in fit.effects if other != name) for name in fit.effects]
+        others = [(name, other) for name in fit.effects for other in found.groups[name]]
+        exchanged = [tuple(other if one == name else one for one in fit.effects) for name, other in others]
+        beside = search.fits_of((*fewer, *exchanged))
+        without, alike = beside[: len(fewer)], beside[len(fewer) :]
+        gains = {n: likelihood.gain(fit.log_score, one.log_score) for n, one in zip(fit.effects, without, strict=True)}
+        return Chosen(
+            self.null,
+            Outside(explained, rest, error, found.discrepancy >= OUTSIDE or bool(self.undecided)),
+            self.singles,
+            fit,
+            {name: found.groups[name] for name in fit.effects},
+            {name: found.probability[name] for name in fit.effects},
+            gains,
+            found,
+            tuple(sorted(self.sets, key=lambda one: -one.weight)),
+            tuple(alike),
+            search.discrepancy.refitted(fit),
+            self.undecided,
+        )
+
+
+def select(likelihood: EffectsLikelihood, discrepancy: DiscrepancyColumns, progress: Callable[[str], None]) -> Chosen:
+    """Name effects, see :func:`searched`, with all that is said of them.
+
+    Args:
+        likelihood: Flights and catalogue.
+        discrepancy: Its columns, with unit prior spread.
+        progress: Called with what is being fitted.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.effects import EFFECTS
+        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
+        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
+        >>> columns = discrepancy_columns(likelihood.compared)
+        >>> chosen = select(likelihood, columns, lambda stage: None)
+        >>> chosen.fit.effects, chosen.outside.named
+        (('temperature',), False)
+    """
+    return searched(likelihood, discrepancy, progress).chosen
+
+
+def searched(
     likelihood: EffectsLikelihood,
     discrepancy: DiscrepancyColumns,
     progress: Callable[[str], None],
     explored: Callable[[Fit], None] | None = None,
-) -> Chosen:
+) -> Searched:
     """Name effects, with a discrepancy of no particular cause as one more that may be there.
 
     Args:
@@ -115,9 +196,8 @@ def select(
         >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
         >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
         >>> columns = discrepancy_columns(likelihood.compared)
-        >>> chosen = select(likelihood, columns, lambda stage: None)
-        >>> chosen.fit.effects, chosen.outside.named
-        (('temperature',), False)
+        >>> searched(likelihood, columns, lambda stage: None).fit.effects
+        ('temperature',)
     """
     null = fit_effects(likelihood, ())
     singles = every_single(likelihood, null, progress)
@@ -128,31 +208,7 @@ def select(
     undecided = _undecided(likelihood, fit)
     if undecided:
         fit = search.fit(tuple(name for name in fit.effects if name not in {first for first, *_ in undecided}))
-    free = search.discrepancy.beside(fit).log_score
-    rest, error = likelihood.gain(free, fit.log_score)
-    explained = likelihood.gain(fit.log_score, null.log_score)[0]
-    gains = {}
-    for name in fit.effects:
-        fewer = search.fit(tuple(other for other in fit.effects if other != name))
-        gains[name] = likelihood.gain(fit.log_score, fewer.log_score)
-    alike = []
-    for name in fit.effects:
-        for other in found.groups[name]:
-            alike.append(search.fit(tuple(other if one == name else one for one in fit.effects)))
-    return Chosen(
-        null,
-        Outside(explained, rest, error, found.discrepancy >= OUTSIDE or bool(undecided)),
-        singles,
-        fit,
-        {name: found.groups[name] for name in fit.effects},
-        {name: found.probability[name] for name in fit.effects},
-        gains,
-        found,
-        tuple(sorted(sets, key=lambda one: -one.weight)),
-        tuple(alike),
-        search.discrepancy.refitted(fit),
-        undecided,
-    )
+    return Searched(search, null, singles, tuple(sets), found, fit, undecided)
 
 
 def _undecided(likelihood: EffectsLikelihood, fit: Fit) -> tuple[Names, ...]:

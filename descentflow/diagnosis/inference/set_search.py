@@ -1,6 +1,7 @@
 """The search among sets of effects: all of up to four are screened, the best fitted, and others grown from them."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 
 import torch
 from torch import Tensor
@@ -243,6 +244,13 @@ class SetSearch:
             self.fits[key] = self.ahead.fit(tuple(names), self._begin(names, start or {}))
         found = self.fits[key]
         return found if found.effects == tuple(names) else reordered(self.likelihood, found, tuple(names))
+
+    def fits_of(self, sets: Sequence[Names]) -> list[Fit]:
+        """Fits of several sets, each as :meth:`fit` makes it, at the same time where cores are shared."""
+        untried = self._untried(sets)
+        with self.ahead if len(untried) > 1 else nullcontext():
+            self._foresee(untried)
+            return [self.fit(names) for names in sets]
 
     def _begin(self, names: Sequence[str], start: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Parameters from which the fit of a set starts: those of another fit, where it has the effect."""

@@ -11,7 +11,7 @@ from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.mean_air import in_mean_air
 from descentflow.diagnosis.inference.normal_flights import is_narrow, left_between_means, normal_flights
-from descentflow.diagnosis.inference.selection import Chosen, select
+from descentflow.diagnosis.inference.selection import Chosen, searched, select
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.effects import Effect
@@ -80,7 +80,7 @@ def select_by_either(
         >>> same is learnt, chosen.fit.effects
         (True, ('mass',))
     """
-    searched = learnt.searched.compared
+    compared = learnt.searched.compared
     second = partial(_second_search, learnt, discrepancy, seed)
     # The copy is made now: it should not hold what the first search will.
     with Begun(second, own_core=True, held=True) if _may_follow(learnt) else nullcontext() as ahead:
@@ -91,20 +91,23 @@ def select_by_either(
             Whether the simulator's flights still differ too little beside the best effect alone was the last word in 64
             of 66 sets of the sealed study.
             """
-            if ahead is not None and ahead.is_held and is_narrow(searched, best.shift):
+            if ahead is not None and ahead.is_held and is_narrow(compared, best.shift):
                 ahead.start()
 
-        chosen = select(learnt.searched, discrepancy, progress, explored)
-        if learnt.narrow or not is_narrow(searched, chosen.fit.shift):
-            return learnt, chosen
+        first = searched(learnt.searched, discrepancy, progress, explored)
+        if learnt.narrow or not is_narrow(compared, first.fit.shift):
+            return learnt, first.chosen
+        if ahead is not None and ahead.works:
+            # All that it says takes no time while the second is waited for, and is not wanted where that is taken.
+            first.chosen  # noqa: B018 (it is kept)
         progress("learning the spread from real flights")
         real = _learnt_from_real_flights(learnt, seed)
         if ahead is not None and not ahead.is_held:
             again = ahead.result().in_this_process(real.searched, discrepancy)
         else:
             again = select(real.searched, discrepancy, progress)
-    left = [left_between_means(learnt.likelihood.compared, one.fit.shift) for one in (chosen, again)]
-    return (real, again) if left[1] < left[0] else (learnt, chosen)
+    left = [left_between_means(learnt.likelihood.compared, one.fit.shift) for one in (first, again)]
+    return (real, again) if left[1] < left[0] else (learnt, first.chosen)
 
 
 def _may_follow(learnt: SpreadLearnt) -> bool:

@@ -104,6 +104,7 @@ def constants() -> list[Constant]:
         Constant(f"{INFERENCE}.set_search", "LOG_PRIOR_ODDS", -1.25, -5.0),
         Constant(f"{INFERENCE}.set_search", "SCREENED_GAP", 4.0, 16.0),
         Constant(f"{INFERENCE}.set_search", "FIRST", 2, 8),
+        Constant(f"{INFERENCE}.set_search", "MOST_GROWN", 3, 10),
         Constant(f"{INFERENCE}.set_search", "WITH_DISCREPANCY", 3, 12),
         Constant(f"{INFERENCE}.subset_screening", "MAX_EFFECTS", 2, 5),
         Constant(f"{INFERENCE}.mean_air", "FALSELY_WIDER", 0.0005, 0.002),
@@ -121,8 +122,22 @@ def constants() -> list[Constant]:
         Constant(f"{INFERENCE}.credible", "LEAST_ITS_OWN", 1 / 3, 2 / 3),
         Constant(f"{INFERENCE}.heterogeneity", "MIN_VARIANCE_SHARE", 0.125, 0.5),
         Constant(f"{INFERENCE}.left_over", "THIRDS", 2, 6),
+        *_of_flight_laws(),
         *_of_measurement(),
         *_of_effects(),
+    ]
+
+
+def _of_flight_laws() -> list[Constant]:
+    return [
+        Constant(f"{INFERENCE}.mixed_fit", "MAX_ROUNDS", 2, 8),
+        Constant(f"{INFERENCE}.flight_fit", "MAX_SECANTS", 2, 8),
+        Constant(f"{INFERENCE}.flight_fit", "MAX_STEPS", 7, 30),
+        Constant(f"{INFERENCE}.flight_fit", "FINE_STEPS", 1, 6),
+        Constant(f"{INFERENCE}.flight_fit", "MIN_EM_GAIN", 0.1, 0.4),
+        Constant(f"{INFERENCE}.flight_laws", "NEGLIGIBLE", 12.5, 50.0),
+        Constant("effects.speed_brake.SpeedBrake", "grid_fl", 2.5, 10.0),
+        Constant("effects.speed_brake", "COARSE_FL", 5.0, 20.0),
     ]
 
 

@@ -14,7 +14,7 @@ from descentflow.densities.density import Density
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
-from descentflow.generation.prediction.interval_spread import MOST, holding_spread, misses
+from descentflow.generation.prediction.interval_spread import AS_DRAWN, MOST, TimeSpread, holding_spread, misses
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.generation.prediction.summary import (
@@ -176,7 +176,7 @@ def trained() -> GaussianDensity:
 
 def test_intervals_cover_what_came() -> None:
     """Held-out toy flights from FL290: of 100, the 90 % interval of the time to FL150 holds 80 or more."""
-    predictor = DescentPredictor(trained()).calibrated(toys.flights(60, seed=2))
+    predictor = DescentPredictor(trained()).calibrated(toys.flights(60, seed=2), 290)
     real = toys.flights(150, seed=1)
     chosen = [i for i in range(150) if int(real.entry_level[i]) > 160][:100]
     predictions = [predictor.predict(real.subset([i]), 290, 200, seed=i) for i in chosen]
@@ -194,7 +194,7 @@ def test_intervals_cover_what_came() -> None:
 @pytest.mark.parametrize("n_seen", [1, 3])
 def test_few_levels_say_what_they_can(n_seen: int) -> None:
     """Of 100 held-out toy flights whose highest levels alone are seen, the interval to FL150 holds 80 or more."""
-    predictor, real = DescentPredictor(trained()).calibrated(toys.flights(60, seed=2)), toys.flights(150, seed=1)
+    predictor, real = DescentPredictor(trained()).calibrated(toys.flights(60, seed=2), 330), toys.flights(150, seed=1)
     chosen = [i for i in range(150) if int(real.entry_level[i]) > 160][:100]
     levels = [real.levels_fl[real.mask[i]][-n_seen] for i in chosen]
     predictions = [predictor.predict(real.subset([i]), float(fl), 200) for i, fl in zip(chosen, levels, strict=True)]
@@ -213,7 +213,7 @@ def test_predictions_repeat_and_refuse_what_they_cannot_use() -> None:
     with pytest.raises(DataError, match="one flight"):
         predictor.predict(real, 300)
     with pytest.raises(DataError, match="at least ten"):
-        predictor.calibrated(real)
+        predictor.calibrated(real, 300)
 
 
 def test_few_continuations_are_counted_and_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -260,8 +260,8 @@ def test_draws_of_a_density_that_knows_too_much_are_spread_until_intervals_hold(
     with torch.no_grad():
         density.scale_tril.mul_(0.25)
     sure = DescentPredictor(density)
-    calibrated = sure.calibrated(toys.flights(120, seed=2))
-    assert calibrated.spread > 1.2
+    calibrated = sure.calibrated(toys.flights(120, seed=2), 290)
+    assert float(calibrated.spread.factor[-1]) > 1.2
     real = toys.flights(220, seed=1)
     chosen = [i for i in range(220) if int(real.entry_level[i]) > 160][:120]
 
@@ -272,14 +272,52 @@ def test_draws_of_a_density_that_knows_too_much_are_spread_until_intervals_hold(
     assert held(sure) < 0.78 < 0.82 < held(calibrated) < 0.98
 
 
-def test_the_spread_of_draws_is_the_one_with_which_intervals_hold() -> None:
-    """Draws and truth of known distributions: the factor is the ratio of their quantiles, on skewed sides too."""
-    drawn = normal(2_000, 1).exp()  # log-normal: ends at exp(+-1.645)
-    truth = (0.8 * normal(3_000, seed=1)).exp()
-    found = holding_spread([misses(drawn, one[None]) for one in truth])
-    middle, low, high = (float(torch.quantile(drawn, q)) for q in (0.5, 0.05, 0.95))
+def test_the_spread_of_times_is_the_one_with_which_intervals_hold() -> None:
+    """Draws and truth of known distributions: factors are ratios of their quantiles, on skewed sides too."""
+    drawn = normal(2_000, 1).exp().expand(-1, 2)  # ends at exp(+-1.645)
+    truth = (torch.tensor([0.8, 0.5]) * normal(3_000, 2, seed=1)).exp()
+    spread = holding_spread(torch.tensor([1, 8]), [misses(drawn, one) for one in truth])
+    middle, low, high = (torch.quantile(drawn, q, dim=0) for q in (0.5, 0.05, 0.95))
+    found = spread.factor
     held = ((truth - middle) <= found * (high - middle)) & ((middle - truth) <= found * (middle - low))
-    assert abs(float(held.double().mean()) - 0.9) < 0.005
-    assert found < 1
-    assert holding_spread([torch.full((4,), 99.0)]) == MOST
-    assert holding_spread([]) == 1.0
+    assert bool(((held.double().mean(0) - 0.9).abs() < 0.005).all())
+    assert float(found[1]) < float(found[0]) < 1
+    assert holding_spread(torch.tensor([1, 8]), [torch.full((2,), 99.0)]).factor.tolist() == [MOST, MOST]
+    assert holding_spread(torch.tensor([1]), []) is AS_DRAWN
+
+
+def test_few_flights_have_one_factor_for_all_depths() -> None:
+    some = [torch.tensor([0.1 * k, 0.2 * k, torch.nan]) for k in range(20)]
+    few, many = (holding_spread(torch.tensor([1, 2, 4]), some * repeats).factor for repeats in (1, 3))
+    assert few.unique().numel() == 1
+    assert float(many[1]) > float(many[0])
+    assert float(many[2]) == 1.0  # no flight is there
+
+
+def test_times_are_moved_about_their_median_and_rates_go_with_them() -> None:
+    predictor, real = DescentPredictor(trained()), toys.flights(1, seed=1, gappy=False)
+    before = predictor.predict(real, 300, 100).trajectories
+    spread = TimeSpread(torch.tensor([1.0, 150.0]).double(), torch.tensor([3.0, 1.5]).double())
+    after = spread.applied(before)
+    last = int(before.entry[0])
+    for one in (0, last // 2, last - 1):
+        factor = spread.at(torch.tensor([float(last - one)]).double())
+        middle = before.time_s[:, one].quantile(0.5)
+        expected = middle + factor * (before.time_s[:, one] - middle)
+        torch.testing.assert_close(after.time_s[:, one], expected, rtol=1e-9, atol=1e-9)
+    assert bool((after.time_s[:, : last + 1].diff(dim=1) < 0).all())
+    assert bool((after.time_s[:, last] == 0).all())
+    # The trapezoid rule gives back the times; rates are means of two legs, whose changes are small.
+    step_m = (before.levels_fl[1] - before.levels_fl[0]) * 30.48
+    legs = 0.5 * step_m * (1 / after.rate_mps[:, :last] + 1 / after.rate_mps[:, 1 : last + 1])
+    torch.testing.assert_close(-legs.sum(1), after.time_s[:, 0], rtol=2e-3, atol=0.0)
+    torch.testing.assert_close(after.cas_mps, before.cas_mps, rtol=0, atol=0)
+
+
+def test_moved_times_never_turn_back() -> None:
+    predictor, real = DescentPredictor(trained()), toys.flights(1, seed=1, gappy=False)
+    wild = TimeSpread(torch.tensor([1.0, 2.0, 3.0]).double(), torch.tensor([99.0, 0.5, 99.0]).double())
+    after = wild.applied(predictor.predict(real, 300, 100).trajectories)
+    last = int(after.entry[0])
+    assert bool((after.time_s[:, : last + 1].diff(dim=1) < 0).all())
+    assert bool((after.rate_mps[:, : last + 1] < 0).all())

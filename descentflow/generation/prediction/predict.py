@@ -236,7 +236,7 @@ def predict(
     frame = comparable_descents(descents, representation).frame
     tell_other_types(frame, representation)
     parts = encode_flights(frame, representation, context_table)
-    predictor, calibration = _calibrated(DescentPredictor(density, seed), parts["validation"], seed)
+    predictor, calibration = _calibrated(DescentPredictor(density, seed), parts["validation"], from_fl, seed)
     chosen = _chosen(parts["test"], flights)
     if total is not None:
         total(len(chosen))
@@ -259,13 +259,17 @@ def predict(
     return Prediction(tuple(predicted), chosen.profiles, from_fl, calibration, tuple(reasons), n_seen=seen)
 
 
-def _calibrated(predictor: DescentPredictor, flights: EncodedFlights, seed: int) -> tuple[DescentPredictor, str]:
+def _calibrated(
+    predictor: DescentPredictor, flights: EncodedFlights, from_fl: float, seed: int
+) -> tuple[DescentPredictor, str]:
     """The predictor calibrated on validation flights where there are enough, and what was done."""
     try:
-        found = predictor.calibrated(flights.profiles, seed=seed, context=flights.context)
+        found = predictor.calibrated(flights.profiles, from_fl, seed=seed, context=flights.context)
     except DataError as error:
         return predictor, f"not calibrated, intervals are likely to be too narrow: {error}"
-    return found, f"calibrated on the checkpoint's validation flights: draws {found.spread:.2f} times as far apart"
+    low, high = found.spread.factor.min(), found.spread.factor.max()
+    apart = f"{low:.2f} to {high:.2f} times as far from their median as drawn"
+    return found, f"calibrated on the checkpoint's validation flights: times lie {apart}"
 
 
 def _chosen(held_out: EncodedFlights, names: Sequence[str] | None) -> EncodedFlights:

@@ -1,5 +1,6 @@
 """Predict the rest of a descent whose first part was observed."""
 
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -11,7 +12,13 @@ from descentflow.core.seeds import checked_seed
 from descentflow.core.units import FL_M
 from descentflow.densities.density import Density
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
-from descentflow.generation.prediction.interval_spread import holding_spread, misses
+from descentflow.generation.prediction.interval_spread import (
+    AS_DRAWN,
+    FEWEST_BY_LEVEL,
+    depths,
+    holding_spread,
+    misses,
+)
 from descentflow.generation.prediction.posterior import Posterior, Prior, posterior_of, prior_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
@@ -19,14 +26,14 @@ from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.own_mass import check_reference_mass
 from descentflow.representation.profiles import Profiles, observed_profiles
 
-SHARES_LEFT = (0.75, 0.5)
-"""Of a descent's height, left to fly where its rest is predicted to calibrate the spread of draws."""
-SPREAD_STEPS = 2
-"""Times are not linear in what is drawn: the slow end moves by more than the draws do, and is looked at once again."""
-SPREAD_CONTINUATIONS = 200
+CALIBRATION_FLIGHTS = 500
+"""Flights by which intervals are calibrated at most: a share of 90 % is then known to 1.3 %."""
+CALIBRATION_CONTINUATIONS = 200
 """Of each flight there: the ends of its interval are then known to a tenth of its half width."""
 CALIBRATION_LEVELS = 5
-"""Levels observed at least where the spread of draws is calibrated: as flights that are predicted mostly show."""
+"""Levels observed of flights that begin below the level that others are predicted from."""
+FEWEST_TO_CALIBRATE = 10
+"""Flights without which nothing is calibrated."""
 MORE_DRAWS = 5
 """Times as many draws where those are left out that contradict the regime of speed that was seen."""
 MIN_CONTINUATIONS = 50
@@ -87,7 +94,7 @@ class DescentPredictor:
         self._priors: dict[tuple[float, ...], Prior] = {}
         if density.n_context == 0:
             self._prior(None)
-        self.spread = 1.0
+        self.spread = AS_DRAWN
 
     def _prior(self, context: Tensor | None) -> Prior:
         """The prior given a context (1, c), made once for each context: a flow's proposal takes part of a second."""
@@ -96,55 +103,51 @@ class DescentPredictor:
             self._priors[key] = prior_of(self.density, self.seed, context)
         return self._priors[key]
 
-    def calibrated(self, flights: Profiles, seed: int = 0, context: Tensor | None = None) -> "DescentPredictor":
-        """The predictor with the spread of draws with which its intervals hold the times of these flights.
+    def calibrated(
+        self, flights: Profiles, from_fl: float, seed: int = 0, context: Tensor | None = None
+    ) -> "DescentPredictor":
+        """The predictor with times spread so that intervals hold those of these flights.
 
-        Draws are moved away from their mean until 90 % intervals hold 90 % of the times to the bottom and to three
-        levels above it, from a quarter and from half of the way down, and never towards it
-        (:mod:`~descentflow.generation.prediction.interval_spread`).
+        They are predicted from the same level as others will be, and 90 % intervals made to hold 90 % of their times
+        1, 2, 4, ... levels below it and to the bottom (:mod:`~descentflow.generation.prediction.interval_spread`).
+        Where fewer than 50 show that level, those that begin below it are predicted from their own highest levels.
 
         Args:
             flights: Flights that neither training nor any later judgement uses: the validation part. Those are used
-                (200 at most) whose levels below the middle are all observed.
+                (500 at most) whose levels below are all observed.
+            from_fl: The last level that will count as observed.
             seed: As in :meth:`predict`.
             context: (flights, c) encoded context of each, for a conditional density.
 
         Raises:
             DataError: If fewer than ten flights can be used.
         """
-        usable = [i for i in range(len(flights)) if _whole_below(flights, i)][:200]
-        if len(usable) < 10:
+        found = copy(self)
+        found.spread = AS_DRAWN
+        ahead = depths(max(int((flights.levels_fl < from_fl).sum()), 1))
+        missed: list[Tensor] = []
+        for i, last in _starts(flights, from_fl):
+            given = None if context is None else context[i : i + 1]
+            with suppress(SamplingError):
+                missed.append(found._misses(flights.subset([i]), last, ahead, seed, given))
+        if len(missed) < FEWEST_TO_CALIBRATE:
             raise DataError(
-                f"{len(usable)} flights observed from the middle of their descent to its bottom",
+                f"{len(missed)} flights observed from FL{from_fl:.0f}, or from their highest levels, to the bottom",
                 expected="at least ten to calibrate with",
                 mend="pass descents that hold more of the model's validation flights",
             )
-        found = copy(self)
-        found.spread = 1.0
-        for _ in range(SPREAD_STEPS):
-            missed = [
-                found._misses(flights.subset([i]), seed, None if context is None else context[i : i + 1])
-                for i in usable
-            ]
-            found.spread = max(found.spread * holding_spread([one for one in missed if len(one)]), 1.0)
+        found.spread = holding_spread(ahead, missed)
         return found
 
-    def _misses(self, flight: Profiles, seed: int, context: Tensor | None) -> Tensor:
-        """Misses of one flight: four from each of the heights from which it shows all below, and enough above."""
-        found, mask = [flight.time_s.new_zeros(0)], flight.mask[0]
-        for left in SHARES_LEFT:
-            last = int(left * int(flight.entry_level[0]))
-            if not bool(mask[: last + 1].all()) or int(mask[last:].sum()) < CALIBRATION_LEVELS:
-                continue
-            to = torch.tensor([0, last // 4, last // 2, 3 * last // 4])
-            try:
-                ahead = self.predict(
-                    flight, float(flight.levels_fl[last]), SPREAD_CONTINUATIONS, seed, context=context
-                ).trajectories
-            except SamplingError:
-                continue
-            found.append(misses(ahead.time_s[:, to], flight.time_s[0, to] - flight.time_s[0, last]))
-        return torch.cat(found)
+    def _misses(self, flight: Profiles, last: int, ahead: Tensor, seed: int, context: Tensor | None) -> Tensor:
+        """Misses (k,) of one flight at levels ahead (k,), NaN below the lowest."""
+        from_fl = float(flight.levels_fl[last])
+        flown = self.predict(flight, from_fl, CALIBRATION_CONTINUATIONS, seed, context=context).trajectories
+        found = torch.full((len(ahead),), torch.nan, dtype=torch.float64)
+        is_there = ahead <= last
+        to = last - ahead[is_there]
+        found[is_there] = misses(flown.time_s[:, to], flight.time_s[0, to] - flight.time_s[0, last]).double()
+        return found
 
     def predict(
         self, flight: Profiles, from_fl: float, n: int = 500, seed: int = 0, *, context: Tensor | None = None
@@ -182,7 +185,8 @@ class DescentPredictor:
         given = given_deviation_k(self.representation, context)
         if given is not None:
             flown = in_given_air(flown, given.expand(len(flown)))
-        return Continuations(flight.flight_ids[0], flown.subset(good), effective, int((~good).sum()))
+        flown = self.spread.applied(flown.subset(good))
+        return Continuations(flight.flight_ids[0], flown, effective, int((~good).sum()))
 
     def _observed(self, flight: Profiles, from_fl: float) -> Tensor:
         levels = self.representation.decoder.levels_fl
@@ -218,10 +222,8 @@ class DescentPredictor:
         that contradict it are left out.
         """
         if so_far.crossovers is None:
-            drawn, effective = posterior.draw(n, generator)
-            return self._spread_out(drawn), effective
+            return posterior.draw(n, generator)
         drawn, effective = posterior.draw(MORE_DRAWS * n, generator)
-        drawn = self._spread_out(drawn)
         lowest = int(so_far.mask[0].nonzero()[0])
         agrees = torch.ones(len(drawn), dtype=torch.bool)
         if bool(so_far.crossovers.sure[0, lowest]):
@@ -230,13 +232,6 @@ class DescentPredictor:
             agrees = (flown.ahead_mps[:, lowest] < 0) == so_far.crossovers.holds_mach[0, lowest]
         drawn = drawn[agrees][:n]
         return drawn, min(effective, float(len(drawn)))
-
-    def _spread_out(self, drawn: Tensor) -> Tensor:
-        """Draws (n, D) with their distance from their mean times the calibrated spread."""
-        if self.spread == 1.0:
-            return drawn
-        mean = drawn.mean(0)
-        return mean + self.spread * (drawn - mean)
 
     def _fly(self, drawn: Tensor, entry: int) -> Trajectories:
         decoder = self.representation.decoder
@@ -248,8 +243,14 @@ class DescentPredictor:
         )
 
 
-def _whole_below(flights: Profiles, position: int) -> bool:
-    """Whether a flight has every level from the middle of its descent down, and enough above."""
-    entry = int(flights.entry_level[position])
-    mask = flights.mask[position]
-    return entry >= 2 * CALIBRATION_LEVELS and bool(mask[: entry // 2 + 1].all()) and int(mask.sum()) > entry // 2 + 5
+def _starts(flights: Profiles, from_fl: float) -> list[tuple[int, int]]:
+    """Flights that show all below a level, with that level; where these are few, others from their highest levels."""
+    last = int((flights.levels_fl < from_fl).sum())
+    entry, mask = flights.entry_level.tolist(), flights.mask
+    # Gaps below would hide what was flown: from the lowest level up, so many are observed without one.
+    whole = mask.long().cumprod(1).sum(1).tolist()
+    here = [(i, last) for i in range(len(flights)) if entry[i] >= last and whole[i] > last]
+    if len(here) < FEWEST_BY_LEVEL:
+        lower = [(i, entry[i] - CALIBRATION_LEVELS + 1) for i in range(len(flights)) if entry[i] < last]
+        here += [(i, start) for i, start in lower if start > last // 2 and whole[i] > start]
+    return here[:CALIBRATION_FLIGHTS]

@@ -1,5 +1,6 @@
 """Probabilistic PCA of profiles of which nothing is missing: one product and the leading eigenvectors of it."""
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -23,7 +24,10 @@ class CompleteProfiles:
         """Take mean and covariance of values (n, L), float64."""
         self.values = values
         self.mean, covariance = mean_and_covariance(values)
-        self.scale = covariance.diagonal().mean().sqrt()
+        variances = covariance.diagonal()
+        self.scale = variances.mean().sqrt()
+        # Not finite where any value is not, which saves a search of all; the mean squares of the levels together.
+        self.largest = (variances + self.mean.square()).sum().sqrt()
         self.covariance = covariance.div_(self.scale.square().clamp(min=1e-300))
 
     def model(self, q: int) -> PPCA:
@@ -97,12 +101,11 @@ def leading(covariance: Tensor, q: int) -> tuple[Tensor, Tensor]:
         >>> round(float(loadings.norm() ** 2), 4), float(noise)  # 9 = 8 + 1
         (8.0, 1.0)
     """
-    from scipy.linalg import eigh  # here: whatever reads a checkpoint would pay for it otherwise
-
     n_levels = len(covariance)
-    values, vectors = eigh(covariance.cpu().numpy(), subset_by_index=(n_levels - q, n_levels - 1), check_finite=False)
-    eigenvalues = torch.from_numpy(values).flip(0).to(covariance)
-    eigenvectors = torch.from_numpy(vectors).flip(1).to(covariance)
+    # NumPy's, as the product: SciPy has threads of its own, which would wait for cores that NumPy's still hold.
+    values, vectors = np.linalg.eigh(covariance.cpu().numpy())
+    eigenvalues = torch.from_numpy(values[n_levels - q :]).flip(0).to(covariance)
+    eigenvectors = torch.from_numpy(vectors[:, n_levels - q :]).flip(1).to(covariance)
     floor = eigenvalues[0].clamp(min=1e-300) * LEAST_NOISE
     rest = (covariance.trace() - eigenvalues.sum()) / max(n_levels - q, 1) if q < n_levels else floor
     noise = torch.maximum(rest, floor)

@@ -1,5 +1,6 @@
 """Gappy functional PCA with the interface of scikit-learn: fit, transform, inverse_transform."""
 
+import math
 import warnings
 from typing import Literal
 
@@ -82,15 +83,15 @@ class GappyFPCA:
         """
         # Of complete profiles one product by NumPy is most of the work; torch's waiting threads would share its cores.
         with one_thread():
-            if int(mask.count_nonzero()) == mask.numel():
+            if bool(mask.cpu().numpy().all()):  # a tenth of the time of torch's
                 return self._fit(values, mask, spacing_m, whole=True)
         return self._fit(values, mask, spacing_m, whole=False)
 
     def _fit(self, values: Tensor, mask: Tensor, spacing_m: float, whole: bool) -> "GappyFPCA":
         values = (values if whole else torch.where(mask, values, 0.0)).to(torch.float64)
-        largest = _check(values, mask, whole)
+        _check_counts(values, mask, whole)
         flights = CompleteProfiles(values) if whole else GappyProfiles(values, mask)
-        _check_spread(float(flights.scale), largest)
+        _check_values(float(flights.scale), float(flights.largest))
         if self.method == "iterative":
             return self._fit_iterative(values, mask, spacing_m)
         return self._fit_ppca(flights, spacing_m)
@@ -178,20 +179,14 @@ def _spectrum(fitted: ppca.PPCA) -> tuple[Tensor, Tensor]:
     return eigenvalues, left
 
 
-def _check(values: Tensor, mask: Tensor, whole: bool) -> float:
-    """Refuse profiles from which no covariance can be estimated; the largest of their values, in magnitude."""
+def _check_counts(values: Tensor, mask: Tensor, whole: bool) -> None:
+    """Refuse profiles too few to estimate a covariance from."""
     if values.shape[0] < 2:
         raise DataError(
             f"{values.shape[0]} training flight(s)",
             expected="at least two flights",
             mend="prepare more descents",
         )
-    extremes = torch.stack(values.aminmax())
-    if not bool(extremes.isfinite().all()):
-        raise DataError(
-            "profiles with values that are not finite", expected="finite observed values",
-            mend="prepare the rows again: cleaning drops such rows",
-        )  # fmt: skip
     thin = mask[:0, 0] if whole else (mask.sum(0) < 2).nonzero()
     if len(thin):
         raise DataError(
@@ -199,11 +194,15 @@ def _check(values: Tensor, mask: Tensor, whole: bool) -> float:
             expected="at least two flights on every level of the grid",
             mend="prepare more descents, or choose a higher lowest level (--data.bottom_fl)",
         )
-    return float(extremes.abs().max())
 
 
-def _check_spread(spread: float, largest: float) -> None:
-    """Refuse profiles that are all the same."""
+def _check_values(spread: float, largest: float) -> None:
+    """Refuse profiles with values that are none, and profiles that are all the same."""
+    if not math.isfinite(largest):
+        raise DataError(
+            "profiles with values that are not finite", expected="finite observed values",
+            mend="prepare the rows again: cleaning drops such rows",
+        )  # fmt: skip
     if spread <= 1e-9 * largest:
         raise DataError(
             "training flights that are all identical", expected="profiles that vary between flights",

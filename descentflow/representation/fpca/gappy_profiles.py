@@ -31,6 +31,7 @@ class GappyProfiles:
             mask: (n, L) observed.
         """
         self.values, self.mask = values, mask
+        self.largest = values.abs().amax()
         self.mean = ppca.observed_mean(values, mask)
         self.centred = torch.where(mask, values - self.mean, 0.0)
         self.scale = torch.linalg.vector_norm(self.centred) / mask.count_nonzero().sqrt()

@@ -6,27 +6,21 @@ torch's own data loaders do, and sends back what it worked out.
 """
 
 import os
-import pickle
-import signal
 import sys
 import threading
-import traceback
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
-from multiprocessing import get_context
 from multiprocessing.connection import wait
 from typing import Any, Generic, TypeVar
 
 import torch
 
+from descentflow.core.forked import answered, forked, give_way, killed, received
+
 T = TypeVar("T")
 MOST = 4
 """Copies at once at most: each takes memory for what it changes."""
-LESS_URGENT = 10
-"""Niceness that a copy adds whose result is asked for late: a tenth of the share of others. With 19, which leaves it a
-hundredth, it would not end where other programs keep all cores busy."""
 _allowed = 1
 _beside: list["Begun[Any]"] = []
 """Calls that have a core of their own while they work."""
@@ -71,6 +65,7 @@ class Begun(Generic[T]):
 
         Args:
             call: What to work out; its result must be one that pickle takes, and what it changes is not seen here.
+                It must not use polars, whose threads do not live on in a copy: it would wait for them for ever.
             own_core: Whether it has one of the cores while it works, in a ``with`` block: others share what is left.
                 For long calls.
             gives_way: Whether others have more of the cores, where all are wanted: its result is asked for much later.
@@ -225,108 +220,6 @@ def side_by_side(calls: Sequence[Callable[[], T]], begins: Callable[[int], None]
     return [done[place] for place in range(len(calls))]
 
 
-def forked(work: Callable[[Any], None]) -> tuple[Any, Any]:
-    """A copy of this process, and the pipe that leads to it.
-
-    Args:
-        work: What the copy does, given its end of the pipe; then it ends.
-
-    Example:
-        >>> process, pipe = forked(lambda pipe: pipe.send("here"))
-        >>> pipe.recv(), process.join(), process.exitcode
-        ('here', None, 0)
-    """
-    context = get_context("fork")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(work, ours, theirs), daemon=True)
-    with warnings.catch_warnings():
-        # Python 3.12 warns of fork beside threads, which may hold locks: the copy runs plain torch and no thread's.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        # Ctrl-C waits until the copy knows what to do with it.
-        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-        try:
-            process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-    theirs.close()
-    return process, ours
-
-
-def give_way() -> None:
-    """In a copy of this process: leave most of the cores to others that want them.
-
-    Example:
-        >>> with cores_shared(), Begun(lambda: os.nice(0), gives_way=True) as begun:
-        ...     (begun.result() if is_shared() else os.nice(0) + 10) - os.nice(0)
-        10
-    """
-    os.nice(LESS_URGENT)
-
-
-def _work(work: Callable[[Any], None], theirs: Any, pipe: Any) -> None:
-    """In the copy: one thread, nothing beside it, and no Ctrl-C of its own."""
-    global _allowed
-    _beside.clear()
-    # The end that is read: while this process had it too, nothing would tell that nobody reads any more.
-    theirs.close()
-    _allowed = 1
-    # Ctrl-C reaches the whole group; the one that was asked ends the others, where it does not ignore it itself.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-    torch.set_num_threads(1)
-    # Nobody reads what is sent where the one that asked has ended, or wants it no more.
-    with suppress(ConnectionError):
-        work(pipe)
-    pipe.close()
-
-
-def answered(call: Callable[[], object]) -> bytes:
-    """What a call gives, or its error, as a copy of a process sends it.
-
-    Example:
-        >>> received(answered(lambda: 6 * 7))
-        42
-    """
-    try:
-        sent: tuple[bool, object] = (True, call())
-    except Exception as error:
-        error.add_note("".join(traceback.format_exception(error)))
-        sent = (False, error)
-    return pickle.dumps(sent)
-
-
-def received(sent: bytes) -> Any:
-    """What :func:`answered` was given, or its error raised.
-
-    Example:
-        >>> try:
-        ...     received(answered(lambda: 1 // 0))
-        ... except ZeroDivisionError as error:
-        ...     print(error)
-        integer division or modulo by zero
-    """
-    # Plain pickle: torch's own would leave tensors in memory of a process that has ended.
-    done, value = pickle.loads(sent)
-    if not done:
-        raise value
-    return value
-
-
-def killed(process: Any) -> MemoryError:
-    """The error that says so of a copy which ended before it sent what was asked of it.
-
-    Example:
-        >>> process, _ = forked(lambda pipe: None)
-        >>> "lack of memory" in str(killed(process))
-        True
-    """
-    process.join()
-    return MemoryError(
-        f"a process that worked for this one ended with status {process.exitcode}, which is mostly for "
-        "lack of memory: OMP_NUM_THREADS=1 does one thing after another"
-    )
-
-
 def _send_once(call: Callable[[], object], pipe: Any, *, gives_way: bool, held: bool) -> None:
     if held:
         try:
@@ -336,3 +229,14 @@ def _send_once(call: Callable[[], object], pipe: Any, *, gives_way: bool, held: 
     if gives_way:
         give_way()
     pipe.send_bytes(answered(call))
+
+
+def _alone() -> None:
+    """In a copy of this process: one thing after another, and nothing of what this one has begun."""
+    global _allowed
+    _allowed = 1
+    _beside.clear()
+
+
+if sys.platform == "linux":
+    os.register_at_fork(after_in_child=_alone)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from descentflow.core.side_by_side import answered, forked, killed, received
+from descentflow.core.forked import answered, forked, killed, received
 
 Q = TypeVar("Q")
 T = TypeVar("T")

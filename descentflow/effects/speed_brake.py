@@ -11,6 +11,7 @@ from descentflow.effects.effect import AT_BOUND, STEP, FlightChange, Parameter, 
 from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Ways, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.effects.turn import AS_MEASURED
+from descentflow.effects.two_groups import two_groups
 from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.turning import MOST_BANK_DEG
 
@@ -26,8 +27,6 @@ FROM_TOP_FL = 5.0
 """A window that is open to the top is a matter of how descents begin."""
 MIN_FLIGHTS = 20
 """Flights from which a share is learnt."""
-APART = 2.0
-"""Two groups are told apart if their means are so many spreads within them apart; else all flights are one."""
 
 GRID_FL = 5.0
 """Ends of each flight's own window are told apart in steps of so much: a third of a band..."""
@@ -314,24 +313,3 @@ def _mean_and_spread(values: Tensor, weight: Tensor, before: float) -> tuple[flo
     mean = (weight * values).sum() / total
     variance = ((weight * (values - mean) ** 2).sum() + BEFORE * before**2) / (total + BEFORE)
     return float(mean), max(float(variance) ** 0.5, LEAST_SPREAD_FL)
-
-
-def two_groups(values: Tensor) -> float:
-    """Share of the upper of two groups, split where the spread within them is least; one if they are not apart.
-
-    Example:
-        >>> two_groups(torch.tensor([0.0, 0.1, -0.1, 1.0, 1.1]))
-        0.4
-    """
-    ordered = values.sort().values
-    n = len(ordered)
-    count = torch.arange(1, n, dtype=ordered.dtype)
-    total, square = ordered.cumsum(0), ordered.square().cumsum(0)
-    low = square[:-1] - total[:-1] ** 2 / count
-    high = (square[-1] - square[:-1]) - (total[-1] - total[:-1]) ** 2 / (n - count)
-    # A group of a few stragglers is none.
-    usable = (count >= 0.08 * n) & (count <= 0.92 * n)
-    k = int(torch.where(usable, low + high, torch.inf).argmin())
-    apart = (total[-1] - total[k]) / (n - k - 1) - total[k] / (k + 1)
-    within = ((low + high)[k].clamp(min=0.0) / n).sqrt()
-    return float(n - k - 1) / n if float(apart) > 2 * APART * float(within) else 1.0

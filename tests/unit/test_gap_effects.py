@@ -9,7 +9,7 @@ import torch
 from descentflow.diagnosis.inference.two_sides import NEGLIGIBLE
 from descentflow.effects import EFFECTS
 from descentflow.effects.flight_state import implied_mass_kg, log_rate
-from descentflow.effects.speed_brake import two_groups
+from descentflow.effects.two_groups import two_groups
 from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.quantity_registry import QUANTITIES
 

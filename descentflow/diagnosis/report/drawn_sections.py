@@ -6,7 +6,8 @@ from dataclasses import fields
 from functools import partial
 
 from descentflow.core.foreseen_calls import ForeseenCalls
-from descentflow.core.side_by_side import at_once, give_way
+from descentflow.core.forked import give_way
+from descentflow.core.side_by_side import at_once
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.report.cause_section import cause_section
 from descentflow.diagnosis.report.cost_section import cost_section

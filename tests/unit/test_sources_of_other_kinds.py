@@ -19,7 +19,7 @@ from descentflow.surveillance.rows.drop_report import DropReport
 
 
 def test_prepared_descents_are_told_as_such(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"these are prepared descents: pass them as they are to fit, evaluate"):
+    with pytest.raises(DataError, match=r"these are prepared descents: pass the file that .* wrote to fit, evaluate"):
         prepare(written(prepare(fleet(1)).frame, tmp_path / "descents.parquet"))
 
 

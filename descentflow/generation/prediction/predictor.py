@@ -253,4 +253,5 @@ def _starts(flights: Profiles, from_fl: float) -> list[tuple[int, int]]:
     if len(here) < FEWEST_BY_LEVEL:
         lower = [(i, entry[i] - CALIBRATION_LEVELS + 1) for i in range(len(flights)) if entry[i] < last]
         here += [(i, start) for i, start in lower if start > last // 2 and whole[i] > start]
-    return here[:CALIBRATION_FLIGHTS]
+    # Neighbours in a file were flown on one day, by one operator: those taken are spread over all of it.
+    return here[:: -(-len(here) // CALIBRATION_FLIGHTS)] if here else []

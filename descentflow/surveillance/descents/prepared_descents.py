@@ -282,5 +282,9 @@ def _read_file(path: str | Path) -> tuple[pl.DataFrame, dict[str, Any]]:
 
 def _description(metadata: dict[str, str], path: str | Path) -> dict[str, Any]:
     if KEY not in metadata:
-        raise DataError(f"{path}: Parquet, but not prepared descents", expected="a prepared table", mend=MEND)
+        raise DataError(
+            f"{path}: Parquet, but not prepared descents",
+            expected="a prepared table",
+            mend=f"{MEND}; saved again by another program a table lacks how it was prepared",
+        )
     return described(metadata[KEY], path)

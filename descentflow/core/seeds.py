@@ -2,6 +2,7 @@
 
 import argparse
 import operator
+from hashlib import blake2b
 
 from descentflow.core.errors import ConfigError
 
@@ -30,6 +31,19 @@ def checked_seed(seed: int) -> int:
             f"a seed of {_shown(seed)}", expected="a whole number from -2^63 to 2^63 - 1", mend="pass another one"
         )
     return number
+
+
+def seed_of(seed: int, name: str) -> int:
+    """The seed of one of many that are drawn for, a flight for instance, each with draws of its own.
+
+    Raises:
+        ConfigError: If the seed is no number of 64 bits.
+
+    Example:
+        >>> seed_of(0, "KLM204") == seed_of(0, "KLM204"), seed_of(0, "KLM204") == seed_of(0, "KLM205")
+        (True, False)
+    """
+    return int.from_bytes(blake2b(f"{checked_seed(seed)} {name}".encode(), digest_size=7).digest())
 
 
 def checked_count(n: int, of: str) -> int:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import DataError, SamplingError
-from descentflow.core.seeds import checked_seed
+from descentflow.core.seeds import seed_of
 from descentflow.core.units import FL_M
 from descentflow.densities.density import Density
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
@@ -26,10 +26,10 @@ from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.own_mass import check_reference_mass
 from descentflow.representation.profiles import Profiles, observed_profiles
 
-CALIBRATION_FLIGHTS = 500
-"""Flights by which intervals are calibrated at most: a share of 90 % is then known to 1.3 %."""
-CALIBRATION_CONTINUATIONS = 200
-"""Of each flight there: the ends of its interval are then known to a tenth of its half width."""
+CALIBRATION_FLIGHTS = 1000
+"""Flights by which intervals are calibrated at most: a share of 90 % is then known to 0.9 %."""
+CALIBRATION_CONTINUATIONS = 100
+"""Of each flight there: what the ends of one interval are off by, other flights' make up for."""
 CALIBRATION_LEVELS = 5
 """Levels observed of flights that begin below the level that others are predicted from."""
 FEWEST_TO_CALIBRATE = 10
@@ -114,7 +114,7 @@ class DescentPredictor:
 
         Args:
             flights: Flights that neither training nor any later judgement uses: the validation part. Those are used
-                (500 at most) whose levels below are all observed.
+                (1,000 at most) whose levels below are all observed.
             from_fl: The last level that will count as observed.
             seed: As in :meth:`predict`.
             context: (flights, c) encoded context of each, for a conditional density.
@@ -169,7 +169,8 @@ class DescentPredictor:
         so_far = self._so_far(flight, mask)
         seen = self.curves.information(self.representation.decoder.observed(so_far))
         posterior = posterior_of(self._prior(context), seen.precisions[0], seen.shift[0])
-        generator = torch.Generator().manual_seed(checked_seed(seed))
+        # With the same numbers for all, what the ends of one flight's interval are off by, all flights' would be.
+        generator = torch.Generator().manual_seed(seed_of(seed, flight.flight_ids[0]))
         drawn, effective = self._draw(posterior, so_far, n, generator)
         flown = self._fly(drawn, int(mask.nonzero()[0]))
         # Not the sampler's bounds: an observed flight may lie outside what training flights did, and still goes on.

@@ -55,7 +55,8 @@ class SignatureSource:
                 ) from error
             found = nearest_type(own, self.bada_dir)
         nearest = self.nearest and found.typecode != own
-        return found, CoefficientsUsed(found.typecode, found.source, of_flights, nearest)
+        asked = own if nearest and of_flights != [own] else None
+        return found, CoefficientsUsed(found.typecode, found.source, of_flights, nearest, asked)
 
 
 @dataclass(frozen=True)

@@ -47,16 +47,21 @@ class CoefficientsUsed:
         source: Where they come from.
         of_flights: Types of the flights.
         nearest: Whether they were taken as the nearest to a type that has none.
+        asked: That type, where another than the flights' was asked for.
 
     Example:
         >>> print(CoefficientsUsed("B772", "open aircraft", ["B788"], nearest=True))
         Signatures are those of the B772's coefficients, the nearest that there are to the B788.
+        >>> print(CoefficientsUsed("E190", "open aircraft", ["A320"], nearest=True, asked="GLF6"))
+        Signatures are those of the E190's coefficients, the nearest that there are to the GLF6, which stand for the \
+A320.
     """
 
     typecode: str
     source: str
     of_flights: list[str]
     nearest: bool = False
+    asked: str | None = None
 
     @property
     def stand_in(self) -> bool:
@@ -65,11 +70,13 @@ class CoefficientsUsed:
 
     def __str__(self) -> str:
         """For readers."""
-        start = f"Signatures are those of the {self.typecode}'s coefficients"
+        said = f"Signatures are those of the {self.typecode}'s coefficients"
         flights = ", ".join(self.of_flights)
-        if not self.stand_in:
-            return f"{start}."
-        return f"{start}, {'the nearest that there are to' if self.nearest else 'which stand for'} the {flights}."
+        if self.nearest:
+            said += f", the nearest that there are to the {self.asked or flights}"
+        if self.stand_in and (self.asked or not self.nearest):
+            said += f", which stand for the {flights}"
+        return f"{said}."
 
 
 @dataclass(frozen=True)

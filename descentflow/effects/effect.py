@@ -123,7 +123,8 @@ class Effect(ABC):
     """A physical or operational cause: all that the package knows of it stands in its class, in a file of its own.
 
     A subclass needs a ``name``, ``parameters`` and :meth:`shift`; everything else has a default. Quantities that may
-    shift: :data:`descentflow.measurements.quantity_registry.QUANTITIES`.
+    shift: :data:`descentflow.measurements.quantity_registry.QUANTITIES`. A diagnosis runs in torch's inference mode: a
+    :meth:`sensitivity` of your own cannot be autograd's.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose

@@ -25,6 +25,7 @@ from descentflow.diagnosis.inference.whitening import Whitening
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
 from descentflow.effects.flight_law import Ways
+from descentflow.effects.speed_brake import SpeedBrake
 
 MEAN, SPREAD = 0.4, 0.25
 """Law of sizes."""
@@ -187,6 +188,31 @@ def test_own_windows_score_higher_than_one_for_all(windows) -> None:
     null = fit_effects(held, ())
     mean_alone = held.log_score(held.shift(fit.theta), held.design(fit.theta))
     assert held.gain(fit.log_score, mean_alone)[0] > 10 * abs(held.gain(mean_alone, null.log_score)[0])
+
+
+def test_laws_sought_with_fewer_windows_end_where_all_windows_lead(windows, monkeypatch) -> None:
+    held, _, _, fit = windows
+    start = fit.theta["speed_brake"] * torch.tensor([0.8, 1.0, 1.0, 0.8, 1.0, 1.2, 1.2, 1.2]).double()
+    found, ways = [], []
+    settle = FlightFit._settle
+
+    def settled(self, *asked) -> None:
+        settle(self, *asked)
+        ways.append(self.taken.ways["speed_brake"].shape[1])
+
+    monkeypatch.setattr(FlightFit, "_settle", settled)
+    for coarse in (True, False):
+        if not coarse:
+            monkeypatch.setattr(SpeedBrake, "coarser", lambda self, theta: self)
+        flights = FlightFit(held, {"speed_brake": start})
+        flights.learn(torch.zeros_like(held.y[held.real]))
+        found.append(flights.laws["speed_brake"])
+    assert min(ways) < 0.35 * max(ways)
+    assert ways[-1] == max(ways)
+    # As where laws of some flights are gone on with: a fifth of a standard deviation of any parameter or so.
+    assert float(found[1][0] / found[1][3]) == pytest.approx(float(found[0][0] / found[0][3]), rel=0.02)
+    assert float(found[1][3]) == pytest.approx(float(found[0][3]), abs=0.01)
+    torch.testing.assert_close(found[0][1:3], found[1][1:3], rtol=0, atol=2.0)
 
 
 def test_laws_of_many_flights_are_begun_with_some_and_end_where_all_lead(windows, monkeypatch) -> None:

@@ -1,7 +1,6 @@
 """The search among sets of effects: all of up to four are screened, the best fitted, and others grown from them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
 
 import torch
 from torch import Tensor
@@ -248,8 +247,9 @@ class SetSearch:
     def fits_of(self, sets: Sequence[Names]) -> list[Fit]:
         """Fits of several sets, each as :meth:`fit` makes it, at the same time where cores are shared."""
         untried = self._untried(sets)
-        with self.ahead if len(untried) > 1 else nullcontext():
-            self._foresee(untried)
+        with self.ahead:
+            if len(untried) > 1:
+                self._foresee(untried)
             return [self.fit(names) for names in sets]
 
     def _begin(self, names: Sequence[str], start: Mapping[str, Tensor]) -> dict[str, Tensor]:

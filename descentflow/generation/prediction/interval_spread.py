@@ -9,7 +9,8 @@ was not fitted to: of each, how far from the median the time lay that was flown,
 .. math:: t'_{il} = m_l + \varphi(k_l)\,(t_{il} - m_l),
 
 about the median :math:`m_l` of all continuations at level l, by a factor that depends on how many levels :math:`k_l` it
-lies below the last observed one. Rates follow, so that every continuation is flown in the times that it has.
+lies below the last observed one. Rates follow, so that every continuation is flown in the times that it has; speeds and
+drag stay as they were drawn.
 """
 
 from collections.abc import Sequence
@@ -64,7 +65,7 @@ class TimeSpread:
             2.0
         """
         last = int(flown.entry[0])
-        if last == 0:
+        if last == 0 or self is AS_DRAWN:
             return flown
         # From the last observed level downwards; there the time is zero.
         time_s = flown.time_s[:, : last + 1].flip(1)

@@ -30,12 +30,13 @@ STARTING_ITERATIONS = 100
 """EM steps of a finalist where it is of some of the flights."""
 
 
-def steps_of(flights: Tensor | Evidence, context: Tensor | None = None) -> Steps:
+def steps_of(flights: Tensor | Evidence, context: Tensor | None = None, prior_flights: float = 0.0) -> Steps:
     """The steps for what is known of flights and, if there is one, context (n, c).
 
     Args:
         flights: Weights (n, d), or the evidence of flights that show only some levels.
         context: (n, c) encoded context.
+        prior_flights: Flights by which covariances are shrunk, see :mod:`descentflow.densities.shrunk_covariances`.
 
     Example:
         >>> type(steps_of(torch.randn(100, 2))).__name__
@@ -43,8 +44,10 @@ def steps_of(flights: Tensor | Evidence, context: Tensor | None = None) -> Steps
     """
     evidence = as_evidence(flights)
     if not evidence.known:
-        return EvidenceSteps(evidence, context)
-    return GaussianSteps(evidence.points) if context is None else RegressionSteps(evidence.points, context)
+        return EvidenceSteps(evidence, context, prior_flights=prior_flights)
+    if context is None:
+        return GaussianSteps(evidence.points, prior_flights)
+    return RegressionSteps(evidence.points, context, prior_flights)
 
 
 def start(steps: Steps, n_components: int, seed: int) -> Mixture:
@@ -84,7 +87,13 @@ def _k_means_labels(points: Tensor, n_components: int, seed: int) -> Tensor:
 
 
 def best_start(
-    flights: Tensor | Evidence, n_components: int, *, context: Tensor | None = None, seed: int, n_restarts: int
+    flights: Tensor | Evidence,
+    n_components: int,
+    *,
+    context: Tensor | None = None,
+    seed: int,
+    n_restarts: int,
+    prior_flights: float = 0.0,
 ) -> Mixture:
     """The first mixture with the highest likelihood among ``n_restarts``, each as :func:`start` makes it.
 
@@ -92,14 +101,16 @@ def best_start(
         >>> best_start(torch.randn(50, 2), 3, seed=0, n_restarts=2).locs.shape
         torch.Size([3, 2])
     """
-    steps = steps_of(flights, context)
+    steps = steps_of(flights, context, prior_flights)
     stand_in = steps.stand_in(seed)
     starts = [start(stand_in, n_components, seed + i) for i in range(n_restarts)]
     return max(starts, key=lambda mixture: float(steps.expectation(mixture)[1]))
 
 
 def converge(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: float) -> tuple[Mixture, float]:
-    """EM steps until the mean log-likelihood gains less than ``tolerance`` (nats), and that log-likelihood.
+    """EM steps until the mean log-likelihood changes by less than ``tolerance`` (nats), and that log-likelihood.
+
+    It grows in every step but where covariances are shrunk, which may cost some of it.
 
     Example:
         >>> steps = steps_of(torch.randn(200, 2))
@@ -110,7 +121,7 @@ def converge(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: floa
     previous = -float("inf")
     for _ in range(iterations):
         improved, current = steps.improve(mixture)
-        if current - previous < tolerance:
+        if abs(current - previous) < tolerance:
             return mixture, current
         mixture, previous = improved, current
     return mixture, float(steps.expectation(mixture)[1])
@@ -125,6 +136,7 @@ def fit_mixture(
     n_restarts: int = 8,
     iterations: int = 500,
     tolerance: float = 1e-6,
+    prior_flights: float = 0.0,
 ) -> tuple[Mixture, float]:
     """Maximum-likelihood mixture from several starts.
 
@@ -141,6 +153,7 @@ def fit_mixture(
         n_restarts: Number of starts.
         iterations: Maximum number of EM steps of a finalist.
         tolerance: Gain of the mean log-likelihood (nats) below which EM stops.
+        prior_flights: Flights by which covariances are shrunk, see :mod:`descentflow.densities.shrunk_covariances`.
 
     Returns:
         The mixture and its mean log-likelihood (nats per flight).
@@ -153,7 +166,7 @@ def fit_mixture(
         [0.33, 0.67]
     """
     return fit_steps(
-        steps_of(flights, context),
+        steps_of(flights, context, prior_flights),
         n_components,
         seed=seed,
         n_restarts=n_restarts,

@@ -16,13 +16,19 @@ LONGEST, GROWTH = 16.0, 2.0
 
 
 def converge_fast(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: float) -> tuple[Mixture, float]:
-    """Steps and extrapolations until one EM step gains less than ``tolerance`` (nats), and the mean log-likelihood.
+    """Steps and extrapolations until one EM step changes the mean log-likelihood by less than ``tolerance`` (nats).
+
+    Where covariances are shrunk a point further along may have a greater likelihood than the steps lead to; the steps
+    that follow it lose some, and no further point is taken from there.
 
     Args:
         steps: The flights.
         mixture: Where to begin.
         iterations: EM steps at most.
-        tolerance: Gain of the mean log-likelihood by one EM step at which it ends.
+        tolerance: Change of the mean log-likelihood by one EM step at which it ends.
+
+    Returns:
+        The mixture, and its mean log-likelihood.
 
     Example:
         >>> from descentflow.densities.em import converge, start, steps_of
@@ -42,8 +48,11 @@ def converge_fast(steps: Steps, mixture: Mixture, *, iterations: int, tolerance:
             continue
         two, after = steps.improve(one)
         done += 1
-        if after - before < tolerance:
+        if abs(after - before) < tolerance:
             return one, after
+        if after < before:
+            mixture, kept, reached = two, two, -float("inf")
+            continue
         length = _length(mixture, one, two)
         if length > bound:
             length, bound = bound, min(bound * GROWTH, LONGEST)

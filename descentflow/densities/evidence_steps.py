@@ -16,6 +16,7 @@ from descentflow.densities.gaussian_steps import JITTER, GaussianSteps, cholesky
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.observed import block_posteriors
 from descentflow.densities.regression_steps import RIDGE, Gate, RegressionSteps
+from descentflow.densities.shrunk_covariances import shrunk
 from descentflow.representation.evidence import Evidence
 
 ONE_GAUSSIAN_STEPS, ONE_GAUSSIAN_TOLERANCE = 1000, 1e-9
@@ -46,7 +47,13 @@ class EvidenceSteps(Steps):
     """
 
     def __init__(
-        self, evidence: Evidence, context: Tensor | None = None, *, ridge: float = RIDGE, jitter: float = JITTER
+        self,
+        evidence: Evidence,
+        context: Tensor | None = None,
+        *,
+        ridge: float = RIDGE,
+        jitter: float = JITTER,
+        prior_flights: float = 0.0,
     ) -> None:
         """Take the training flights.
 
@@ -55,8 +62,9 @@ class EvidenceSteps(Steps):
             context: (n, c) encoded context, if there is one.
             ridge: How many flights the prior of zero slopes counts as.
             jitter: Added to the variances.
+            prior_flights: Flights by which covariances are shrunk towards the one that components share.
         """
-        self.evidence, self.ridge, self.jitter = evidence, ridge, jitter
+        self.evidence, self.ridge, self.jitter, self.prior_flights = evidence, ridge, jitter, prior_flights
         self.context = None if context is None else context.to(torch.float64)
         ones = torch.ones_like(evidence.points[:, :1])
         self.design = ones if self.context is None else torch.cat([ones, self.context], 1)
@@ -86,7 +94,8 @@ class EvidenceSteps(Steps):
         if self._some is None or self._some[0] != most:
             chosen = evenly(len(self.evidence), most).to(self.evidence.group.device)
             context = None if self.context is None else self.context[chosen]
-            fewer = EvidenceSteps(self.evidence.rows(chosen), context, ridge=self.ridge, jitter=self.jitter)
+            like = {"ridge": self.ridge, "jitter": self.jitter, "prior_flights": self.prior_flights}
+            fewer = EvidenceSteps(self.evidence.rows(chosen), context, **like)
             self._some = (most, fewer)
         return self._some[1]
 
@@ -102,7 +111,9 @@ class EvidenceSteps(Steps):
             found = block_posteriors(self.single, block, self.context)
             factor = cholesky_or_small(found.covariances[0], 1e-12)
             drawn[block.index] = found.means[0] + white[block.index.cpu()].to(drawn) @ factor.mT
-        return GaussianSteps(drawn) if self.context is None else RegressionSteps(drawn, self.context)
+        if self.context is None:
+            return GaussianSteps(drawn, self.prior_flights)
+        return RegressionSteps(drawn, self.context, self.prior_flights)
 
     def points_to_group(self, seed: int) -> Tensor:
         """What k-means starts from: the weights expected under the single Gaussian (n, d)."""
@@ -174,7 +185,7 @@ class EvidenceSteps(Steps):
         mean_x, mean_w = moments.xx[:, 0] / count[:, None], moments.xw[:, 0] / count[:, None]
         second = moments.ww / count[:, None, None] - mean_w[:, :, None] * mean_w[:, None]
         if self.context is None or self._gate is None:
-            return Mixture(count / count.sum(), mean_w, cholesky_or_small((second + second.mT) / 2, self.jitter))
+            return Mixture(count / count.sum(), mean_w, self._factors(second, count))
         # Ridge regression of each component's posterior means on the context, from centred moments.
         inner = moments.xx[:, 1:, 1:] - count[:, None, None] * mean_x[:, 1:, None] * mean_x[:, None, 1:]
         across = moments.xw[:, 1:] - count[:, None, None] * mean_x[:, 1:, None] * mean_w[:, None]
@@ -184,4 +195,8 @@ class EvidenceSteps(Steps):
         spread = second - line - line.mT + slopes @ inner @ slopes.mT / count[:, None, None]
         locs = mean_w - (slopes @ mean_x[:, 1:, None])[..., 0]
         logits, gate = self._gate.newton(responsibilities, before)
-        return Mixture(logits.softmax(0), locs, cholesky_or_small((spread + spread.mT) / 2, self.jitter), slopes, gate)
+        return Mixture(logits.softmax(0), locs, self._factors(spread, count), slopes, gate)
+
+    def _factors(self, covariances: Tensor, count: Tensor) -> Tensor:
+        own = shrunk((covariances + covariances.mT) / 2, count, self.prior_flights)
+        return cholesky_or_small(own, self.jitter)

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from descentflow.densities.em_steps import Steps, evenly
 from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.shrunk_covariances import shrunk
 
 JITTER = 1e-6
 """Added to the variances, as scikit-learn's ``reg_covar``."""
@@ -25,15 +26,15 @@ class GaussianSteps(Steps):
         [[0.5], [10.5]]
     """
 
-    def __init__(self, weights: Tensor) -> None:
-        """Take the training flights' weights (n, d)."""
-        self.weights = weights.to(torch.float64)
+    def __init__(self, weights: Tensor, prior_flights: float = 0.0) -> None:
+        """Take the training flights' weights (n, d), and how many flights covariances are shrunk by."""
+        self.weights, self.prior_flights = weights.to(torch.float64), prior_flights
         self.features = quadratic_features(self.weights)
 
     def some(self, most: int) -> Steps:
         """The steps of at most so many of the flights, evenly chosen."""
         n = len(self.weights)
-        return self if n <= most else GaussianSteps(self.weights[evenly(n, most)])
+        return self if n <= most else GaussianSteps(self.weights[evenly(n, most)], self.prior_flights)
 
     def points_to_group(self, seed: int) -> Tensor:
         """What k-means starts from: the weights (n, d)."""
@@ -59,8 +60,8 @@ class GaussianSteps(Steps):
         count = moments[:, -1].clamp(min=1e-9)
         locs = moments[:, -1 - d : -1] / count[:, None]
         second = moments[:, : d * d].reshape(-1, d, d) / count[:, None, None]
-        factor = cholesky_or_small(second - locs[:, :, None] * locs[:, None, :], JITTER)
-        return Mixture(count / count.sum(), locs, factor)
+        own = shrunk(second - locs[:, :, None] * locs[:, None, :], count, self.prior_flights)
+        return Mixture(count / count.sum(), locs, cholesky_or_small(own, JITTER))
 
 
 def quadratic_features(weights: Tensor) -> Tensor:

@@ -11,6 +11,7 @@ from torch import Tensor
 from descentflow.densities.em_steps import Steps, evenly
 from descentflow.densities.gaussian_steps import JITTER, cholesky_or_small
 from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.shrunk_covariances import shrunk
 
 RIDGE = 1.0
 """The prior of zero slopes counts as this many flights at one standard deviation of context: few, but enough for a
@@ -30,21 +31,24 @@ class RegressionSteps(Steps):
         [0.5, 2.0]
     """
 
-    def __init__(self, weights: Tensor, context: Tensor) -> None:
-        """Take the training flights' weights (n, d) and encoded context (n, c)."""
+    def __init__(self, weights: Tensor, context: Tensor, prior_flights: float = 0.0) -> None:
+        """Take the training flights' weights (n, d), encoded context (n, c), and how many flights are a prior."""
         self.weights, self.context = weights.to(torch.float64), context.to(torch.float64)
+        self.prior_flights = prior_flights
         self._gate = Gate(self.context)
 
     def some(self, most: int) -> Steps:
         """The steps of at most so many of the flights, evenly chosen."""
+        if len(self.weights) <= most:
+            return self
         chosen = evenly(len(self.weights), most)
-        return self if len(self.weights) <= most else RegressionSteps(self.weights[chosen], self.context[chosen])
+        return RegressionSteps(self.weights[chosen], self.context[chosen], self.prior_flights)
 
     def points_to_group(self, seed: int) -> Tensor:
         """What k-means starts from: the weights or, every other pair of seeds, their residuals given the context."""
         if seed // 2 % 2 == 0:
             return self.weights
-        loc, slope, _ = regression(self.weights, self.context, torch.ones_like(self.weights[:, 0]))
+        loc, slope, _ = regression_line(self.weights, self.context, torch.ones_like(self.weights[:, 0]))
         return self.weights - loc - self.context @ slope.T
 
     def log_joint(self, mixture: Mixture) -> Tensor:
@@ -62,9 +66,11 @@ class RegressionSteps(Steps):
     def maximise(self, responsibilities: Tensor, before: Mixture | None = None) -> Mixture:
         """Ridge regression of each component in closed form, and some steps of the gate from where it was."""
         shares = responsibilities.unbind(1)
-        locs, slopes, factors = zip(*(regression(self.weights, self.context, r) for r in shares), strict=True)
+        lines = (regression_line(self.weights, self.context, share) for share in shares)
+        locs, slopes, covariances = map(torch.stack, zip(*lines, strict=True))
+        own = shrunk(covariances, responsibilities.sum(0), self.prior_flights)
         logits, gate = self._gate.newton(responsibilities, before)
-        return Mixture(logits.softmax(0), torch.stack(locs), torch.stack(factors), torch.stack(slopes), gate)
+        return Mixture(logits.softmax(0), locs, cholesky_or_small(own, JITTER), slopes, gate)
 
 
 class Gate:
@@ -121,6 +127,21 @@ def regression(
         >>> round(float(loc), 6), round(float(slope), 6)
         (1.0, 3.0)
     """
+    loc, slope, covariance = regression_line(weights, context, share, ridge)
+    return loc, slope, cholesky_or_small(covariance, jitter)
+
+
+def regression_line(
+    weights: Tensor, context: Tensor, share: Tensor, ridge: float = RIDGE
+) -> tuple[Tensor, Tensor, Tensor]:
+    """What :func:`regression` returns, with the residuals' covariance (d, d) in place of its factor.
+
+    Example:
+        >>> context = torch.tensor([[-1.0], [0.0], [1.0]]).double()
+        >>> residual = torch.tensor([[2.0], [-4.0], [2.0]]).double()
+        >>> round(float(regression_line(3 * context + residual, context, torch.ones(3).double(), ridge=0.0)[2]), 6)
+        8.0
+    """
     count = share.sum().clamp(min=1e-9)
     mean_w, mean_c = share @ weights / count, share @ context / count
     w, c = weights - mean_w, context - mean_c
@@ -129,7 +150,7 @@ def regression(
     slope = torch.linalg.solve(inner, shared.T @ w).T
     residual = w - c @ slope.T
     covariance = (share[:, None] * residual).T @ residual / count
-    return mean_w - slope @ mean_c, slope, cholesky_or_small(covariance, jitter)
+    return mean_w - slope @ mean_c, slope, covariance
 
 
 def _with_context(mixture: Mixture) -> tuple[Tensor, Tensor]:

@@ -1,4 +1,4 @@
-"""The best epoch is kept, the Gaussian among them; BIC goes on where the paper's cap would decide; scores by flight."""
+"""The best epoch is kept, the Gaussian among them; numbers of components beyond the cap; scores by flight."""
 
 from pathlib import Path
 
@@ -10,7 +10,12 @@ from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
 from descentflow.core.errors import ConfigError
-from descentflow.densities.component_search import MIN_FLIGHTS_PER_PARAMETER, by_bic, max_components, select_mixture
+from descentflow.densities.component_search import (
+    MIN_FLIGHTS_PER_PARAMETER,
+    best_number,
+    max_components,
+    select_mixture,
+)
 from descentflow.evaluation.forecast_scores import forecast_scores, skill
 from descentflow.evaluation.metrics.proper import crps, crps_each, energy_score_each
 from descentflow.representation.evidence import Evidence
@@ -64,9 +69,9 @@ def test_shipped_settings_are_the_defaults_and_choose_by_the_bound() -> None:
         assert config["trainer"]["callbacks"][0]["init_args"]["monitor"] == "val/bound"
 
 
-def test_bic_goes_on_only_while_the_end_is_best() -> None:
+def test_the_criterion_goes_on_only_while_the_end_is_best() -> None:
     def tried(best: int, most: int, furthest: int) -> list[int]:
-        return list(by_bic(lambda k: (k, -0.01 * (k - best) ** 2), lambda k: 0, 1000, most, furthest)[1])
+        return list(best_number(lambda k: (k, -0.01 * (k - best) ** 2), lambda k: 0, 1000, 2.0, most, furthest)[1])
 
     assert tried(2, 4, 10) == [1, 2, 3, 4], "the best is far from the cap"
     assert tried(4, 4, 10) == [1, 2, 3, 4, 5, 6]
@@ -79,7 +84,7 @@ def test_bic_goes_on_only_while_the_end_is_best() -> None:
 
 
 def test_many_flights_that_are_not_known_are_gone_through_in_longer_strides(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three clusters in a plane: with the starts tried with fewer than all, numbers beyond eight are not all tried."""
+    """Three clusters in a plane: with the starts tried with fewer than all, numbers beyond four are not all tried."""
     monkeypatch.setattr("descentflow.densities.component_search.STARTING_FLIGHTS", 200)
     monkeypatch.setattr("descentflow.densities.em.STARTING_FLIGHTS", 200)
     centres = torch.tensor([[0.0, 6.0], [6.0, 0.0], [-6.0, -6.0]]).double()
@@ -87,8 +92,8 @@ def test_many_flights_that_are_not_known_are_gone_through_in_longer_strides(monk
     blurred = Evidence(points, torch.zeros(900, dtype=torch.long), 100.0 * torch.eye(2).double()[None])
     found = select_mixture(blurred, seed=0, n_restarts=2)
     assert found.mixture.n_components == 3
-    assert list(found.bic) == [1, 2, 3, 4, 5, 6, 7, 8], "a fifth more would be ten, and none was better for long"
-    assert list(select_mixture(points, seed=0, n_restarts=2).bic) == [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
+    assert list(found.values) == [1, 2, 3, 4], "none beyond four is tried once one of them was no better"
+    assert list(select_mixture(points, seed=0, n_restarts=2).values) == [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
 
 
 def test_the_papers_cap_hides_components_that_the_longer_search_finds() -> None:

@@ -166,7 +166,7 @@ def scores_of_quantity(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Htm
 
 
 def components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> list[Html]:
-    """The paper's table 2: principal components of drag and CAS, and components of the mixture by BIC.
+    """The paper's table 2: principal components of drag and CAS, and components of the mixture.
 
     Example:
         >>> plan, folder = StudyPlan({"A320": 120}, models=("gaussian",)), Path("study_components")
@@ -185,11 +185,12 @@ def components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> li
         mixture = len(loaded["gmm"].mixture.probs) if "gmm" in loaded else None  # type: ignore[union-attr]
         counts = (train, drag, cas, drag + cas, max_components(train, drag + cas), mixture)
         rows.append([typecode, *(number(c) for c in counts), *_paper(theirs, typecode, names)])
-    head = ["type", "trained on", "of drag", "of CAS", "together", "mixture: at most", "mixture: by BIC"]
+    head = ["type", "trained on", "of drag", "of CAS", "together", "mixture: at most", "mixture"]
     papers = [] if theirs is None else [f"paper: {name}" for name in head[1:]]
     text = paragraph(
         "Principal components that explain the variance asked for, of drag and of CAS, and components of the Gaussian "
-        "mixture by BIC; the paper allows one mixture component per 15 training flights per parameter."
+        "mixture, by AIC as ours are fitted and by BIC in the paper, which allows at most one mixture component per 15 "
+        "training flights per parameter."
     )
     return [text, table(head + papers, rows)]
 

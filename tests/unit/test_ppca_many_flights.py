@@ -40,6 +40,18 @@ def test_some_of_many_flights_say_where_to_start(monkeypatch: pytest.MonkeyPatch
     assert len(started.log_likelihood) < len(plain.log_likelihood)
 
 
+@pytest.mark.parametrize(("most", "of_all"), [(30, 10), (12, 10)])
+def test_iterations_of_some_flights_count_for_all(monkeypatch: pytest.MonkeyPatch, most: int, of_all: int) -> None:
+    """Where some of the flights take all iterations that are allowed, all flights take ten."""
+    centred, mask = gappy_curves(900, 40, 4)
+    plain = ppca.em(centred, mask, 4, max_iterations=most, tolerance=-1.0)
+    assert len(plain.log_likelihood) == most
+    monkeypatch.setattr(ppca, "FIRST_FLIGHTS", 200)
+    started = ppca.em(centred, mask, 4, max_iterations=most, tolerance=-1.0)
+    assert len(started.log_likelihood) == of_all
+    assert started.log_likelihood[0] > plain.log_likelihood[0]
+
+
 def test_levels_that_too_few_of_the_first_show_are_left_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
     centred, mask = gappy_curves(900, 40, 4)
     mask[::2, -1] = False

@@ -8,7 +8,9 @@ from descentflow.representation.fpca.judged_by_others import roughness_and_lengt
 from descentflow.representation.fpca.roughness import smoothed
 
 MAX_ITERATIONS = 100
-"""Bound on the iterations of EM, which ends before it."""
+"""Bound on the iterations of EM. Components of CAS take all of them, and would go on growing at levels that few flights
+show: of 4,102 B738 flights, the model's variance at the top is 1.6 times that of the values shown there, and 3.1 times
+after ten times as many iterations, which miss levels that are hidden from other flights by more."""
 TOLERANCE = 1e-5
 """EM stops when the mean log-likelihood per observed value gains less (nats)."""
 

@@ -16,6 +16,8 @@ from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
 
 FIRST_FLIGHTS = 4096
 """Of more than twice as many flights, so many say where EM starts: it climbs slowly, and most of the way is theirs."""
+FEWEST_OF_ALL = 10
+"""Iterations of all flights at least, where some of them took all that are allowed."""
 LEAST_NOISE = 1e-10
 """Variance of the noise at least, as a share of that of the values."""
 NOISE_STEPS = 10
@@ -170,7 +172,8 @@ def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance:
         centred: (n, L) float64 values minus the observed mean, zero where missing.
         mask: (n, L) observed.
         q: Latent dimension.
-        max_iterations: Bound on the iterations.
+        max_iterations: Bound on the iterations, those of the start of many flights counted: the more, the larger are
+            components at levels that few flights show.
         tolerance: Stop when the mean log-likelihood per observed value grows by less than this (nats).
 
     Example:
@@ -181,11 +184,11 @@ def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance:
         (True, 0.01)
     """
     groups = group_masks(mask)
-    loadings, noise, shift = _start(centred, mask, q, max_iterations, tolerance)
+    loadings, noise, shift, taken = _start(centred, mask, q, max_iterations, tolerance)
     n_observed, energy = mask.sum(), centred.square().sum(1)
     total = energy.sum()
     log_likelihood: list[float] = []
-    for _ in range(max_iterations):
+    for _ in range(max(max_iterations - taken, FEWEST_OF_ALL) if taken else max_iterations):
         # Of each flight minus the shift, which is the same product for all flights of a mask.
         shifted = groups.masks @ torch.cat([shift[:, None] * loadings, shift[:, None].square()], 1)
         products = centred @ torch.cat([loadings, 2 * shift[:, None]], 1) - shifted[groups.group]
@@ -201,13 +204,16 @@ def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance:
 
 def _start(
     centred: Tensor, mask: Tensor, q: int, max_iterations: int, tolerance: float
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Loadings, noise and shift from which EM starts: the closed form's, or where EM ends for some of many flights."""
+) -> tuple[Tensor, Tensor, Tensor, int]:
+    """Loadings, noise and shift from which EM starts: the closed form's, or where EM ends for some of many flights.
+
+    And how many iterations that took.
+    """
     every = len(mask) // FIRST_FLIGHTS
     if every >= 2 and bool((mask[::every].sum(0) > q).all()):
         some = em(centred[::every], mask[::every], q, max_iterations=max_iterations, tolerance=tolerance)
-        return some.loadings, some.noise_variance, some.shift
-    return (*closed_form(pairwise_covariance(centred, mask), q), centred.new_zeros(centred.shape[1]))
+        return some.loadings, some.noise_variance, some.shift, len(some.log_likelihood)
+    return (*closed_form(pairwise_covariance(centred, mask), q), centred.new_zeros(centred.shape[1]), 0)
 
 
 def log_likelihood(centred: Tensor, mask: Tensor, loadings: Tensor, noise: Tensor) -> Tensor:

@@ -2,10 +2,14 @@
 
 The paper bounds samples by the extremes of its training flights, of which it has thousands. The extremes of a few lie
 close to their mean: a perfect density of twenty flights has most of its draws outside of them at one level or another.
+And the extremes of each level are of a few flights, which may be alike there and not at the next: of twenty flights, a
+perfect density has a third of its draws outside at such levels, if neighbours do not tell.
 """
 
 import torch
 from torch import Tensor
+
+from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
 
 MANY = 3000
 """Flights from which on extremes are taken as they are: what a type has in the paper, of 41,011 flights of 13 types."""
@@ -30,11 +34,24 @@ def outward(n: Tensor) -> Tensor:
 def moved_outward(extreme: Tensor, mean: Tensor, n: Tensor) -> Tensor:
     """Extremes (L,) of n (L,) flights with a mean (L,), where those of at least 3,000 would be expected.
 
+    Of fewer flights they lie as far from the mean as those of the levels about them, at the least.
+
+    Args:
+        extreme: (L,) all of them below the mean, or all above.
+        mean: (L,).
+        n: (L,) flights that show each level.
+
     Example:
-        >>> moved_outward(torch.tensor([150.0]), torch.tensor([140.0]), torch.tensor([20])).round(decimals=1)
-        tensor([158.9000], dtype=torch.float64)
+        >>> mean, n = torch.full((3,), 140.0), torch.tensor([20, 20, 20])
+        >>> moved_outward(torch.tensor([150.0, 150.0, 150.0]), mean, n).round(decimals=1)
+        tensor([158.9000, 158.9000, 158.9000], dtype=torch.float64)
+        >>> moved_outward(torch.tensor([150.0, 141.0, 150.0]), mean, n).round(decimals=1)  # neighbours tell
+        tensor([158.9000, 153.2000, 158.9000], dtype=torch.float64)
     """
-    return mean + outward(n) * (extreme - mean)
+    far = outward(n) * (extreme - mean)
+    about = smoother(n.to(far), SPREAD_WEIGHT) @ far
+    further = (about * far.sign() > far.abs()) & (n < MANY)
+    return mean + torch.where(further, about, far)
 
 
 def _expected_extreme(n: Tensor) -> Tensor:

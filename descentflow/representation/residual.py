@@ -5,11 +5,8 @@ from torch import Tensor
 
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.fpca.roughness import smoother
+from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
 from descentflow.representation.profiles import Profiles
-
-ROUGHNESS_WEIGHT = 1e5
-"""Of the prior that smooths the ratio of both spreads over the levels, in flights: some 20 levels for 2,000 of them."""
 
 
 def residual_drag(decoder: DescentDecoder, train: Profiles) -> Tensor:
@@ -80,4 +77,4 @@ def _as_large_as_left(basis: FunctionalBasis, left: Tensor, mask: Tensor) -> Ten
     model = curves.square().sum(0)
     shown = torch.where(mask, left, 0.0).square().sum(0) / count
     ratio = (torch.minimum(shown, model + basis.noise_variance) / model.clamp(min=1e-18)).sqrt()
-    return (curves * (smoother(count, ROUGHNESS_WEIGHT) @ ratio).clamp(min=0.0)).contiguous()
+    return (curves * (smoother(count, SPREAD_WEIGHT) @ ratio).clamp(min=0.0)).contiguous()

@@ -63,6 +63,25 @@ def test_bounds_of_many_flights_are_the_papers() -> None:
     assert bool((high > wide).all())
 
 
+@pytest.mark.parametrize("n", [14, 36])
+def test_a_perfect_density_of_few_flights_is_mostly_inside(n: int) -> None:
+    """Bounds of each level for itself have a fifth of the draws outside, of flights that vary every twenty levels."""
+    generator = torch.Generator().manual_seed(0)
+    place = torch.arange(200, dtype=torch.float64)
+    modes = torch.exp(-0.5 * ((place - torch.arange(0, 201, 10)[:, None]) / 10) ** 2)
+    modes /= modes.square().sum(0).sqrt()
+
+    def flights(number: int) -> torch.Tensor:
+        return torch.randn(number, len(modes), generator=generator, dtype=torch.float64) @ modes
+
+    outside = []
+    for _ in range(20):
+        low, high = expected_bounds(flights(n), torch.ones(n, 200, dtype=torch.bool), margin=0.0)
+        draws = flights(1000)
+        outside.append(float(((draws < low) | (draws > high)).any(1).double().mean()))
+    assert sum(outside) / 20 < 0.1
+
+
 def test_bounds_are_one_of_two_kinds() -> None:
     with pytest.raises(ConfigError, match="'expected' or 'paper'"):
         Plausibility.from_profiles(toys.flights(40), bounds="wide")  # type: ignore[arg-type]

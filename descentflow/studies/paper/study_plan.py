@@ -80,7 +80,7 @@ class StudyPlan:
     Attributes:
         flights: Simulated flights of each type; of a store of real descents, the types that are studied.
         models: Names of :data:`MODELS`.
-        seed: Of simulation, split, fits and samples.
+        seed: Of simulation, fits and samples; the split is the DataModule's own.
         n_samples: Samples of each model (the paper's 10,000).
         store: Prepared descents to use instead of simulated ones.
         max_epochs: Bound on the epochs of every fit; each config's own if absent.

@@ -11,12 +11,7 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.progress import stage
-from descentflow.densities.component_search import (
-    FLIGHTS_PER_PARAMETER,
-    MIN_FLIGHTS_PER_PARAMETER,
-    Criterion,
-    select_mixture,
-)
+from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, select_mixture
 from descentflow.densities.em import best_start, fit_mixture, steps_of
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.entry_gate import learn_gate
@@ -70,7 +65,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             learning_rate: Of Adam in ``svi``; larger steps throw narrow components off a good start.
             seed: Of the starts.
             extend: Try more components than 15 flights per parameter allow where the criterion decides for that cap,
-                down to two flights per parameter; the paper stops at the cap.
+                down to two flights per parameter, of many flights to 24 components; the paper stops at the cap.
             by_entry: Learn the components' proportions by bins of the entry level; not with a context.
             criterion: ``aic``, or ``bic`` as in the paper.
             prior_flights: Flights of the covariance that components share, added to each one's own
@@ -127,8 +122,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     def _say(self, values: dict[int, float], chosen: int, cap_binds: bool) -> None:
         self.criterion_values = values
-        flights = MIN_FLIGHTS_PER_PARAMETER if self.extend else FLIGHTS_PER_PARAMETER
-        cap = f" (the cap of {flights} flights per parameter decides: more components might fit better)"
+        limit = "largest number tried" if self.extend else f"cap of {FLIGHTS_PER_PARAMETER} flights per parameter"
+        cap = f" (the {limit} decides: more components might fit better)"
         told = f"{self.criterion.upper()} chooses {chosen} of 1..{max(values)} mixture components"
         self.print(f"{told}{cap if cap_binds else ''}")
 

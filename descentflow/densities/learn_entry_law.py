@@ -89,7 +89,10 @@ def learn_entry_law(density: TransformedDensity, evidence: Evidence, entry: Tens
     best = max(tried, key=lambda prior: tried[prior])
     if not tried[best] > 0:
         return None
-    shift, root = _fitted(drawn, best)
+    found = _fitted(drawn, best)
+    if found is None:
+        return None
+    shift, root = found
     shares = torch.bincount(torch.bucketize(entry.cpu(), edges), minlength=len(shift)).double()
     return EntryLaw(edges, shares / shares.sum(), shift, root)
 
@@ -113,8 +116,8 @@ def _drawn(density: TransformedDensity, evidence: Evidence, bins: Tensor) -> _Dr
     return _Drawn(normals[told].cpu(), log_weight[told].cpu(), bins[told.cpu()])
 
 
-def _fitted(drawn: _Drawn, prior: _Prior) -> tuple[Tensor, Tensor]:
-    """Means (b, d) and Cholesky factors (b, d, d) of greatest posterior probability."""
+def _fitted(drawn: _Drawn, prior: _Prior) -> tuple[Tensor, Tensor] | None:
+    """Means (b, d) and Cholesky factors (b, d, d) of greatest posterior probability; None as :func:`_maximised`."""
     n_bins, d = int(drawn.bins.max()) + 1, drawn.normals.shape[2]
     eye = torch.eye(d, dtype=torch.float64)
     shift, root, before = torch.zeros(n_bins, d).double(), eye.expand(n_bins, -1, -1), -torch.inf
@@ -124,14 +127,20 @@ def _fitted(drawn: _Drawn, prior: _Prior) -> tuple[Tensor, Tensor]:
         if reached - before < TOLERANCE:
             break
         before = reached
-        shift, root = _maximised(drawn, terms.softmax(1), prior)
+        found = _maximised(drawn, terms.softmax(1), prior)
+        if found is None:
+            return None
+        shift, root = found
         if drawn.normals.shape[1] == 1:
             break  # what is known needs no second look
     return shift, root
 
 
-def _maximised(drawn: _Drawn, share: Tensor, prior: _Prior) -> tuple[Tensor, Tensor]:
-    """The M step, of each draw's share (n, S) of its flight."""
+def _maximised(drawn: _Drawn, share: Tensor, prior: _Prior) -> tuple[Tensor, Tensor] | None:
+    """The M step, of each draw's share (n, S) of its flight.
+
+    None where means of bins vary more than all flights do, as those of one or two flights each may.
+    """
     counts, means, seconds = [], [], []
     for one in range(int(drawn.bins.max()) + 1):
         mine = drawn.bins == one
@@ -146,7 +155,9 @@ def _maximised(drawn: _Drawn, share: Tensor, prior: _Prior) -> tuple[Tensor, Ten
     # All flights keep unit variance: what lies between bins is taken from within.
     eye = torch.eye(total.shape[1], dtype=torch.float64)
     between = (n[:, None, None] * shift[:, :, None] * shift[:, None]).sum(0) / n.sum()
-    shared = torch.linalg.cholesky(eye - between)
+    shared, failed = torch.linalg.cholesky_ex(eye - between)
+    if failed:
+        return None
     if prior.of_covariance == inf:
         return shift, shared.expand(len(n), -1, -1)
     covariance = (own + prior.of_covariance * shared @ shared.T) / (n + prior.of_covariance)[:, None, None]
@@ -171,9 +182,10 @@ def _held_out_gain(drawn: _Drawn, prior: _Prior) -> float:
     half, n_bins, total = torch.arange(len(drawn.bins)) % 2, int(drawn.bins.max()) + 1, 0.0
     for one in (0, 1):
         teaches, judges = drawn.rows(half != one), drawn.rows(half == one)
-        shift, root = _fitted(teaches, prior)
-        if len(shift) < n_bins:
-            return -torch.inf  # a bin of which one half has no flight
+        found = _fitted(teaches, prior)
+        if found is None or len(found[0]) < n_bins:
+            return -torch.inf  # a bin of which one half has no flight, or too few for such a prior
+        shift, root = found
         told = (judges.log_weight + _log_ratio(judges, shift, root)).logsumexp(1) - judges.log_weight.logsumexp(1)
         total += float(told.sum())
     return total / len(drawn.bins)

@@ -213,3 +213,14 @@ def test_a_flow_is_trained_as_the_density_of_all_flights(descents: Path) -> None
     assert isinstance(with_it.density, FlowDensity)
     for one, other in zip(with_it.density.parameters(), without.density.parameters(), strict=True):
         assert torch.equal(one, other)
+
+
+def test_bins_that_lie_further_apart_than_all_flights_spread_are_not_believed() -> None:
+    """Of a dozen flights far from a standard normal: priors of few flights have no law, and one of many has."""
+    generator = torch.Generator().manual_seed(0)
+    entry = torch.arange(12)
+    weights = torch.randn(12, 3, generator=generator).double() + torch.where(entry < 6, -9.0, 9.0)[:, None]
+    law = learn_entry_law(GaussianDensity(3), Evidence.of_weights(weights), entry)
+    assert law is not None
+    assert bool(law.shift.isfinite().all() & (law.shift.abs() < 1).all())
+    assert bool((law.root.diagonal(dim1=-2, dim2=-1) > 0).all())

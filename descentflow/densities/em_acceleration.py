@@ -18,8 +18,8 @@ LONGEST, GROWTH = 16.0, 2.0
 def converge_fast(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: float) -> tuple[Mixture, float]:
     """Steps and extrapolations until one EM step changes the mean log-likelihood by less than ``tolerance`` (nats).
 
-    Where covariances are shrunk a point further along may have a greater likelihood than the steps lead to; the steps
-    that follow it lose some, and no further point is taken from there.
+    Where covariances are shrunk, a point further along may have a greater likelihood than where steps lead to: those
+    that follow it lose some, and EM goes on from where they are.
 
     Args:
         steps: The flights.

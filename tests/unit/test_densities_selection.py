@@ -112,6 +112,13 @@ def test_the_papers_cap_hides_components_that_the_longer_search_finds() -> None:
     assert not found.cap_binds
 
 
+def test_criteria_are_two() -> None:
+    with pytest.raises(ConfigError, match="'aic' or 'bic'"):
+        select_mixture(normal(60, 2), seed=0, criterion="icl")  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="'aic' or 'bic'"):
+        GaussianMixture(criterion="icl")  # type: ignore[arg-type]
+
+
 def test_the_model_says_that_its_cap_decides(capsys: pytest.CaptureFixture[str]) -> None:
     weights = normal(400, D) * torch.where(normal(400, 1, seed=3) > 0, 3.0, 0.2) + 4 * normal(400, 1, seed=4).sign()
     toys.fit(GaussianMixture(extend=False, n_restarts=2), toys.WeightsModule(weights, weights[:50]), 1)

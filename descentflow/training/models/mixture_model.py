@@ -11,7 +11,7 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.progress import stage
-from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, select_mixture
+from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, check_criterion, select_mixture
 from descentflow.densities.em import best_start, fit_mixture, steps_of
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.entry_gate import learn_gate
@@ -70,12 +70,13 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             criterion: ``aic``, or ``bic`` as in the paper.
             prior_flights: Flights of the covariance that components share, added to each one's own
                 (:mod:`descentflow.densities.shrunk_covariances`); zero for maximum likelihood. ``svi`` has it in the
-                search for the number of components alone.
+                search for the number of components and in its start.
         """
         super().__init__()
         self.save_hyperparameters()
         if training not in ("em", "svi"):
             raise ConfigError(f"training {training!r}", expected="'em' or 'svi'", mend="choose one of them")
+        check_criterion(criterion)
         self.training_method = training
         self.automatic_optimization = training == "svi"
         self.n_clusters, self.n_restarts, self.tolerance = n_clusters, n_restarts, tolerance
@@ -83,7 +84,6 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.learning_rate, self.seed, self.extend = float(learning_rate), seed, extend
         self.by_entry = by_entry
         self.criterion, self.prior_flights = criterion, float(prior_flights)
-        self.criterion_values: dict[int, float] = {}
         self._restored = False
         self._steps: Steps | None = None
         self._law: ResidualLaw | None = None
@@ -95,8 +95,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     def _initialise(self) -> None:
         """Choose the number of mixture components and the starting point from the training flights."""
         flights, context = training_flights(self)
-        options = {"context": context, "seed": self.seed, "n_restarts": self.n_restarts}
-        options["prior_flights"] = self.prior_flights
+        starts = {"seed": self.seed, "n_restarts": self.n_restarts}
+        options: dict[str, Any] = {"context": context, "prior_flights": self.prior_flights, **starts}
         if self.n_clusters is not None:
             best = fit_mixture(flights, self.n_clusters, **options)[0]
         else:
@@ -121,7 +121,6 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             yield show
 
     def _say(self, values: dict[int, float], chosen: int, cap_binds: bool) -> None:
-        self.criterion_values = values
         limit = "largest number tried" if self.extend else f"cap of {FLIGHTS_PER_PARAMETER} flights per parameter"
         cap = f" (the {limit} decides: more components might fit better)"
         told = f"{self.criterion.upper()} chooses {chosen} of 1..{max(values)} mixture components"

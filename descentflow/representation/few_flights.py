@@ -2,8 +2,8 @@
 
 The paper bounds samples by the extremes of its training flights, of which it has thousands. The extremes of a few lie
 close to their mean: a perfect density of twenty flights has most of its draws outside of them at one level or another.
-And the extremes of each level are of a few flights, which may be alike there and not at the next: of twenty flights, a
-perfect density has a third of its draws outside at such levels, if neighbours do not tell.
+And the extremes of each level are of a few flights, which may be alike there and not at the next: of 14 flights that
+vary every twenty levels, a perfect density has a fifth of its draws outside of extremes that were moved level by level.
 """
 
 import torch

@@ -5,8 +5,6 @@ weights are known, with a context those of :mod:`descentflow.densities.regressio
 :mod:`descentflow.densities.evidence_steps` where flights show only some levels; everything else is the same for all.
 """
 
-import warnings
-
 import torch
 from torch import Tensor
 
@@ -14,6 +12,7 @@ from descentflow.densities.em_acceleration import converge_fast
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian_steps import GaussianSteps
+from descentflow.densities.k_means import k_means_labels
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import RegressionSteps
 from descentflow.representation.evidence import Evidence, as_evidence
@@ -51,10 +50,7 @@ def steps_of(flights: Tensor | Evidence, context: Tensor | None = None, prior_fl
 
 
 def start(steps: Steps, n_components: int, seed: int) -> Mixture:
-    """A first mixture: even seeds assign flights to k-means++ centres, odd ones go on to k-means itself.
-
-    Neither kind is always better; four of each reached the likelihood of scikit-learn's best of three seeds in every
-    one of eight data sets, either kind alone did not (Arthur and Vassilvitskii 2007 for k-means++).
+    """A first mixture, of groups by :func:`~descentflow.densities.k_means.k_means_labels`.
 
     Args:
         steps: The flights.
@@ -66,24 +62,8 @@ def start(steps: Steps, n_components: int, seed: int) -> Mixture:
         >>> sorted(first.locs.flatten().tolist())
         [0.5, 10.5]
     """
-    labels = _k_means_labels(steps.points_to_group(seed), n_components, seed)
+    labels = k_means_labels(steps.points_to_group(seed), n_components, seed)
     return steps.maximise(torch.nn.functional.one_hot(labels, n_components).to(torch.float64))
-
-
-def _k_means_labels(points: Tensor, n_components: int, seed: int) -> Tensor:
-    """Labels (n,) of k-means++ centres (even seeds) or of k-means from there (odd seeds), see :func:`start`."""
-    # Imported here: sampling from a mixture needs no k-means.
-    from sklearn.cluster import KMeans
-    from sklearn.exceptions import ConvergenceWarning
-
-    lloyd_steps = 20 if seed % 2 else 1
-    with warnings.catch_warnings():
-        # One step is all that an even seed asks for, and a user's flights may be duplicates.
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        found = KMeans(n_components, n_init=1, max_iter=lloyd_steps, random_state=seed).fit_predict(
-            points.cpu().numpy()
-        )
-    return torch.as_tensor(found, dtype=torch.long, device=points.device)
 
 
 def best_start(
@@ -186,12 +166,45 @@ def fit_steps(
         [1, 2]
     """
     some = steps.some(STARTING_FLIGHTS)
-    stand_in, most = some.stand_in(seed), iterations if some is steps else min(iterations, STARTING_ITERATIONS)
+    stand_in = some.stand_in(seed)
     starts = [start(stand_in, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]
+    return fit_from(steps, some, stand_in, starts, iterations=iterations, tolerance=tolerance)
+
+
+def fit_from(
+    steps: Steps,
+    some: Steps,
+    stand_in: Steps,
+    starts: list[Mixture],
+    *,
+    iterations: int = 500,
+    tolerance: float = 1e-6,
+    finalists: int = FINALISTS,
+    comparing_iterations: int = COMPARING_ITERATIONS,
+) -> tuple[Mixture, float]:
+    """Screen starts, compare the best of them, and converge the one that is most probable of all flights.
+
+    Args:
+        steps: All flights.
+        some: At most :data:`STARTING_FLIGHTS` of them, of which starts are compared.
+        stand_in: Stand-ins of these, of which starts are screened.
+        starts: First mixtures.
+        iterations: Maximum number of EM steps of a finalist.
+        tolerance: Gain of the mean log-likelihood (nats) below which EM stops.
+        finalists: Restarts that go on to convergence.
+        comparing_iterations: EM steps by marginal likelihood after which they are compared.
+
+    Example:
+        >>> steps = steps_of(torch.randn(100, 2))
+        >>> found, likelihood = fit_from(steps, steps, steps, [start(steps, 2, seed) for seed in (0, 1)])
+        >>> likelihood == float(steps.expectation(found)[1])
+        True
+    """
+    most = iterations if some is steps else min(iterations, STARTING_ITERATIONS)
     screened = [converge(stand_in, m, iterations=SCREENING_ITERATIONS, tolerance=tolerance) for m in starts]
     screened.sort(key=lambda pair: -pair[1])
-    finals = [converge(stand_in, m, iterations=most, tolerance=tolerance) for m, _ in screened[:FINALISTS]]
+    finals = [converge(stand_in, m, iterations=most, tolerance=tolerance) for m, _ in screened[:finalists]]
     if stand_in is not some:
-        finals = [converge(some, m, iterations=COMPARING_ITERATIONS, tolerance=tolerance) for m, _ in finals]
+        finals = [converge(some, m, iterations=comparing_iterations, tolerance=tolerance) for m, _ in finals]
     best = max(finals, key=lambda pair: pair[1])
     return best if stand_in is steps else converge_fast(steps, best[0], iterations=iterations, tolerance=tolerance)

@@ -1,11 +1,15 @@
 """What expectation maximisation asks of the flights and of the kind of mixture component."""
 
+import copy
 from abc import ABC, abstractmethod
+from typing import Self
 
 import torch
 from torch import Tensor
 
+from descentflow.densities.crossed_clusters import CrossedClusters
 from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.shrunk_covariances import shrunk
 
 
 class Steps(ABC):
@@ -18,6 +22,11 @@ class Steps(ABC):
         >>> steps.log_joint(one).shape, steps.improve(one)[0].locs.shape
         (torch.Size([100, 1]), torch.Size([1, 2]))
     """
+
+    clusters: CrossedClusters | None = None
+    """How components are tied, where they are pairs of clusters."""
+    prior_flights: float
+    """Flights by which covariances are shrunk."""
 
     @abstractmethod
     def points_to_group(self, seed: int) -> Tensor:
@@ -38,6 +47,18 @@ class Steps(ABC):
     def stand_in(self, seed: int) -> "Steps":
         """Flights of which the starts are tried: these themselves, unless a step of these costs much."""
         return self
+
+    def crossed(self, clusters: CrossedClusters | None) -> Self:
+        """The steps of the same flights for mixtures whose components are pairs of clusters; free ones of None."""
+        same = copy.copy(self)
+        same.clusters = clusters
+        return same
+
+    def tied(self, counts: Tensor, means: Tensor, covariances: Tensor) -> tuple[Tensor, Tensor]:
+        """Means (k, d) and covariances (k, d, d) of components, of what the flights of each are like."""
+        if self.clusters is not None:
+            return self.clusters.tied(counts, means, covariances, self.prior_flights)
+        return means, shrunk(covariances, counts, self.prior_flights)
 
     def expectation(self, mixture: Mixture) -> tuple[Tensor, Tensor]:
         """The E step: responsibilities (n, k) and the mean log-likelihood (nats per flight)."""

@@ -11,7 +11,6 @@ from torch import Tensor
 
 from descentflow.densities.em_steps import Steps, evenly
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.shrunk_covariances import shrunk
 
 JITTER = 1e-6
 """Added to the variances, as scikit-learn's ``reg_covar``."""
@@ -34,7 +33,9 @@ class GaussianSteps(Steps):
     def some(self, most: int) -> Steps:
         """The steps of at most so many of the flights, evenly chosen."""
         n = len(self.weights)
-        return self if n <= most else GaussianSteps(self.weights[evenly(n, most)], self.prior_flights)
+        if n <= most:
+            return self
+        return GaussianSteps(self.weights[evenly(n, most)], self.prior_flights).crossed(self.clusters)
 
     def points_to_group(self, seed: int) -> Tensor:
         """What k-means starts from: the weights (n, d)."""
@@ -60,7 +61,7 @@ class GaussianSteps(Steps):
         count = moments[:, -1].clamp(min=1e-9)
         locs = moments[:, -1 - d : -1] / count[:, None]
         second = moments[:, : d * d].reshape(-1, d, d) / count[:, None, None]
-        own = shrunk(second - locs[:, :, None] * locs[:, None, :], count, self.prior_flights)
+        locs, own = self.tied(count, locs, second - locs[:, :, None] * locs[:, None, :])
         return Mixture(count / count.sum(), locs, cholesky_or_small(own, JITTER))
 
 

@@ -16,7 +16,7 @@ from torch import Tensor
 from descentflow.densities.entry_gate import bin_edges
 from descentflow.densities.entry_law import EntryLaw
 from descentflow.densities.importance import propose
-from descentflow.densities.transformed import TransformedDensity
+from descentflow.densities.transformed import TransformedDensity, standard_normal
 from descentflow.representation.evidence import Evidence
 
 DRAWS = 16
@@ -107,9 +107,10 @@ def _drawn(density: TransformedDensity, evidence: Evidence, bins: Tensor) -> _Dr
     log_weight = evidence.points.new_empty(len(evidence), DRAWS)
     for index, rows in evidence.chunks():
         proposals = propose(proposing, rows, DRAWS, seed=0)
-        flat = proposals.weights.flatten(0, 1)
-        normals[index] = density.to_white(flat)[0].double().reshape(len(rows), DRAWS, -1)
-        log_weight[index] = density.log_prob(flat).double().reshape(len(rows), DRAWS) + proposals.log_offset
+        white, log_det = density.to_white(proposals.weights.flatten(0, 1))
+        normals[index] = white.double().reshape(len(rows), DRAWS, -1)
+        log_prob = (standard_normal(white) + log_det).double()
+        log_weight[index] = log_prob.reshape(len(rows), DRAWS) + proposals.log_offset
     good = normals.isfinite().all(-1) & log_weight.isfinite()
     normals, log_weight = torch.where(good[..., None], normals, 0.0), torch.where(good, log_weight, -torch.inf)
     told = good.any(1)

@@ -25,6 +25,8 @@ RIDGE = 10.0
 """Precision of the prior of offsets and slopes, normal about zero: they are 0.3 or so of what all flights vary by."""
 LEAST_OWN = 0.01
 """Of the variance of residual numbers, the least that weights and component do not say."""
+LEAST_SHARE = 1e-4
+"""How probable it must be that a flight is of a component for it to teach its law."""
 BLOCK = 2_048
 """Flights whose matrices are held at once."""
 MOST_FLIGHTS = 1_500
@@ -119,35 +121,34 @@ def _of_unit_variance(
 def _expectation(
     information: Information, mixture: Mixture, law: ResidualLaw, shares: Tensor, context: Tensor | None
 ) -> tuple[Tensor, _Sums]:
-    """How probable (n, k) each flight is under each component, and the sums that the next law needs."""
-    d, group = mixture.locs.shape[1], information.group
+    """How probable (n, k) each flight is under each component that it may be of, and the sums for the next law."""
+    d = mixture.locs.shape[1]
     precisions = law.joint_precisions(mixture.scale_trils)
-    means = law.joint_means(locations(mixture, context))
-    told, factors, pulled = [], [], []
+    means = law.joint_means(locations(mixture, context)).expand(len(shares), -1, -1)
+    told, parts = torch.zeros_like(shares), []
     for k, precision in enumerate(precisions):
-        factor = torch.linalg.cholesky(information.precisions + precision)
-        off = means[:, k] @ precision
-        mean = _solved(factor, information.shift + off, group)
+        # A flight is of a few components, and of many components most flights are of others.
+        mine = shares[:, k] > LEAST_SHARE
+        masks, group = information.group[mine].unique(return_inverse=True)  # type: ignore[no-untyped-call]
+        factor = torch.linalg.cholesky(information.precisions[masks] + precision)
+        off = means[mine, k] @ precision
+        pull = information.shift[mine] + off
+        mean = _solved(factor, pull, group)
         log_det = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)[group]
         own = mixture.scale_trils[k].diagonal().log().sum() + law.spread[k].log().sum()
-        told.append(0.5 * (mean * (information.shift + off)).sum(1) - 0.5 * (means[:, k] * off).sum(1) - log_det - own)
-        factors.append(factor)
-        pulled.append(mean)
-    return torch.stack(told, 1), _sums(shares, pulled, factors, group, d)
+        told[mine, k] = 0.5 * (mean * pull).sum(1) - 0.5 * (means[mine, k] * off).sum(1) - log_det - own
+        parts.append(_sums(shares[mine, k], mean, factor, group, d))
+    return told, _Sums(*(torch.stack(part) for part in zip(*parts, strict=True)))
 
 
-def _sums(shares: Tensor, means: list[Tensor], factors: list[Tensor], group: Tensor, d: int) -> _Sums:
-    parts = []
-    for share, mean, factor in zip(shares.T, means, factors, strict=True):
-        of_group = share.new_zeros(len(factor)).index_add_(0, group, share)
-        spread = torch.einsum("u,uij->ij", of_group, torch.cholesky_inverse(factor))
-        whole = (mean * share[:, None]).T @ mean + spread
-        one = share @ mean
-        design = torch.cat(
-            [torch.cat([share.sum()[None], one[:d]])[None], torch.cat([one[:d, None], whole[:d, :d]], 1)]
-        )
-        parts.append((design, torch.cat([one[None, d:], whole[:d, d:]]), whole.diagonal()[d:]))
-    return _Sums(*(torch.stack(part) for part in zip(*parts, strict=True)))
+def _sums(share: Tensor, mean: Tensor, factor: Tensor, group: Tensor, d: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Of one component, what :class:`_Sums` has of all."""
+    of_group = share.new_zeros(len(factor)).index_add_(0, group, share)
+    spread = torch.einsum("u,uij->ij", of_group, torch.cholesky_inverse(factor))
+    whole = (mean * share[:, None]).T @ mean + spread
+    one = share @ mean
+    design = torch.cat([torch.cat([share.sum()[None], one[:d]])[None], torch.cat([one[:d, None], whole[:d, :d]], 1)])
+    return design, torch.cat([one[None, d:], whole[:d, d:]]), whole.diagonal()[d:]
 
 
 def _maximised(sums: _Sums, law: ResidualLaw, groups: Tensor) -> ResidualLaw:

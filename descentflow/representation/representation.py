@@ -157,6 +157,7 @@ def fit_representation(
     split: Split,
     *,
     explained_variance: float = 0.8,
+    cas_explained_variance: float = 0.95,
     method: Method = "ppca",
     margin: float = MARGIN,
     bounds: Bounds = "expected",
@@ -171,7 +172,9 @@ def fit_representation(
         train: Training flights on their grid; with crossovers, speed is a Mach number and a CAS, else one CAS profile.
         aircraft: Coefficients that inferred their drag.
         split: The split that ``train`` comes from, to be recorded.
-        explained_variance: Share of variance that the components of drag, and of CAS, explain.
+        explained_variance: Share of variance that the components of drag explain.
+        cas_explained_variance: Share of variance that the components of a CAS profile explain. Operators' speeds lie
+            apart by little, which the components must tell; 0.8 in the paper.
         method: Gappy fPCA algorithm, of drag, and of a CAS profile.
         margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
         residual: Whether samples have the drag and the speed that the components leave out, with their own variance;
@@ -195,7 +198,7 @@ def fit_representation(
         tensor([1.], dtype=torch.float64)
     """
     scale = None if drag_scale == "newton" else fit_drag_scale(train, aircraft)
-    bases = _fitted_bases(train, explained_variance, method, scale)
+    bases = _fitted_bases(train, (explained_variance, cas_explained_variance), method, scale)
     decoder = standardised_decoder(train, aircraft, bases, mass_kg, scale)
     if residual and method == "ppca":
         decoder.keep_residual(residual_drag(decoder, train), residual_speed(decoder, train))
@@ -240,7 +243,7 @@ def standardised_decoder(
         raise DataError(
             "a component whose weight is the same for every training flight",
             expected="weights that vary between flights",
-            mend="prepare more descents, or lower data.explained_variance",
+            mend="prepare more descents, or lower data.explained_variance or data.cas_explained_variance",
         )
     drag, *of_mach, cas = bases
     return DescentDecoder(
@@ -270,13 +273,14 @@ def held_speed(flights: Profiles) -> Speed:
 
 
 def _fitted_bases(
-    train: Profiles, explained_variance: float, method: Method, drag_scale: DragScale | None
+    train: Profiles, explained_variance: tuple[float, float], method: Method, drag_scale: DragScale | None
 ) -> list[FunctionalBasis]:
-    """Bases of drag and of speed, in the order of the weights."""
+    """Bases of drag and of speed, in the order of the weights, that explain these shares of variance."""
     drag, *speeds = zip(*observed_channels(train, held_speed(train), drag_scale), strict=True)
-    fitted = [GappyFPCA(explained_variance, method).fit(*drag, FL_M).basis_]
+    of_drag, of_cas = explained_variance
+    fitted = [GappyFPCA(of_drag, method).fit(*drag, FL_M).basis_]
     if train.crossovers is None:
-        return [*fitted, *(GappyFPCA(explained_variance, method).fit(*one, FL_M).basis_ for one in speeds)]
+        return [*fitted, *(GappyFPCA(of_cas, method).fit(*one, FL_M).basis_ for one in speeds)]
     return [*fitted, *fitted_constants(speeds)]
 
 

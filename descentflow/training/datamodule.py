@@ -80,6 +80,7 @@ class DescentDataModule(LightningDataModule):
         split_by: SplitBy = "flight",
         seed: int = 0,
         explained_variance: OpenUnitInterval = 0.8,
+        cas_explained_variance: OpenUnitInterval = 0.95,
         fpca: Method = "ppca",
         batch_size: PositiveInt = 512,
         checkpoint: Path | None = None,
@@ -111,7 +112,8 @@ class DescentDataModule(LightningDataModule):
                 serve for it.
             split_by: What the split never tears apart: a flight, or an aircraft with all its flights.
             seed: Of the split.
-            explained_variance: Share of variance that the components of drag, and of CAS, explain.
+            explained_variance: Share of variance that the components of drag explain.
+            cas_explained_variance: Share of variance that the components of CAS explain; 0.8 in the paper.
             fpca: Gappy fPCA algorithm: ``ppca`` or the paper's ``iterative``.
             batch_size: Flights in a training batch.
             checkpoint: Encode with this checkpoint's representation instead of fitting one.
@@ -148,7 +150,8 @@ class DescentDataModule(LightningDataModule):
         self.bottom_fl, self.mass_kg = bottom_fl, mass_kg
         self.test_fraction, self.validation_fraction = test_fraction, validation_fraction
         self.split_by, self.seed = split_by, seed
-        self.explained_variance, self.fpca, self.margin = explained_variance, fpca, margin
+        self.explained_variance, self.cas_explained_variance = explained_variance, cas_explained_variance
+        self.fpca, self.margin = fpca, margin
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
         self.gaps, self.bounds, self.residual, self.speed = gaps, bounds, residual, speed
@@ -316,6 +319,7 @@ class DescentDataModule(LightningDataModule):
             read.own_type,
             read.split,
             explained_variance=self.explained_variance,
+            cas_explained_variance=self.cas_explained_variance,
             method=self.fpca,
             margin=self.margin,
             bounds=self.bounds,

@@ -65,6 +65,7 @@ RECIPES = {
             "drag_scale": "newton",
             "residual": False,
             "speed": "cas",
+            "cas_explained_variance": 0.8,
         },
     ),
 }

@@ -20,6 +20,8 @@ from descentflow.training.models.optimizers import adam_with_cosine
 F = TypeVar("F", bound=FlowDensity)
 BEST = "best_epoch"
 """Key of a checkpoint under which a flow's best epoch is kept beside the last one."""
+VALIDATION_DRAWS = 32
+"""Of each validation flight's weights after an epoch: the same ones every time, so that epochs compare."""
 
 
 class _Flow(LatentModel[F], ABC):
@@ -71,7 +73,9 @@ class _Flow(LatentModel[F], ABC):
         if evidence.known:
             log_prob = self.log_observed(*batch)
         else:
-            found = self.density.estimate_observed(evidence, context, gaussian=self._proposing())
+            found = self.density.estimate_observed(
+                evidence, context, gaussian=self._proposing(), n_draws=VALIDATION_DRAWS
+            )
             log_prob = found.log_prob
             self.log("val/effective", found.effective.mean(), on_epoch=True, batch_size=len(evidence))
         self.log("val/nll", -log_prob.mean(), prog_bar=True, on_epoch=True, batch_size=len(log_prob))
@@ -175,7 +179,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         Args:
             n_flows: Number of masked affine flows.
             hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights.
-            learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs``.
+            learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs`` or ``max_steps``.
             weight_decay: Of AdamW.
             shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a
                 whitened flow is pulled towards its Gaussian.
@@ -237,7 +241,7 @@ class SplineFlow(_Flow[SplineFlowDensity]):
             n_flows: Number of spline flows.
             hidden: Units behind each flow's knots.
             n_bins: Pieces of each spline.
-            learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs``.
+            learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs`` or ``max_steps``.
             weight_decay: Of AdamW.
             shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a
                 whitened flow is pulled towards its Gaussian.

@@ -205,7 +205,8 @@ class LatentModel(LightningModule, ABC, Generic[D]):
             raise CheckpointError(
                 f"a checkpoint of weights {saved.representation.decoder.sizes}, where the options of data now make "
                 f"{self.representation.decoder.sizes}",
-                expected="the data.speed, data.explained_variance and data.fpca of the run that is resumed",
+                expected="the data.speed, data.explained_variance, data.cas_explained_variance and data.fpca of "
+                "the run that is resumed",
                 mend="use that run's own config.yaml, or start a new fit",
             )
         if self._density is not None:

@@ -12,6 +12,8 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError
 from descentflow.core.progress import stage
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, check_criterion, select_mixture
+from descentflow.densities.crossed_search import MOST_FLIGHTS as MOST_PAIRED
+from descentflow.densities.crossed_search import select_crossed
 from descentflow.densities.em import best_start, fit_mixture, steps_of
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.entry_gate import learn_gate
@@ -19,6 +21,7 @@ from descentflow.densities.learn_residual_law import MOST_FLIGHTS, learn_residua
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
+from descentflow.representation.evidence import Evidence
 from descentflow.representation.linear_curves import linear_curves, residual_profiles
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm, adam_with_cosine
@@ -31,10 +34,10 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     Trained by expectation maximisation (``em``, the default: each epoch is one E and M step over the whole training
     part, by the likelihood of what was observed) or by stochastic variational inference with an enumerated ELBO
-    (``svi``). The number of mixture components is chosen by an information criterion, unless it is set: by Akaike's,
-    which asks what is most probable of flights not seen yet. Of few flights its mixtures are closer to held-out ones
-    than those of the Bayesian criterion, the paper's, where covariances are shrunk towards the one that components
-    share.
+    (``svi``). Of few flights, components are pairs of a cluster of speeds and one of drags. How many is chosen by an
+    information criterion, unless it is set: by Akaike's, which asks what is most probable of flights not seen yet. Of
+    few flights its mixtures are closer to held-out ones than those of the Bayesian criterion, the paper's, where
+    covariances are shrunk towards the one that components share.
 
     Example:
         >>> from descentflow.training.fit import fit
@@ -54,13 +57,15 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         by_entry: bool = True,
         criterion: Criterion = "aic",
         prior_flights: NonNegativeFloat = 5.0,
+        crossed: bool = True,
     ) -> None:
         """Set the hyperparameters.
 
         Args:
             n_clusters: Number of mixture components; chosen by ``criterion`` if absent.
             training: ``em`` or ``svi``.
-            n_restarts: k-means++ starts for each number of components; eight reach what fewer miss by 0.3 nats.
+            n_restarts: k-means++ starts for each number of components; eight reach what fewer miss by 0.3 nats. A
+                quarter of them for pairs of clusters, which start from those of fewer clusters too.
             tolerance: EM has converged when the mean log-likelihood gains less (nats per flight).
             learning_rate: Of Adam in ``svi``; larger steps throw narrow components off a good start.
             seed: Of the starts.
@@ -71,6 +76,9 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             prior_flights: Flights of the covariance that components share, added to each one's own
                 (:mod:`descentflow.densities.shrunk_covariances`); zero for maximum likelihood. ``svi`` has it in the
                 search for the number of components and in its start.
+            crossed: Components are pairs of a cluster of speeds and a cluster of drags
+                (:mod:`descentflow.densities.crossed_clusters`), as many of either as the criterion finds. Free ones
+                all the same with ``n_clusters``, ``svi``, a context, or more than 4,096 training flights.
         """
         super().__init__()
         self.save_hyperparameters()
@@ -83,7 +91,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         # A built-in float: the optimizer's state keeps it, and a checkpoint holds primitives only.
         self.learning_rate, self.seed, self.extend = float(learning_rate), seed, extend
         self.by_entry = by_entry
-        self.criterion, self.prior_flights = criterion, float(prior_flights)
+        self.criterion, self.prior_flights, self.crossed = criterion, float(prior_flights), crossed
         self._restored = False
         self._steps: Steps | None = None
         self._law: ResidualLaw | None = None
@@ -99,8 +107,10 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         options: dict[str, Any] = {"context": context, "prior_flights": self.prior_flights, **starts}
         if self.n_clusters is not None:
             best = fit_mixture(flights, self.n_clusters, **options)[0]
+        elif self._pairs(flights, context):
+            return self._cross(flights)
         else:
-            with self._progress() as show:
+            with self._progress("number of components") as show:
                 selection = select_mixture(
                     flights, progress=show, extend=self.extend, criterion=self.criterion, **options
                 )
@@ -109,10 +119,36 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         if self.training_method == "svi":
             best = best_start(flights, best.n_components, **options)
         self.density.mixture = best
+        return None
+
+    def _pairs(self, flights: Evidence, context: Tensor | None) -> bool:
+        """Whether components are pairs of clusters."""
+        few = len(flights) <= MOST_PAIRED and self.training_method == "em" and context is None
+        return self.crossed and few and self._n_drag < self.density.dimension
+
+    @property
+    def _n_drag(self) -> int:
+        return self.representation.decoder.drag_basis.n_components
+
+    def _cross(self, flights: Evidence) -> None:
+        """Choose the numbers of clusters of speed and of drag."""
+        with self._progress("numbers of clusters") as show:
+            found = select_crossed(
+                flights,
+                self._n_drag,
+                seed=self.seed,
+                n_restarts=max(self.n_restarts // 4, 1),
+                criterion=self.criterion,
+                prior_flights=self.prior_flights,
+                progress=show,
+            )
+        self.density.mixture, self.density.clusters = found.mixture, found.clusters
+        numbers = f"{found.clusters.n_speed} clusters of speed and {found.clusters.n_drag} of drag"
+        self.print(f"{self.criterion.upper()} chooses {numbers}, of {len(found.values)} pairs of numbers tried")
 
     @contextmanager
-    def _progress(self) -> Iterator[Callable[[int], None]]:
-        with stage(f"choosing the number of components by {self.criterion.upper()}", unit="numbers") as tried:
+    def _progress(self, what: str) -> Iterator[Callable[[int], None]]:
+        with stage(f"choosing the {what} by {self.criterion.upper()}", unit="numbers") as tried:
 
             def show(most: int) -> None:
                 tried.expect(most)
@@ -140,7 +176,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     @torch.no_grad()
     def _em_step(self) -> None:
         if self._steps is None:
-            self._steps = steps_of(*training_flights(self), self.prior_flights)
+            self._steps = steps_of(*training_flights(self), self.prior_flights).crossed(self.density.clusters)
         improved, before = self._steps.improve(self.density.mixture)
         self.density.mixture = improved
         after = float(self._steps.expectation(self.density.mixture)[1])

@@ -5,7 +5,7 @@ from math import cos, pi
 from typing import Any
 
 import torch
-from lightning.pytorch import LightningModule
+from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import nn
 
@@ -44,7 +44,7 @@ UNDECAYED = ("bias", "unconstrained_upper_diag")
 def adam_with_cosine(
     module: LightningModule, learning_rate: float, weight_decay: float = 0.0, *, still_first: bool = False
 ) -> OptimizerLRSchedulerConfig:
-    """AdamW whose learning rate falls to zero by a cosine that ends with ``trainer.max_epochs``.
+    """AdamW whose learning rate falls to zero by a cosine that ends with ``trainer.max_epochs`` or ``max_steps``.
 
     Args:
         module: What is trained.
@@ -70,7 +70,7 @@ def adam_with_cosine(
         lr=learning_rate,
         fused=True,
     )
-    epochs = max(module.trainer.max_epochs or 1, 1)
+    epochs = _whole_epochs(module.trainer)
     still = still_first and epochs > 1
 
     def rate(epoch: int) -> float:
@@ -79,3 +79,12 @@ def adam_with_cosine(
         return 0.5 * (1 + cos(pi * min((epoch - still) / (epochs - still), 1.0)))
 
     return {"optimizer": optimizer, "lr_scheduler": torch.optim.lr_scheduler.LambdaLR(optimizer, rate)}
+
+
+def _whole_epochs(trainer: Trainer) -> int:
+    """Epochs of a trainer, which end with the last whole one in its ``max_steps``: a part of one is not validated."""
+    if trainer.max_steps != -1:
+        trainer.fit_loop.setup_data()  # how many batches an epoch has is known from then on
+        most = max(int(trainer.max_steps // trainer.num_training_batches), 1)
+        trainer.fit_loop.max_epochs = min(trainer.max_epochs or most, most)
+    return max(trainer.max_epochs or 1, 1)

@@ -20,7 +20,8 @@ on what
   --data.context [hour,operator] condition on columns of the descents, of a table, or on entry_fl, hour and operator
                                  (from the callsign), which need none
   --data.context_table FILE      columns of context by flight_id, CSV or Parquet
-  --data.explained_variance 0.8  share of variance that the fPCA components explain
+  --data.explained_variance 0.8  share of variance that the fPCA components of drag explain
+  --data.cas_explained_variance 0.95  the same of CAS
 how long
   --trainer.max_epochs N
   --trainer.logger.name NAME     folder under runs/

@@ -1,5 +1,6 @@
 """Training of the flows by maximum likelihood (paper, section 2.3 and appendix C)."""
 
+import warnings
 from abc import ABC
 from typing import Any, TypeVar
 
@@ -8,6 +9,7 @@ from jsonargparse.typing import NonNegativeFloat, PositiveFloat, PositiveInt
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
+from descentflow.core.errors import DescentflowWarning
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.importance import estimate, propose, widened
@@ -20,6 +22,9 @@ from descentflow.training.models.optimizers import adam_with_cosine
 F = TypeVar("F", bound=FlowDensity)
 BEST = "best_epoch"
 """Key of a checkpoint under which a flow's best epoch is kept beside the last one."""
+FEWEST_FLIGHTS = 2
+"""Training flights a weight that a whitened flow needs to be more than its Gaussian: with fewer, the two or three
+flights that validate it let epochs pass of which up to a fifth of the draws are not plausible."""
 VALIDATION_DRAWS = 32
 """Of each validation flight's weights after an epoch: the same ones every time, so that epochs compare."""
 
@@ -132,7 +137,20 @@ class _Flow(LatentModel[F], ABC):
         decay = self.weight_decay
         if self.shrinkage > 0:
             decay += self.shrinkage / len(evidence)
-        return adam_with_cosine(self, self.learning_rate, decay, still_first=self.density.whitened)
+        few = self.density.whitened and len(evidence) < FEWEST_FLIGHTS * self.density.dimension
+        if few:
+            self._stay(len(evidence))
+        return adam_with_cosine(self, 0.0 if few else self.learning_rate, decay, still_first=self.density.whitened)
+
+    def _stay(self, n_flights: int) -> None:
+        """End the fit with the Gaussian, and say why."""
+        self.trainer.fit_loop.max_epochs = 1
+        warnings.warn(
+            f"{n_flights} training flights for a flow of {self.density.dimension} weights: it stays the Gaussian that "
+            f"it starts from; to mend it, prepare more descents ({FEWEST_FLIGHTS} a weight at least) or fit a Gaussian",
+            DescentflowWarning,
+            stacklevel=2,
+        )
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """As every model, with the law by entry of this epoch, and the best epoch so far for a fit that is resumed."""

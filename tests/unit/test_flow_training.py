@@ -1,0 +1,63 @@
+"""When the training of a flow ends: by steps of the optimiser, or at once where flights are too few."""
+
+import pytest
+import torch
+import toys
+from lightning.pytorch import Callback, LightningModule, Trainer
+
+from descentflow.core.errors import DescentflowWarning
+from descentflow.training.models import MaskedAffineFlow, SplineFlow
+from descentflow.training.models.flow_model import FEWEST_FLIGHTS
+
+D = 3
+
+
+def weights(n: int, seed: int = 0) -> torch.Tensor:
+    return torch.randn(n, D, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+class Rates(Callback):
+    """The learning rate of every epoch, and how many optimiser steps were taken."""
+
+    def __init__(self) -> None:
+        self.rates: list[float] = []
+        self.steps = 0
+
+    def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        self.rates.append(trainer.optimizers[0].param_groups[0]["lr"])
+
+    def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        self.steps = trainer.global_step
+
+
+@pytest.mark.parametrize(("max_steps", "epochs"), [(-1, 6), (9, 4), (8, 4), (100, 6), (1, 1)])
+def test_steps_end_training_with_a_whole_epoch(max_steps: int, epochs: int) -> None:
+    seen, data = Rates(), toys.WeightsModule(weights(100), weights(20, 1), batch_size=50)
+    toys.fit(MaskedAffineFlow(n_flows=1), data, 6, max_steps=max_steps, callbacks=[seen])
+    assert len(seen.rates) == epochs
+    assert seen.steps == min(2 * epochs, max_steps if max_steps > 0 else 12)
+    if epochs > 1:
+        # The Gaussian first; then a cosine from the whole rate, whose zero is the end of the last epoch.
+        expected = [
+            0.0,
+            *(3e-3 * 0.5 * (1 + torch.cos(torch.tensor(torch.pi * i / (epochs - 1)))) for i in range(epochs - 1)),
+        ]
+        assert seen.rates == pytest.approx([float(one) for one in expected], abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", [MaskedAffineFlow, SplineFlow])
+def test_with_too_few_flights_a_flow_is_its_gaussian(kind: type[MaskedAffineFlow] | type[SplineFlow]) -> None:
+    few, held_out = FEWEST_FLIGHTS * D - 1, weights(50, 1)
+    with pytest.warns(DescentflowWarning, match=f"{few} training flights for a flow of {D} weights"):
+        model = toys.fit(kind(n_flows=2), toys.WeightsModule(weights(few), held_out), 20)
+    found = model.density.log_prob(held_out).double()
+    # The flows are the identity in single precision.
+    torch.testing.assert_close(found, model.density.base_log_prob(held_out), rtol=1e-4, atol=1e-4)
+
+
+def test_one_flight_more_is_trained() -> None:
+    held_out = weights(50, 1)
+    model = toys.fit(
+        MaskedAffineFlow(n_flows=2, caution=0.0), toys.WeightsModule(weights(FEWEST_FLIGHTS * D), held_out), 3
+    )
+    assert model.trainer.current_epoch == 3

@@ -146,7 +146,9 @@ def test_gradients_with_respect_to_weights() -> None:
 def test_encode_then_decode_returns_complete_flights() -> None:
     """With nearly all variance kept, complete flights come back within a small share of their spread."""
     train = toys.flights(400, gappy=False)
-    parts = toys.fit_representation(train, toys.AIRCRAFT, toys.Split((), (), ()), explained_variance=0.999)
+    parts = toys.fit_representation(
+        train, toys.AIRCRAFT, toys.Split((), (), ()), explained_variance=0.999, cas_explained_variance=0.999
+    )
     drag, cas = parts.decoder.curves(parts.decoder.encode(train))
     for rebuilt, true in ((drag, train.drag_n), (cas, train.cas_mps)):
         lost = (rebuilt - true).square().sum() / (true - true.mean(0)).square().sum()

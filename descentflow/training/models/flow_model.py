@@ -43,6 +43,7 @@ class _Flow(LatentModel[F], ABC):
     caution: float
     n_draws: int
     by_entry: bool
+    max_steps: int | None
 
     def __init__(self) -> None:
         super().__init__()
@@ -140,7 +141,8 @@ class _Flow(LatentModel[F], ABC):
         few = self.density.whitened and len(evidence) < FEWEST_FLIGHTS * self.density.dimension
         if few:
             self._stay(len(evidence))
-        return adam_with_cosine(self, 0.0 if few else self.learning_rate, decay, still_first=self.density.whitened)
+        rate = 0.0 if few else self.learning_rate
+        return adam_with_cosine(self, rate, decay, still_first=self.density.whitened, max_steps=self.max_steps)
 
     def _stay(self, n_flights: int) -> None:
         """End the fit with the Gaussian, and say why."""
@@ -191,13 +193,14 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         caution: NonNegativeFloat = 1.0,
         n_draws: PositiveInt = 8,
         by_entry: bool = True,
+        max_steps: PositiveInt | None = 3000,
     ) -> None:
         """Set the hyperparameters.
 
         Args:
             n_flows: Number of masked affine flows.
             hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights.
-            learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs`` or ``max_steps``.
+            learning_rate: Of Adam, annealed to zero by a cosine that ends with the last epoch.
             weight_decay: Of AdamW.
             shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a
                 whitened flow is pulled towards its Gaussian.
@@ -208,6 +211,8 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
             n_draws: Weights drawn of each flight, given what it shows, in each epoch.
             by_entry: Learn the law of the normals by bins of the entry level, where held-out halves of the training
                 flights are more probable so; not with a context.
+            max_steps: Steps of the optimiser at most, so that many flights take fewer epochs: training ends with the
+                last whole epoch in them, if that comes before ``trainer.max_epochs``.
         """
         super().__init__()
         self.save_hyperparameters()
@@ -216,7 +221,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
         self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
         self.shrinkage, self.caution, self.n_draws = float(shrinkage), float(caution), int(n_draws)
-        self.by_entry = by_entry
+        self.by_entry, self.max_steps = by_entry, max_steps
 
     def make(self, dimension: int, n_context: int = 0) -> MaskedAffineFlowDensity:
         """Flows that start at the identity or its neighbourhood."""
@@ -252,6 +257,7 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         caution: NonNegativeFloat = 1.0,
         n_draws: PositiveInt = 8,
         by_entry: bool = True,
+        max_steps: PositiveInt | None = 2000,
     ) -> None:
         """Set the hyperparameters.
 
@@ -259,7 +265,7 @@ class SplineFlow(_Flow[SplineFlowDensity]):
             n_flows: Number of spline flows.
             hidden: Units behind each flow's knots.
             n_bins: Pieces of each spline.
-            learning_rate: Of Adam, annealed to zero by a cosine over ``trainer.max_epochs`` or ``max_steps``.
+            learning_rate: Of Adam, annealed to zero by a cosine that ends with the last epoch.
             weight_decay: Of AdamW.
             shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a
                 whitened flow is pulled towards its Gaussian.
@@ -268,6 +274,8 @@ class SplineFlow(_Flow[SplineFlowDensity]):
             n_draws: Weights drawn of each flight, given what it shows, in each epoch.
             by_entry: Learn the law of the normals by bins of the entry level, where held-out halves of the training
                 flights are more probable so; not with a context.
+            max_steps: Steps of the optimiser at most, so that many flights take fewer epochs: training ends with the
+                last whole epoch in them, if that comes before ``trainer.max_epochs``.
         """
         super().__init__()
         self.save_hyperparameters()
@@ -275,7 +283,7 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
         self.whitened, self.shrinkage, self.caution = whitened, float(shrinkage), float(caution)
         self.n_draws = int(n_draws)
-        self.by_entry = by_entry
+        self.by_entry, self.max_steps = by_entry, max_steps
 
     def make(self, dimension: int, n_context: int = 0) -> SplineFlowDensity:
         """Flows that start at the identity."""

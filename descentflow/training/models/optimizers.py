@@ -42,15 +42,21 @@ UNDECAYED = ("bias", "unconstrained_upper_diag")
 
 
 def adam_with_cosine(
-    module: LightningModule, learning_rate: float, weight_decay: float = 0.0, *, still_first: bool = False
+    module: LightningModule,
+    learning_rate: float,
+    weight_decay: float = 0.0,
+    *,
+    still_first: bool = False,
+    max_steps: int | None = None,
 ) -> OptimizerLRSchedulerConfig:
-    """AdamW whose learning rate falls to zero by a cosine that ends with ``trainer.max_epochs`` or ``max_steps``.
+    """AdamW whose learning rate falls to zero by a cosine that ends with the last epoch.
 
     Args:
         module: What is trained.
         learning_rate: At the start.
         weight_decay: Of all parameters but :data:`UNDECAYED`.
         still_first: Train nothing in the first epoch (unless it is the only one), so that the start is validated too.
+        max_steps: The last epoch is the last whole one in so many steps, if that comes before ``trainer.max_epochs``.
 
     Example:
         >>> from lightning.pytorch import Trainer
@@ -70,7 +76,7 @@ def adam_with_cosine(
         lr=learning_rate,
         fused=True,
     )
-    epochs = _whole_epochs(module.trainer)
+    epochs = _whole_epochs(module.trainer, max_steps)
     still = still_first and epochs > 1
 
     def rate(epoch: int) -> float:
@@ -81,10 +87,12 @@ def adam_with_cosine(
     return {"optimizer": optimizer, "lr_scheduler": torch.optim.lr_scheduler.LambdaLR(optimizer, rate)}
 
 
-def _whole_epochs(trainer: Trainer) -> int:
-    """Epochs of a trainer, which end with the last whole one in its ``max_steps``: a part of one is not validated."""
-    if trainer.max_steps != -1:
-        trainer.fit_loop.setup_data()  # how many batches an epoch has is known from then on
-        most = max(int(trainer.max_steps // trainer.num_training_batches), 1)
+def _whole_epochs(trainer: Trainer, max_steps: int | None) -> int:
+    """Epochs of a trainer, which end with the last whole one in so many steps: a part of one is not validated.
+
+    Not Lightning's ``max_steps``, with which a resumed fit goes through its first epoch without validation.
+    """
+    if max_steps is not None:
+        most = max(max_steps // len(trainer.datamodule.train_dataloader()), 1)  # type: ignore[attr-defined]
         trainer.fit_loop.max_epochs = min(trainer.max_epochs or most, most)
     return max(trainer.max_epochs or 1, 1)

@@ -80,7 +80,7 @@ class DescentDataModule(LightningDataModule):
         split_by: SplitBy = "flight",
         seed: int = 0,
         explained_variance: OpenUnitInterval = 0.8,
-        cas_explained_variance: OpenUnitInterval = 0.95,
+        cas_explained_variance: OpenUnitInterval | None = None,
         fpca: Method = "ppca",
         batch_size: PositiveInt = 512,
         checkpoint: Path | None = None,
@@ -113,7 +113,8 @@ class DescentDataModule(LightningDataModule):
             split_by: What the split never tears apart: a flight, or an aircraft with all its flights.
             seed: Of the split.
             explained_variance: Share of variance that the components of drag explain.
-            cas_explained_variance: Share of variance that the components of CAS explain; 0.8 in the paper.
+            cas_explained_variance: Share of variance that the components of CAS explain; 0.95 of 150 training flights
+                and more, and of fewer the same as of drag, if absent.
             fpca: Gappy fPCA algorithm: ``ppca`` or the paper's ``iterative``.
             batch_size: Flights in a training batch.
             checkpoint: Encode with this checkpoint's representation instead of fitting one.

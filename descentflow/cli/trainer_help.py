@@ -21,7 +21,8 @@ on what
                                  (from the callsign), which need none
   --data.context_table FILE      columns of context by flight_id, CSV or Parquet
   --data.explained_variance 0.8  share of variance that the fPCA components of drag explain
-  --data.cas_explained_variance 0.95  the same of CAS
+  --data.cas_explained_variance 0.95
+                                 the same of CAS; if absent 0.95 of 150 training flights and more
 how long
   --trainer.max_epochs N
   --trainer.logger.name NAME     folder under runs/

@@ -155,6 +155,16 @@ def test_encode_then_decode_returns_complete_flights() -> None:
         assert float(lost) < 2e-3
 
 
+def test_fine_components_of_cas_take_150_flights() -> None:
+    def of_cas(n: int, share: float | None = None) -> int:
+        train, options = toys.flights(n, gappy=False), {"explained_variance": 0.999, "cas_explained_variance": share}
+        parts = toys.fit_representation(train, toys.AIRCRAFT, toys.Split((), (), ()), **options)
+        return parts.decoder.cas_basis.n_components
+
+    assert of_cas(149) == of_cas(149, 0.999) > of_cas(149, 0.95), "as of drag"
+    assert of_cas(150) == of_cas(150, 0.95) < of_cas(150, 0.999)
+
+
 def test_decoder_state_round_trips() -> None:
     decoder = toys.representation(60).decoder
     copy = type(decoder).from_state(decoder.to_state())

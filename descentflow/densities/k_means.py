@@ -5,6 +5,8 @@ import warnings
 import torch
 from torch import Tensor
 
+from descentflow.densities.gaussian_steps import JITTER, cholesky_or_small
+
 
 def k_means_labels(points: Tensor, n_groups: int, seed: int) -> Tensor:
     """Labels (n,) of k-means++ centres where the seed is even, of k-means from there where it is odd.
@@ -34,3 +36,17 @@ def k_means_labels(points: Tensor, n_groups: int, seed: int) -> Tensor:
         warnings.simplefilter("ignore", ConvergenceWarning)
         found = KMeans(n_groups, n_init=1, max_iter=lloyd_steps, random_state=seed).fit_predict(points.cpu().numpy())
     return torch.as_tensor(found, dtype=torch.long, device=points.device)
+
+
+def white_halves(points: Tensor, seed: int) -> Tensor:
+    """Labels (n,), 0 or 1, of two groups of points (n, d) in units of their own spread.
+
+    Example:
+        >>> points = torch.tensor([[0.0, 0.0], [900.0, 0.1], [0.0, 1.0], [900.0, 1.1]])
+        >>> labels = white_halves(points, seed=1)
+        >>> labels.bincount()
+        tensor([2, 2])
+    """
+    factor = cholesky_or_small(torch.cov(points.T).reshape(points.shape[1], -1), JITTER)
+    white = torch.linalg.solve_triangular(factor, (points - points.mean(0)).T, upper=False).T
+    return k_means_labels(white, 2, seed)

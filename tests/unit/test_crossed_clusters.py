@@ -10,7 +10,7 @@ from torch.distributions import Categorical, MixtureSameFamily, MultivariateNorm
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.crossed_clusters import CrossedClusters
-from descentflow.densities.crossed_search import MOST_FLIGHTS, select_crossed, split_starts
+from descentflow.densities.crossed_search import select_crossed, split_starts
 from descentflow.densities.em import steps_of
 from descentflow.densities.gaussian_steps import GaussianSteps
 from descentflow.densities.mixture import GaussianMixtureDensity
@@ -146,13 +146,15 @@ def test_a_model_keeps_its_clusters() -> None:
     assert again.clusters == clusters, "of as many components"
 
 
-def test_free_components_are_taken_where_pairs_are_not(capsys: pytest.CaptureFixture[str]) -> None:
+def test_free_components_are_taken_where_pairs_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
     weights = drawn(200, 14)
     for options in ({"crossed": False}, {"n_clusters": 2}, {"training": "svi", "n_restarts": 1}):
         model = toys.fit(GaussianMixture(**options), toys.WeightsModule(weights, weights[:50]), 1)
         assert model.density.clusters is None
     assert "clusters" not in model.density.settings()
-    assert MOST_FLIGHTS == 4096
+    monkeypatch.setattr("descentflow.training.models.mixture_model.MOST_PAIRED", 199)
+    many = toys.fit(GaussianMixture(), toys.WeightsModule(weights, weights[:50]), 1)
+    assert many.density.clusters is None
 
 
 def test_clusters_that_cannot_be_are_refused() -> None:

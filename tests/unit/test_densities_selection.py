@@ -83,16 +83,18 @@ def test_the_criterion_goes_on_only_while_the_end_is_best() -> None:
     assert tried(2, 20, 20)[-1] == 16, "every number where each costs little"
 
 
-def test_many_flights_that_are_not_known_are_gone_through_in_longer_strides(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three clusters in a plane: with the starts tried with fewer than all, numbers beyond four are not all tried."""
+def test_mixtures_of_many_flights_that_are_not_known_are_grown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four clusters in a plane, with the starts tried with fewer than all; known points go through every number."""
     monkeypatch.setattr("descentflow.densities.component_search.STARTING_FLIGHTS", 200)
-    monkeypatch.setattr("descentflow.densities.em.STARTING_FLIGHTS", 200)
-    centres = torch.tensor([[0.0, 6.0], [6.0, 0.0], [-6.0, -6.0]]).double()
-    points = centres[torch.arange(900) % 3] + normal(900, 2)
+    centres = torch.tensor([[0.0, 6.0], [6.0, 0.0], [-6.0, -6.0], [-6.0, 6.0]]).double()
+    points = centres[torch.arange(900) % 4] + normal(900, 2)
     blurred = Evidence(points, torch.zeros(900, dtype=torch.long), 100.0 * torch.eye(2).double()[None])
     found = select_mixture(blurred, seed=0, n_restarts=2)
-    assert found.mixture.n_components == 3
-    assert list(found.values) == [1, 2, 3, 4], "none beyond four is tried once one of them was no better"
+    assert found.mixture.n_components == 4
+    assert list(found.values) == [1, 2, 4, 8]
+    assert not found.cap_binds
+    few = select_mixture(blurred.rows(torch.arange(300)), seed=0, n_restarts=2, extend=False)
+    assert (list(few.values), few.cap_binds) == ([1, 2, 3], True), "the cap of 300 flights"
     assert list(select_mixture(points, seed=0, n_restarts=2).values) == [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
 
 

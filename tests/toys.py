@@ -130,12 +130,13 @@ class WeightsModule(LightningDataModule):
 
 
 def residual_law(decoder: DescentDecoder, n_components: int) -> ResidualLaw:
-    """What lies beyond the components of a decoder, other than standard normals: no two components are alike."""
+    """What lies beyond the components of a decoder, other than normals: no two components or flights are alike."""
     n_residual, generator = len(residual_profiles(decoder)), torch.Generator().manual_seed(7)
     offset = 0.3 * torch.randn(n_components, n_residual, generator=generator).double()
     slope = 0.2 * torch.randn(n_residual, decoder.dimension, generator=generator).double()
     spread = torch.linspace(0.4, 1.2, n_components).double()[:, None].expand(-1, n_residual).contiguous()
-    return ResidualLaw(offset, slope, spread)
+    scales = torch.tensor([[0.6], [1.5]]).double().expand(-1, n_residual).contiguous()
+    return ResidualLaw(offset, slope, spread, scales, torch.tensor([0.7, 0.3]).double())
 
 
 def fit(model: LatentModel, data: LightningDataModule, max_epochs: int, **settings: object) -> LatentModel:

@@ -6,14 +6,16 @@ component's stays as the weights alone say. Were it asked again with the law, co
 flights than their means and covariances were fitted to, and samples would not be of the flights' mean.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
+from descentflow.densities.learn_residual_scales import learn_residual_scales
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.observed import locations
 from descentflow.densities.residual_law import ResidualLaw
+from descentflow.densities.residual_posteriors import GivenComponent, given_component
 from descentflow.representation.linear_curves import Information
 
 STEPS, TOLERANCE = 40, 1e-3
@@ -27,8 +29,6 @@ LEAST_OWN = 0.01
 """Of the variance of residual numbers, the least that weights and component do not say."""
 LEAST_SHARE = 1e-4
 """How probable it must be that a flight is of a component for it to teach its law."""
-BLOCK = 2_048
-"""Flights whose matrices are held at once."""
 MOST_FLIGHTS = 1_500
 """Flights that teach the law at most, of the training flights evenly: of its some hundred numbers each is then known to
 a few hundredths, and the time for 41,000 flights would be minutes."""
@@ -72,6 +72,7 @@ def learn_residual_law(
         (0.8, 0.6)
     """
     found = _most_probable(information, groups, mixture, shares, context, start)
+    found = learn_residual_scales(information, groups, mixture, shares, found, context, start)
     return _of_unit_variance(found, groups, mixture, shares, context)
 
 
@@ -83,9 +84,11 @@ def _most_probable(
     context: Tensor | None,
     start: ResidualLaw | None,
 ) -> ResidualLaw:
-    law, reached = start, -torch.inf
-    if law is None:
+    reached = -torch.inf
+    if start is None:
         law = ResidualLaw.standard(mixture.n_components, len(groups), mixture.locs.shape[1])
+    else:
+        law = ResidualLaw.of_one_scale(start.offset, start.slope, start.spread)
     for _ in range(STEPS if start is None else 1):
         told, sums = _expectation(information, mixture, law, shares, context)
         value = float((shares * told).sum(1).mean())
@@ -110,12 +113,12 @@ def _of_unit_variance(
     told = (share[..., None] * (means - mean).square()).sum((0, 1))
     roots = law.slope @ mixture.scale_trils  # (k, R, d)
     told = told + torch.einsum("k,krd->r", of_component, roots.square())
-    own = of_component @ law.spread.square()
+    own = (of_component @ law.spread.square()) * (law.scale_probs @ law.scales.square())
     spread = law.spread.clone()
     for one in groups.unique().tolist():  # type: ignore[no-untyped-call]
         mine = groups == one
         spread[:, mine] *= ((1 - told[mine].mean()).clamp(min=LEAST_OWN) / own[mine].mean()).sqrt()
-    return ResidualLaw(law.offset, law.slope, spread)
+    return replace(law, spread=spread)
 
 
 def _expectation(
@@ -123,28 +126,20 @@ def _expectation(
 ) -> tuple[Tensor, _Sums]:
     """How probable (n, k) each flight is under each component that it may be of, and the sums for the next law."""
     d = mixture.locs.shape[1]
-    precisions = law.joint_precisions(mixture.scale_trils)
-    means = law.joint_means(locations(mixture, context)).expand(len(shares), -1, -1)
     told, parts = torch.zeros_like(shares), []
-    for k, precision in enumerate(precisions):
+    for k in range(mixture.n_components):
         # A flight is of a few components, and of many components most flights are of others.
         mine = shares[:, k] > LEAST_SHARE
-        masks, group = information.group[mine].unique(return_inverse=True)  # type: ignore[no-untyped-call]
-        factor = torch.linalg.cholesky(information.precisions[masks] + precision)
-        off = means[mine, k] @ precision
-        pull = information.shift[mine] + off
-        mean = _solved(factor, pull, group)
-        log_det = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)[group]
-        own = mixture.scale_trils[k].diagonal().log().sum() + law.spread[k].log().sum()
-        told[mine, k] = 0.5 * (mean * pull).sum(1) - 0.5 * (means[mine, k] * off).sum(1) - log_det - own
-        parts.append(_sums(shares[mine, k], mean, factor, group, d))
+        found = given_component(information, mixture, law, k, mine, context)
+        told[mine, k] = found.told
+        parts.append(_sums(shares[mine, k], found, d))
     return told, _Sums(*(torch.stack(part) for part in zip(*parts, strict=True)))
 
 
-def _sums(share: Tensor, mean: Tensor, factor: Tensor, group: Tensor, d: int) -> tuple[Tensor, Tensor, Tensor]:
+def _sums(share: Tensor, given: GivenComponent, d: int) -> tuple[Tensor, Tensor, Tensor]:
     """Of one component, what :class:`_Sums` has of all."""
-    of_group = share.new_zeros(len(factor)).index_add_(0, group, share)
-    spread = torch.einsum("u,uij->ij", of_group, torch.cholesky_inverse(factor))
+    mean, of_group = given.mean, share.new_zeros(len(given.factor)).index_add_(0, given.group, share)
+    spread = torch.einsum("u,uij->ij", of_group, torch.cholesky_inverse(given.factor))
     whole = (mean * share[:, None]).T @ mean + spread
     one = share @ mean
     design = torch.cat([torch.cat([share.sum()[None], one[:d]])[None], torch.cat([one[:d, None], whole[:d, :d]], 1)])
@@ -175,11 +170,4 @@ def _maximised(sums: _Sums, law: ResidualLaw, groups: Tensor) -> ResidualLaw:
         own, every = left[:, mine].mean(1), left[:, mine].mean(1).sum() / n.sum()
         spread[:, mine] = ((own + PRIOR_FLIGHTS * every) / (n + PRIOR_FLIGHTS)).sqrt()[:, None]
     # Contiguous, as a law that is read again: a resumed fit goes on with the same bits then.
-    return ResidualLaw(offset.contiguous(), slope.contiguous(), spread)
-
-
-def _solved(factors: Tensor, right: Tensor, group: Tensor) -> Tensor:
-    """Each right side (n, D) solved by the matrix of its group, whose Cholesky factors (U, D, D) are given."""
-    covariances = torch.cholesky_inverse(factors)
-    blocks = zip(torch.split(group, BLOCK), torch.split(right, BLOCK), strict=True)
-    return torch.cat([(covariances[g] @ one[:, :, None])[:, :, 0] for g, one in blocks])
+    return ResidualLaw.of_one_scale(offset.contiguous(), slope.contiguous(), spread)

@@ -212,10 +212,14 @@ class GaussianMixtureDensity(Density):
         """As every density, by the law of each flight's component; where unknown, of one that its weights suggest."""
         if self.residual_law is None:
             return white
+        generator = torch.Generator().manual_seed(seed)
+        of_component, of_scale = torch.rand(2, len(weights), generator=generator, dtype=torch.float64).to(
+            weights.device
+        )
         if components is None:
-            uniform = torch.rand(len(weights), generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
-            components = components_given(self.mixture, weights, _double(context), uniform.to(weights.device))
-        return self.residual_law.of(weights, white, components.to(weights.device))
+            components = components_given(self.mixture, weights, _double(context), of_component)
+        scales = self.residual_law.drawn_scales(of_scale)
+        return self.residual_law.of(weights, white, components.to(weights.device), scales)
 
     def negative_elbo(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
         """Loss of stochastic variational inference for some flights, the component summed out: their NLL."""

@@ -1,12 +1,17 @@
 r"""What the components leave out of a flight, given its weights: by mixture component, and not alike for all flights.
 
 The directions beyond the kept components have a standard normal each over all flights. But most flights follow the
-components closely and a few stray far, and drag beyond the components goes with CAS. Given weights $w$ and mixture
-component $k$, what is left out is therefore $r \mid w, k \sim N(a_k + B w, \operatorname{diag}(s_k^2))$: one slope for
-all components, an offset and a spread for each. A standard normal is $a = B = 0$, $s = 1$.
+components closely and a few stray far, and drag beyond the components goes with CAS. Given weights $w$, mixture
+component $k$ and a scale $j$ of the flight's own, of probability $p_j$, what is left out is therefore
+
+$$r \mid w, k, j \sim N(a_k + B w, \operatorname{diag}(c_j^2 s_k^2)):$$
+
+one slope for all components, an offset and a spread for each, and a scale mixture of normals (Andrews and Mallows 1974,
+doi:10.1111/j.2517-6161.1974.tb00989.x) about them: a flight that strays at one level strays at others. A standard
+normal is $a = B = 0$, $s = 1$ and the one scale $c = 1$.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import torch
@@ -24,9 +29,12 @@ class ResidualLaw:
         offset: (k, R).
         slope: (R, d).
         spread: (k, R), positive.
+        scales: (J, R), positive multiples of the spread, of which one is a flight's.
+        scale_probs: (J,) how probable they are.
 
     Example:
-        >>> law = ResidualLaw(torch.tensor([[0.0], [9.0]]), torch.tensor([[2.0]]), torch.tensor([[0.1], [1.0]]))
+        >>> one = torch.ones(1, 1)
+        >>> law = ResidualLaw(torch.tensor([[0.0], [9.0]]), 2 * one, torch.tensor([[0.1], [1.0]]), one, one[0])
         >>> law.of(torch.tensor([[1.0], [1.0]]), torch.tensor([[1.0], [1.0]]), torch.tensor([0, 1]))
         tensor([[ 2.1000],
                 [12.0000]])
@@ -35,35 +43,75 @@ class ResidualLaw:
     offset: Tensor
     slope: Tensor
     spread: Tensor
+    scales: Tensor
+    scale_probs: Tensor
 
     @classmethod
     def standard(cls, n_components: int, n_residual: int, n_weights: int) -> "ResidualLaw":
         """Standard normals, whatever weights and component."""
         zero = torch.zeros(n_components, n_residual, dtype=torch.float64)
-        return cls(zero, zero.new_zeros(n_residual, n_weights), zero + 1)
+        return cls.of_one_scale(zero, zero.new_zeros(n_residual, n_weights), zero + 1)
+
+    @classmethod
+    def of_one_scale(cls, offset: Tensor, slope: Tensor, spread: Tensor) -> "ResidualLaw":
+        """Normals about the lines: every flight strays as its component does."""
+        return cls(offset, slope, spread, torch.ones_like(spread[:1]), spread.new_ones(1))
 
     def first(self, n_residual: int) -> "ResidualLaw":
         """Of the first residual numbers alone."""
-        return ResidualLaw(self.offset[:, :n_residual], self.slope[:n_residual], self.spread[:, :n_residual])
+        n = n_residual
+        parts = self.offset[:, :n], self.slope[:n], self.spread[:, :n], self.scales[:, :n]
+        return ResidualLaw(*parts, self.scale_probs)
 
-    def of(self, weights: Tensor, white: Tensor, components: Tensor) -> Tensor:
+    def of(self, weights: Tensor, white: Tensor, components: Tensor, scales: Tensor | None = None) -> Tensor:
         """Residual numbers (n, R) of flights.
 
         Args:
             weights: (n, d).
             white: (n, r) standard normals, at most R of them: the first.
             components: (n,) of the mixture.
+            scales: (n,) which scale is each flight's, see :meth:`drawn_scales`; the first if absent.
         """
         law = self.first(white.shape[1])
         mean = law.offset.to(weights)[components] + weights @ law.slope.to(weights).T
-        return mean + law.spread.to(weights)[components] * white
+        own = law.scales.to(weights)[:1] if scales is None else law.scales.to(weights)[scales]
+        return mean + law.spread.to(weights)[components] * own * white
+
+    def drawn_scales(self, uniform: Tensor) -> Tensor:
+        """Which scale (n,) is each flight's, by uniform numbers (n,): the inverse of the cumulative probabilities."""
+        cumulative = (self.scale_probs / self.scale_probs.sum()).cumsum(0)[:-1]
+        return (uniform[:, None] > cumulative.to(uniform)).sum(1)
+
+    def by_scale(self, mixture: Mixture) -> tuple[Mixture, "ResidualLaw"]:
+        """The same law of weights and residual numbers with each scale of a component as a component of its own.
+
+        Component k and scale j become component k J + j, of a law of one scale.
+
+        Args:
+            mixture: Of the weights.
+
+        Example:
+            >>> law = ResidualLaw(*torch.ones(3, 1, 1), torch.tensor([[0.5], [2.0]]), torch.tensor([0.75, 0.25]))
+            >>> both, normal = law.by_scale(Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1)))
+            >>> both.probs, normal.spread.flatten()
+            (tensor([0.7500, 0.2500]), tensor([0.5000, 2.0000]))
+        """
+        n = len(self.scale_probs)
+        if n == 1 and bool((self.scales == 1).all()):
+            return mixture, self
+        probs = (mixture.probs[:, None] * self.scale_probs.to(mixture.probs)).flatten()
+        line = (None if one is None else one.repeat_interleave(n, 0) for one in (mixture.slopes, mixture.gate))
+        locs, scale_trils = (one.repeat_interleave(n, 0) for one in (mixture.locs, mixture.scale_trils))
+        spread = (self.spread[:, None] * self.scales).flatten(0, 1)
+        law = self.of_one_scale(self.offset.repeat_interleave(n, 0), self.slope, spread)
+        return Mixture(probs, locs, scale_trils, *line), law
 
     def joint_means(self, locs: Tensor) -> Tensor:
         """Means (..., k, d + R) of weights and residual numbers, where those of the weights are (..., k, d)."""
         return torch.cat([locs, self.offset + locs @ self.slope.T], -1)
 
     def joint_precisions(self, scale_trils: Tensor) -> Tensor:
-        """Precisions (k, d + R, d + R) of weights and residual numbers together.
+        """Precisions (k, d + R, d + R) of weights and residual numbers together, of a law of one scale.
 
         Args:
             scale_trils: (k, d, d) lower Cholesky factors of the weights' covariances.
@@ -74,7 +122,7 @@ class ResidualLaw:
         return torch.cat([upper, torch.cat([across, torch.diag_embed(own)], 2)], 1)
 
     def joint_roots(self, scale_trils: Tensor) -> Tensor:
-        """Lower triangular roots (k, d + R, d + R) of the covariances of both together."""
+        """Lower triangular roots (k, d + R, d + R) of the covariances of both together, of a law of one scale."""
         upper = torch.nn.functional.pad(scale_trils, (0, self.slope.shape[0]))
         return torch.cat([upper, torch.cat([self.slope @ scale_trils, torch.diag_embed(self.spread)], 2)], 1)
 
@@ -86,20 +134,26 @@ class ResidualLaw:
         """
         if len(self.slope) and self.slope.shape[1:] != (n_weights,):
             raise ValueError(f"slope of a residual law of shape {tuple(self.slope.shape)}")
-        if not self.offset.shape == self.spread.shape == (n_components, len(self.slope)):
+        n_residual = len(self.slope)
+        if not self.offset.shape == self.spread.shape == (n_components, n_residual):
             raise ValueError(f"offset and spread of a residual law, of shape {tuple(self.spread.shape)}")
-        finite = all(bool(part.isfinite().all()) for part in (self.offset, self.slope, self.spread))
-        if not finite or not bool((self.spread >= 0).all()):
-            raise ValueError("numbers of a residual law that are not finite, or a negative spread")
+        if not len(self.scale_probs) or self.scales.shape != (len(self.scale_probs), n_residual):
+            raise ValueError(f"scales of a residual law, of shape {tuple(self.scales.shape)}")
+        if not all(bool(getattr(self, field.name).isfinite().all()) for field in fields(self)):
+            raise ValueError("numbers of a residual law that are not finite")
+        signed = (self.spread, self.scales, self.scale_probs)
+        if not all(bool((part >= 0).all()) for part in signed) or not float(self.scale_probs.sum()) > 0:
+            raise ValueError("a negative spread, scale or probability of a residual law")
 
     def to_state(self) -> dict[str, Any]:
         """Primitives from which :meth:`from_state` rebuilds it."""
-        return {name: getattr(self, name).tolist() for name in ("offset", "slope", "spread")}
+        return {field.name: getattr(self, field.name).tolist() for field in fields(self)}
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "ResidualLaw":
-        """Rebuild from :meth:`to_state`."""
-        return cls(*(torch.tensor(state[name], dtype=torch.float64) for name in ("offset", "slope", "spread")))
+        """Rebuild from :meth:`to_state`; of one scale where it has none, as before there were scales."""
+        known = {name: torch.tensor(value, dtype=torch.float64) for name, value in state.items()}
+        return cls(**known) if "scales" in known else cls.of_one_scale(**known)
 
 
 def components_given(mixture: Mixture, weights: Tensor, context: Tensor | None, uniform: Tensor) -> Tensor:

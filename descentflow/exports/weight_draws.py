@@ -41,8 +41,11 @@ class MixtureDraw(nn.Module):
     ) -> None:
         """Copy a mixture, its gate and its residual law."""
         super().__init__()
-        self.n_components = mixture.n_components
         shares = mixture.probs[None] if entry_gate is None else entry_gate.shares
+        if residual_law is not None:  # of one scale, of which there are more components
+            shares = (shares[:, :, None] * residual_law.scale_probs.to(shares)).flatten(1)
+            mixture, residual_law = residual_law.by_scale(mixture)
+        self.n_components = mixture.n_components
         # Absent and not empty where there is none: empty tensors cannot be saved with a program.
         kept = {
             # Normalised: a gate's shares, like probabilities of torch's multinomial, may be any weights.
@@ -98,7 +101,7 @@ class MixtureDraw(nn.Module):
         white = noise.double()
         if self.residual_offset is None or self.residual_slope is None or self.residual_spread is None:
             return white
-        law = ResidualLaw(self.residual_offset, self.residual_slope, self.residual_spread)
+        law = ResidualLaw.of_one_scale(self.residual_offset, self.residual_slope, self.residual_spread)
         chosen = torch.zeros_like(entry) if uniform is None else self.component(entry, uniform, context)
         return law.of(weights, white, chosen)
 

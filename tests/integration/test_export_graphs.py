@@ -25,6 +25,8 @@ pytest.importorskip("onnxscript", reason="onnxscript is in the extra onnx of des
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
 
 N = 60
+N_SCALES = 2
+"""Of the toy mixture's residual law."""
 OUTPUTS = ["level_fl", *PROFILES, "accepted", "broken", "weights"]
 KINDS = ("gaussian", "gaussian by entry", "mixture", "whitened flow", "whitened flow by entry")
 OURS = {"float64": 1e-9, "float32": 1e-4}
@@ -51,15 +53,19 @@ def by_onnx(program: ExportedProgram, inputs: dict[str, Tensor]) -> dict[str, Te
 def ours(model: Density, sampler: SamplerGraph, inputs: dict[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
     """Inputs with noise of a seed, and our table and weights of the same numbers."""
     entry = sampler.descents.entry(inputs["entry_fl"])
-    component = None
+    component, residual_noise = None, inputs["residual_noise"].double()
     if isinstance(sampler.draw, DrawByEntry):
         component = model.entry_law.bins(entry)  # type: ignore[union-attr, operator]
     elif sampler.picks:
         assert isinstance(sampler.draw, MixtureDraw)
-        component = sampler.draw.component(entry, inputs["uniform"])
+        of_both = sampler.draw.component(entry, inputs["uniform"])
+        component, scale = of_both // N_SCALES, of_both % N_SCALES
     noise, weights = weights_of(model, 5, len(entry), component)
     inputs["noise"] = noise.to(inputs["noise"])
-    white = model.residual(weights, inputs["residual_noise"].double(), 0, components=component)
+    if model.residual_law is None:
+        white = model.residual(weights, residual_noise, 0, components=component)
+    else:
+        white = model.residual_law.of(weights, residual_noise, component, scale)
     return table_of(PARTS, weights, entry, white), weights
 
 

@@ -58,7 +58,7 @@ def two_components() -> Mixture:
 
 def law_of_two(known: bool) -> ResidualLaw:
     plain = ResidualLaw.standard(2, 2, 3)
-    return ResidualLaw(normal(2, 2, seed=4), normal(2, 3, seed=5), plain.spread * 0.7) if known else plain
+    return replace(plain, offset=normal(2, 2, seed=4), slope=normal(2, 3, seed=5)) if known else plain
 
 
 @pytest.mark.parametrize("known", [False, True])

@@ -16,6 +16,7 @@ from descentflow.densities.learn_residual_law import learn_residual_law
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw, components_given
+from descentflow.densities.residual_posteriors import given_component
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.linear_curves import Information, linear_curves
 from descentflow.training.fit import fit
@@ -24,7 +25,7 @@ from descentflow.training.models.mixture_model import GaussianMixture
 
 D, R, LEVELS = 2, 3, 12
 GROUPS = torch.tensor([0, 0, 1])
-LAW = ResidualLaw(
+LAW = ResidualLaw.of_one_scale(
     torch.tensor([[0.2, -0.3, 0.0], [1.0, 0.5, -0.8]]).double(),
     torch.tensor([[0.6, 0.0], [0.0, -0.4], [0.3, 0.2]]).double(),
     torch.tensor([[0.4, 0.4, 0.7], [1.5, 1.5, 0.3]]).double(),
@@ -109,7 +110,7 @@ def test_a_known_law_is_found_again() -> None:
 
 def test_residual_numbers_of_a_profile_vary_by_one_over_all_flights() -> None:
     """40,000 draws know one variance to 0.7 %, a mean of two to 0.5 %; ratios of spreads stay as they were."""
-    half = ResidualLaw(LAW.offset / 2, LAW.slope / 2, LAW.spread)
+    half = ResidualLaw.of_one_scale(LAW.offset / 2, LAW.slope / 2, LAW.spread)
     law = learning._of_unit_variance(half, GROUPS, MIXTURE, MIXTURE.probs.expand(100, -1), None)
     component = torch.multinomial(MIXTURE.probs, 40_000, True, generator=torch.Generator().manual_seed(1))
     weights = MIXTURE.locs[component] + (TRILS[component] @ normal(40_000, D, 1, seed=2))[..., 0]
@@ -210,6 +211,13 @@ def test_a_fitted_mixture_has_a_law_and_keeps_it(tmp_path: Path) -> None:
     assert torch.equal(one.trajectories.time_s, two.trajectories.time_s)
 
 
+def mean_log_likelihood(information: Information, mixture: Mixture, law: ResidualLaw) -> float:
+    """Of all flights (nats), of a mixture of one component, up to what laws share."""
+    every = torch.ones(len(information.group), dtype=torch.bool)
+    told = [given_component(information, mixture, law, 0, every, scale=j).told for j in range(len(law.scales))]
+    return float((torch.stack(told, 1) + law.scale_probs.log()).logsumexp(1).mean())
+
+
 def test_held_out_flights_are_more_probable_under_the_law() -> None:
     """Nats a flight, of flights that neither density nor law were fitted to; a law of noise alone would lose some."""
     parts = toys.representation(400)
@@ -222,6 +230,8 @@ def test_held_out_flights_are_more_probable_under_the_law() -> None:
     all_of_it = torch.ones(400, 1).double()
     law = learn_residual_law(train, torch.zeros(n_residual, dtype=torch.long), one, all_of_it)
     plain = ResidualLaw.standard(1, n_residual, d)
-    told = [float(learning._expectation(test, one, each, all_of_it, None)[0].mean()) for each in (law, plain)]
+    same = ResidualLaw.of_one_scale(law.offset, law.slope, law.spread * (law.scale_probs @ law.scales**2).sqrt())
+    told = [mean_log_likelihood(test, one, each) for each in (law, same, plain)]
     assert math.isfinite(told[0])
-    assert told[0] > told[1]
+    assert told[0] > told[1], "flights stray at scales of their own"
+    assert told[0] > told[2]

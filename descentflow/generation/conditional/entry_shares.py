@@ -19,7 +19,7 @@ TRIED = 500
 
 
 class EntryShares:
-    """Shares of levels of entry, and of K components given each.
+    """Shares of levels of entry, and of K components given each, as of :class:`.latent_parts.LatentParts`.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -53,8 +53,12 @@ class EntryShares:
             if density.mixture is None:
                 # Of a flow a level of entry has one component, its bin.
                 self.log_entries_of_draws = self.log_entries + by_entry.max(1)
-            else:
+            elif density.residual_law is None:
                 self._by_entry = by_entry
+            else:
+                # Each scale of a component's residual numbers is a component of its own there.
+                scales = density.residual_law.scale_probs.log().numpy()
+                self._by_entry = (by_entry[:, :, None] + scales).reshape(len(by_entry), -1)
 
     def log_components(self, entry: int) -> Array | None:
         """Log shares (K,) at a level of entry, up to rejection; None where they do not depend on it."""

@@ -33,7 +33,7 @@ class Prior:
     context: Tensor | None = None
     """What the exact density is given, (1, c)."""
     residual_law: ResidualLaw | None = None
-    """Of the residual components given the weights; standard normals where it is None."""
+    """Of the residual components given the weights, of one scale; standard normals where it is None."""
 
     def log_prob(self, weights: Tensor) -> Tensor:
         """Log density (n,) of the exact density at weights (n, d)."""
@@ -58,7 +58,10 @@ def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> 
     mixture = density.mixture_at(context)
     if mixture is not None:
         plain = Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils)))
-        return Prior(plain, None, residual_law=density.residual_law)
+        if density.residual_law is None:
+            return Prior(plain, None)
+        by_scale, law = density.residual_law.by_scale(plain)
+        return Prior(by_scale, None, residual_law=law)
     draws = density.sample(PROPOSAL_DRAWS, seed, context)
     draws = draws[draws.isfinite().all(1)]
     fitted, _ = fit_mixture(draws, PROPOSAL_COMPONENTS, seed=seed, n_restarts=2)

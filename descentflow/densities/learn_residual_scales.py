@@ -87,7 +87,8 @@ def _step(
     Unlike for the rest of the law, a flight's component is asked again with what it leaves out: one that strays as a
     wide component's flights do would else seem to be a far stray of a narrow component.
     """
-    n_scales, profiles = len(law.scale_probs), torch.nn.functional.one_hot(groups).to(law.spread)  # (R, G)
+    n_scales, (_, of_profile) = len(law.scale_probs), groups.unique(return_inverse=True)  # type: ignore[no-untyped-call]
+    profiles = torch.nn.functional.one_hot(of_profile).to(law.spread)  # (R, G)
     told = torch.full((*shares.shape, n_scales), -torch.inf, dtype=shares.dtype)
     squares = shares.new_zeros(*told.shape, profiles.shape[1])
     for k in range(mixture.n_components):

@@ -104,6 +104,18 @@ def test_no_step_makes_flights_less_probable(monkeypatch: pytest.MonkeyPatch) ->
     assert values[-1] > values[0] + 0.05
 
 
+def test_a_profile_of_which_nothing_is_left_out_has_no_scales() -> None:
+    """Of few flights the components of drag may be all that there are: the residual numbers are of the speed alone."""
+    _, _, u = drawn(300)
+    information = observed(u)[0]
+    found, same = (
+        learn_residual_scales(information, groups, MIXTURE, shares_of(u), LAW)
+        for groups in (torch.ones(3).long(), 0 * GROUPS)
+    )
+    assert bool(found.scales.isfinite().all())
+    assert torch.equal(found.scales, same.scales)
+
+
 def test_a_law_is_gone_on_from_by_one_step() -> None:
     first = learnt(400)
     _, _, u = drawn(400)

@@ -108,6 +108,7 @@ class Density(nn.Module, ABC):
         seed: int,
         context: Tensor | None = None,
         components: Tensor | None = None,
+        of_scale: Tensor | None = None,
     ) -> Tensor:
         """What lies beyond the decoder's components of flights with these weights: standard normals, unless it knows.
 
@@ -117,6 +118,7 @@ class Density(nn.Module, ABC):
             seed: Of what else is drawn.
             context: (n, c) where the density is conditioned on one.
             components: (n,) of a mixture, where they are known.
+            of_scale: (n,) uniform numbers that say how far flights stray from their components; of the seed if absent.
 
         Returns:
             (n, r) residual numbers, as the decoder takes them beside the weights.

@@ -208,17 +208,15 @@ class GaussianMixtureDensity(Density):
         seed: int,
         context: Tensor | None = None,
         components: Tensor | None = None,
+        of_scale: Tensor | None = None,
     ) -> Tensor:
         """As every density, by the law of each flight's component; where unknown, of one that its weights suggest."""
         if self.residual_law is None:
             return white
-        generator = torch.Generator().manual_seed(seed)
-        of_component, of_scale = torch.rand(2, len(weights), generator=generator, dtype=torch.float64).to(
-            weights.device
-        )
+        uniform = torch.rand(2, len(weights), generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
         if components is None:
-            components = components_given(self.mixture, weights, _double(context), of_component)
-        scales = self.residual_law.drawn_scales(of_scale)
+            components = components_given(self.mixture, weights, _double(context), uniform[0].to(weights.device))
+        scales = self.residual_law.drawn_scales((uniform[1] if of_scale is None else of_scale).to(weights.device))
         return self.residual_law.of(weights, white, components.to(weights.device), scales)
 
     def negative_elbo(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:

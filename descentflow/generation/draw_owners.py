@@ -47,13 +47,18 @@ class _Draws:
         """The contexts (m, c) of the draws of a batch, where they have any."""
         return None
 
+    def strays(self, wanted: Tensor) -> Tensor | None:
+        """Uniform numbers (m,) that say how far draws stray from their components, where samples keep them."""
+        return None
+
     def residual(
         self, model: Sampler | ConditionalSampler, wanted: Tensor, weights: Tensor, white: Tensor, seed: int
     ) -> Tensor:
         """What lies beyond the components of a batch of weights (m, d): standard normals, or as the model says."""
         if not isinstance(model, ResidualSampler):
             return white
-        return model.residual(weights, white, seed, self.contexts(wanted), self.components(wanted))
+        held = self.components(wanted), self.strays(wanted)
+        return model.residual(weights, white, seed, self.contexts(wanted), *held)
 
 
 @dataclass(frozen=True)
@@ -167,7 +172,9 @@ class OfSamples(_Draws):
 
 
 class OfEntries(OfSamples):
-    """With a gate a draw is for one sample, which keeps entry level and component until it is plausible.
+    """With a gate a draw is for one sample, which keeps entry level, component and scale until it is plausible.
+
+    For the shares of both are shares of flights, which are all plausible.
 
     Example:
         >>> gate = EntryGate(torch.tensor([100]), torch.tensor([[1.0, 0.0], [0.0, 1.0]]))
@@ -181,11 +188,14 @@ class OfEntries(OfSamples):
         super().__init__(entry)
         self.gate = gate
         self.component, self.tries = torch.zeros_like(entry), torch.full_like(entry, MAX_TRIES)
+        self.of_scale = torch.zeros(len(entry), dtype=torch.float64)
 
     def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
         """The weights of a batch, each of its sample's component: another one after so many tries in vain."""
         tired = wanted[self.tries[wanted] >= MAX_TRIES]
-        self.component[tired] = self.gate.draw(self.entry[tired], torch.Generator().manual_seed(seed))
+        generator = torch.Generator().manual_seed(seed)
+        self.component[tired] = self.gate.draw(self.entry[tired], generator)
+        self.of_scale[tired] = torch.rand(len(tired), generator=generator, dtype=torch.float64)
         self.tries[tired] = 0
         self.tries[wanted] += 1
         assert isinstance(model, GatedSampler)
@@ -194,3 +204,7 @@ class OfEntries(OfSamples):
     def components(self, wanted: Tensor) -> Tensor:
         """The component (m,) of each draw's sample."""
         return self.component[wanted]
+
+    def strays(self, wanted: Tensor) -> Tensor:
+        """Uniform numbers (m,) that say how far each draw's sample strays from its component."""
+        return self.of_scale[wanted]

@@ -73,5 +73,6 @@ class ResidualSampler(Protocol):
         seed: int,
         context: Tensor | None = None,
         components: Tensor | None = None,
+        of_scale: Tensor | None = None,
     ) -> Tensor:
         """Residual numbers (n, r) of weights (n, d), of standard normals (n, r)."""

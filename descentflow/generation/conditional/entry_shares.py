@@ -44,7 +44,7 @@ class EntryShares:
         if gate is not None and density.n_context == 0:
             plausible = plausible_shares(density, parts, gate.shares.shape[1])
             bins = torch.bucketize(torch.arange(len(counts)), gate.edges).numpy()
-            shares = gate.shares.numpy()[bins]
+            shares = (gate.shares[:, :, None] * _scale_probs(density)).flatten(1).numpy()[bins]
             # After so many tries in vain a sample is drawn of another component.
             kept = shares * (1 - (1 - plausible) ** MAX_TRIES)
             kept = kept / np.maximum(kept.sum(1, keepdims=True), 1e-300)
@@ -53,12 +53,8 @@ class EntryShares:
             if density.mixture is None:
                 # Of a flow a level of entry has one component, its bin.
                 self.log_entries_of_draws = self.log_entries + by_entry.max(1)
-            elif density.residual_law is None:
-                self._by_entry = by_entry
             else:
-                # Each scale of a component's residual numbers is a component of its own there.
-                scales = density.residual_law.scale_probs.log().numpy()
-                self._by_entry = (by_entry[:, :, None] + scales).reshape(len(by_entry), -1)
+                self._by_entry = by_entry
 
     def log_components(self, entry: int) -> Array | None:
         """Log shares (K,) at a level of entry, up to rejection; None where they do not depend on it."""
@@ -66,7 +62,9 @@ class EntryShares:
 
 
 def plausible_shares(density: Density, parts: Representation, n_components: int) -> Array:
-    """Share (L, K) of a component's draws that are plausible from each level of entry down.
+    """Share of a component's draws that are plausible from each level of entry down.
+
+    Shapes: (L, K), or (L, K J) where each strays at J scales, each of which is a component of its own.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -84,7 +82,17 @@ def plausible_shares(density: Density, parts: Representation, n_components: int)
         weights = density.sample_of(components, seed=k)  # type: ignore[operator]
         generator = torch.Generator().manual_seed(k)
         white = torch.randn(TRIED, parts.decoder.n_white, generator=generator, dtype=torch.float64)
-        flown = parts.decoder(weights, white=density.residual(weights, white, seed=k, components=components))
-        # Plausible from a level down: nothing below it is broken.
-        found.append((parts.plausibility.broken_levels(flown).cumsum(1) == 0).double().mean(0))
+        cumulative = _scale_probs(density).cumsum(0).tolist()
+        for before, end in zip([0.0, *cumulative[:-1]], cumulative, strict=True):
+            of_scale = torch.full((TRIED,), (before + end) / 2, dtype=torch.float64)
+            white_of = density.residual(weights, white, k, components=components, of_scale=of_scale)
+            # Plausible from a level down: nothing below it is broken.
+            broken = parts.plausibility.broken_levels(parts.decoder(weights, white=white_of))
+            found.append((broken.cumsum(1) == 0).double().mean(0))
     return torch.stack(found, 1).numpy()
+
+
+def _scale_probs(density: Density) -> torch.Tensor:
+    """How probable (J,) the scales are at which flights stray from their components; one where that is not known."""
+    law = density.residual_law
+    return torch.ones(1, dtype=torch.float64) if law is None else law.scale_probs / law.scale_probs.sum()

@@ -59,8 +59,8 @@ def learn_residual_law(
         mixture: Of the weights, as it is: k components of d.
         shares: (n, k) how probable it is that a flight is of a component.
         context: (n, c) where the mixture follows one.
-        start: The law of nearly this mixture, from which one step is taken; standard normals, from which as many are
-            taken as are needed, if absent.
+        start: The law of nearly this mixture, from which one step is taken, with its scales; standard normals, from
+            which as many are taken as are needed, if absent.
 
     Example:
         >>> w, white = torch.randn(400, 1).double(), torch.randn(400, 1).double()
@@ -72,7 +72,10 @@ def learn_residual_law(
         (0.8, 0.6)
     """
     found = _most_probable(information, groups, mixture, shares, context, start)
-    found = learn_residual_scales(information, groups, mixture, shares, found, context, start)
+    if start is None:
+        found = learn_residual_scales(information, groups, mixture, shares, found, context)
+    else:
+        found = replace(found, scales=start.scales, scale_probs=start.scale_probs)
     return _of_unit_variance(found, groups, mixture, shares, context)
 
 
@@ -113,7 +116,7 @@ def _of_unit_variance(
     told = (share[..., None] * (means - mean).square()).sum((0, 1))
     roots = law.slope @ mixture.scale_trils  # (k, R, d)
     told = told + torch.einsum("k,krd->r", of_component, roots.square())
-    own = (of_component @ law.spread.square()) * (law.scale_probs @ law.scales.square())
+    own = of_component @ law.spread.square()  # of scales of mean square one
     spread = law.spread.clone()
     for one in groups.unique().tolist():  # type: ignore[no-untyped-call]
         mine = groups == one

@@ -35,9 +35,8 @@ def learn_residual_scales(
     shares: Tensor,
     law: ResidualLaw,
     context: Tensor | None = None,
-    start: ResidualLaw | None = None,
 ) -> ResidualLaw:
-    """Give a law of one scale the scales that flights are most probable by.
+    """Give a law of one scale the scales that flights are most probable by, of mean square one.
 
     Args:
         information: Of n training flights, about weights and residual numbers.
@@ -46,7 +45,6 @@ def learn_residual_scales(
         shares: (n, k) how probable it is that a flight is of a component.
         law: Of one scale.
         context: (n, c) where the mixture follows one.
-        start: A law with scales, from which one step is taken; as many as are needed, if absent.
 
     Example:
         >>> calm, wild = 0.4 * torch.randn(300, 8).double(), 2.0 * torch.randn(100, 8).double()
@@ -55,23 +53,22 @@ def learn_residual_scales(
         >>> one = Mixture(torch.ones(1).double(), torch.zeros(1, 1).double(), torch.ones(1, 1, 1).double())
         >>> every, plain = torch.ones(400, 1).double(), ResidualLaw.standard(1, 8, 1)
         >>> found = learn_residual_scales(exact, torch.zeros(8).long(), one, every, plain)
-        >>> round(float(found.scales.min()), 1), round(float(found.scales.max()), 1)
-        (0.4, 2.0)
+        >>> found.scales.shape, round(float(found.scales.max() / found.scales.min()), 1)
+        (torch.Size([3, 8]), 5.0)
     """
     chosen = evenly(len(shares), MOST_FLIGHTS)
     some = Information(information.precisions, information.shift[chosen], information.group[chosen])
     shares, context = shares[chosen], None if context is None else context[chosen]
     scales = law.spread.new_tensor(FIRST_SCALES)[:, None].expand(-1, len(groups))
     found = replace(law, scales=scales, scale_probs=law.spread.new_tensor(FIRST_PROBS))
-    if start is not None:
-        found = replace(law, scales=start.scales, scale_probs=start.scale_probs)
     reached = -torch.inf
-    for _ in range(STEPS if start is None else 1):
+    for _ in range(STEPS):
         value, improved = _step(some, groups, mixture, shares, found, context)
         if value < reached + TOLERANCE:
             break
         reached, found = value, improved
-    return found
+    whole = (found.scale_probs @ found.scales.square()).sqrt()
+    return replace(found, scales=found.scales / whole, spread=found.spread * whole)
 
 
 def _step(

@@ -53,8 +53,8 @@ def learn_residual_scales(
         >>> one = Mixture(torch.ones(1).double(), torch.zeros(1, 1).double(), torch.ones(1, 1, 1).double())
         >>> every, plain = torch.ones(400, 1).double(), ResidualLaw.standard(1, 8, 1)
         >>> found = learn_residual_scales(exact, torch.zeros(8).long(), one, every, plain)
-        >>> found.scales.shape, round(float(found.scales.max() / found.scales.min()), 1)
-        (torch.Size([3, 8]), 5.0)
+        >>> found.scales.shape, round(float(found.scales.max() / found.scales.min()))
+        (torch.Size([3, 8]), 5)
     """
     chosen = evenly(len(shares), MOST_FLIGHTS)
     some = Information(information.precisions, information.shift[chosen], information.group[chosen])

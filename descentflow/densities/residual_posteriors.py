@@ -51,10 +51,10 @@ def given_component(
         scale: Which of the law's scales.
 
     Example:
-        >>> one = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
-        >>> seen = Information(torch.eye(2)[None], torch.tensor([[2.0, 4.0]]), torch.tensor([0]))
-        >>> given_component(seen, one, ResidualLaw.standard(1, 1, 1), 0, torch.tensor([True])).mean.float()
-        tensor([[1., 2.]])
+        >>> one = Mixture(torch.ones(1).double(), torch.zeros(1, 1).double(), torch.ones(1, 1, 1).double())
+        >>> seen = Information(torch.eye(2).double()[None], torch.tensor([[2.0, 4.0]]).double(), torch.tensor([0]))
+        >>> given_component(seen, one, ResidualLaw.standard(1, 1, 1), 0, torch.tensor([True])).mean.round(decimals=6)
+        tensor([[1., 2.]], dtype=torch.float64)
     """
     spread = law.spread[k : k + 1] * law.scales[scale]
     one = ResidualLaw.of_one_scale(law.offset[k : k + 1], law.slope, spread)

@@ -81,8 +81,8 @@ def test_growth_ends_where_the_criterion_is_no_better(monkeypatch: pytest.Monkey
     best, values = grow_mixture(steps, 16, lambda k, _: abs(k - 4.0), seed=0, progress=shown.append)
     assert best.n_components == 4
     assert list(values) == [1, 2, 4, 8]
-    assert shown == [5] * 3
+    assert shown == [5] * 4
     best, values = grow_mixture(steps, 6, lambda k, _: -k, seed=0, progress=shown.append)
     assert (best.n_components, list(values)) == (6, [1, 2, 4, 6])
-    assert shown[3:] == [4] * 4
+    assert shown[4:] == [4] * 4
     assert grow_mixture(steps, 1, lambda k, _: k, seed=0)[0].n_components == 1

@@ -47,7 +47,7 @@ class _Draws:
         """The contexts (m, c) of the draws of a batch, where they have any."""
         return None
 
-    def strays(self, wanted: Tensor) -> Tensor | None:
+    def of_scale(self, wanted: Tensor) -> Tensor | None:
         """Uniform numbers (m,) that say how far draws stray from their components, where samples keep them."""
         return None
 
@@ -57,7 +57,7 @@ class _Draws:
         """What lies beyond the components of a batch of weights (m, d): standard normals, or as the model says."""
         if not isinstance(model, ResidualSampler):
             return white
-        held = self.components(wanted), self.strays(wanted)
+        held = self.components(wanted), self.of_scale(wanted)
         return model.residual(weights, white, seed, self.contexts(wanted), *held)
 
 
@@ -188,14 +188,14 @@ class OfEntries(OfSamples):
         super().__init__(entry)
         self.gate = gate
         self.component, self.tries = torch.zeros_like(entry), torch.full_like(entry, MAX_TRIES)
-        self.of_scale = torch.zeros(len(entry), dtype=torch.float64)
+        self.uniform = torch.zeros(len(entry), dtype=torch.float64)
 
     def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:
         """The weights of a batch, each of its sample's component: another one after so many tries in vain."""
         tired = wanted[self.tries[wanted] >= MAX_TRIES]
         generator = torch.Generator().manual_seed(seed)
         self.component[tired] = self.gate.draw(self.entry[tired], generator)
-        self.of_scale[tired] = torch.rand(len(tired), generator=generator, dtype=torch.float64)
+        self.uniform[tired] = torch.rand(len(tired), generator=generator, dtype=torch.float64)
         self.tries[tired] = 0
         self.tries[wanted] += 1
         assert isinstance(model, GatedSampler)
@@ -205,6 +205,6 @@ class OfEntries(OfSamples):
         """The component (m,) of each draw's sample."""
         return self.component[wanted]
 
-    def strays(self, wanted: Tensor) -> Tensor:
+    def of_scale(self, wanted: Tensor) -> Tensor:
         """Uniform numbers (m,) that say how far each draw's sample strays from its component."""
-        return self.of_scale[wanted]
+        return self.uniform[wanted]

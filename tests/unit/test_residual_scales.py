@@ -91,7 +91,7 @@ def test_flights_of_one_scale_are_given_little_more() -> None:
     torch.testing.assert_close(kurtosis, torch.full((R,), 3.0).double(), rtol=0, atol=0.5)
 
 
-def test_no_step_makes_flights_less_probable(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_step_makes_flights_less_probable() -> None:
     """The prior of five flights is part of what EM raises: 0.01 nats a flight of 500 at most."""
     _, _, u = drawn(500)
     information, _, _ = observed(u)

@@ -119,7 +119,7 @@ class Evaluation:
             ConfigError: If there are fewer than two resamples.
         """
         transition_fl = self.representation.decoder.transition_fl
-        found = score_intervals(self.samples, self.real, transition_fl, seed, n_resamples, costly=True)
+        found = score_intervals(self.scores, self.samples, self.real, transition_fl, seed, n_resamples)
         return pl.DataFrame([asdict(one) for one in found]).fill_nan(None)
 
     def to_polars(self) -> pl.DataFrame:

@@ -1,10 +1,15 @@
 import pytest
+import torch
 import toys
+from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
 from descentflow.evaluation.metrics.bootstrap import score_intervals
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.level_distances import level_distances
+from descentflow.evaluation.metrics.resampled import resampled_distances
+from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.scores import score
 
 
@@ -15,7 +20,7 @@ def sets(n: int, seed: int) -> DescentSet:
 def test_intervals_are_about_the_scores_in_their_order() -> None:
     samples, real = sets(300, 1), sets(120, 2)
     table = score(samples, real, 170.0, n_splits=1)
-    found = score_intervals(samples, real, 170.0, n_resamples=10)
+    found = score_intervals(table, samples, real, 170.0, n_resamples=10)
     assert [(i.quantity, i.statistic) for i in found] == [(r.quantity, r.statistic) for r in table]
     for one, row in zip(found, table, strict=True):
         assert one.low <= row.score <= one.high
@@ -25,7 +30,8 @@ def test_the_width_is_that_of_a_mean_over_flights() -> None:
     """Error of the mean CAS with samples 20 kt away: its deviation is that of the flights' mean, in closed form."""
     samples, real = sets(3000, 1), sets(200, 2)
     samples.cas_mps.add_(20 * KT_MPS)
-    found = {(i.quantity, i.statistic): i for i in score_intervals(samples, real, 170.0, n_resamples=200)}
+    table = score(samples, real, 170.0, n_splits=1)
+    found = {(i.quantity, i.statistic): i for i in score_intervals(table, samples, real, 170.0, n_resamples=200)}
     one = found["cas_below_transition", "mae"]
     below = real.levels_fl <= 170
     mean_by_flight = (real.cas_mps[:, below] / KT_MPS).mean(1)
@@ -36,4 +42,27 @@ def test_the_width_is_that_of_a_mean_over_flights() -> None:
 
 def test_one_resample_has_no_spread() -> None:
     with pytest.raises(ConfigError, match="at least two"):
-        score_intervals(sets(10, 1), sets(10, 2), 170.0, n_resamples=1)
+        score_intervals(ScoreTable(()), sets(10, 1), sets(10, 2), 170.0, n_resamples=1)
+
+
+def gappy(n: int, seed: int) -> tuple[Tensor, Tensor]:
+    """Values of both signs with ties, hidden more and more; of the last level none is left."""
+    generator = torch.Generator().manual_seed(seed)
+    values = torch.randint(-6, 7, (n, 9), generator=generator) / 2
+    mask = torch.rand(n, 9, generator=generator) > torch.linspace(-0.1, 1, 9)
+    return values.where(mask, torch.nan), mask
+
+
+def test_counted_flights_are_repeated_ones() -> None:
+    """Every statistic is that of the repeated values, ordered again; only the mean is summed in another order."""
+    (x, x_mask), (y, y_mask) = gappy(40, 1), gappy(25, 2)
+    chosen = torch.randint(25, (6, 25), generator=torch.Generator().manual_seed(3))
+    counts = torch.stack([one.bincount(minlength=25) for one in chosen])
+    found = resampled_distances((x, x_mask), (y, y_mask), counts)
+    for i, drawn in enumerate(chosen):
+        expected = level_distances(x, x_mask, y[drawn], y_mask[drawn])
+        assert found.n_first[i].tolist() == expected.n_first.tolist()
+        assert found.n_second[i].tolist() == expected.n_second.tolist()
+        for name, values in expected.by_name.items():
+            assert torch.allclose(found[name][i], values, rtol=1e-12, atol=1e-12, equal_nan=True), name
+        assert found["ks"][i].isnan().tolist() == [False] * 8 + [True]

@@ -63,7 +63,7 @@ def test_a_new_statistic_is_found_everywhere(tmp_path: Path) -> None:
     table.write_csv(tmp_path / "scores.csv")
     written = pl.read_csv(tmp_path / "scores.csv").filter(statistic="toy")
     assert written["score"].to_list() == [r.score for r in table if r.statistic == "toy"]
-    found = score_intervals(samples, real, 290.0, n_resamples=3)
+    found = score_intervals(table, samples, real, 290.0, n_resamples=3)
     assert [(one.quantity, one.statistic) for one in found] == expected
     figure = level_scores_figure(table, 290.0)
     assert "toy, CAS (toy unit)" in [ax.get_xlabel() for ax in figure.axes]

@@ -1,22 +1,15 @@
 """How far the scores depend on which flights were held out: bootstrap intervals over flights."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from descentflow.core.errors import ConfigError
-from descentflow.evaluation.metrics.comparison import whole_distances
+from descentflow.evaluation.metrics.comparison import resampled_levels
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.score_registry import (
-    QUANTITIES,
-    descent_statistics,
-    level_statistics,
-    parts_of,
-    profile_statistics,
-    rows,
-)
+from descentflow.evaluation.metrics.score_registry import QUANTITIES, level_statistics, parts_of
+from descentflow.evaluation.metrics.score_table import ScoreTable
 
 MAX_SAMPLES = 2000
 """Samples that resampled flights are compared with: their own noise is small beside that of hundreds of flights."""
@@ -40,38 +33,38 @@ class Interval:
 
 
 def score_intervals(
+    scores: ScoreTable,
     samples: DescentSet,
     real: DescentSet,
     transition_fl: float,
     seed: int = 0,
     n_resamples: int = 50,
-    *,
-    costly: bool = False,
-    progress: Callable[[int], None] | None = None,
 ) -> list[Interval]:
-    """90 % intervals of the scores of :func:`descentflow.evaluation.metrics.scores.score`.
+    """90 % intervals of scores, one for each row of their table.
 
     Whole flights are drawn with replacement and scored again. A distance to resampled flights is larger than to the
     flights themselves, because repeats make them lumpier; so the spread of the distances is used, not their
-    quantiles: the score, plus and minus 1.645 of their standard deviations, zero at the least.
+    quantiles: the score, plus and minus 1.645 of their standard deviations, zero at the least. Statistics of whole
+    profiles and descents are means over flights, drawn again as they are: the interval of the classifier's AUC takes
+    the classifiers as trained.
 
     Args:
+        scores: What :func:`descentflow.evaluation.metrics.scores.score` found for the same samples and flights.
         samples: Sampled descents.
         real: Held-out flights on the same grid.
         transition_fl: Transition level of the type.
         seed: Of the resampling.
         n_resamples: How often, at least two.
-        costly: Whether costly statistics are among them. The interval of the classifier's AUC takes the classifiers as
-            they are: flights are judged again, not learnt from again.
-        progress: Progress callback: called with 1 after each.
 
     Raises:
         ConfigError: If there are fewer than two resamples.
 
     Example:
+        >>> from descentflow.evaluation.metrics.scores import score
         >>> from descentflow.generation.sample import sample
         >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 40, seed=s).trajectories) for s in (1, 2))
-        >>> found = {(i.quantity, i.statistic): i for i in score_intervals(one, two, 291.5, n_resamples=5)}
+        >>> table = score(one, two, 291.5, n_splits=2)
+        >>> found = {(i.quantity, i.statistic): i for i in score_intervals(table, one, two, 291.5, n_resamples=5)}
         >>> below = found["cas_below_transition", "wasserstein"]
         >>> below.low <= below.high
         True
@@ -80,40 +73,35 @@ def score_intervals(
         raise ConfigError(f"{n_resamples} resamples", expected="at least two", mend="ask for 50")
     generator = torch.Generator().manual_seed(seed)
     few = samples.subset(torch.randperm(len(samples), generator=generator)[:MAX_SAMPLES])
-    profiles = _profile_scores(samples, real, costly)
-    resampled: list[Tensor] = []
-    for _ in range(n_resamples):
-        chosen = torch.randint(len(real), (len(real),), generator=generator)
-        levels = _level_scores(few, real.subset(chosen), transition_fl)
-        resampled.append(torch.cat([levels, profiles[:, chosen].nanmean(1)]))
-        if progress is not None:
-            progress(1)
-    middle = torch.cat([_level_scores(samples, real, transition_fl), profiles.nanmean(1)])
-    deviation = torch.stack(resampled).std(0)
-    low, high = (middle - NORMAL_90 * deviation).clamp(min=0), middle + NORMAL_90 * deviation
-    names = [(part.name, statistic.name) for part, statistic in rows(costly=costly)]
-    ends = zip(low.tolist(), high.tolist(), strict=True)
-    return [Interval(*name, *end) for name, end in zip(names, ends, strict=True)]
-
-
-def _level_scores(samples: DescentSet, real: DescentSet, transition_fl: float) -> Tensor:
-    """Scores by level, averaged over the levels of each part that have enough values, in the order of the table."""
+    chosen = torch.randint(len(real), (n_resamples, len(real)), generator=generator)
+    counts = torch.stack([one.bincount(minlength=len(real)) for one in chosen]).to(real.mask.device)
+    spreads = _level_spreads(few, real, transition_fl, counts)
+    spreads |= {name: _resampled_means(flights, counts).std() for name, flights in scores.by_flight.items()}
     found = []
+    for row in scores:
+        half = NORMAL_90 * float(spreads[row.quantity, row.statistic])
+        # NaN, of a score that could not be told, stays NaN: comparisons with it are false.
+        low = 0.0 if row.score - half < 0 else row.score - half
+        found.append(Interval(row.quantity, row.statistic, low, row.score + half))
+    return found
+
+
+def _level_spreads(
+    samples: DescentSet, real: DescentSet, transition_fl: float, counts: Tensor
+) -> dict[tuple[str, str], Tensor]:
+    """Standard deviation over the resamples of each score by level, averaged over the levels of each part."""
+    spreads = {}
     for quantity in QUANTITIES:
-        distances = whole_distances(quantity.of(samples), quantity.of(real))
+        distances = resampled_levels(quantity.of(samples), quantity.of(real), counts)
         for part in parts_of(quantity):
             chosen = part.levels(real.levels_fl, transition_fl)
-            found += [distances[statistic.name][chosen].nanmean() for statistic in level_statistics()]
-    return torch.stack(found)
+            for one in level_statistics():
+                spreads[part.name, one.name] = distances[one.name][:, chosen].nanmean(1).std()
+    return spreads
 
 
-def _profile_scores(samples: DescentSet, real: DescentSet, costly: bool) -> Tensor:
-    """Scores of whole profiles and descents, one for each flight: (rows, flights), in the order of the table."""
-    found = [
-        statistic.compute(quantity.of(samples), quantity.of(real))
-        for quantity in QUANTITIES
-        if quantity.by_level
-        for statistic in profile_statistics()
-    ]
-    found += [one.compute(samples, real) for one in descent_statistics(costly=costly)]
-    return torch.stack(found) if found else torch.zeros(0, len(real), dtype=torch.float64)
+def _resampled_means(flights: Tensor, counts: Tensor) -> Tensor:
+    """Mean (n_resamples,) of the flights that have a score, each counted as often as it was drawn."""
+    known = ~flights.isnan()
+    weights = counts[:, known].double()
+    return weights @ flights[known].double() / weights.sum(1)

@@ -16,6 +16,7 @@ from descentflow.evaluation.metrics.noise_floor import (
     split_profile_scores,
 )
 from descentflow.evaluation.metrics.pooled import Values
+from descentflow.evaluation.metrics.resampled import resampled_distances
 from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, ProfileStatistic
 
 
@@ -125,6 +126,18 @@ def whole_distances(samples: Values, real: Values) -> dict[str, Tensor]:
         tensor([nan], dtype=torch.float64)
     """
     return _enough(level_distances(*samples, *real))
+
+
+def resampled_levels(samples: Values, real: Values, counts: Tensor) -> dict[str, Tensor]:
+    """Level statistics (n_resamples, K) of all samples against flights drawn as often as ``counts`` (n_resamples, m).
+
+    Example:
+        >>> samples, real = torch.arange(20.0)[:, None], torch.arange(4.0)[:, None]
+        >>> counts = torch.tensor([[1, 1, 1, 1], [0, 0, 0, 4], [0, 0, 0, 3]])
+        >>> resampled_levels((samples, samples > -1), (real, real > -1), counts)["mae"][:, 0]  # too few in the last
+        tensor([8.0000, 6.5000,    nan], dtype=torch.float64)
+    """
+    return _enough(resampled_distances(samples, real, counts))
 
 
 def _enough_flights(whole: Tensor) -> Tensor:

@@ -1,7 +1,7 @@
 """The table of scores: for the eye, for a CSV file and for a logger."""
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from math import isnan, nan
 from pathlib import Path
 from textwrap import wrap
@@ -92,6 +92,11 @@ class LevelScores:
 class ScoreTable:
     """Scores in the order of the paper's tables, and CAS and rate by level behind them.
 
+    Attributes:
+        rows: The scores.
+        levels: CAS and rate by level.
+        by_flight: Quantity and statistic of whole profiles and descents -> the score (m,) of each flight, NaN without.
+
     Example:
         >>> table = ScoreTable((Score("cas_below_transition", "wasserstein", "kt", score=2.1, floor=2.4),))
         >>> table.get("cas_below_transition", "wasserstein").floor
@@ -102,6 +107,7 @@ class ScoreTable:
 
     rows: tuple[Score, ...]
     levels: tuple[LevelScores, ...] = ()
+    by_flight: Mapping[tuple[str, str], Tensor] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Score]:
         """Row by row."""
@@ -145,8 +151,8 @@ class ScoreTable:
     def scalars(self) -> dict[str, float]:
         """Names and values for a logger: ``quantity/statistic``, with ``_equal_size``, ``_floor``, ``_over_floor``."""
         named = {f"{r.quantity}/{r.statistic}": r.score for r in self.rows}
-        for field in ("equal_size", "floor", "over_floor"):
-            named |= {f"{r.quantity}/{r.statistic}_{field}": getattr(r, field) for r in self.rows}
+        for column in ("equal_size", "floor", "over_floor"):
+            named |= {f"{r.quantity}/{r.statistic}_{column}": getattr(r, column) for r in self.rows}
         return {name: value for name, value in named.items() if not isnan(value)}
 
     def __str__(self) -> str:

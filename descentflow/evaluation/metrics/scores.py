@@ -4,6 +4,7 @@ from collections.abc import Callable
 from math import isnan
 
 import torch
+from torch import Tensor
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.evaluation.metrics.comparison import compare, compare_descents, compare_profiles
@@ -78,6 +79,7 @@ def score(
     _check(samples, real, nominal, transition_fl, n_splits)
     rows: list[Score] = []
     whole: list[Score] = []
+    by_flight: dict[tuple[str, str], Tensor] = {}
     levels: list[LevelScores] = []
     for quantity in QUANTITIES:
         sampled, observed = quantity.of(samples), quantity.of(real)
@@ -99,8 +101,12 @@ def score(
                 compared = compare_profiles(statistic, sampled, observed, seed, n_splits)
                 profiles = ScoredQuantity(quantity, real.levels_fl, sampled, observed, compared, one)
                 whole.append(profiles.profile_row(profile_of(quantity), statistic))
-    whole += [_of_descents(one, samples, real, seed, n_splits) for one in descent_statistics(costly=costly)]
-    return ScoreTable((*rows, *whole), tuple(levels))
+                by_flight[profile_of(quantity).name, statistic.name] = compared.whole[statistic.name]
+    for one_of_descents in descent_statistics(costly=costly):
+        descents = _of_descents(one_of_descents, samples, real, seed, n_splits)
+        whole.append(descents.profile_row(WHOLE, one_of_descents))
+        by_flight[WHOLE.name, one_of_descents.name] = descents.found.whole[one_of_descents.name]
+    return ScoreTable((*rows, *whole), tuple(levels), by_flight)
 
 
 def n_comparisons(n_splits: int) -> int:
@@ -113,11 +119,12 @@ def n_comparisons(n_splits: int) -> int:
     return len(QUANTITIES) * n_splits
 
 
-def _of_descents(statistic: DescentStatistic, samples: DescentSet, real: DescentSet, seed: int, n_splits: int) -> Score:
+def _of_descents(
+    statistic: DescentStatistic, samples: DescentSet, real: DescentSet, seed: int, n_splits: int
+) -> ScoredQuantity:
     quantity = WHOLE.quantity
     compared = compare_descents(statistic, samples, real, seed, n_splits)
-    scored = ScoredQuantity(quantity, real.levels_fl, quantity.of(samples), quantity.of(real), compared, None)
-    return scored.profile_row(WHOLE, statistic)
+    return ScoredQuantity(quantity, real.levels_fl, quantity.of(samples), quantity.of(real), compared, None)
 
 
 def _check(

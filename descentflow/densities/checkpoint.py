@@ -18,6 +18,8 @@ from descentflow.representation.representation import Representation
 
 PREFIX = "_density."
 """Prefix of the names of the density's parameters in a checkpoint."""
+LAW_DUE = "law_by_entry_due"
+"""Key of a checkpoint that says whether its fit was still to learn how flights differ by their entry level."""
 _BUILDING = Lock()
 
 
@@ -36,7 +38,8 @@ def load_model(path: str | Path) -> Density:
         CheckpointError: If the file cannot be used; the message says why.
 
     Warns:
-        DescentflowWarning: If it was fitted to filled gaps by a version that knew nothing else.
+        DescentflowWarning: If it was fitted to filled gaps by a version that knew nothing else, or is a flow's whose
+            fit has not ended.
 
     Example:
         >>> model = load_model("best.ckpt")
@@ -54,6 +57,13 @@ def load_model(path: str | Path) -> Density:
             f"{path} was fitted before densities knew what was not seen: gaps were filled by expectation, so that its "
             "samples vary too little where many flights show no level (at the top); it is read as it was, and to mend "
             "it, fit again",
+            DescentflowWarning,
+            stacklevel=2,
+        )
+    if content.get(LAW_DUE):
+        warnings.warn(
+            f"{path} is of a fit that was going on, or was cut short: it does not know yet how flights differ by their "
+            "entry level; to mend it, let the fit end, or resume it from its last.ckpt",
             DescentflowWarning,
             stacklevel=2,
         )

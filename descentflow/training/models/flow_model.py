@@ -10,12 +10,13 @@ from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
 from descentflow.core.errors import DescentflowWarning
+from descentflow.densities.checkpoint import LAW_DUE
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.importance import estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import regression
-from descentflow.training.models.by_entry import entry_law_of
+from descentflow.training.models.by_entry import entry_law_of, learn_kept_laws
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import adam_with_cosine
 
@@ -48,6 +49,7 @@ class _Flow(LatentModel[F], ABC):
     def __init__(self) -> None:
         super().__init__()
         self._restored = False
+        self._law_due = False
         self._by_flight: list[Tensor] = []
         self._wide: Mixture | None = None
         self._best: tuple[float, dict[str, Tensor]] | None = None
@@ -108,16 +110,15 @@ class _Flow(LatentModel[F], ABC):
             self._best = float(bound), {k: v.detach().clone() for k, v in self.density.state_dict().items()}
 
     def on_train_end(self) -> None:
-        """Go back to the best epoch, and learn how flights differ by their entry.
+        """Learn how flights differ by their entry in each checkpoint that is kept, and go back to the best epoch.
 
-        `last.ckpt` has been written before and goes on from the last one.
+        Not at every save: that takes as long as an epoch.
         """
+        if self._law_due:
+            learn_kept_laws(self)
+            self._law_due = False
         if self._best is not None:
             self.density.load_state_dict(self._best[1])
-        self._learn_by_entry()
-
-    def _learn_by_entry(self) -> None:
-        """With the flow held: it is trained as the density of all flights."""
         self.density.entry_law = None
         if self.by_entry:
             self.density.entry_law = entry_law_of(self)
@@ -125,7 +126,9 @@ class _Flow(LatentModel[F], ABC):
     def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
         """AdamW with a cosine that ends with the last epoch; before it, the Gaussian of the training flights."""
         evidence, context = training_flights(self)
-        self.density.entry_law = None  # of a checkpoint from which training goes on
+        # Of a checkpoint from which training goes on: it is learnt with the flow held, when training ends.
+        self.density.entry_law = None
+        self._law_due = self.by_entry and context is None
         if self.density.whitened and not self._restored:
             if evidence.known:
                 given = evidence.points[:, :0] if context is None else context
@@ -155,11 +158,9 @@ class _Flow(LatentModel[F], ABC):
         )
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """As every model, with the law by entry of this epoch, and the best epoch so far for a fit that is resumed."""
-        before = self.density.entry_law  # none while it is trained
-        self._learn_by_entry()
+        """As every model, with the best epoch so far for a fit that is resumed, and whether the law by entry is due."""
         super().on_save_checkpoint(checkpoint)
-        self.density.entry_law = before
+        checkpoint[LAW_DUE] = self._law_due
         if self._best is not None:
             checkpoint[BEST] = {"bound": self._best[0], "state_dict": self._best[1]}
 

@@ -90,6 +90,7 @@ class Dynamics:
         self.aircraft = replace(aircraft, **named, cd0_cr=aircraft.cd0_cr * parameters.cd0_factor)
         self.parameters = parameters
         self._known: tuple[Motion, Tensor, Tensor] | None = None
+        self._known_deviation: tuple[Tensor, Tensor] | None = None
 
     def forces_n(self, state: Motion) -> tuple[Tensor, Tensor]:
         """Drag and idle thrust; asked again where the flights still are, the same: each period begins with both."""
@@ -138,9 +139,16 @@ class Dynamics:
         return p.wind_slope_per_s + p.weather.wind_slope_per_s(state.height_m)
 
     def deviation_k(self, altitude_m: Tensor) -> Tensor:
-        """Deviation of the temperature from the standard atmosphere at pressure altitudes (n,)."""
+        """Deviation of the temperature from the standard atmosphere at pressure altitudes (n,).
+
+        Asked again at the same altitudes, the same: drag, thrust and the rate of each step take it.
+        """
         p = self.parameters
-        return p.deviation_k if p.weather is None else p.deviation_k + p.weather.deviation_k(altitude_m)
+        if p.weather is None:
+            return p.deviation_k
+        if self._known_deviation is None or self._known_deviation[0] is not altitude_m:
+            self._known_deviation = (altitude_m, p.deviation_k + p.weather.deviation_k(altitude_m))
+        return self._known_deviation[1]
 
     def rates(self, state: Motion, gamma: Tensor, extra_n: Tensor) -> Motion:
         """Time derivative of the state.

@@ -95,6 +95,12 @@ def test_only_large_types_count_for_the_worst() -> None:
     assert (row["median"], row["worst_large"], row["met"]) == (0.58, 0.58, True)
 
 
+def test_the_control_is_that_of_the_worst_type() -> None:
+    spreads = {"top_spread_rate": [0.98, 0.5, 0.88], "top_spread_rate_of_training": [1.01, 0.6, 0.89]}
+    row = judged(pl.DataFrame({"flights": [5_000, 300, 2_000], **spreads})).row(0, named=True)
+    assert (row["worst_large"], row["control_large"], row["control"]) == (0.88, 0.89, 0.89)
+
+
 def test_the_worst_lies_furthest_outside() -> None:
     assert Goal("spread", (0.97, 1.03), (0.97, 1.03)).worst_of([0.9, 1.05, 1.0]) == 0.9
     assert Goal("spread", (0.97, 1.03), (0.97, 1.03)).worst_of([0.99, 1.02]) == 1.02

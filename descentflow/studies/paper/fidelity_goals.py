@@ -23,6 +23,7 @@ class Goal:
         name: Column of :func:`of_types`.
         median: Ends for the median over types.
         worst: Ends for every type of a thousand flights and more.
+        control: Column of the same number with training flights in place of samples; empty if it is not measured.
 
     Example:
         >>> goal = Goal("auc", (0.0, 0.6), (0.0, 0.6))
@@ -33,6 +34,7 @@ class Goal:
     name: str
     median: tuple[float, float]
     worst: tuple[float, float]
+    control: str = ""
 
     def worst_of(self, values: list[float]) -> float:
         """The value that lies furthest outside the ends, or, if none does, nearest to one of them."""
@@ -45,7 +47,7 @@ GOALS = (
     *(Goal(f"time_to_bottom_of_descent/{kind}", (0.0, 1.1), (0.0, 1.25)) for kind in ("ks", "wasserstein")),
     *(Goal(f"time_shown/{kind}", (0.0, 1.1), (0.0, 1.25)) for kind in ("ks", "wasserstein")),
     *(Goal(f"{level}/{kind}", (0.0, 1.15), (0.0, 1.3)) for level in _LEVELS for kind in ("ks", "wasserstein")),
-    Goal("top_spread_rate", (0.97, 1.03), (0.97, 1.03)),
+    Goal("top_spread_rate", (0.97, 1.03), (0.97, 1.03), control="top_spread_rate_of_training"),
     Goal("auc", (0.0, 0.6), (0.0, 0.6)),
     Goal("covered", (0.88, 0.92), (0.88, 0.92)),
     Goal("covered_worst_level", (0.88, 0.92), (0.88, 0.92)),
@@ -92,7 +94,9 @@ def _covered(place: Path) -> dict[str, float | None]:
 
 
 def judged(types: pl.DataFrame) -> pl.DataFrame:
-    """Each goal with what was reached: ``goal median wanted worst_large wanted_large met``.
+    """Each goal with what was reached: ``goal median wanted worst_large wanted_large met control control_large``.
+
+    The last two are of training flights in place of samples: the median, and the number of the type that is the worst.
 
     Args:
         types: From :func:`of_types`.
@@ -106,16 +110,30 @@ def judged(types: pl.DataFrame) -> pl.DataFrame:
     for goal in GOALS:
         if goal.name not in types.columns:
             continue
-        known = types.select("flights", pl.col(goal.name).cast(pl.Float64).fill_nan(None)).drop_nulls()
+        control = pl.col(goal.control) if goal.control in types.columns else pl.lit(None, pl.Float64)
+        columns = (
+            pl.col("flights"),
+            pl.col(goal.name).cast(pl.Float64).fill_nan(None).alias("told"),
+            control.alias("by"),
+        )
+        known = types.select(columns).drop_nulls("told")
         if known.is_empty():
             continue
-        middle, large = float(known[goal.name].median()), known.filter(pl.col("flights") >= LARGE)[goal.name].to_list()  # type: ignore[arg-type]
-        worst = goal.worst_of(large) if large else None
-        met = goal.median[0] <= middle <= goal.median[1]
-        met &= worst is None or goal.worst[0] <= worst <= goal.worst[1]
-        rows.append((goal.name, middle, _told(goal.median), worst, _told(goal.worst), met))
-    names = {"goal": pl.String, "median": pl.Float64, "wanted": pl.String, "worst_large": pl.Float64}
-    return pl.DataFrame(rows, schema={**names, "wanted_large": pl.String, "met": pl.Boolean}, orient="row")
+        rows.append((goal.name, *_reached(goal, known)))
+    numbers = {"median": pl.Float64, "wanted": pl.String, "worst_large": pl.Float64, "wanted_large": pl.String}
+    schema = {"goal": pl.String, **numbers, "met": pl.Boolean, "control": pl.Float64, "control_large": pl.Float64}
+    return pl.DataFrame(rows, schema=schema, orient="row")
+
+
+def _reached(goal: Goal, known: pl.DataFrame) -> tuple[float | str | bool | None, ...]:
+    """A goal's row but for its name, of the types (``flights told by``) that have the number."""
+    large = known.filter(pl.col("flights") >= LARGE)
+    values, middle = large["told"].to_list(), float(known["told"].median())  # type: ignore[arg-type]
+    worst = goal.worst_of(values) if values else None
+    met = goal.median[0] <= middle <= goal.median[1]
+    met &= worst is None or goal.worst[0] <= worst <= goal.worst[1]
+    by_worst = None if worst is None else large["by"][values.index(worst)]
+    return middle, _told(goal.median), worst, _told(goal.worst), met, known["by"].median(), by_worst  # type: ignore[return-value]
 
 
 def _told(ends: tuple[float, float]) -> str:

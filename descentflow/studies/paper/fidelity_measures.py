@@ -5,8 +5,10 @@ The spread at the top compares standard deviations within levels,
 .. math:: \sqrt{\sum_l n_l s_l^2(\text{samples}) / \sum_l n_l s_l^2(\text{flights})},
 
 over the highest 3,000 ft of the grid, with :math:`n_l` flights at level l: a density that is fitted to the most
-probable profile of flights with hidden levels varies too little there. The intervals: the share of flights whose time
-to a level lay inside its 90 % interval, predicted from what was flown above.
+probable profile of flights with hidden levels varies too little there. Beside it stands the same number of the
+training flights in place of the samples, which tells how much of it is chance: at the top of a small type are some
+hundred flights. The intervals: the share of flights whose time to a level lay inside its 90 % interval, predicted from
+what was flown above.
 
 The time to the bottom is of flights without gaps, as the paper has it. Those are not like the others: cleaning leaves
 gaps where a rate was held, which slow flights do more often. So the time on the levels that flights show is compared as
@@ -27,7 +29,8 @@ from descentflow.evaluation.metrics.classifier import pairs_by_entry
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.noise_floor import split_distances
 from descentflow.generation.prediction.predict import predict
-from descentflow.representation.encode_flights import split_by_model
+from descentflow.representation.comparable_descents import comparable_descents
+from descentflow.representation.encode_flights import encode_flights, split_by_model
 from descentflow.studies.paper.study_plan import StudyPlan
 from descentflow.surveillance.descents.prepared_descents import read_descents
 
@@ -164,9 +167,16 @@ def measure(plan: StudyPlan, name: str, folder: Path) -> None:
     found = evaluate(model, folder / "descents.parquet", n=SAMPLES, seed=plan.seed, n_splits=2)
     ahead = in_flight(model, folder / "descents.parquet", plan.seed)
     spread = {f"top_spread_{quantity}": value for quantity, value in top_spread(found.samples, found.real).items()}
+    trained = top_spread(_training_flights(model, folder / "descents.parquet"), found.real)
+    spread |= {f"top_spread_{quantity}_of_training": value for quantity, value in trained.items()}
     shown = time_shown(found.samples, found.real, plan.seed)
     spread |= {f"time_shown/{name}": value for name, value in shown.items()}
     with whole_file(place / "in_flight.csv") as temporary:
         ahead.write_csv(temporary)
     with whole_file(place / "fidelity.json") as temporary:
         temporary.write_text(json.dumps({**spread, "kept": 1 - found.rejections.rejected / found.rejections.drawn}))
+
+
+def _training_flights(model: Density, descents: Path) -> DescentSet:
+    parts = encode_flights(comparable_descents(descents, model.representation).frame, model.representation)
+    return DescentSet.of_profiles(parts["train"].profiles)

@@ -21,7 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--flight", action="append", help="flight_id; may be given again (default: every unseen flight)"
     )
-    parser.add_argument("-n", "--number", type=int, default=500, help="continuations of each (default: %(default)s)")
+    parser.add_argument(
+        "-n", "--number", type=int, default=500, help="continuations of each, 50 at least (default: %(default)s)"
+    )
     parser.add_argument(
         "--seed", type=seed_word, default=0, help="the same seed gives the same predictions (default: 0)"
     )

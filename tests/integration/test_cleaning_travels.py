@@ -57,7 +57,7 @@ def test_evaluate_and_predict_descent_clean_rows_as_the_models_own(folder: Path)
         words = ["evaluate", str(folder / "simulator.ckpt"), "--real", str(folder / f"{real}.parquet"), "-n", "100"]
         assert main([*words, "--no-figures", "--out", str(folder / f"scores_{real}")]) == 0
         words = ["predict-descent", str(folder / "simulator.ckpt"), str(folder / f"{real}.parquet"), "--from-fl", "290"]
-        assert main([*words, "-n", "20", "--out", str(folder / f"ahead_{real}.parquet")]) == 0
+        assert main([*words, "-n", "60", "--out", str(folder / f"ahead_{real}.parquet")]) == 0
     scores = [(folder / f"scores_{real}" / "scores.csv").read_text() for real in ("rows", "alike")]
     assert scores[0] == scores[1]
     ahead = [pl.read_parquet(folder / f"ahead_{real}.parquet") for real in ("rows", "alike")]
@@ -69,7 +69,7 @@ def test_every_command_warns_of_other_settings(command: str, folder: Path, tmp_p
     checkpoint, real, out = (str(folder / "simulator.ckpt"), str(folder / "default.parquet"), str(tmp_path / "out"))
     words = {
         "evaluate": ["evaluate", checkpoint, "--real", real, "-n", "50", "--no-figures", "--out", out],
-        "predict-descent": ["predict-descent", checkpoint, real, "--from-fl", "290", "-n", "5", "--out", out],
+        "predict-descent": ["predict-descent", checkpoint, real, "--from-fl", "290", "-n", "60", "--out", out],
         "diagnose": ["diagnose", "--real", real, "--simulator", checkpoint, "--channels", "IAS", "--out", out],
     }[command]
     with pytest.warns(DescentflowWarning, match="slowest_fpm is 500 in these descents and 1200 in the model's"):

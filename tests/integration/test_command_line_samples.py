@@ -164,7 +164,7 @@ def test_mistakes_end_with_a_message_and_status_two(words: list[str], message: s
 
 
 def test_predict_descent_writes_intervals_and_occupancy(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
-    words = ["predict-descent", str(run / "checkpoints" / "best.ckpt"), str(descents), "--from-fl", "290", "-n", "40"]
+    words = ["predict-descent", str(run / "checkpoints" / "best.ckpt"), str(descents), "--from-fl", "290", "-n", "60"]
     assert main([*words, "--out", str(tmp_path / "p.parquet"), "--occupancy", str(tmp_path / "o.parquet")]) == 0
     said = capsys.readouterr().out
     assert "calibrated on the checkpoint's validation flights" in said
@@ -216,7 +216,7 @@ def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path,
     assert first["given_operator"].to_list() == ["SLO", "FST", "SLO", "FST", "SLO"]
     held_out = read_checkpoint(checkpoint)["descentflow"]["representation"]["split"]["test"]
     reaching = pl.read_parquet(descents).filter(pl.col("flight_id").is_in(held_out), pl.col("level_fl") > 320)
-    words = ["predict-descent", checkpoint, str(descents), "--from-fl", "290", "-n", "20", *known]
+    words = ["predict-descent", checkpoint, str(descents), "--from-fl", "290", "-n", "60", *known]
     words += ["--flight", reaching["flight_id"][0]]
     assert main([*words, "--out", str(tmp_path / "p.parquet")]) == 0
     capsys.readouterr()

@@ -92,7 +92,7 @@ def test_each_takes_what_the_last_returns_or_a_path_of_it(folder: Path, monkeypa
     assert all(one.equals(scored[0]) for one in scored)
 
     ahead = [
-        df.predict(model, real, from_fl=290, n=20)
+        df.predict(model, real, from_fl=290, n=60)
         for model, real in ((fitted, in_memory), ("gaussian.ckpt", "descents.parquet"))
     ]
     says_something(ahead[0])
@@ -113,7 +113,7 @@ def test_tabular_results_convert(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     descents = df.prepare("rows.parquet")
     model = df.fit(descents, "gaussian")
     samples, found = df.sample(model, 20), df.evaluate(model, descents, n=100)
-    ahead = df.predict(model, descents, from_fl=290, n=10)
+    ahead = df.predict(model, descents, from_fl=290, n=60)
     for result in (descents, samples, found, ahead):
         table = result.to_polars()
         assert isinstance(table, pl.DataFrame)

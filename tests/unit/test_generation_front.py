@@ -134,7 +134,7 @@ def test_nothing_unseen_to_score(model: Gaussian, descents: Path) -> None:
 
 def test_predictions_of_unseen_flights(model: Gaussian, descents: Path, tmp_path: Path) -> None:
     told: list[int] = []
-    ahead = predict(model, descents, from_fl=250, n=20, progress=told.append, total=told.append)
+    ahead = predict(model, descents, from_fl=250, n=60, progress=told.append, total=told.append)
     assert told == [len(model.representation.split.test), *[1] * len(model.representation.split.test)]
     assert set(ahead.to_polars()["flight_id"]) <= set(model.representation.split.test)
     assert len(ahead) + len(ahead.reasons) == len(model.representation.split.test)
@@ -146,16 +146,16 @@ def test_predictions_of_unseen_flights(model: Gaussian, descents: Path, tmp_path
     assert len(ahead.to_pandas()) == len(ahead.to_polars())
     ahead.write(tmp_path / "p.parquet")
     assert pl.read_parquet(tmp_path / "p.parquet").equals(ahead.to_polars())
-    one = predict(model, descents, from_fl=250, n=20, flights=[ahead.flights[3].flight_id])
+    one = predict(model, descents, from_fl=250, n=60, flights=[ahead.flights[3].flight_id])
     assert one.to_polars().equals(ahead.to_polars().filter(flight_id=ahead.flights[3].flight_id))
 
 
 def test_predictions_refuse_what_cannot_be(model: Gaussian, descents: Path) -> None:
     with pytest.raises(ConfigError, match="flight nobody"):
         predict(model, descents, from_fl=290, flights=["nobody"])
-    with pytest.raises(ConfigError, match="1 continuations"):
-        predict(model, descents, from_fl=290, n=1)
+    with pytest.raises(ConfigError, match="49 continuations"):
+        predict(model, descents, from_fl=290, n=49)
     highest = pl.read_parquet(descents).group_by("flight_id").agg(pl.col("level_fl").max())
     below = highest.filter(pl.col("level_fl") < 369, pl.col("flight_id").is_in(model.representation.split.test))
     with pytest.raises(DataError, match="can be predicted"):
-        predict(model, descents, from_fl=369, n=5, flights=[below["flight_id"].min()])
+        predict(model, descents, from_fl=369, n=60, flights=[below["flight_id"].min()])

@@ -192,7 +192,7 @@ def test_what_flies_in_standard_air_alone_refuses_such_a_model(
     with pytest.raises(ConfigError, match="a generator of single descents"):
         df.Generator(checkpoint)
     with pytest.raises(ConfigError, match="a prediction of the rest"):
-        df.predict(checkpoint, descents, from_fl=250, n=10)
+        df.predict(checkpoint, descents, from_fl=250, n=60)
     with pytest.raises(ConfigError, match="an exported program"):
         df.export(checkpoint, "onnx", tmp_path / "model.onnx")
 

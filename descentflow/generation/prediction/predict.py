@@ -13,7 +13,7 @@ from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.core.tabular import to_dataset, to_pandas, write_table
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
-from descentflow.generation.prediction.predictor import Continuations, DescentPredictor
+from descentflow.generation.prediction.predictor import MIN_CONTINUATIONS, Continuations, DescentPredictor
 from descentflow.generation.prediction.summary import (
     actual_times,
     continuations_table,
@@ -202,7 +202,7 @@ def predict(
         descents: Path of rows or of prepared descents, or descents in memory. Flights that the model was trained or
             validated on are not predicted.
         from_fl: Last flight level that counts as observed.
-        n: Continuations of each flight.
+        n: Continuations of each flight, 50 at least.
         seed: The same seed gives the same predictions.
         flights: Identifiers of the flights to predict; every unseen flight if absent.
         context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model.
@@ -211,7 +211,7 @@ def predict(
 
     Raises:
         CheckpointError: If the checkpoint cannot be used.
-        ConfigError: If ``n`` is below two, a flight is not among the unseen ones, or the context does not fit.
+        ConfigError: If ``n`` is below 50, a flight is not among the unseen ones, or the context does not fit.
         DataError: If the descents cannot be read, or no flight can be predicted.
 
     Example:
@@ -222,8 +222,12 @@ def predict(
         intervals rest on ... continuations or more
         ...
     """
-    if n < 2:
-        raise ConfigError(f"{n} continuations", expected="two or more", mend="pass for instance 500")
+    if n < MIN_CONTINUATIONS:
+        raise ConfigError(
+            f"{n} continuations",
+            expected=f"{MIN_CONTINUATIONS} at least: a 90 % interval of fewer has its ends between the last few",
+            mend="ask for more, for instance 500; each is as probable as the others, so any few of them will do",
+        )
     density = as_density(model)
     representation = density.representation
     bottom, top = (float(representation.decoder.levels_fl[place]) for place in (0, -1))

@@ -157,13 +157,13 @@ class DescentPredictor:
         Args:
             flight: One flight on the decoder's grid; levels below ``from_fl`` are ignored.
             from_fl: The last level that counts as observed.
-            n: Most continuations; those that do not descend all the way are left out of them.
+            n: Most continuations, 50 at least; those that do not descend all the way are left out of them.
             seed: Makes the result repeatable.
             context: (1, c) encoded context of the flight, for a conditional density.
 
         Raises:
             DataError: If the flight is not one, is on another grid, or shows no level at and above ``from_fl``.
-            SamplingError: If fewer than 50 continuations descend, or than half of those asked for if that is less.
+            SamplingError: If fewer than 50 continuations descend all the way.
         """
         mask = self._observed(flight, from_fl)
         so_far = self._so_far(flight, mask)
@@ -175,13 +175,13 @@ class DescentPredictor:
         flown = self._fly(drawn, int(mask.nonzero()[0]))
         # Not the sampler's bounds: an observed flight may lie outside what training flights did, and still goes on.
         good = ((flown.rate_mps < 0) | ~flown.mask).all(1)
-        kept, fewest = int(good.sum()), min(MIN_CONTINUATIONS, -(-n // 2))
-        if kept < fewest:
+        kept = int(good.sum())
+        if kept < MIN_CONTINUATIONS:
             raise SamplingError(
                 f"{kept or 'none'} of {n} continuations of {flight.flight_ids[0]} from FL{from_fl:.0f} "
                 "descends all the way",
-                expected=f"{fewest} at least, of a flight not unlike those trained on",
-                mend="check the flight's rows, or train on flights like it",
+                expected=f"{MIN_CONTINUATIONS} at least, of a flight not unlike those trained on",
+                mend="ask for more continuations, check the flight's rows, or train on flights like it",
             )
         given = given_deviation_k(self.representation, context)
         if given is not None:

@@ -18,8 +18,8 @@ from descentflow.representation.representation import Representation
 
 PREFIX = "_density."
 """Prefix of the names of the density's parameters in a checkpoint."""
-LAW_DUE = "law_by_entry_due"
-"""Key of a checkpoint that says whether its fit was still to learn how flights differ by their entry level."""
+UNFINISHED = "unfinished"
+"""Key of a checkpoint that says whether its fit was still to learn what is learnt with the density held."""
 _BUILDING = Lock()
 
 
@@ -38,8 +38,8 @@ def load_model(path: str | Path) -> Density:
         CheckpointError: If the file cannot be used; the message says why.
 
     Warns:
-        DescentflowWarning: If it was fitted to filled gaps by a version that knew nothing else, or is a flow's whose
-            fit has not ended.
+        DescentflowWarning: If it was fitted to filled gaps by a version that knew nothing else, or is of a fit that
+            has not ended.
 
     Example:
         >>> model = load_model("best.ckpt")
@@ -60,10 +60,11 @@ def load_model(path: str | Path) -> Density:
             DescentflowWarning,
             stacklevel=2,
         )
-    if content.get(LAW_DUE):
+    if content.get(UNFINISHED):
         warnings.warn(
-            f"{path} is of a fit that was going on, or was cut short: it does not know yet how flights differ by their "
-            "entry level; to mend it, let the fit end, or resume it from its last.ckpt",
+            f"{path} is of a fit that was going on or was cut short: how flights differ by their entry level, and what "
+            "a mixture's components leave out, is learnt when training ends; to mend it, let the fit end, or resume it "
+            "from its last.ckpt",
             DescentflowWarning,
             stacklevel=2,
         )

@@ -49,7 +49,6 @@ def learn_residual_law(
     mixture: Mixture,
     shares: Tensor,
     context: Tensor | None = None,
-    start: ResidualLaw | None = None,
 ) -> ResidualLaw:
     """Learn the law.
 
@@ -59,8 +58,6 @@ def learn_residual_law(
         mixture: Of the weights, as it is: k components of d.
         shares: (n, k) how probable it is that a flight is of a component.
         context: (n, c) where the mixture follows one.
-        start: The law of nearly this mixture, from which one step is taken, with its scales; standard normals, from
-            which as many are taken as are needed, if absent.
 
     Example:
         >>> w, white = torch.randn(400, 1).double(), torch.randn(400, 1).double()
@@ -71,11 +68,8 @@ def learn_residual_law(
         >>> round(float(law.slope), 1), round(float(law.spread), 1)
         (0.8, 0.6)
     """
-    found = _most_probable(information, groups, mixture, shares, context, start)
-    if start is None:
-        found = learn_residual_scales(information, groups, mixture, shares, found, context)
-    else:
-        found = replace(found, scales=start.scales, scale_probs=start.scale_probs)
+    found = _most_probable(information, groups, mixture, shares, context)
+    found = learn_residual_scales(information, groups, mixture, shares, found, context)
     return _of_unit_variance(found, groups, mixture, shares, context)
 
 
@@ -85,14 +79,10 @@ def _most_probable(
     mixture: Mixture,
     shares: Tensor,
     context: Tensor | None,
-    start: ResidualLaw | None,
 ) -> ResidualLaw:
     reached = -torch.inf
-    if start is None:
-        law = ResidualLaw.standard(mixture.n_components, len(groups), mixture.locs.shape[1])
-    else:
-        law = ResidualLaw.of_one_scale(start.offset, start.slope, start.spread)
-    for _ in range(STEPS if start is None else 1):
+    law = ResidualLaw.standard(mixture.n_components, len(groups), mixture.locs.shape[1])
+    for _ in range(STEPS):
         told, sums = _expectation(information, mixture, law, shares, context)
         value = float((shares * told).sum(1).mean())
         if value < reached + TOLERANCE:

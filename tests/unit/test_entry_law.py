@@ -1,19 +1,16 @@
 """The law of the normals behind a Gaussian or a flow by bins of the entry level: its density, draws and learning."""
 
-import warnings
 from pathlib import Path
 
 import pytest
 import torch
 import toys
 from graph_toys import PARTS, density
-from lightning.pytorch import Callback, LightningModule, Trainer, seed_everything
-from lightning.pytorch.callbacks import ModelCheckpoint
 from scipy.stats import ks_1samp, norm
 from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
-from descentflow.core.errors import CheckpointError, DescentflowWarning
+from descentflow.core.errors import CheckpointError
 from descentflow.densities.checkpoint import content_of, density_of, load_model
 from descentflow.densities.entry_law import EntryLaw
 from descentflow.densities.flow import FlowDensity
@@ -23,7 +20,6 @@ from descentflow.densities.transformed import TransformedDensity
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.read_checkpoint import SECTION
-from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 from descentflow.training.models import Gaussian, MaskedAffineFlow
 
@@ -217,58 +213,6 @@ def test_a_flow_is_trained_as_the_density_of_all_flights(descents: Path) -> None
     assert isinstance(with_it.density, FlowDensity)
     for one, other in zip(with_it.density.parameters(), without.density.parameters(), strict=True):
         assert torch.equal(one, other)
-
-
-class LooksIn(Callback):
-    """Loads a checkpoint of a fit that goes on."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        if trainer.current_epoch == 2:
-            with pytest.warns(DescentflowWarning, match="does not know yet how flights differ by their entry"):
-                assert load_model(self.path).entry_law is None  # type: ignore[attr-defined]
-
-
-def by_drag(data: DescentDataModule, part: str) -> Tensor:
-    """Entry levels in the order of the flights' first weight of drag."""
-    seen = data.evidence(part)
-    return (seen.points[:, 0] / seen.precisions[seen.group, 0, 0]).argsort().argsort()
-
-
-def test_every_checkpoint_has_its_law_once_the_fit_has_ended(
-    descents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(DescentDataModule, "entries", by_drag)
-    data, model = DescentDataModule(descents), MaskedAffineFlow(n_flows=1, learning_rate=0.1, caution=0.0)
-    best = ModelCheckpoint(tmp_path, "best", monitor="val/bound", save_top_k=2)
-    last = ModelCheckpoint(tmp_path, "last")
-    seed_everything(1, verbose=False)
-    trainer = Trainer(
-        max_epochs=4,
-        accelerator="cpu",
-        logger=False,
-        callbacks=[best, last, LooksIn(tmp_path / "best.ckpt")],
-        enable_progress_bar=False,
-        enable_model_summary=False,
-    )
-    trainer.fit(model, datamodule=data)
-    evidence, entry = data.evidence("train"), data.entries("train")
-    files = sorted(tmp_path.glob("*.ckpt"))
-    assert len(files) == 3
-    for path in files:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            found = load_model(path)
-        assert isinstance(found, FlowDensity)
-        law, found.entry_law = law_of(found), None
-        expected = learn_entry_law(found, evidence, entry)
-        assert expected is not None
-        torch.testing.assert_close(law.shift, expected.shift)
-        torch.testing.assert_close(law.root, expected.root)
-    shifts = {float(law_of(load_model(path)).shift.sum()) for path in files}  # type: ignore[arg-type]
-    assert len(shifts) > 1, "each epoch its own"
 
 
 def test_bins_that_lie_further_apart_than_all_flights_spread_are_not_believed() -> None:

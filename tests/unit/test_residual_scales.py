@@ -116,17 +116,6 @@ def test_a_profile_of_which_nothing_is_left_out_has_no_scales() -> None:
     assert torch.equal(found.scales, same.scales)
 
 
-def test_a_law_is_gone_on_from_with_its_scales() -> None:
-    _, _, u = drawn(400)
-    known = observed(u)[0], GROUPS, MIXTURE, shares_of(u)
-    first = learn_residual_law(*known)
-    again = learn_residual_law(*known, start=first)
-    assert torch.equal(first.scales, again.scales)
-    assert torch.equal(first.scale_probs, again.scale_probs)
-    assert not torch.equal(first.spread, again.spread)
-    torch.testing.assert_close(first.scale_probs @ first.scales**2, torch.ones(R).double())
-
-
 def test_residual_numbers_have_unit_variance_with_their_scales() -> None:
     _, _, u = drawn(2000)
     law = learn_residual_law(observed(u)[0], GROUPS, MIXTURE, shares_of(u))

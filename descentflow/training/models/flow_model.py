@@ -10,13 +10,14 @@ from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
 from descentflow.core.errors import DescentflowWarning
-from descentflow.densities.checkpoint import LAW_DUE
+from descentflow.densities.checkpoint import UNFINISHED
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.importance import estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import regression
-from descentflow.training.models.by_entry import entry_law_of, learn_kept_laws
+from descentflow.training.models.by_entry import entry_law_of
+from descentflow.training.models.kept_checkpoints import complete_kept
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import adam_with_cosine
 
@@ -110,15 +111,16 @@ class _Flow(LatentModel[F], ABC):
             self._best = float(bound), {k: v.detach().clone() for k, v in self.density.state_dict().items()}
 
     def on_train_end(self) -> None:
-        """Learn how flights differ by their entry in each checkpoint that is kept, and go back to the best epoch.
-
-        Not at every save: that takes as long as an epoch.
-        """
+        """Learn how flights differ by their entry, in each checkpoint that is kept, and go back to the best epoch."""
         if self._law_due:
-            learn_kept_laws(self)
+            complete_kept(self, self._learn_by_entry)
             self._law_due = False
         if self._best is not None:
             self.density.load_state_dict(self._best[1])
+        self._learn_by_entry()
+
+    def _learn_by_entry(self) -> None:
+        """With the flow held: it is trained as the density of all flights."""
         self.density.entry_law = None
         if self.by_entry:
             self.density.entry_law = entry_law_of(self)
@@ -160,7 +162,7 @@ class _Flow(LatentModel[F], ABC):
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """As every model, with the best epoch so far for a fit that is resumed, and whether the law by entry is due."""
         super().on_save_checkpoint(checkpoint)
-        checkpoint[LAW_DUE] = self._law_due
+        checkpoint[UNFINISHED] = self._law_due
         if self._best is not None:
             checkpoint[BEST] = {"bound": self._best[0], "state_dict": self._best[1]}
 

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.progress import stage
+from descentflow.densities.checkpoint import UNFINISHED
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, check_criterion, select_mixture
 from descentflow.densities.crossed_search import MOST_FLIGHTS as MOST_PAIRED
 from descentflow.densities.crossed_search import select_crossed
@@ -23,6 +24,7 @@ from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.linear_curves import linear_curves, residual_profiles
+from descentflow.training.models.kept_checkpoints import complete_kept
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm, adam_with_cosine
 
@@ -92,9 +94,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.learning_rate, self.seed, self.extend = float(learning_rate), seed, extend
         self.by_entry = by_entry
         self.criterion, self.prior_flights, self.crossed = criterion, float(prior_flights), crossed
-        self._restored = False
+        self._restored = self._unfinished = False
         self._steps: Steps | None = None
-        self._law: ResidualLaw | None = None
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianMixtureDensity:
         """A mixture of the number of components that was set, or of one until the criterion has chosen."""
@@ -186,15 +187,19 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             self.trainer.should_stop = True
 
     def on_train_end(self) -> None:
-        """Learn what goes with the components that were fitted, and let the training flights go."""
+        """Learn what goes with the components, in each checkpoint that is kept too, and let the training flights go."""
+        last = {name: value.clone() for name, value in self.density.state_dict().items()}
+        complete_kept(self, self._learn_with_components_held)
+        self.density.load_state_dict(last)
         self._learn_with_components_held()
-        self._steps = None
+        self._unfinished, self._steps = False, None
 
     @torch.no_grad()
     def _learn_with_components_held(self) -> None:
         """Learn what lies beyond the components of drag and speed, and, without a context, the gate of entry levels."""
         flights, context = training_flights(self)
         density, mixture = self.density, self.density.mixture
+        density.entry_gate = density.residual_law = None
         entry = self.trainer.datamodule.entries("train")  # type: ignore[attr-defined]
         if entry is None:
             return
@@ -202,28 +207,24 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         joint = steps.log_joint(mixture).to(mixture.probs)
         if self.by_entry and not density.n_context:
             told = joint - mixture.probs.log()
-            if density.entry_gate is None:
-                density.entry_gate = learn_gate(entry, told, mixture.probs)
+            density.entry_gate = learn_gate(entry, told, mixture.probs)
             joint = told + density.entry_gate.of(entry).to(told).log()
-        if density.residual_law is None and not flights.known and self.representation.decoder.n_white:
+        if not flights.known and self.representation.decoder.n_white:
             some = torch.arange(0, len(flights), -(-len(flights) // MOST_FLIGHTS))
-            self._learn_residual_law(some, mixture.cpu(), joint[some].softmax(1).cpu(), context)
+            density.residual_law = self._residual_law(some, mixture.cpu(), joint[some].softmax(1).cpu(), context)
 
-    def _learn_residual_law(self, some: Tensor, mixture: Mixture, shares: Tensor, context: Tensor | None) -> None:
-        """Of some flights (m,), one step on from the law of before, where there was one of as many components."""
+    def _residual_law(self, some: Tensor, mixture: Mixture, shares: Tensor, context: Tensor | None) -> ResidualLaw:
+        """Of some flights (m,)."""
         decoder = self.representation.decoder
         flights = self.trainer.datamodule.profiles("train").subset(some)  # type: ignore[attr-defined]
         seen = linear_curves(decoder).information(decoder.observed(flights)).to("cpu")
         of_some = None if context is None else context.cpu()[some]
-        alike = self._law is not None and len(self._law.offset) == mixture.n_components
-        start = self._law if alike else None
-        self._law = learn_residual_law(seen, residual_profiles(decoder), mixture, shares, of_some, start)
-        self.density.residual_law = self._law
+        return learn_residual_law(seen, residual_profiles(decoder), mixture, shares, of_some)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """As every model, with the gate and the residual law of the components that are saved."""
-        self._learn_with_components_held()
+        """As every model, and whether gate and residual law are still to be learnt."""
         super().on_save_checkpoint(checkpoint)
+        checkpoint[UNFINISHED] = self._unfinished
 
     def configure_optimizers(self) -> torch.optim.Optimizer | OptimizerLRSchedulerConfig:
         """Adam for SVI; for EM an optimizer whose step is the M step.
@@ -231,6 +232,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         The parameters have their final shape only once the number of components is known, so it is chosen here,
         which Lightning calls after a checkpoint was restored and before the first step.
         """
+        self._unfinished = True
         if not self._restored:
             self._initialise()
         if self.training_method == "svi":
@@ -240,4 +242,4 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """As every model, and do not look for a number of components again."""
         super().on_load_checkpoint(checkpoint)
-        self._restored, self._law = True, self.density.residual_law
+        self._restored = True

@@ -190,8 +190,10 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         """Learn what goes with the components, in each checkpoint that is kept too, and let the training flights go."""
         last = {name: value.clone() for name, value in self.density.state_dict().items()}
         complete_kept(self, self._learn_with_components_held)
-        self.density.load_state_dict(last)
-        self._learn_with_components_held()
+        kept = self.density.state_dict()
+        if self.density.residual_law is None or any(not torch.equal(kept[name], last[name]) for name in last):
+            self.density.load_state_dict(last)
+            self._learn_with_components_held()
         self._unfinished, self._steps = False, None
 
     @torch.no_grad()

@@ -20,6 +20,7 @@ from descentflow.densities.layers import (
 )
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.observed import log_observed
+from descentflow.densities.row_parts import in_parts
 from descentflow.densities.splines import Spline
 from descentflow.densities.transformed import TransformedDensity, standard_normal
 from descentflow.representation.evidence import Evidence
@@ -109,6 +110,9 @@ class FlowDensity(TransformedDensity):
 
     def to_white(self, weights: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Normals (n, d) of weights (n, d), and the log-determinant (n,) of that map."""
+        return in_parts(self._to_white, weights, context)
+
+    def _to_white(self, weights: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
         dtype = self.white_dtype
         given = None if context is None else context.to(dtype)
         if not self.whitened:

@@ -7,6 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from descentflow.densities import row_parts
 from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.splines import Spline, rational_quadratic
 
@@ -79,3 +80,20 @@ def test_beyond_the_interval_a_spline_is_the_identity() -> None:
     gradients = torch.autograd.grad(moved.sum() + log_slope.sum(), [x, raw])
     assert all(bool(one.isfinite().all()) for one in gradients)
     assert gradients[0][0, [0, 3]].tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("kind", [MaskedAffineFlowDensity, SplineFlowDensity])
+@pytest.mark.parametrize("n_context", [0, 2])
+def test_many_rows_have_the_density_that_they_have_alone(
+    kind: type[MaskedAffineFlowDensity | SplineFlowDensity], n_context: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Part by part without gradients, all at once with them; products of other sizes round otherwise."""
+    monkeypatch.setattr(row_parts, "ROWS", 7)
+    density = flow(kind, n_context, whitened=True)
+    weights, context = (torch.randn(30, n, dtype=torch.float64) for n in (4, n_context))
+    rest = (context,) if n_context else ()
+    whole = density.log_prob(weights, *rest)
+    with torch.no_grad():
+        parts = density.log_prob(weights, *rest)
+    assert whole.requires_grad
+    torch.testing.assert_close(parts, whole.detach(), rtol=1e-12, atol=1e-12)

@@ -235,6 +235,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         which Lightning calls after a checkpoint was restored and before the first step.
         """
         self._unfinished = True
+        # Of a checkpoint from which training goes on: learnt again when it ends.
+        self.density.entry_gate = self.density.residual_law = None
         if not self._restored:
             self._initialise()
         if self.training_method == "svi":

@@ -162,5 +162,5 @@ def _maximised(sums: _Sums, law: ResidualLaw, groups: Tensor) -> ResidualLaw:
         mine = groups == one
         own, every = left[:, mine].mean(1), left[:, mine].mean(1).sum() / n.sum()
         spread[:, mine] = ((own + PRIOR_FLIGHTS * every) / (n + PRIOR_FLIGHTS)).sqrt()[:, None]
-    # Contiguous, as a law that is read again: a resumed fit goes on with the same bits then.
+    # Contiguous, as a law that is read again: products of another layout round otherwise.
     return ResidualLaw.of_one_scale(offset.contiguous(), slope.contiguous(), spread)

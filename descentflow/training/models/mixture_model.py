@@ -72,7 +72,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             learning_rate: Of Adam in ``svi``; larger steps throw narrow components off a good start.
             seed: Of the starts.
             extend: Try more components than 15 flights per parameter allow where the criterion decides for that cap,
-                down to two flights per parameter, of many flights to 24 components; the paper stops at the cap.
+                down to two flights per parameter, of many flights to 32 components; the paper stops at the cap.
             by_entry: Learn the components' proportions by bins of the entry level; not with a context.
             criterion: ``aic``, or ``bic`` as in the paper.
             prior_flights: Flights of the covariance that components share, added to each one's own
@@ -80,7 +80,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
                 search for the number of components and in its start.
             crossed: Components are pairs of a cluster of speeds and a cluster of drags
                 (:mod:`descentflow.densities.crossed_clusters`), as many of either as the criterion finds. Free ones
-                all the same with ``n_clusters``, ``svi``, a context, or more than 4,096 training flights.
+                all the same with ``n_clusters``, ``svi``, a context, or more than 6,000 training flights.
         """
         super().__init__()
         self.save_hyperparameters()

@@ -25,6 +25,7 @@ from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.callbacks.show_progress import ShowProgress
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import LatentModel
+from descentflow.training.models.latent_model import check_precision
 from descentflow.training.quiet import quiet
 from descentflow.training.run_folders import (
     UNNAMED,
@@ -96,7 +97,11 @@ class DescentCLI(LightningCLI):
                 expected="values as `descentflow fit --help_all` lists them",
                 mend="correct the one that is named, or leave it out",
             ) from error
+        check_precision(trainer)
         trainer.strategy.checkpoint_io = WholeCheckpoints()
+        for callback in trainer.callbacks:  # type: ignore[attr-defined]
+            if isinstance(callback, RemoveFailedRun):
+                callback.note(trainer)
         return trainer
 
     def after_fit(self) -> None:

@@ -41,7 +41,8 @@ class Block:
     log_scale: Tensor
 
 
-@dataclass(frozen=True)
+# Lightning's precision of 64 bits copies a batch field by field, which a frozen class does not let it.
+@dataclass(eq=False)
 class Evidence:
     r"""Log-likelihood of the weights w of n flights, each up to a constant: $-(w - p_i)^T A_i (w - p_i) / 2$.
 

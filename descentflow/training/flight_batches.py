@@ -5,7 +5,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
-from torch.utils.data import DataLoader, Dataset, Sampler
+from torch.utils.data import DataLoader, Dataset, DistributedSampler
 
 from descentflow.core.counter_random import seed_of
 from descentflow.representation.evidence import Evidence
@@ -29,8 +29,10 @@ class _Flights(Dataset[Any]):
         return (rows,) if self.context is None else (rows, self.context[index])
 
 
-class ShuffledByEpoch(Sampler[int]):
+class ShuffledByEpoch(DistributedSampler[int]):
     """All positions in an order that follows from a seed and the epoch alone, so that a resumed fit has it too.
+
+    Of several processes each takes its part, all of one length: the first positions come again at the end for it.
 
     Example:
         >>> one, other = ShuffledByEpoch(100, seed=0), ShuffledByEpoch(100, seed=0)
@@ -46,20 +48,15 @@ class ShuffledByEpoch(Sampler[int]):
             n: Number of positions.
             seed: Of all epochs.
         """
-        self.n, self.seed, self.epoch = n, seed, 0
-
-    def set_epoch(self, epoch: int) -> None:
-        """Take the order of an epoch (Lightning calls this before each)."""
-        self.epoch = epoch
-
-    def __len__(self) -> int:
-        """Number of positions."""
-        return self.n
+        several = torch.distributed.is_available() and torch.distributed.is_initialized()
+        world, rank = (torch.distributed.get_world_size(), torch.distributed.get_rank()) if several else (1, 0)
+        super().__init__(range(n), num_replicas=world, rank=rank, seed=seed)  # type: ignore[arg-type]
 
     def __iter__(self) -> Iterator[int]:
         """The order of the epoch."""
-        generator = torch.Generator().manual_seed(seed_of(self.seed, self.epoch))
-        return iter(torch.randperm(self.n, generator=generator).tolist())
+        n = len(self.dataset)  # type: ignore[arg-type]
+        order = torch.randperm(n, generator=torch.Generator().manual_seed(seed_of(self.seed, self.epoch)))
+        return iter(order[torch.arange(self.rank, self.total_size, self.num_replicas) % n].tolist())
 
 
 def flight_batches(
@@ -71,16 +68,20 @@ def flight_batches(
         evidence: Of n flights.
         context: (n, c) encoded context, if there is one.
         batch_size: Flights in a batch.
-        shuffle: In another order in every epoch, by torch's seed when this is called.
+        shuffle: In another order in every epoch, by torch's seed when this is called; each of several processes takes
+            its part. Otherwise each goes through all flights.
 
     Example:
         >>> (first,), (second,) = flight_batches(Evidence.of_weights(torch.randn(30, 4)), batch_size=20)
         >>> len(first), len(second)
         (20, 10)
     """
+    flights = _Flights(evidence, context)
+    # Of several processes each goes through all flights that are no longer trained on: none counts twice in a mean.
+    whole: DistributedSampler[int] = DistributedSampler(flights, num_replicas=1, rank=0, shuffle=False)
+    order = ShuffledByEpoch(len(evidence), torch.initial_seed()) if shuffle else whole
     # All is in memory and a batch is one slice: worker processes would only cost.
-    order = ShuffledByEpoch(len(evidence), torch.initial_seed()) if shuffle else None
-    return DataLoader(_Flights(evidence, context), batch_size=batch_size, sampler=order, collate_fn=_as_it_is)
+    return DataLoader(flights, batch_size=batch_size, sampler=order, collate_fn=_as_it_is)
 
 
 def _as_it_is(batch: Any) -> Any:

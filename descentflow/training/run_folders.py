@@ -74,6 +74,27 @@ def write_into_run(config: Any, command: str, run: Path) -> None:
     _without_false_score(config)
 
 
+def folder_of(trainer: Trainer) -> Path:
+    """The folder in which a run's settings, checkpoints and scores belong.
+
+    It is Lightning's ``log_dir`` for TensorBoard and CSV. Other loggers (MLflow, Weights & Biases) share one folder
+    between runs. There it is the one of the run's own name and version, in which Lightning puts the checkpoints.
+    Without a logger it is ``default_root_dir``. No process waits for another here, as in Lightning's own ``log_dir``.
+
+    Example:
+        >>> from lightning.pytorch.loggers import CSVLogger
+        >>> folder_of(Trainer(logger=CSVLogger("logs", name="mine"), accelerator="cpu")).as_posix()
+        'logs/mine/version_0'
+    """
+    if not trainer.loggers:
+        return Path(trainer.default_root_dir)
+    logger = trainer.loggers[0]
+    if logger.log_dir:
+        return Path(logger.log_dir)
+    version = logger.version if isinstance(logger.version, str) else f"version_{logger.version}"
+    return Path(logger.save_dir or trainer.default_root_dir) / str(logger.name) / version
+
+
 def run_folder(checkpoint: Path) -> Path:
     """The folder of a run, known by its settings: that of its checkpoint, or the one above.
 

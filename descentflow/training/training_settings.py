@@ -19,7 +19,7 @@ NAMES = {"gaussian": "gaussian", "mixture": "gmm", "flow": "flow", "spline": "sp
 SETTINGS_OF = {"Gaussian": "gaussian", "GaussianMixture": "gmm", "MaskedAffineFlow": "flow", "SplineFlow": "spline"}
 """Class of a model -> the packaged settings file with which an instance of it is trained."""
 CHECKPOINT_DEFAULTS = {"monitor": "val/nll", "filename": "best", "auto_insert_metric_name": False}
-TRAINER_DEFAULTS = {"max_epochs": 200, "num_sanity_val_steps": 0, "log_every_n_steps": 1}
+TRAINER_DEFAULTS = {"max_epochs": 200, "num_sanity_val_steps": 0, "log_every_n_steps": 1, "devices": 1}
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """Where the trainer's commands write: no empty runs, results beside the checkpoint that they are of."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -70,3 +72,75 @@ def test_trainer_options_that_contradict_each_other_are_told_in_a_line(
     assert line.startswith("descentflow fit: ")
     assert "max_epochs" in line
     assert not list(here.iterdir())
+
+
+SHARED = "--trainer.logger=shared_logger.SharedLogger"
+ONE_FOLDER = ["--trainer.logger.save_dir=runs", "--trainer.logger.name=", "--trainer.logger.version="]
+IN_RUNS = [
+    [SHARED, "--trainer.logger.save_dir=runs"],
+    ["--trainer.logger=CSVLogger", *ONE_FOLDER],
+    ["--trainer.logger=TensorBoardLogger", *ONE_FOLDER],
+    [
+        "--trainer.logger=CSVLogger",
+        "--trainer.logger.save_dir=runs",
+        "--trainer.logger.name=",
+        "--trainer.logger.version=7",
+    ],
+]
+
+
+@pytest.mark.parametrize("logger", [*IN_RUNS, [SHARED], ["--trainer.logger=false"]])
+def test_a_fit_that_fails_removes_no_file_of_others(here: Path, logger: list[str]) -> None:
+    kept = [here / "notes.txt", here / "runs" / "notes.txt", here / "runs" / "7" / "metrics.csv", here / "metrics.csv"]
+    for path in kept:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("mine")
+    assert main(["fit", "--model", "Gaussian", "--data.descents", "absent.parquet", *logger]) == 2
+    assert all(path.read_text() == "mine" for path in kept)
+
+
+def test_a_fit_that_fails_keeps_what_others_wrote_into_its_new_folder(here: Path, descents: Path) -> None:
+    words = ["--model", "Gaussian", "--data.descents", str(descents), *QUICK]
+    failing = ["--trainer.callbacks+=shared_logger.WriteAndFail"]
+    with pytest.raises(ValueError, match="as a user's"):
+        main(["fit", *words, *failing])
+    assert [path.name for path in (here / "runs").rglob("*") if path.is_file()] == ["notes.txt"]
+
+
+def test_runs_of_a_logger_that_shares_its_folder_have_folders_of_their_own(here: Path, descents: Path) -> None:
+    words = ["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK, SHARED]
+    for run in ("first", "second"):
+        assert main([*words, f"--trainer.logger.run={run}"]) == 0
+        folder = here / "runs" / "project" / run
+        assert (folder / "config.yaml").is_file()
+        checkpoint = str(folder / "checkpoints" / "best.ckpt")
+        assert main(["validate", "--ckpt_path", checkpoint]) == 0
+
+
+@pytest.mark.parametrize(("model", "precision"), [("Gaussian", "64"), ("MaskedAffineFlow", "64")])
+def test_models_train_in_64_bits(here: Path, descents: Path, model: str, precision: str) -> None:
+    words = ["fit", "--model", model, "--data.descents", str(descents), *QUICK, "--trainer.precision", precision]
+    assert main(words) == 0
+
+
+@pytest.mark.parametrize("precision", ["bf16-mixed", "16-true", "bf16-true"])
+def test_half_precision_is_refused_before_anything_is_written(
+    here: Path, descents: Path, precision: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fit", "--model", "Gaussian", "--data.descents", str(descents), "--trainer.precision", precision]) == 2
+    assert f"precision {precision}; expected 32-true or 64-true" in capsys.readouterr().err
+    assert not list(here.iterdir())
+
+
+def test_two_processes_train_and_validate_as_one_does(here: Path, descents: Path) -> None:
+    words = ["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK, "--data.batch_size", "7"]
+    command = [sys.executable, "-m", "descentflow", *words, "--trainer.accelerator", "cpu"]
+    found = []
+    for devices in ("1", "2"):
+        # Two processes that wait for each other would wait for ever.
+        subprocess.run([*command, "--trainer.devices", devices], check=True, timeout=300, capture_output=True)
+        run = sorted((here / "runs" / "Gaussian").iterdir())[-1]
+        events = EventAccumulator(str(run))
+        events.Reload()
+        found.append([event.value for event in events.Scalars("val/nll")])
+    assert found[1] == pytest.approx(found[0], rel=1e-6)  # of float32, in which metrics are kept

@@ -2,7 +2,6 @@
 
 import fcntl
 import os
-import shutil
 from contextlib import suppress
 from pathlib import Path
 
@@ -12,17 +11,26 @@ from lightning.pytorch.cli import SaveConfigCallback
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import remove_left, whole_file
+from descentflow.training.run_folders import folder_of
+
+WRITTEN = ("config.yaml", "hparams.yaml", "metrics.csv", "events.out.tfevents.*")
+"""Files that a run without a checkpoint has written into its folder: ours, and those of TensorBoard and CSV loggers."""
 
 
 class RemoveFailedRun(Callback):
-    """Takes away the folder of a run that failed or was interrupted before it had a checkpoint or scores.
+    """Removes what a run has made if it fails or is interrupted before it has a checkpoint or scores.
+
+    Only files that this run wrote go, and only folders that it made and that are empty then: loggers such as MLflow and
+    Weights & Biases share their folder with other runs, and a folder that was there before may be anybody's.
 
     Example:
         >>> from lightning.pytorch.loggers import CSVLogger
         >>> trainer = Trainer(logger=CSVLogger("failing"), callbacks=[RemoveFailedRun()], accelerator="cpu")
+        >>> failed = RemoveFailedRun()
+        >>> failed.note(trainer)
         >>> trainer.logger.log_metrics({"a": 1.0})
-        >>> RemoveFailedRun().on_exception(trainer, None, ValueError())
-        >>> Path(trainer.log_dir).exists()
+        >>> failed.on_exception(trainer, None, ValueError())
+        >>> Path(trainer.logger.log_dir).exists()
         False
     """
 
@@ -30,6 +38,15 @@ class RemoveFailedRun(Callback):
         """Begin without a folder."""
         self._of_another = False
         self._lock: int | None = None
+        self._absent: list[Path] = []
+
+    def note(self, trainer: Trainer) -> None:
+        """Note which folders of the run are not there yet; without it, none is removed.
+
+        It is called before the loggers write: a logger that shares its folder is not asked, for it would begin a run.
+        """
+        if trainer.loggers and trainer.loggers[0].log_dir:
+            self._absent = _absent(folder_of(trainer))
 
     def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
         """Claim the folder, which two runs that begin at the same moment would both take for the next free one.
@@ -39,9 +56,10 @@ class RemoveFailedRun(Callback):
         Raises:
             ConfigError: If another run has it.
         """
-        folder = Path(trainer.log_dir) if trainer.loggers and trainer.log_dir else None
-        if folder is None or self._lock is not None or not trainer.is_global_zero:
+        if not trainer.is_global_zero or not trainer.loggers or self._lock is not None:
             return
+        folder = folder_of(trainer)
+        self._absent = self._absent or _absent(folder)
         folder.mkdir(parents=True, exist_ok=True)
         self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         try:
@@ -62,17 +80,20 @@ class RemoveFailedRun(Callback):
 
     def on_exception(self, trainer: Trainer, pl_module: LightningModule, exception: BaseException) -> None:
         """Remove what the run wrote if nothing in it is of use."""
-        folder = Path(trainer.log_dir) if trainer.loggers and trainer.log_dir else None
-        if self._of_another or folder is None or not folder.is_dir() or not trainer.is_global_zero:
-            return
-        if _is_of_use(folder):
+        if self._of_another or not trainer.is_global_zero:
             return
         for logger in trainer.loggers:
             logger.finalize("failed")
-        shutil.rmtree(folder)
-        with suppress(OSError):  # other runs are in them
-            folder.parent.rmdir()
-            folder.parent.parent.rmdir()
+        if not self._absent or _is_of_use(self._absent[0]):
+            return
+        folder = self._absent[0]
+        for path in [path for name in WRITTEN for path in folder.glob(name)]:
+            path.unlink()
+        remove_left(folder)
+        for one in (folder / "checkpoints", *self._absent):
+            # A folder with anything else in it stays.
+            with suppress(OSError):
+                one.rmdir()
 
 
 class WholeConfig(SaveConfigCallback):
@@ -98,7 +119,7 @@ class WholeConfig(SaveConfigCallback):
         """
         if self.already_saved or not trainer.is_global_zero:
             return
-        folder = Path(trainer.log_dir or trainer.default_root_dir)
+        folder = folder_of(trainer)
         path = folder / self.config_filename
         if path.exists():
             raise ConfigError(
@@ -110,6 +131,11 @@ class WholeConfig(SaveConfigCallback):
         with whole_file(path) as temporary:
             self.parser.save(self.config, temporary, skip_none=False, overwrite=True, multifile=self.multifile)
         self.already_saved = True
+
+
+def _absent(folder: Path) -> list[Path]:
+    """The folder and the two above, as far as they do not exist."""
+    return [one for one in (folder, *folder.parents[:2]) if not one.exists()]
 
 
 def _is_of_use(folder: Path) -> bool:

@@ -1,7 +1,6 @@
 """Write the log density of each flight that `descentflow predict` went through."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import polars as pl
@@ -11,6 +10,7 @@ from lightning.pytorch.callbacks import BasePredictionWriter
 from lightning.pytorch.utilities import rank_zero_info
 
 from descentflow.core.tabular import write_table
+from descentflow.training.run_folders import folder_of
 
 
 class WriteLogProb(BasePredictionWriter):
@@ -39,9 +39,11 @@ class WriteLogProb(BasePredictionWriter):
         batch_indices: Sequence[Any],
     ) -> None:
         """Join the batches, name the flights and write the table."""
+        if not trainer.is_global_zero:
+            return
         flights = trainer.datamodule.profiles("test").flight_ids  # type: ignore[attr-defined]
         log_prob = torch.cat(list(predictions)).double().cpu().numpy()
-        path = Path(trainer.log_dir or trainer.default_root_dir) / "log_prob.csv"
+        path = folder_of(trainer) / "log_prob.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
         write_table(pl.DataFrame({"flight_id": flights, "log_prob": log_prob}).sort("log_prob"), path)
         rank_zero_info(f"wrote {path}")

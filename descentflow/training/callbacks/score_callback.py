@@ -1,7 +1,6 @@
 """Rejection sampling and scores while a model trains, and in full when it is tested."""
 
 from io import BytesIO
-from pathlib import Path
 
 from jsonargparse.typing import NonNegativeInt, PositiveInt
 from lightning.pytorch import Callback, LightningModule, Trainer
@@ -16,6 +15,7 @@ from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.evaluation.metrics.scores import n_comparisons
 from descentflow.training.callbacks.score_charts import score_charts
 from descentflow.training.models.latent_model import LatentModel
+from descentflow.training.run_folders import folder_of
 
 FEW_SPLITS = 20
 """Random splits behind each noise floor while a model trains."""
@@ -59,7 +59,7 @@ class ScoreCallback(Callback):
 
     def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Score against the validation flights, in the epochs that are due."""
-        if trainer.state.fn != "fit" or trainer.sanity_checking or not self._due(trainer):
+        if trainer.state.fn != "fit" or trainer.sanity_checking or not self._due(trainer) or not trainer.is_global_zero:
             return
         if len(trainer.datamodule.profiles("validation")) == 0:  # type: ignore[attr-defined]
             # All flights but the test flights train, as in the paper: nothing to score against yet.
@@ -74,9 +74,11 @@ class ScoreCallback(Callback):
 
     def on_test_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Score against the test flights, write the files and print the table."""
+        if not trainer.is_global_zero:
+            return
         found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, n_splits=N_SPLITS, costly=True)
         self._log(trainer, found, "test")
-        folder = Path(trainer.log_dir or trainer.default_root_dir)
+        folder = folder_of(trainer)
         with stage("drawing figures and writing"):
             found.write(folder)
         rank_zero_info(f"{found.rejections}\n{found.scores}\nwrote {folder / 'scores.csv'} and figures")

@@ -69,8 +69,15 @@ class _Flow(LatentModel[F], ABC):
             proposals = propose(self._proposing(), evidence, self.n_draws, context, seed)
             found = estimate(self.density.log_prob, proposals, context)
             loss = -found.log_prob.mean()
-            self.log("train/effective", found.effective.mean(), on_epoch=True, on_step=False, batch_size=len(evidence))
-        self.log("train/nll", loss, on_epoch=True, on_step=False, batch_size=len(evidence))
+            self.log(
+                "train/effective",
+                found.effective.mean(),
+                on_epoch=True,
+                on_step=False,
+                sync_dist=True,
+                batch_size=len(evidence),
+            )
+        self.log("train/nll", loss, on_epoch=True, on_step=False, sync_dist=True, batch_size=len(evidence))
         return loss
 
     def validation_step(self, batch: Batch, batch_index: int) -> None:
@@ -86,8 +93,8 @@ class _Flow(LatentModel[F], ABC):
                 evidence, context, gaussian=self._proposing(), n_draws=VALIDATION_DRAWS
             )
             log_prob = found.log_prob
-            self.log("val/effective", found.effective.mean(), on_epoch=True, batch_size=len(evidence))
-        self.log("val/nll", -log_prob.mean(), prog_bar=True, on_epoch=True, batch_size=len(log_prob))
+            self.log("val/effective", found.effective.mean(), on_epoch=True, sync_dist=True, batch_size=len(evidence))
+        self.log("val/nll", -log_prob.mean(), prog_bar=True, on_epoch=True, sync_dist=True, batch_size=len(log_prob))
         base = self.density.base_log_observed(*batch) if self.density.whitened else torch.zeros_like(log_prob)
         self._by_flight.append(torch.stack([log_prob.double(), base.double()]))
 
@@ -106,7 +113,7 @@ class _Flow(LatentModel[F], ABC):
         self._by_flight = []
         error = (log_prob - base).std() / len(base) ** 0.5 if self.density.whitened and len(base) > 1 else 0.0
         bound = -log_prob.mean() + self.caution * error
-        self.log("val/bound", bound, batch_size=len(base))
+        self.log("val/bound", bound, sync_dist=True, batch_size=len(base))
         if self.trainer.state.fn == "fit" and (self._best is None or float(bound) < self._best[0]):
             self._best = float(bound), {k: v.detach().clone() for k, v in self.density.state_dict().items()}
 

@@ -70,7 +70,7 @@ class Gaussian(LatentModel[GaussianDensity]):
         if self.by_entry:
             self.density.entry_law = entry_law_of(self)
         train = self.log_observed(evidence) if context is None else self.log_observed(evidence, context)
-        self.log("train/nll", -train.mean(), on_epoch=True, on_step=False, batch_size=len(evidence))
+        self.log("train/nll", -train.mean(), on_epoch=True, on_step=False, sync_dist=True, batch_size=len(evidence))
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """An optimizer whose step is the closed form."""

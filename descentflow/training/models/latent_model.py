@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 
 import lightning
 import torch
-from lightning.pytorch import LightningModule
+from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import Timer
 from torch import Tensor
 
@@ -23,6 +23,8 @@ from descentflow.representation.representation import Representation
 D = TypeVar("D", bound=Density)
 TRAINING = "training"
 """Key of a checkpoint under which the fit's seed is kept, and whether it had stopped."""
+PRECISIONS = ("32-true", "64-true")
+"""Of Lightning's trainer, in which all models train."""
 Batch = tuple[Evidence] | tuple[Evidence, Tensor]
 """What was observed of some flights, and their encoded context (n, c) where the density takes one."""
 
@@ -95,6 +97,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
 
     def setup(self, stage: str) -> None:
         """Take the representation of the DataModule, and torch's seed (Lightning calls this)."""
+        check_precision(self.trainer)
         if self._density is None:
             self.attach(self.trainer.datamodule.representation)  # type: ignore[attr-defined]
         self._seed = torch.initial_seed()
@@ -165,11 +168,11 @@ class LatentModel(LightningModule, ABC, Generic[D]):
 
     def validation_step(self, batch: Batch, batch_index: int) -> None:
         """Log the NLL of flights that no parameter was fitted to."""
-        self.log("val/nll", self.nll(batch), prog_bar=True, on_epoch=True, batch_size=len(batch[0]))
+        self.log("val/nll", self.nll(batch), prog_bar=True, on_epoch=True, sync_dist=True, batch_size=len(batch[0]))
 
     def test_step(self, batch: Batch, batch_index: int) -> None:
         """Log the NLL of the test flights."""
-        self.log("test/nll", self.nll(batch), on_epoch=True, batch_size=len(batch[0]))
+        self.log("test/nll", self.nll(batch), on_epoch=True, sync_dist=True, batch_size=len(batch[0]))
 
     def predict_step(self, batch: Batch, batch_index: int) -> Tensor:
         """Log-likelihood of what was observed of each flight: the smaller, the less usual its descent."""
@@ -227,6 +230,25 @@ class LatentModel(LightningModule, ABC, Generic[D]):
                 DescentflowWarning,
                 stacklevel=2,
             )
+
+
+def check_precision(trainer: Trainer) -> None:
+    """Refuse to train in half precision: triangular matrices cannot be solved in it.
+
+    Raises:
+        ConfigError: If the trainer's precision is neither 32 nor 64 bits.
+
+    Example:
+        >>> check_precision(Trainer(precision="bf16-mixed", accelerator="cpu", logger=False))
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: precision bf16-mixed; expected 32-true or 64-true; to mend it, ...
+    """
+    if trainer.precision not in PRECISIONS:
+        raise ConfigError(
+            f"precision {trainer.precision}",
+            expected=" or ".join(PRECISIONS),
+            mend="leave --trainer.precision out: densities choose their own, in which they are exact enough",
+        )
 
 
 def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor | None]:

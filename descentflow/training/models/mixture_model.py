@@ -168,7 +168,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         if self.training_method == "svi":
             evidence = batch[0]
             loss = self.density.negative_elbo(evidence, *batch[1:]) / len(evidence)
-            self.log("train/nll", loss, on_epoch=True, on_step=False, batch_size=len(evidence))
+            self.log("train/nll", loss, on_epoch=True, on_step=False, sync_dist=True, batch_size=len(evidence))
             return loss
         if self.trainer.is_last_batch:
             self.optimizers().step(closure=self._em_step)  # type: ignore[union-attr]
@@ -182,7 +182,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.density.mixture = improved
         after = float(self._steps.expectation(self.density.mixture)[1])
         n_flights = len(self.trainer.datamodule.evidence("train"))  # type: ignore[attr-defined]
-        self.log("train/nll", -before, on_epoch=True, on_step=False, batch_size=n_flights)
+        self.log("train/nll", -before, on_epoch=True, on_step=False, sync_dist=True, batch_size=n_flights)
         if abs(after - before) < self.tolerance:
             self.trainer.should_stop = True
 

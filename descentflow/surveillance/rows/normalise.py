@@ -12,6 +12,7 @@ from descentflow.surveillance.rows.column_names import LEVELS, row_names, with_a
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.missing_columns import STATE_VECTOR, without_columns
 from descentflow.surveillance.rows.named_columns import lacks_only_mach
+from descentflow.surveillance.rows.relative_times import FIRST_S
 from descentflow.surveillance.rows.schema import COLUMNS, FILLS, REQUIRED, TIMESTAMP
 
 LONGEST_TEXT = 500
@@ -194,6 +195,8 @@ def _where(column: pl.Series, fits: pl.Series) -> pl.Series:
 def timestamps(column: pl.Series) -> pl.Series:
     """Datetimes in UTC of datetimes, written dates, or seconds (also milliseconds) since 1970.
 
+    Texts are read cell by cell, so that dates and numbers may stand in one column. What is neither is missing.
+
     Example:
         >>> timestamps(pl.Series(["2024-03-01T12:00:00Z"])).dt.hour().to_list()
         [12]
@@ -207,16 +210,16 @@ def timestamps(column: pl.Series) -> pl.Series:
         return _from_epoch(column.cast(pl.Float64, strict=False))
     column = column.str.strip_chars()
     seconds = column.cast(pl.Float64, strict=False)
-    if seconds.null_count() < len(column):
-        return _from_epoch(seconds)
     found = pl.repeat(None, len(column), dtype=TIMESTAMP, eager=True)
     for form in DATE_FORMATS:
         # Reading dates costs more than anything else: only those that no earlier form fits are read again.
-        left = (found.is_null() & column.is_not_null()).arg_true()
+        left = (found.is_null() & seconds.is_null() & column.is_not_null()).arg_true()
         if left.is_empty():
             break
         found = _parsed(column, form) if len(left) == len(column) else found.scatter(left, _parsed(column[left], form))
-    return found
+    if found.count() > seconds.count():  # among dates, a number such as 0 stands for a missing time
+        seconds = _where(seconds, seconds >= FIRST_S)
+    return found.fill_null(_from_epoch(seconds))
 
 
 def _in_time(column: pl.Series) -> pl.Series:

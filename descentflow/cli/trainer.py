@@ -1,5 +1,6 @@
 """The trainer's commands: LightningCLI with this project's defaults and without its traps."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,10 @@ from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
 from descentflow.cli.parser_errors import config_error
 from descentflow.cli.resumed_model import check_resumed_model
-from descentflow.cli.trainer_words import models_named
+from descentflow.cli.trainer_words import MODELS, models_named
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
+from descentflow.core.settings_file import read_settings
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.training import models
@@ -78,6 +80,9 @@ class DescentCLI(LightningCLI):
         resumed = self.config.get("fit.ckpt_path")
         if resumed is not None and Path(resumed).is_file():
             check_resumed_model(Path(resumed), self.config.fit.model)
+
+    def _parse_ckpt_path(self) -> None:
+        """Take no class from a checkpoint: Lightning would import whatever module it names."""
 
     def before_instantiate_classes(self) -> None:
         """Choose the folder that is written to, unless an option of the logger does."""
@@ -148,7 +153,7 @@ def run(command: str, rest: Sequence[str]) -> None:
         words = _with_safe_loading(words)
         words = _with_accelerator(words)
         if command != "fit":
-            words = _with_run_settings(command, words)
+            words = _with_checkpoint(command, words)
         elif (resumed := _option(words, "--ckpt_path")) is not None and Path(resumed).suffix:
             read_checkpoint(resumed)
     quiet()
@@ -217,8 +222,11 @@ def _with_accelerator(words: list[str]) -> list[str]:
     return ["--trainer.accelerator", accelerator(), *words]
 
 
-def _with_run_settings(command: str, words: list[str]) -> list[str]:
-    """Put the run's own config first, and let its representation encode whatever flights are scored."""
+def _with_checkpoint(command: str, words: list[str]) -> list[str]:
+    """Name the model that a checkpoint holds, and let its representation encode whatever flights are scored.
+
+    Neither the checkpoint nor the settings beside it choose a class by its path: they may be anybody's.
+    """
     checkpoint = _option(words, "--ckpt_path")
     if checkpoint is None:
         raise ConfigError(
@@ -227,12 +235,28 @@ def _with_run_settings(command: str, words: list[str]) -> list[str]:
             mend="pass the run's checkpoints/best.ckpt"
             + ("; the rest of descents, df.predict, is `descentflow predict-descent`" if command == "predict" else ""),
         )
-    content = read_checkpoint(checkpoint)
-    if _option(words, "--config") is None:
-        words = ["--config", str(run_folder(Path(checkpoint)) / "config.yaml"), *words]
-    if "model" not in content[SECTION]:
+    model = str(read_checkpoint(checkpoint)[SECTION].get("model", "")).removesuffix("Density")
+    if model not in MODELS:
         raise CheckpointError(f"{checkpoint}: no model named", expected="a whole checkpoint", mend="fit again")
-    return [*words, "--data.checkpoint", checkpoint]
+    named = {name for name in ("--config", "--data", "--data.descents") if _option(words, name) is not None}
+    kept = [] if named & {"--config", "--data"} else _settings_beside(Path(checkpoint), needed=not named)
+    return [*kept, "--model", model, *words, "--data.checkpoint", checkpoint]
+
+
+def _settings_beside(checkpoint: Path, *, needed: bool) -> list[str]:
+    """Settings of data and scores of the run that wrote a checkpoint, if it lies in a run or they are needed."""
+    try:
+        run = read_settings(run_folder(checkpoint) / "config.yaml")
+    except ConfigError:
+        if needed:
+            raise
+        return []
+    return [
+        f"--{name}.{option}={value if isinstance(value, str) else json.dumps(value)}"
+        for name in ("data", "scores")
+        for option, value in dict(run.get(name) or {}).items()
+        if value is not None
+    ]
 
 
 def _option(words: Sequence[str], name: str) -> str | None:

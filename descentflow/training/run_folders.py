@@ -113,7 +113,7 @@ def run_folder(checkpoint: Path) -> Path:
     raise ConfigError(
         f"no config.yaml beside {checkpoint} or one folder up",
         expected="the settings of the run that wrote it",
-        mend="pass them with --config FILE",
+        mend="pass the descents, --data.descents FILE, or its settings, --config FILE",
     )
 
 

@@ -10,7 +10,6 @@ import polars as pl
 from torch import Tensor
 
 from descentflow.densities.checkpoint import as_density
-from descentflow.evaluation.forecast_scores import forecast_scores
 from descentflow.representation.encode_flights import encode_flights
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
@@ -18,6 +17,7 @@ from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
+from studies.forecast_scores import forecast_scores
 
 YEAR = WorldConfig(
     deviation_mean_k=3.0, deviation_spread_k=8.0, wind_slope_mean_per_s=0.001, wind_slope_spread_per_s=0.0015

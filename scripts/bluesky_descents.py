@@ -5,10 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
-from flying.bluesky_fleet import Orders, fly, start
-from flying.flight_plans import FlightPlan, flight_plans
-from flying.profiles import Profile
-from flying.radar_reports import reports, table
 from tqdm import tqdm
 
 from descentflow.core.errors import DescentflowError
@@ -16,6 +12,10 @@ from descentflow.core.files import whole_file
 from descentflow.surveillance.open_descents import open_descents
 from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.drop_report import DropReport
+from flying.bluesky_fleet import Orders, fly, start
+from flying.flight_plans import FlightPlan, flight_plans
+from flying.profiles import Profile
+from flying.radar_reports import reports, table
 
 EPILOG = "profiles: level:value,level:value; linear between, held outside: --rates 100:-1400,300:-2300"
 

@@ -23,12 +23,12 @@ from descentflow.cli.entry import main as command
 from descentflow.core.errors import DescentflowError
 from descentflow.core.files import check_output, whole_file
 from descentflow.densities.density import Density
-from descentflow.evaluation.forecast_scores import Skill, forecast_scores, skill
 from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 from descentflow.training.training_settings import training_settings
+from studies.forecast_scores import Skill, forecast_scores, skill
 
 SPREADS = {"deviation_spread_k": 10.0, "wind_slope_spread_per_s": 0.001}
 

@@ -4,7 +4,7 @@ import sys
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.files import whole_file
-from descentflow.studies.aircraft.energy_share_figure import energy_share_figure
+from studies.aircraft.energy_share_figure import energy_share_figure
 
 if __name__ == "__main__":
     path, typecode = sys.argv[1], (sys.argv[2:] or ["A320"])[0]

@@ -7,9 +7,9 @@ from tqdm import tqdm
 
 from descentflow.cli import plant_arguments
 from descentflow.core.errors import DescentflowError
-from descentflow.simulation.jsbsim_world.airframes import AIRFRAMES
-from descentflow.simulation.jsbsim_world.fly_models import fly
-from descentflow.simulation.jsbsim_world.model_effects import EFFECTS
+from studies.jsbsim_world.airframes import AIRFRAMES
+from studies.jsbsim_world.fly_models import fly
+from studies.jsbsim_world.model_effects import EFFECTS
 
 
 def main() -> None:

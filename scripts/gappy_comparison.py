@@ -4,9 +4,9 @@ import sys
 
 from descentflow.core.files import whole_file
 from descentflow.core.units import KT_MPS
-from descentflow.studies.paper.figures.hidden_errors import gappy_figure
-from descentflow.studies.paper.hidden_levels import PATTERNS, hidden_errors
 from descentflow.training.datamodule import DescentDataModule
+from studies.paper.figures.hidden_errors import gappy_figure
+from studies.paper.hidden_levels import PATTERNS, hidden_errors
 
 
 def main(descents: str, path: str, aircraft: str | None = None) -> None:

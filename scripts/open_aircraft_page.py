@@ -8,7 +8,7 @@ from descentflow.aircraft_types.open_types.open_aircraft import CoefficientSourc
 from descentflow.reporting.html_elements import Html, bold, details, paragraph, subheading, table
 from descentflow.reporting.html_figures import figure
 from descentflow.reporting.html_page import HtmlPage
-from descentflow.studies.aircraft.open_aircraft_figures import open_aircraft_figure
+from studies.aircraft.open_aircraft_figures import open_aircraft_figure
 
 INTRODUCTION = """
 These coefficients have the form of BADA 3 and are not EUROCONTROL's BADA: they come from open sources, each with a

@@ -8,12 +8,12 @@ import json
 from pathlib import Path
 
 import numpy as np
-from bluesky_descents import add_plan_arguments, read_plans
-from flying.radar_reports import reports, table
-from flying.rate_table import drawn, fly, read_tables
 
+from bluesky_descents import add_plan_arguments, read_plans
 from descentflow.core.errors import DataError, DescentflowError
 from descentflow.core.files import whole_file
+from flying.radar_reports import reports, table
+from flying.rate_table import drawn, fly, read_tables
 
 
 def main() -> None:

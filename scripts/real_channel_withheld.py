@@ -13,10 +13,10 @@ import polars as pl
 
 from descentflow.core.errors import DescentflowError
 from descentflow.diagnosis.diagnose import diagnose
-from descentflow.studies.blind_diagnosis.figures.real_figures import PER_KFT, real_figure
-from descentflow.studies.blind_diagnosis.real_flights import check_temperature, check_wind
-from descentflow.studies.blind_diagnosis.seal import write_json
 from descentflow.surveillance.descents.prepared_descents import Descents
+from studies.blind_diagnosis.figures.real_figures import PER_KFT, real_figure
+from studies.blind_diagnosis.real_flights import check_temperature, check_wind
+from studies.blind_diagnosis.seal import write_json
 
 
 def package(descents: Descents, typecode: str, channels: Sequence[str]) -> dict[str, Any]:

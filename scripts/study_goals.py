@@ -4,7 +4,7 @@ python scripts/paper_study.py OUT --models gmm --workers 2
 python scripts/study_goals.py OUT --model gmm --workers 2   # resumable; writes OUT/goals_gmm.csv and OUT/types_gmm.csv
 
 Distances over their noise floor and the classifier's AUC are the study's; the spread at the top and the intervals in
-flight are measured here (descentflow/studies/paper/fidelity_measures.py), a type after the other.
+flight are measured here (scripts/studies/paper/fidelity_measures.py), a type after the other.
 """
 
 import argparse
@@ -15,9 +15,9 @@ import polars as pl
 from descentflow.core.files import whole_file
 from descentflow.core.threads import one_thread
 from descentflow.core.workers import ProcessEngine
-from descentflow.studies.paper.fidelity_goals import judged, of_types
-from descentflow.studies.paper.fidelity_measures import measure
-from descentflow.studies.paper.study_plan import StudyPlan, begun
+from studies.paper.fidelity_goals import judged, of_types
+from studies.paper.fidelity_measures import measure
+from studies.paper.study_plan import StudyPlan, begun
 
 
 def main() -> None:

@@ -18,16 +18,16 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import DescentflowError
-from descentflow.studies.blind_diagnosis.blind_draw import draw_plan
-from descentflow.studies.blind_diagnosis.blind_flights import reference_type
-from descentflow.studies.blind_diagnosis.blind_page import write_page
-from descentflow.studies.blind_diagnosis.blind_plan import Plan
-from descentflow.studies.blind_diagnosis.blind_run import diagnose_all, fly_true, generate, how_long
-from descentflow.studies.blind_diagnosis.blind_score import score
-from descentflow.studies.blind_diagnosis.closing import closing
-from descentflow.studies.blind_diagnosis.known_sets import write_known_sets
-from descentflow.studies.blind_diagnosis.seal import KEY, MANIFEST, open_key, read_json, write_json
-from descentflow.studies.blind_diagnosis.study_evidence import Evidence, pooled, read_evidence, write_evidence
+from studies.blind_diagnosis.blind_draw import draw_plan
+from studies.blind_diagnosis.blind_flights import reference_type
+from studies.blind_diagnosis.blind_page import write_page
+from studies.blind_diagnosis.blind_plan import Plan
+from studies.blind_diagnosis.blind_run import diagnose_all, fly_true, generate, how_long
+from studies.blind_diagnosis.blind_score import score
+from studies.blind_diagnosis.closing import closing
+from studies.blind_diagnosis.known_sets import write_known_sets
+from studies.blind_diagnosis.seal import KEY, MANIFEST, open_key, read_json, write_json
+from studies.blind_diagnosis.study_evidence import Evidence, pooled, read_evidence, write_evidence
 
 EVIDENCE = "evidence.json.gz"
 """What a score rests on; of other parts of a study it can be scored beside this one."""

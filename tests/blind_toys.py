@@ -3,9 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-from descentflow.studies.blind_diagnosis.blind_plan import SCALE_GROUP, Plan, SetPlan
-from descentflow.studies.blind_diagnosis.outcome import nameable
-from descentflow.studies.blind_diagnosis.true_sizes import true_sizes
+from studies.blind_diagnosis.blind_plan import SCALE_GROUP, Plan, SetPlan
+from studies.blind_diagnosis.outcome import nameable
+from studies.blind_diagnosis.true_sizes import true_sizes
 
 
 def perfect_report(one: SetPlan, catalogued: tuple[str, ...], without: str | None = None) -> dict[str, Any]:

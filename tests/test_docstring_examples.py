@@ -11,6 +11,7 @@ import pytest
 import torch
 
 import descentflow
+import studies
 from descentflow.cli import main
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.effects import EFFECTS
@@ -18,8 +19,7 @@ from descentflow.effects import EFFECTS
 pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
 
 NEEDS = {
-    f"descentflow.simulation.jsbsim_world.{name}": "jsbsim"
-    for name in ("fly_models", "model_aircraft", "model_files", "model_flight")
+    f"studies.jsbsim_world.{name}": "jsbsim" for name in ("fly_models", "model_aircraft", "model_files", "model_flight")
 } | {
     "descentflow.exports.onnx_export": "onnxscript",
     "descentflow.surveillance.formats.asterix": "pyasteryx",
@@ -31,7 +31,11 @@ LONG = ("descentflow.exports.onnx_export", "descentflow.exports.torch_export")
 
 
 def module_names() -> list[str]:
-    return sorted(found.name for found in pkgutil.walk_packages(descentflow.__path__, "descentflow."))
+    return sorted(
+        found.name
+        for package in (descentflow, studies)
+        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    )
 
 
 @pytest.fixture(scope="session")

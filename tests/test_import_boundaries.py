@@ -22,7 +22,7 @@ ONLY_IN = {
 }
 """Library -> the places that may import it."""
 
-KNOW_THE_TRAINER = {"training", "studies", "cli"}
+KNOW_THE_TRAINER = {"training", "cli"}
 """Packages that may import what knows Lightning; the front door does so only when it is asked."""
 
 
@@ -143,6 +143,12 @@ def test_libraries_stay_in_their_places(library: str) -> None:
 def test_torch_parts_know_no_trainer() -> None:
     strays = {folder for folder, others in packages().items() if "training" in others}
     assert strays <= KNOW_THE_TRAINER
+
+
+def test_the_package_imports_no_study() -> None:
+    """Studies lie beside the package, in ``scripts/studies``, and are not in the wheel."""
+    strays = [str(path) for path in files() if any(inside(name, "studies") for name in imports(path))]
+    assert strays == []
 
 
 def test_the_world_never_uses_the_energy_share_form() -> None:

@@ -7,9 +7,7 @@ each flight, with :mod:`~descentflow.simulation.constant_segments`, :mod:`~desce
 :mod:`~descentflow.simulation.motion` and :mod:`~descentflow.simulation.autopilot` (how it is flown),
 :mod:`~descentflow.simulation.truth` and :mod:`~descentflow.simulation.observe` (the tables that result). Effects that a
 diagnosis is to find are injected by :mod:`~descentflow.simulation.causes` through
-:mod:`~descentflow.simulation.injected`. Nothing of this shares an equation with the
-decoder that it tests. A second world, :mod:`~descentflow.simulation.jsbsim_world`, flies the aircraft of another
-program.
+:mod:`~descentflow.simulation.injected`. Nothing of this shares an equation with the decoder that it tests.
 
 Descents alone are flown. To fly climbs, begin with what :mod:`descentflow.physics` says of them; here an autopilot that
 climbs goes beside the one that descends.

@@ -12,7 +12,7 @@ LAYERS = {
     "Data": ("surveillance", "measurements", "air"),
     "Model": ("representation", "densities", "training", "positions", "generation", "evaluation", "exports"),
     "Diagnosis": ("effects", "diagnosis"),
-    "Worlds and studies": ("simulation", "studies"),
+    "Worlds": ("simulation",),
     "Command line": ("cli",),
 }
 """The reading order of the house; a package that is missing here stops the build."""

@@ -12,13 +12,13 @@ from blind_toys import perfect_report
 from descentflow.core.errors import DataError
 from descentflow.densities.checkpoint import load_model
 from descentflow.simulation.causes import CATALOGUED
-from descentflow.studies.blind_diagnosis.blind_flights import write_set, write_simulator
-from descentflow.studies.blind_diagnosis.blind_plan import Plan, SetPlan, SimulatorPlan
-from descentflow.studies.blind_diagnosis.blind_run import _of_key, diagnose_all, generate, how_long
-from descentflow.studies.blind_diagnosis.blind_score import score
-from descentflow.studies.blind_diagnosis.closing import MIN_CELLS, closing
-from descentflow.studies.blind_diagnosis.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json, write_json
 from descentflow.surveillance.descents.prepared_descents import read_descents
+from studies.blind_diagnosis.blind_flights import write_set, write_simulator
+from studies.blind_diagnosis.blind_plan import Plan, SetPlan, SimulatorPlan
+from studies.blind_diagnosis.blind_run import _of_key, diagnose_all, generate, how_long
+from studies.blind_diagnosis.blind_score import score
+from studies.blind_diagnosis.closing import MIN_CELLS, closing
+from studies.blind_diagnosis.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json, write_json
 
 SCRIPT = runpy.run_path(str(Path(__file__).resolve().parents[2] / "scripts" / "withheld_effects.py"))
 NAMES = tuple(cause.name for cause in CATALOGUED)

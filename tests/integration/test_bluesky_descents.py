@@ -1,8 +1,6 @@
 """BlueSky flies what it is commanded; needs the extra `bluesky`."""
 
-import sys
 from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +9,6 @@ import torch
 from descentflow.core.errors import DataError
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 from flying.bluesky_fleet import Orders, fly, start
 from flying.flight_plans import FlightPlan
 from flying.profiles import Profile

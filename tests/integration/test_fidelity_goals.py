@@ -11,10 +11,10 @@ from torch import Tensor
 
 from descentflow.densities.checkpoint import load_model
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.studies.paper.fidelity_goals import GOALS, Goal, judged, of_types
-from descentflow.studies.paper.fidelity_measures import in_flight, time_shown, top_spread
-from descentflow.studies.paper.study_plan import StudyPlan
 from descentflow.surveillance.descents.prepared_descents import read_descents
+from studies.paper.fidelity_goals import GOALS, Goal, judged, of_types
+from studies.paper.fidelity_measures import in_flight, time_shown, top_spread
+from studies.paper.study_plan import StudyPlan
 
 LEVELS = torch.arange(150.0, 351.0, dtype=torch.float64)
 

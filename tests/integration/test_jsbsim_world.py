@@ -16,12 +16,12 @@ from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.airspeed import tas_to_cas_mps
 from descentflow.physics.atmosphere import isa_temperature_k, pressure_altitude_m
 from descentflow.simulation.causes.air import KT_PER_KFT
-from descentflow.simulation.jsbsim_world.airframes import AIRFRAMES, airframe_of
-from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig
-from descentflow.simulation.jsbsim_world.fly_models import JsbsimWorld, fly
-from descentflow.simulation.jsbsim_world.model_files import copy_model
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows.schema import COLUMNS
+from studies.jsbsim_world.airframes import AIRFRAMES, airframe_of
+from studies.jsbsim_world.flight_plans import JsbsimConfig
+from studies.jsbsim_world.fly_models import JsbsimWorld, fly
+from studies.jsbsim_world.model_files import copy_model
 
 Array = NDArray[np.float64]
 STEADY = JsbsimConfig(interval_s=1.0, wander_kt=0.0)

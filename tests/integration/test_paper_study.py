@@ -10,14 +10,14 @@ import torch
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.workers import DaskEngine, ProcessEngine
 from descentflow.densities.checkpoint import load_model
-from descentflow.studies.paper.fidelity_tables import summary, whole_descents
-from descentflow.studies.paper.study_plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
-from descentflow.studies.paper.study_report import read_published, write_report
-from descentflow.studies.paper.study_run import costs, run_study
-from descentflow.studies.paper.study_tables import all_scores, means, table, with_best
-from descentflow.studies.paper.sweep_report import sweep_sections
-from descentflow.studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
 from descentflow.training.datamodule import DescentDataModule
+from studies.paper.fidelity_tables import summary, whole_descents
+from studies.paper.study_plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
+from studies.paper.study_report import read_published, write_report
+from studies.paper.study_run import costs, run_study
+from studies.paper.study_tables import all_scores, means, table, with_best
+from studies.paper.sweep_report import sweep_sections
+from studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
 
 PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "gmm"), n_samples=300, max_epochs=2)
 

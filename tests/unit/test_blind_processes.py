@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from descentflow.studies.blind_diagnosis import processes
+from studies.blind_diagnosis import processes
 
 
 def test_more_work_than_processes_are_kept_for_is_all_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

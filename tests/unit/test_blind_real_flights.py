@@ -10,15 +10,15 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import DataError
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
-from descentflow.studies.blind_diagnosis.hypsometry import (
+from descentflow.surveillance.prepare import prepare
+from studies.blind_diagnosis.hypsometry import (
     gravity_mps2,
     hypsometric_deviation,
     speed_deviation,
     weighted_mean,
 )
-from descentflow.studies.blind_diagnosis.real_flights import filled
-from descentflow.studies.blind_diagnosis.winds import tailwind_gradient, wind_profile
-from descentflow.surveillance.prepare import prepare
+from studies.blind_diagnosis.real_flights import filled
+from studies.blind_diagnosis.winds import tailwind_gradient, wind_profile
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
 

@@ -10,12 +10,12 @@ from blind_toys import few_flights, study
 
 from descentflow.core.errors import ConfigError
 from descentflow.simulation.causes import CATALOGUED, CAUSES
-from descentflow.studies.blind_diagnosis.blind_draw import Shares, draw_plan
-from descentflow.studies.blind_diagnosis.blind_page import blind_page
-from descentflow.studies.blind_diagnosis.blind_plan import HOLDING, SCALE_GROUP, Plan, SetPlan
-from descentflow.studies.blind_diagnosis.blind_score import score
-from descentflow.studies.blind_diagnosis.outcome import matched, nameable, overlap, stands_for
-from descentflow.studies.blind_diagnosis.true_sizes import true_sizes
+from studies.blind_diagnosis.blind_draw import Shares, draw_plan
+from studies.blind_diagnosis.blind_page import blind_page
+from studies.blind_diagnosis.blind_plan import HOLDING, SCALE_GROUP, Plan, SetPlan
+from studies.blind_diagnosis.blind_score import score
+from studies.blind_diagnosis.outcome import matched, nameable, overlap, stands_for
+from studies.blind_diagnosis.true_sizes import true_sizes
 
 NAMES = tuple(cause.name for cause in CATALOGUED)
 

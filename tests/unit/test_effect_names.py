@@ -10,7 +10,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.effects import EFFECTS, Effect, Parameter, checked_catalogue
 
 PACKAGE = Path(descentflow.__file__).parent
-MAY_NAME = ("effects", "simulation", "studies")
+MAY_NAME = ("effects", "simulation")
 COLUMNS = {"temperature"}
 """Names that are also names of a column of rows, which `surveillance` speaks of."""
 

@@ -12,7 +12,7 @@ from descentflow.evaluation.figures.distances_by_level import distance_by_level_
 from descentflow.evaluation.figures.level_cuts import cuts_figure
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.generation.samples import RejectionReport
-from descentflow.studies.blind_diagnosis.figures.blind_figures import (
+from studies.blind_diagnosis.figures.blind_figures import (
     closure_figure,
     p_value_figure,
     sizes_figure,

@@ -3,7 +3,7 @@ import torch
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FL_M, KT_MPS
-from descentflow.studies.aircraft.energy_share_figure import energy_share_figure, speed_profile
+from studies.aircraft.energy_share_figure import energy_share_figure, speed_profile
 
 
 def test_the_figure_holds_one_speed_and_three_rates_and_times() -> None:

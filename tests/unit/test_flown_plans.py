@@ -1,17 +1,13 @@
 """How the scripts that fly other simulators take plans from real flights, and report what was flown."""
 
 import argparse
-import sys
 from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
 
 from descentflow.core.errors import DataError
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 from flying.flight_plans import FlightPlan, cas_of_mach_kt, flight_plans
 from flying.profiles import Profile
 from flying.radar_reports import NOISE, reports, table

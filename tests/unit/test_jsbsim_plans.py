@@ -11,11 +11,11 @@ from scipy import stats
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M
 from descentflow.physics import airspeed, atmosphere
-from descentflow.simulation.jsbsim_world import model_files, scalar_air
-from descentflow.simulation.jsbsim_world.airframes import AIRFRAMES, WITHHELD, airframe_of
-from descentflow.simulation.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
-from descentflow.simulation.jsbsim_world.fly_models import fly
-from descentflow.simulation.jsbsim_world.model_effects import inject
+from studies.jsbsim_world import model_files, scalar_air
+from studies.jsbsim_world.airframes import AIRFRAMES, WITHHELD, airframe_of
+from studies.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
+from studies.jsbsim_world.fly_models import fly
+from studies.jsbsim_world.model_effects import inject
 
 MD11 = AIRFRAMES["MD11"]
 

@@ -14,7 +14,7 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, o
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FPM_MPS
 from descentflow.physics.nominal_descent import nominal_descent
-from descentflow.studies.aircraft.open_aircraft_figures import descent_masses_kg, open_aircraft_figure
+from studies.aircraft.open_aircraft_figures import descent_masses_kg, open_aircraft_figure
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "open_aircraft_page.py"
 

@@ -13,11 +13,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from descentflow.core.errors import DataError
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.physics.nominal_descent import nominal_descent
-from descentflow.studies.paper.figures.boxes import box_values, boxes_figure
-from descentflow.studies.paper.figures.mass_range import N_MASSES, mass_range, mass_range_figure
-from descentflow.studies.paper.figures.rejection_rates import rejection_rates_figure
-from descentflow.studies.paper.figures.sweep_curves import completed_figure, flow_sizes_figure, variance_figure
-from descentflow.studies.paper.study_tables import QUANTITIES
+from studies.paper.figures.boxes import box_values, boxes_figure
+from studies.paper.figures.mass_range import N_MASSES, mass_range, mass_range_figure
+from studies.paper.figures.rejection_rates import rejection_rates_figure
+from studies.paper.figures.sweep_curves import completed_figure, flow_sizes_figure, variance_figure
+from studies.paper.study_tables import QUANTITIES
 
 AIRCRAFT = toys.AIRCRAFT
 

@@ -14,10 +14,10 @@ from descentflow.densities.checkpoint import load_model
 from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.fpca.iterative import MAX_ITERATIONS, iterate
-from descentflow.studies.paper.study_plan import RECIPES, StudyPlan
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 from descentflow.training.training_settings import training_settings
+from studies.paper.study_plan import RECIPES, StudyPlan
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import toys
 
 from descentflow.core.units import FL_M
 from descentflow.representation.fpca.gappy import GappyFPCA
-from descentflow.studies.paper.variance import fold_scores, truncated
+from studies.paper.variance import fold_scores, truncated
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8, 0.9])

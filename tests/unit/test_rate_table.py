@@ -1,7 +1,6 @@
 """Descents by a table of rates: what is read, what is drawn, what is flown."""
 
 import json
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -10,8 +9,6 @@ import pytest
 from scipy import stats
 
 from descentflow.core.errors import DataError
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 from flying.flight_plans import FlightPlan
 from flying.rate_table import drawn, fly, read_tables
 

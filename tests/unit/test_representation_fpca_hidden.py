@@ -9,8 +9,8 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import KT_MPS
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.fpca.hidden import MIN_SHARE_SHOWN, hide
-from descentflow.studies.paper.figures.hidden_errors import gappy_figure
-from descentflow.studies.paper.hidden_levels import METHODS, hidden_errors
+from studies.paper.figures.hidden_errors import gappy_figure
+from studies.paper.hidden_levels import METHODS, hidden_errors
 
 
 def generator(seed: int = 0) -> torch.Generator:

@@ -1,7 +1,6 @@
 """How the rivals' answers are counted, and what their names stand for; their libraries are not needed."""
 
 import json
-import sys
 from dataclasses import replace
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -11,21 +10,19 @@ import polars as pl
 import pytest
 import torch
 
-from descentflow.core.errors import DataError
-from descentflow.effects import EFFECTS
-from descentflow.simulation.world import simulate
-from descentflow.studies.blind_diagnosis.blind_plan import Plan, SetPlan, SimulatorPlan
-from descentflow.studies.blind_diagnosis.known_sets import write_known_sets
-from descentflow.studies.blind_diagnosis.seal import KEY, OPENED, write_json
-from descentflow.surveillance.descents.prepared_descents import write_descents
-from descentflow.surveillance.prepare import prepare
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 from benchmarks.rivals_dowhy import flight_table
 from benchmarks.rivals_mapping import EFFECTS_OF_NODE, PARENTS_OF_NODE, TARGETS, graph
 from benchmarks.rivals_sbi import posterior_answer
 from benchmarks.rivals_scoring import Answer, Scored, tally
 from benchmarks.rivals_sets import read_set, set_folders
+from descentflow.core.errors import DataError
+from descentflow.effects import EFFECTS
+from descentflow.simulation.world import simulate
+from descentflow.surveillance.descents.prepared_descents import write_descents
+from descentflow.surveillance.prepare import prepare
+from studies.blind_diagnosis.blind_plan import Plan, SetPlan, SimulatorPlan
+from studies.blind_diagnosis.known_sets import write_known_sets
+from studies.blind_diagnosis.seal import KEY, OPENED, write_json
 
 RATE = EFFECTS_OF_NODE["rate"]
 

@@ -16,8 +16,8 @@ from descentflow.simulation.parameters import PARTS, draw_parameters
 from descentflow.simulation.scenarios import scenario_settings
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
-from descentflow.studies.paper.study_plan import PAPER_FLIGHTS
 from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
+from studies.paper.study_plan import PAPER_FLIGHTS
 
 LONDON = "london-fir-2019"
 CALM = {

@@ -10,9 +10,9 @@ import pytest
 
 from descentflow.core.errors import DataError
 from descentflow.simulation.causes import CATALOGUED
-from descentflow.studies.blind_diagnosis.blind_draw import draw_plan
-from descentflow.studies.blind_diagnosis.blind_score import score
-from descentflow.studies.blind_diagnosis.study_evidence import Evidence, pooled, read_evidence, write_evidence
+from studies.blind_diagnosis.blind_draw import draw_plan
+from studies.blind_diagnosis.blind_score import score
+from studies.blind_diagnosis.study_evidence import Evidence, pooled, read_evidence, write_evidence
 
 NAMES = tuple(cause.name for cause in CATALOGUED)
 

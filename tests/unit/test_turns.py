@@ -19,11 +19,11 @@ from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantities import CHANNELS, Quantities, quantities_of, reference_state
 from descentflow.measurements.turning import induced_by_turns
 from descentflow.simulation.world import simulate
-from descentflow.studies.blind_diagnosis.blind_draw import draw_plan
-from descentflow.studies.blind_diagnosis.blind_plan import Plan, SetPlan
-from descentflow.studies.blind_diagnosis.blind_score import score
-from descentflow.studies.blind_diagnosis.outcome import outcomes
 from descentflow.surveillance.prepare import prepare
+from studies.blind_diagnosis.blind_draw import draw_plan
+from studies.blind_diagnosis.blind_plan import Plan, SetPlan
+from studies.blind_diagnosis.blind_score import score
+from studies.blind_diagnosis.outcome import outcomes
 
 TURN, BRAKES = EFFECTS["turn"], EFFECTS["speed_brake"]
 LEVELS = torch.arange(100.0, 301.0, dtype=torch.float64)

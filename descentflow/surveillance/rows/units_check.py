@@ -17,7 +17,7 @@ from descentflow.surveillance.rows.other_checks import (
 from descentflow.surveillance.rows.rate_readings import Steps
 from descentflow.surveillance.rows.readings import MIN_VALUES, Evidence, Solution, agreeing, as_given
 from descentflow.surveillance.rows.schema import POSSIBLE
-from descentflow.surveillance.rows.units_words import contradiction, refusal
+from descentflow.surveillance.rows.units_words import contradiction, readings_in_words, refusal
 
 SAMPLE = 20_000
 """Rows that are checked."""
@@ -29,6 +29,13 @@ which a column that no unit explains is a warning: a register of one aircraft ma
 CONTRADICTS_KT = 25.0
 """Difference of IAS and the CAS of Mach at which rows are dropped (`airspeeds_differ_kt`): a smaller one that no unit
 explains is a poor instrument."""
+GEOMETRIC_KT = 3.0
+"""Median of IAS less the CAS of Mach and altitude above which altitude is hardly the pressure altitude: real sources
+have up to 1.0, and a geometric altitude in ISA + 18 K has 7.5."""
+MIXED = 0.1
+"""Share of flights that agree as given from which the others are named, and the table is not refused as a whole."""
+SHOWN = 5
+"""Flights that a message names."""
 
 
 def check_units(rows: pl.DataFrame, source: str) -> None:
@@ -57,37 +64,106 @@ def check_units(rows: pl.DataFrame, source: str) -> None:
     # Rows of no address are of any aircraft; they are dropped, and counted, when rows are judged.
     rows = rows.drop_nulls("icao24") if rows["icao24"].has_nulls() else rows
     check_constant_rate(rows.head(RATE_SAMPLE), source)
-    evidence = _evidence(rows)
-    if evidence is not None and not (given := as_given(evidence)).agrees:
-        _refuse(evidence, given, rows, source)
+    if error := contradicting_columns(rows, source):
+        raise error
+    if said := contradicting_flights(rows):
+        warnings.warn(f"{source}: {said}", DescentflowWarning, stacklevel=3)
     check_angles(rows, source)
     _check_others(rows, source)
     check_possible(rows, source)
 
 
-def _refuse(evidence: Evidence, given: Solution, rows: pl.DataFrame, source: str) -> None:
-    """Say which reading makes columns agree that do not, or which column contradicts the others.
+def contradicting_columns(rows: pl.DataFrame, source: str) -> DataError | None:
+    """The error for columns of which all rows contradict each other; none if some flights agree as given.
 
-    Raises:
-        DataError: Unless airliners do not fly so in any reading, which the cleaning counts, or nobody can be blamed.
+    Columns that agree so far, but not as a pressure altitude makes them, are a warning.
+
+    Example:
+        >>> contradicting_columns(pl.read_parquet("rows.parquet"), "rows.parquet") is None
+        True
+    """
+    evidence = _evidence(rows)
+    if evidence is None:
+        return None
+    given = as_given(evidence)
+    if given.agrees:
+        _check_geometric(evidence, source)
+        return None
+    return None if contradicting_flights(rows) else _refusal(evidence, given, rows, source)
+
+
+def contradicting_flights(rows: pl.DataFrame) -> str:
+    """Words for flights whose columns agree in other units alone, while those of others agree as given; else empty.
+
+    Example:
+        >>> contradicting_flights(pl.read_parquet("rows.parquet"))
+        ''
+    """
+    names = [name for name in ("flight_id", "icao24") if name in rows.columns]
+    found: dict[str, list[str]] = {}
+    agreeing_flights = 0
+    for flight in rows.partition_by(names, maintain_order=True):
+        evidence = _evidence(flight)
+        given = as_given(evidence) if evidence is not None else None
+        if evidence is None or given is None:
+            continue
+        agreeing_flights += given.agrees
+        best = [] if given.agrees else agreeing(evidence, given)[:1]
+        if best and not any(reading.off for reading in best[0].readings.values()):
+            found.setdefault(readings_in_words(best[0]), []).append(str(flight.item(0, names[0])))
+    number = sum(map(len, found.values()))
+    if not number or agreeing_flights <= MIXED * (number + agreeing_flights):
+        return ""
+    said = (
+        f"{len(which):,} flights ({', '.join(which[:SHOWN])}{', ...' * (len(which) > SHOWN)}) {words}"
+        for words, which in found.items()
+    )
+    return (
+        f"columns of some flights contradict each other: in {'; in '.join(said)}; the columns of {agreeing_flights:,} "
+        "others agree as given: convert the rows of each source before they are put together"
+    )
+
+
+def _check_geometric(evidence: Evidence, source: str) -> None:
+    """Warn of an altitude that IAS and Mach contradict as a geometric one would."""
+    if "Mach" not in evidence.columns:
+        return
+    altitude, ias, mach = (evidence.columns[name] for name in ("altitude", "IAS", "Mach"))
+    with np.errstate(all="ignore"):
+        excess_kt = float(np.nanmedian(ias - cas_of_mach_kt(mach, altitude)))
+    if abs(excess_kt) > GEOMETRIC_KT:
+        warnings.warn(
+            f"{source}: altitude seems to be a geometric altitude (alt_geom, geoaltitude, GPS), and no pressure "
+            f"altitude: IAS less the CAS of Mach and altitude is {excess_kt:+.1f} kt in the median, where real sources "
+            f"are within 1 kt; levels are then too {'high' if excess_kt > 0 else 'low'}: name the column of the "
+            "pressure altitude (alt_baro, baroaltitude)",
+            DescentflowWarning,
+            stacklevel=4,
+        )
+
+
+def _refusal(evidence: Evidence, given: Solution, rows: pl.DataFrame, source: str) -> DataError | None:
+    """The reading that makes columns agree that do not, or the column that contradicts the others.
+
+    Returns:
+        None where airliners do not fly so in any reading, which the cleaning counts, or nobody can be blamed.
     """
     found = agreeing(evidence, given)
     if not found:
-        if given.possible:
-            raise contradiction(source, given, [])
-        return
+        return contradiction(source, given, []) if given.possible else None
     best = [one for one in found if one.rank[:2] == found[0].rank[:2] and one.rank[2] < found[0].rank[2] + 0.2]
     if not any(reading.off for reading in best[0].readings.values()):
-        raise refusal(source, given, best)
+        return refusal(source, given, best)
     if _is_poor_instrument(evidence, given):
-        return
+        return None
     error = contradiction(source, given, best)
     off = {name for one in best for name, reading in one.readings.items() if reading.off}
     if rows["icao24"].n_unique() >= MIN_AIRCRAFT and off != {"vertical_rate"}:
-        raise error
+        return error
     # Rows of several aircraft under one address make such rates, too.
     shared = ", or give rows of different aircraft different icao24" if off == {"vertical_rate"} else ""
     warnings.warn(f"{error.got}; {error.mend}{shared}", DescentflowWarning, stacklevel=4)
+    return None
 
 
 def _is_poor_instrument(evidence: Evidence, given: Solution) -> bool:

@@ -44,7 +44,7 @@ def refusal(source: str, given: Solution, best: Sequence[Solution]) -> DataError
     agreement = _agreement(best[0].differences)
     so = f"read so, all columns agree ({agreement})" if agreement else "airliners can fly so"
     return DataError(
-        f"{source}: {' or '.join(map(_seems, best))}; {so}; {_as_given(given)}",
+        f"{source}: {' or '.join(map(readings_in_words, best))}; {so}; {_as_given(given)}",
         expected=_expected(names),
         mend=" or, if it is that, ".join(map(_mend, best)),
     )
@@ -88,7 +88,14 @@ def _swapped(one: Solution) -> bool:
     return meanings == {"IAS": "TAS", "TAS": "IAS"}
 
 
-def _seems(one: Solution) -> str:
+def readings_in_words(one: Solution) -> str:
+    """The unit or quantity that each column seems to have.
+
+    Example:
+        >>> from descentflow.surveillance.rows.readings import READINGS
+        >>> readings_in_words(Solution({"IAS": READINGS["IAS"][1]}))
+        'IAS seems to be in m/s'
+    """
     if _swapped(one):
         return "IAS and TAS seem to be swapped"
     first, *others = one.changed.items()

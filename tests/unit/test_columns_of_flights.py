@@ -1,0 +1,89 @@
+"""Columns of each flight are held against each other as tightly as real sources agree, and what differs is named."""
+
+import warnings
+
+import numpy as np
+import polars as pl
+import pytest
+
+from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt, mach_of_cas
+from descentflow.surveillance.rows.units_check import check_units
+
+
+def rows_of_flights(number: int = 6) -> pl.DataFrame:
+    """Descents of 2,400 ft/min and more at constant CAS, a row each 10 s."""
+    flights = []
+    for flight in range(number):
+        seconds = np.arange(0.0, 700.0, 10.0)
+        rate_fpm = -2400.0 - 100 * flight
+        altitude = 38_000.0 + rate_fpm * seconds / 60
+        ias = np.full(len(seconds), 260.0 + 5 * flight)
+        flights.append(
+            pl.DataFrame(
+                {
+                    "icao24": f"4ca00{flight}",
+                    "timestamp": pl.from_epoch(pl.Series(1_709_287_200 + 7200 * flight + seconds).cast(pl.Int64)),
+                    "altitude": altitude,
+                    "IAS": ias,
+                    "Mach": mach_of_cas(ias, altitude),
+                    "vertical_rate": rate_fpm,
+                }
+            )
+        )
+    return pl.concat(flights)
+
+
+ODD = pl.col("icao24").str.slice(-1).cast(pl.Int64) % 2 == 1
+
+
+@pytest.mark.parametrize(
+    ("factor", "words", "mend"),
+    [
+        (2.0, "doubled", r"vertical_rate\*0.5"),
+        (0.5, "halved", r"vertical_rate\*2"),
+        (1 / 32, "raw counts of 32 ft/min", r"vertical_rate\*32"),
+        (1 / 64, "raw counts of 64 ft/min", r"vertical_rate\*64"),
+        (1 / 60, "in ft/s", r"vertical_rate\*60"),
+        (-1 / 32, "raw counts of 32 ft/min .* and with the sign of a sink rate", r"vertical_rate\*-32"),
+    ],
+)
+def test_a_scaled_rate_is_named_with_its_own_factor(factor: float, words: str, mend: str) -> None:
+    with pytest.raises(DataError, match=f"(?s){words}.*{mend}"):
+        check_units(rows_of_flights().with_columns(pl.col("vertical_rate") * factor), "rows")
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.3, 1.6])
+def test_a_rate_wrong_by_no_known_factor_is_a_warning(factor: float) -> None:
+    with pytest.warns(DescentflowWarning, match="vertical_rate contradicts the other columns"):
+        check_units(rows_of_flights().with_columns(pl.col("vertical_rate") * factor), "rows")
+
+
+@pytest.mark.parametrize("factor", [0.95, 1.0, 1.04])
+def test_rates_as_of_real_sources_pass_in_silence(factor: float) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_units(rows_of_flights().with_columns(pl.col("vertical_rate") * factor), "rows")
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "words"),
+    [
+        ("vertical_rate", 0.00508, "vertical_rate seems to be in m/s"),
+        ("altitude", 0.3048, "altitude seems to be in metres"),
+        ("IAS", 0.514444, "IAS seems to be in m/s"),
+        ("vertical_rate", -1.0, "vertical_rate has the sign of a sink rate"),
+    ],
+)
+def test_some_flights_in_another_unit_are_named(column: str, factor: float, words: str) -> None:
+    rows = rows_of_flights().with_columns(pl.when(ODD).then(factor).otherwise(1.0).mul(pl.col(column)).alias(column))
+    with pytest.warns(DescentflowWarning, match=rf"in 3 flights \(4ca001, 4ca003, 4ca005\) {words}"):
+        check_units(rows, "rows")
+
+
+def test_a_geometric_altitude_in_warm_air_is_called_so() -> None:
+    rows = rows_of_flights()
+    mach, geometric = rows["Mach"].to_numpy(), rows["altitude"].to_numpy() * (1 + 18 / 260)
+    assert np.median(rows["IAS"].to_numpy() - cas_of_mach_kt(mach, geometric)) > 5
+    with pytest.warns(DescentflowWarning, match="altitude seems to be a geometric altitude"):
+        check_units(rows.with_columns(altitude=pl.Series(geometric)).drop("vertical_rate"), "rows")

@@ -16,7 +16,7 @@ ONLY_IN = {
     "pyro": ("densities/mixture.py",),
     "normflows": ("densities/flow.py", "densities/layers.py", "densities/splines.py"),
     "lightning": ("training/", "cli/trainer.py"),
-    "tensorboard": ("training/callbacks/", "training/run_page/"),
+    "tensorboard": ("training/callbacks/",),
     "rs1090": ("surveillance/formats/",),
     "pyasteryx": ("surveillance/formats/",),
 }

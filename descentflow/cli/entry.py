@@ -23,7 +23,6 @@ COMMANDS = {
     "validate": "log-likelihood of a checkpoint on its validation flights",
     "test": "scores of a checkpoint against held-out flights, with figures",
     "predict": "log-likelihood of each held-out flight (the smaller, the less usual the descent)",
-    "open": "a run's settings, curves and scores in one page",
     "info": "what a checkpoint holds: aircraft, levels, flights, context, score",
     "sample": "draw plausible descents from a checkpoint",
     "predict-descent": "the rest of a descent from its first part: time to each level, occupancy of levels",

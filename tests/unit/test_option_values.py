@@ -157,7 +157,6 @@ def test_descents_that_cannot_be_fitted_are_refused_at_once(tmp_path: Path) -> N
         (["test", "--ckpt_path", "no.ckpt"], "descentflow test: no file no.ckpt; expected a checkpoint"),
         (["info", "no.ckpt"], "descentflow info: no file no.ckpt; expected a checkpoint"),
         (["sample", "no.ckpt", "-n", "3", "--out", "s.csv"], "descentflow sample: no file no.ckpt; expected a check"),
-        (["open", "no"], "descentflow open: no file or folder no; expected a run"),
     ],
 )
 def test_torch_is_not_waited_for(words: list[str], told: str) -> None:

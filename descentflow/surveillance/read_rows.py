@@ -19,8 +19,8 @@ from descentflow.surveillance.rows.column_names import note_unused, row_names
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.named_columns import (
     MACH_MISSING,
-    lacks_only_mach,
     mach_reported,
+    with_ias,
     with_mach,
     with_named,
 )
@@ -215,12 +215,15 @@ def _normalised(
             report.note(WITHOUT_ROWS, int(table.first and given.is_empty() and table.label != HELD))
         rows = normalise(given, table.label, report)
         rows = with_values_beside(rows, report) if table.any_columns else rows
+        without_ias = rows
+        rows = with_ias(rows, report) if table.any_columns else rows
         reported = mach_reported(rows) if table.any_columns else 1.0
         # An empty column is none: IAS cannot be checked against it.
         rows = rows if reported else rows.drop("Mach", strict=False)
         if table.any_columns and (table.first or len(rows) >= MIN_IN_LATER_PARTS):
-            check_units(rows, table.label)
+            # A computed IAS proves nothing of Mach.
+            check_units(rows if rows is without_ias else rows.drop("Mach", strict=False), table.label)
         if table.any_columns:
             times.check(rows, table.label, table.first)
-        computes = lacks_only_mach(rows.columns) or reported < MACH_MISSING
+        computes = "Mach" not in rows.columns or reported < MACH_MISSING
         yield with_mach(rows, report) if computes else rows

@@ -92,6 +92,19 @@ def test_mach_is_computed_where_most_rows_lack_it(every: int | None) -> None:
     assert (some.computed, some.report.notes["rows without Mach"]) == ([], len(rows.gather_every(3)))
 
 
+@pytest.mark.parametrize("empty", [False, True])
+def test_ias_is_computed_where_rows_have_mach_alone(empty: bool) -> None:
+    rows = fleet()
+    lacking = rows.with_columns(IAS=pl.lit(None, pl.Float64)) if empty else rows.drop("IAS")
+    whole, found = prepare(rows), prepare(lacking)
+    both = whole.frame.join(found.frame, on=["flight_id", "level_fl"], suffix="_computed")
+    assert len(both) == len(whole.frame) == len(found.frame)
+    assert np.abs(both["IAS"] - both["IAS_computed"]).max() < 0.05
+    assert found.report.notes["values of IAS computed from Mach and altitude"] == len(rows)
+    assert "IAS is computed from Mach and altitude" in str(found)
+    assert (found.computed, "IAS" in found.reported.columns) == (["Mach"], True)  # one of the two is left out
+
+
 def test_without_ias_there_is_no_mach() -> None:
     with pytest.raises(DataError, match="no column IAS, Mach"):
         prepare(fleet().drop("IAS", "Mach"))

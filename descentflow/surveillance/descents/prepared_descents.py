@@ -17,7 +17,7 @@ from descentflow.surveillance.descents.check_descents import checked_descents
 from descentflow.surveillance.descents.description import KEY, MEND, SCHEMA_VERSION, described
 from descentflow.surveillance.descents.store import read_store
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.named_columns import MACH_COMPUTED
+from descentflow.surveillance.rows.named_columns import IAS_COMPUTED, MACH_COMPUTED
 from descentflow.surveillance.rows.schema import CHANNELS
 from descentflow.surveillance.unpacking.unreadable import whole_input
 
@@ -110,13 +110,13 @@ class Descents:
 
     @property
     def computed(self) -> list[str]:
-        """Channels that were not reported: Mach, where rows had none and it was computed from IAS and altitude.
+        """Channels that carry no information of their own: Mach, where it or IAS was computed from the other.
 
         Example:
             >>> read_descents("descents.parquet").computed
             []
         """
-        return ["Mach"] if MACH_COMPUTED in self.report.notes else []
+        return ["Mach"] if {IAS_COMPUTED, MACH_COMPUTED} & set(self.report.notes) else []
 
     @property
     def reported(self) -> pl.DataFrame:
@@ -187,7 +187,8 @@ class Descents:
             f"  {name}: {number:,}" + (f", a quarter of them from FL{tops[name]} or above" if name in tops else "")
             for name, number in self.flights.items()
         ]
-        computed = [f"  {name} is computed from IAS and altitude: rows had none" for name in self.computed]
+        pair = ("IAS", "Mach") if IAS_COMPUTED in self.report.notes else ("Mach", "IAS")
+        computed = ["  {} is computed from {} and altitude: rows had none".format(*pair)] if self.computed else []
         return "\n".join([head, *types, *self.report.summary(), *computed])
 
 

@@ -16,7 +16,7 @@ OF_DESCENTS = {"flight_id", "level_fl", "time_s"}
 """Columns by which prepared descents are known."""
 COLUMNS_MEND = (
     "name yours, for instance --column altitude=alt_ft of `descentflow prepare`, or rename it; IAS comes with Mode S "
-    "enhanced surveillance (BDS 6,0), not with ADS-B alone, and Mach with it, or is computed from IAS and altitude"
+    "enhanced surveillance (BDS 6,0), not with ADS-B alone, and Mach with it; one of the two is computed from the other"
 )
 VECTORS_MEND = (
     "take airspeeds from OpenSky's replies to Mode S radars (rawdata or the roll-call tables; docs: Sources of rows, "

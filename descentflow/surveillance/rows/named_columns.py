@@ -7,7 +7,7 @@ from pathlib import Path
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.surveillance.rows.air_data import mach_of_cas
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt, mach_of_cas
 from descentflow.surveillance.rows.column_names import LEVELS
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.missing_columns import listed
@@ -15,6 +15,8 @@ from descentflow.surveillance.rows.schema import COLUMNS, POSSIBLE
 
 MACH_COMPUTED = "values of Mach computed from IAS and altitude"
 """Note in the report of rows whose source has no Mach."""
+IAS_COMPUTED = "values of IAS computed from Mach and altitude"
+"""Note in the report of rows whose source has no IAS."""
 MACH_MISSING = 0.25
 """Share of rows with a Mach number below which the others' is computed: the source hardly reports it."""
 
@@ -99,14 +101,38 @@ def _multiplied(column: pl.Series, factor: float, name: str, report: DropReport)
     return numbers
 
 
-def lacks_only_mach(names: Iterable[str]) -> bool:
-    """Whether columns can stand without Mach, because it follows from two of them.
+def computable(names: Iterable[str]) -> set[str]:
+    """The airspeed that columns can stand without, because it follows from the other one and altitude.
 
     Example:
-        >>> lacks_only_mach(["timestamp", "altitude", "IAS"]), lacks_only_mach(["altitude"])
-        (True, False)
+        >>> computable(["altitude", "IAS"]), computable(["altitude", "Mach"]), computable(["altitude"])
+        ({'Mach'}, {'IAS'}, set())
     """
-    return "Mach" not in names and {"altitude", "IAS"} <= set(names)
+    lacking = {"IAS", "Mach"} - set(names)
+    return lacking if "altitude" in names and len(lacking) == 1 else set()
+
+
+def with_ias(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Rows with IAS computed from Mach and pressure altitude, if no row has any.
+
+    Args:
+        rows: In names, types and units of a row.
+        report: Takes the number of values that were computed.
+
+    Example:
+        >>> rows = with_ias(pl.DataFrame({"altitude": [35000.0], "Mach": [0.78]}), DropReport())
+        >>> round(rows["IAS"][0])
+        264
+    """
+    if "Mach" not in rows.columns or ("IAS" in rows.columns and rows["IAS"].count()):
+        return rows
+    possible = rows.select(
+        pl.when(pl.col(name).is_between(*POSSIBLE[name])).then(pl.col(name)).alias(name)
+        for name in ("Mach", "altitude")
+    )
+    ias = pl.Series(cas_of_mach_kt(possible["Mach"].to_numpy(), possible["altitude"].to_numpy())).fill_nan(None)
+    report.note(IAS_COMPUTED, ias.count())
+    return rows.with_columns(IAS=ias).select(name for name in COLUMNS if name == "IAS" or name in rows.columns)
 
 
 def mach_reported(rows: pl.DataFrame) -> float:

@@ -11,7 +11,7 @@ from descentflow.surveillance.rows.addresses import six_digits
 from descentflow.surveillance.rows.column_names import LEVELS, row_names, with_altitude
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.missing_columns import STATE_VECTOR, without_columns
-from descentflow.surveillance.rows.named_columns import lacks_only_mach
+from descentflow.surveillance.rows.named_columns import computable
 from descentflow.surveillance.rows.relative_times import FIRST_S
 from descentflow.surveillance.rows.schema import COLUMNS, FILLS, REQUIRED, TIMESTAMP
 
@@ -47,8 +47,8 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
         report: Takes the number of values that are no numbers or dates.
 
     Returns:
-        Columns of :data:`~descentflow.surveillance.rows.schema.COLUMNS` in their types and units; without Mach where it
-        is to be computed (:func:`~descentflow.surveillance.rows.named_columns.with_mach`).
+        Columns of :data:`~descentflow.surveillance.rows.schema.COLUMNS` in their types and units; without the airspeed
+        that is to be computed (:func:`~descentflow.surveillance.rows.named_columns.computable`).
 
     Raises:
         DataError: If a required column is missing or occurs twice, or most of its values cannot be read.
@@ -62,8 +62,7 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
     theirs = table.columns
     table = _from_state_vectors(table, report) if STATE_VECTOR in table.columns else table
     table = with_altitude(_renamed(table, path, report), path, report)
-    without_mach = lacks_only_mach(table.columns)
-    missing = [n for n in REQUIRED if n not in table.columns and not (without_mach and n == "Mach")]
+    missing = [n for n in REQUIRED if n not in {*table.columns, *computable(table.columns)}]
     if missing:
         raise without_columns(path, missing, theirs, table.columns)
     columns = []
@@ -252,7 +251,7 @@ def wanted(names: Sequence[str], named: Sequence[str] = ()) -> list[str]:
     useful = [name for name in names if targets[name] in known or name in vectors or name in named]
     given = {targets[name] for name in useful}
     given |= {"altitude"} if vectors or LEVELS in given else set()
-    return useful if given >= set(REQUIRED) - ({"Mach"} if lacks_only_mach(given) else set()) else list(names)
+    return useful if given >= set(REQUIRED) - computable(given) else list(names)
 
 
 def in_seconds(s: pl.Expr) -> pl.Expr:

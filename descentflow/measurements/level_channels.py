@@ -196,6 +196,8 @@ def short_scale_noise(grid: LevelGrid, *, least: bool = True) -> dict[str, Tenso
     # The noise of an altitude is that of the time at which it is crossed, times the rate.
     rate_mps = -grid.values["vertical_rate"].nanmedian(1, keepdim=True).values / 60.0 * FT_M
     series["altitude"] = grid.time_s * rate_mps.clamp(min=1.0)
+    if grid.mask.shape[1] <= 2 * STENCIL:  # no level has a whole stencil around it
+        return {f"noise_{name}": torch.full(grid.mask.shape[:1], torch.nan, dtype=torch.double) for name in series}
     # Every level of the stencil must be there, or a level-off in a gap would pass for noise.
     whole = grid.mask.double().unfold(1, 2 * STENCIL + 1, 1).amin(-1) > 0
     kept, found = kept_of_noise(grid), {}

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import RLock
 from typing import Any
 
 import torch
@@ -25,6 +26,9 @@ from descentflow.training.training_settings import TrainingSettings, accelerator
 OWN_OPTIONS = {"out", "seed", "max_epochs", "aircraft", "context", "progress_bar", "device"}
 """Options of :func:`fit` that are not the DataModule's."""
 
+_ONE_AT_A_TIME = RLock()
+"""Held while a model is trained: random numbers and the number of threads belong to the whole process."""
+
 
 def fit(
     descents: str | Path | Sequence[str | Path] | Descents | DescentDataModule,
@@ -42,7 +46,8 @@ def fit(
     """Train a model on prepared descents and return it as it was in its best epoch (paper, sections 2.2 and 2.3).
 
     With a name, the model is what ``descentflow fit --config configs/model/...`` trains with the same seed: both take
-    their settings from the same file. Torch's global random numbers are the same before and after.
+    their settings from the same file. Torch's global random numbers are the same before and after. Fits that
+    several threads begin wait for one another, for these numbers are the process's: each equals the fit alone.
 
     Args:
         descents: What :func:`~descentflow.surveillance.prepare.prepare` returned, the path of what it wrote (several
@@ -81,7 +86,7 @@ def fit(
     settings = settings_of(model) if isinstance(model, LatentModel) else training_settings(model)
     options = {"aircraft": aircraft, "context": None if context is None else list(context), **data_options}
     data = _data_module(descents, settings.data, {name: value for name, value in options.items() if value is not None})
-    with _own_random_numbers(seed), _own_threads():
+    with _ONE_AT_A_TIME, _own_random_numbers(seed), _own_threads():
         trained = model if isinstance(model, LatentModel) else settings.new_model()
         _train(trained, data, settings, max_epochs, progress_bar, device or accelerator())
     if out is not None:

@@ -1,6 +1,7 @@
 """Fitting from Python trains what the command line trains, whatever holds the descents."""
 
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import polars as pl
@@ -13,7 +14,7 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.density import Density
 from descentflow.representation.read_checkpoint import read_checkpoint
-from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.training import models
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
@@ -94,6 +95,22 @@ def test_random_numbers_and_threads_outside_go_on_as_before(descents: Path) -> N
     fit(descents, "gaussian", seed=3, explained_variance=0.83)  # its components are fitted here and for no other test
     assert torch.equal(torch.rand(3), expected)
     assert torch.get_num_threads() == threads
+
+
+def test_fits_of_one_seed_in_two_threads_equal_the_fit_alone(descents: Path) -> None:
+    expected = fit(descents, "flow", seed=3, max_epochs=2).density
+    with ThreadPoolExecutor(2) as pool:
+        both = [pool.submit(fit, descents, "flow", seed=3, max_epochs=2) for _ in range(2)]
+    for one in both:
+        assert_equal(one.result().density, expected)
+
+
+def test_descents_on_fewer_levels_than_a_stencil_of_noise_are_fitted(descents: Path) -> None:
+    whole = read_descents(descents)
+    narrow = Descents(
+        whole.frame.filter(pl.col("level_fl").is_between(241, 250)), whole.metadata | {"bottom_fl": 241, "top_fl": 250}
+    )
+    assert "on FL241-250" in str(fit(narrow, "gaussian"))
 
 
 def test_the_checkpoint_written_is_the_model(descents: Path, tmp_path: Path) -> None:

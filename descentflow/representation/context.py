@@ -18,6 +18,9 @@ OTHER = "(other)"
 MIN_OF_A_CATEGORY = 10
 """Training flights below which a category is one of the others."""
 
+MISSING_WORDS = ("", "-", "N/A", "NA", "NAN", "NULL", "NONE")
+"""Text, in capitals, that stands for no value."""
+
 
 @dataclass(frozen=True)
 class Column:
@@ -64,7 +67,7 @@ class Column:
             number = series.cast(pl.Float64, strict=False)
             return (number.is_not_null() & number.is_finite()).fill_null(False)
         known = series.cast(pl.String).is_in(self.values).fill_null(False)
-        return known | series.is_not_null() if OTHER in self.values else known
+        return known | _text(series).is_not_null() if OTHER in self.values else known
 
     def encode(self, series: pl.Series) -> Tensor:
         """Numbers (n, width), float64; values that cannot be used are zero, with their indicator where there is one."""
@@ -228,12 +231,29 @@ def _fit_column(series: pl.Series, indicator: bool) -> Column:
             expected="numbers, text or true and false",
             mend="convert the column (a time, for instance, to an hour)",
         )
-    counts = series.cast(pl.String).drop_nulls().value_counts().sort(["count", name], descending=[True, False])
+    known = _text(series).drop_nulls()
+    numbers = known.cast(pl.Float64, strict=False)
+    if len(known) and not numbers.null_count() and len(known) < series.len() - series.null_count():
+        return _number(numbers, indicator)
+    if 0 < numbers.null_count() < len(known) / 2:
+        raise DataError(
+            f"context {name}: {len(known) - numbers.null_count()} numbers, and {known.filter(numbers.is_null())[0]!r}",
+            expected="numbers, or text",
+            mend="correct the column, or leave missing values empty",
+        )
+    counts = known.value_counts().sort(["count", name], descending=[True, False])
     often = counts.filter(pl.col("count") >= MIN_OF_A_CATEGORY)[name].to_list()
     rest = [OTHER] if len(often) < len(counts) else []
     if len(often) + len(rest) < 2 and not indicator:
         raise _constant(name, f"the category {counts[name].to_list()}")
     return Column(name, "category", values=(*often, *rest) or (OTHER,), indicator=indicator)
+
+
+def _text(series: pl.Series) -> pl.Series:
+    """The values as text, null where a word stands for none."""
+    text = series.cast(pl.String)
+    missing = text.str.strip_chars().str.to_uppercase().is_in(MISSING_WORDS).fill_null(False)
+    return text.zip_with(~missing, pl.Series(text.name, [None], dtype=pl.String))
 
 
 def _number(series: pl.Series, indicator: bool) -> Column:

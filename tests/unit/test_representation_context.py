@@ -97,6 +97,20 @@ def test_a_context_that_no_training_flight_was_near_is_refused_at_once() -> None
     assert context_rows({**near, "deviation_k": "99"}, ContextEncoder.from_state(old)) is not None
 
 
+@pytest.mark.parametrize("word", ["N/A", "NA", "-", "", " ", "null", "nan"])
+def test_numbers_among_words_for_none_stay_numbers(word: str) -> None:
+    frame = pl.DataFrame({"wind": ["0.5", "1.5", "2.5", word] * 10})
+    encoder = ContextEncoder.fit(frame, ["wind"])
+    assert (encoder.columns[0].kind, encoder.columns[0].high) == ("number", 2.5)
+    assert int(encoder.lacking(frame)["wind"].sum()) == 10
+
+
+def test_a_column_of_numbers_and_a_few_words_is_refused() -> None:
+    frame = pl.DataFrame({"wind": ["0.5", "1.5", "2.5", "calm"] * 10})
+    with pytest.raises(DataError, match="30 numbers, and 'calm'"):
+        ContextEncoder.fit(frame, ["wind"])
+
+
 def test_columns_that_tell_nothing_are_refused() -> None:
     frame = flights_table().with_columns(same=pl.lit(3.0), one=pl.lit("x"), hour=pl.lit(70.0))
     for name in ("same", "one", "hour"):

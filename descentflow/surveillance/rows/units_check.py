@@ -32,6 +32,8 @@ explains is a poor instrument."""
 GEOMETRIC_KT = 3.0
 """Median of IAS less the CAS of Mach and altitude above which altitude is hardly the pressure altitude: real sources
 have up to 1.0, and a geometric altitude in ISA + 18 K has 7.5."""
+GROWS = 1.3
+"""Relative excess of the upper half of the rows over that of the lower from which it is an error of the altitude."""
 MIXED = 0.1
 """Share of flights that agree as given from which the others are named, and the table is not refused as a whole."""
 SHOWN = 5
@@ -130,8 +132,12 @@ def _check_geometric(evidence: Evidence, source: str) -> None:
         return
     altitude, ias, mach = (evidence.columns[name] for name in ("altitude", "IAS", "Mach"))
     with np.errstate(all="ignore"):
-        excess_kt = float(np.nanmedian(ias - cas_of_mach_kt(mach, altitude)))
-    if abs(excess_kt) > GEOMETRIC_KT:
+        excess = ias - cas_of_mach_kt(mach, altitude)
+        excess_kt = float(np.nanmedian(excess))
+        high = altitude > np.median(altitude)
+        # An error of the altitude grows with it, one of the airspeed does not.
+        above, below = (abs(float(np.nanmedian((excess / ias)[part]))) for part in (high, ~high))
+    if abs(excess_kt) > GEOMETRIC_KT and above > GROWS * below:
         warnings.warn(
             f"{source}: altitude seems to be a geometric altitude (alt_geom, geoaltitude, GPS), and no pressure "
             f"altitude: IAS less the CAS of Mach and altitude is {excess_kt:+.1f} kt in the median, where real sources "

@@ -39,6 +39,11 @@ from descentflow.training.run_folders import (
 )
 from descentflow.training.training_settings import CHECKPOINT_DEFAULTS, TRAINER_DEFAULTS, accelerator
 
+NOTHING_KEPT = (
+    "no checkpoint was written: no epoch was trained and validated to its end (--trainer.max_epochs, fast_dev_run and "
+    "limit_train_batches say how much is trained)"
+)
+
 
 class DescentCLI(LightningCLI):
     """LightningCLI whose checkpoints, scores and logger are set up unless a config says otherwise.
@@ -113,8 +118,11 @@ class DescentCLI(LightningCLI):
         """Say where the best epoch was written, how good it was, and what to do with it."""
         for kept in self.trainer.checkpoint_callbacks:
             if self.trainer.is_global_zero and isinstance(kept, ModelCheckpoint) and kept.monitor:
-                log_settings(self.trainer, self.config["fit"], float(kept.best_model_score or "nan"), kept.monitor)
-                print(_next_steps(kept))
+                if kept.best_model_path:
+                    log_settings(self.trainer, self.config["fit"], float(kept.best_model_score or "nan"), kept.monitor)
+                    print(_next_steps(kept))
+                else:
+                    print(NOTHING_KEPT)
 
 
 def _run_of(checkpoint: Path) -> Path:

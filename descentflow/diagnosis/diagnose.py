@@ -7,13 +7,12 @@ from typing import Any
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder
-from descentflow.core.side_by_side import cores_shared
+from descentflow.core.threads import one_thread
 from descentflow.diagnosis.correction.previous_round import previous_round
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.earlier_report import check_no_other_report
 from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.procedure import run
-from descentflow.diagnosis.report.drawn_sections import DrawnSections
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
 from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
@@ -118,13 +117,11 @@ def diagnose(
     if previous is not None:
         before = previous_round(previous, made, opened.simulator.aircraft.typecode)
         settings = replace(settings, previous=before, previous_name=str(previous))
-    with cores_shared(), DrawnSections() as sections:
-        if out is not None:
-            sections.load()
+    with one_thread():
         report = replace(run(opened.frame, settings, opened.dropped), provenance=made)
         if out is not None:
             say("writing the report")
-            report.write(out, sections)
+            report.write(out)
     return report
 
 

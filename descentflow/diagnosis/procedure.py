@@ -1,16 +1,14 @@
 """The diagnosis itself: from flights and a simulator to a report."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
 
 import polars as pl
 import torch
 from torch import Tensor
 
 from descentflow.core.freed_memory import give_back
-from descentflow.core.side_by_side import Begun, cores_shared
+from descentflow.core.threads import one_thread
 from descentflow.diagnosis.causes_of_both_sides import with_shared_effects
 from descentflow.diagnosis.correction.closure import GapMeasure
 from descentflow.diagnosis.correction.correction_made import CorrectionMade, correction_made
@@ -75,7 +73,7 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
         'effect'
     """
     # Of thousands of small steps a seventh is what torch keeps for derivatives, of which none are taken.
-    with cores_shared(), torch.inference_mode():
+    with one_thread(), torch.inference_mode():
         return _run(frame, settings, dropped)
 
 
@@ -144,17 +142,15 @@ class Diagnosis:
         """
         settings, progress = self.settings, self.settings.progress
         progress("asking whether there is a gap")
-        # The search may put another likelihood in its place, before or after the test is worked out.
-        with Begun(partial(self._null_test, self.likelihood), gives_way=True) as asked:
-            self.learnt, chosen = select_by_either(self.learnt, self.discrepancy, settings.seed, progress)
-            # What a search keeps is made again where it is asked for; it leaves much between what is kept of it.
-            for searched in (self.learnt.likelihood, self.learnt.searched):
-                searched.forget()
-            give_back()
-            progress("asking where it lies")
-            likelihood = self.likelihood
-            cells, affected = where(likelihood, settings.transition_fl, settings.seed)
-            test = asked.result()
+        test = self._null_test(self.likelihood)
+        self.learnt, chosen = select_by_either(self.learnt, self.discrepancy, settings.seed, progress)
+        # What a search keeps is made again where it is asked for; it leaves much between what is kept of it.
+        for searched in (self.learnt.likelihood, self.learnt.searched):
+            searched.forget()
+        give_back()
+        progress("asking where it lies")
+        likelihood = self.likelihood
+        cells, affected = where(likelihood, settings.transition_fl, settings.seed)
         verdict = self.verdict(test.p_value, chosen, cells)
         if verdict == "effect" and self._leaves_most(chosen.fit, affected):
             verdict = self._without_all(chosen)
@@ -175,14 +171,12 @@ class Diagnosis:
         shift = together(shifts, likelihood)
         gap = measure.gap(shift)
         made = self._made(frame, fit, spreads) if is_named else CorrectionMade()
-        with ExitStack() as meanwhile:
-            begun = [meanwhile.enter_context(Begun(call)) for call in made.scoring.calls]
-            causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if is_named else []
-            progress("asking at which stage the simulator loses most")
-            stages = stages_of(settings.simulator, frame, settings.seed)
-            details = self._details(chosen, test, fit.shift, counts)
-            details = self._measured(details, affected, shift if causes else None)
-            scores = made.scoring.rows([one.result() for one in begun])
+        causes = causes_of(likelihood, chosen, measure, shifts, spreads, progress) if is_named else []
+        progress("asking at which stage the simulator loses most")
+        stages = stages_of(settings.simulator, frame, settings.seed)
+        details = self._details(chosen, test, fit.shift, counts)
+        details = self._measured(details, affected, shift if causes else None)
+        scores = made.scoring.rows([call() for call in made.scoring.calls])
         hidden = not_identifiable(settings, self.source)
         likelihood.forget()
         give_back()

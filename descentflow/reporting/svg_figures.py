@@ -6,11 +6,9 @@ They are sharp at every magnification. What is drawn with a tip (:func:`with_tip
 import io
 import re
 from collections.abc import Callable
-from functools import partial
 from html import escape
 from typing import TYPE_CHECKING
 
-from descentflow.core.side_by_side import side_by_side
 from descentflow.reporting.html_elements import Html, joined
 
 if TYPE_CHECKING:
@@ -38,8 +36,6 @@ def with_tip(artist: "Artist", text: str) -> None:
 def drawn_for_both(draw: "Callable[[bool], Figure]", name: str, alt: str, caption: str = "") -> Html:
     """A figure drawn twice: wide, and narrow for screens of less than 900 pixels; only one of them is shown.
 
-    Both are drawn at the same time where cores are shared (:func:`~descentflow.core.side_by_side.cores_shared`).
-
     Args:
         draw: Makes the figure, narrow if true.
         name: Of the figure, one of its kind on the page.
@@ -52,11 +48,7 @@ def drawn_for_both(draw: "Callable[[bool], Figure]", name: str, alt: str, captio
         >>> html.count("<svg"), html.count('aria-label="Both take 520 s."')
         (2, 2)
     """
-    # Here, and not in each copy of this process.
-    import matplotlib.backends.backend_svg
-    import matplotlib.figure  # noqa: F401
-
-    drawn = side_by_side([partial(_drawn, draw, name, alt, kind) for kind in ("wide", "narrow")])
+    drawn = [_drawn(draw, name, alt, kind) for kind in ("wide", "narrow")]
     below = f"<figcaption>{joined(caption)}</figcaption>" if caption else ""
     return Html(f"<figure>{''.join(drawn)}{below}</figure>")
 

@@ -144,3 +144,16 @@ def test_two_processes_train_and_validate_as_one_does(here: Path, descents: Path
         events.Reload()
         found.append([event.value for event in events.Scalars("val/nll")])
     assert found[1] == pytest.approx(found[0], rel=1e-6)  # of float32, in which metrics are kept
+
+
+@pytest.mark.parametrize(
+    "option", ["--trainer.fast_dev_run=true", "--trainer.limit_train_batches=0", "--trainer.max_epochs=0"]
+)
+def test_a_fit_that_keeps_no_checkpoint_claims_none(
+    here: Path, descents: Path, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK, option]) == 0
+    said = capsys.readouterr().out
+    assert "no checkpoint was written" in said
+    assert "descentflow sample" not in said
+    assert not list(here.rglob("*.ckpt"))

@@ -1,16 +1,12 @@
 """Which flights say how widely flights differ: real ones, where those of a simulator hardly do."""
 
-import os
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 import torch
 
-from descentflow.core.side_by_side import cores_shared
 from descentflow.diagnosis.inference import spread_learnt
-from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.normal_flights import is_narrow, left_between_means, normal_flights
@@ -129,35 +125,6 @@ def test_the_spread_that_leaves_less_between_the_means_is_taken(
     assert next(undone, None) is None
     assert used.narrow is (taken == "again")
     assert (used is learnt) is (taken == "first")
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="copies of a process are made on Linux alone")
-@pytest.mark.usefixtures("two_threads")
-def test_the_second_search_is_the_same_beside_the_first_and_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    torch.set_num_threads(1)
-    sides = of_one_rate()
-    columns = discrepancy_columns(sides)
-    learnt = SpreadLearnt.of(sides, EFFECTS, seed=0)
-    assert is_narrow(sides, torch.zeros_like(sides.y))
-    monkeypatch.setattr(spread_learnt, "left_between_means", lambda compared, shift: next(left))
-    left = iter([2.0, 1.0])
-    after, alone = spread_learnt.select_by_either(learnt, columns, 0, lambda stage: None)
-    left, here = iter([2.0, 1.0]), []
-    select = spread_learnt.select
-    monkeypatch.setattr(spread_learnt, "select", lambda *three: here.append(1) or select(*three))
-    torch.set_num_threads(2)
-    with cores_shared():
-        beside, other = spread_learnt.select_by_either(learnt, columns, 0, lambda stage: None)
-    assert not here or len(os.sched_getaffinity(0)) == 1
-    assert after.narrow
-    assert beside.narrow
-    assert other.fit.effects == alone.fit.effects
-    assert other.probability == alone.probability
-    for one, two in ((other.fit, alone.fit), (other.beside, alone.beside)):
-        assert one is not None
-        assert two is not None
-        torch.testing.assert_close(one.shift, two.shift, rtol=0, atol=0)
-        torch.testing.assert_close(one.design.columns, two.design.columns, rtol=0, atol=0)
 
 
 def test_what_a_likelihood_forgets_it_makes_again() -> None:

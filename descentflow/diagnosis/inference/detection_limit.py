@@ -15,14 +15,12 @@ temperature, drag, wind and level-offs are named in 93, 77, 81 and 72; one fleet
 At the limit of one fleet, of 40 a speed schedule was named in 53 % and an airspeed bias in 96 of 100.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import torch
 from torch import Tensor
 
-from descentflow.core.side_by_side import at_once, side_by_side
 from descentflow.diagnosis.findings.gap_found import LargestDifference
 from descentflow.diagnosis.findings.selection_found import DetectionLimit
 from descentflow.diagnosis.inference.aircraft_groups import FOLDS, by_aircraft
@@ -148,12 +146,7 @@ def detection_limits(
     scatter = Scatter.of(likelihood, fit)
     unit = likelihood.compared.negligible() if least is None else least
 
-    def of(names: Sequence[str]) -> dict[str, DetectionLimit]:
-        return {name: _limit(likelihood, name, rule, fit, scatter, unit, seed) for name in names}
-
-    names, parts = list(likelihood.catalogue), at_once()
-    found = side_by_side([partial(of, names[part::parts]) for part in range(parts)])
-    return {name: found[k % parts][name] for k, name in enumerate(names)}
+    return {name: _limit(likelihood, name, rule, fit, scatter, unit, seed) for name in likelihood.catalogue}
 
 
 def _limit(

@@ -1,12 +1,10 @@
 """Which effects are named, with what probability, and what they leave."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
-from descentflow.diagnosis.inference.fits_ahead import with_design, without_design
-from descentflow.diagnosis.inference.free_discrepancy import FreeDiscrepancy
 from descentflow.diagnosis.inference.inclusion import Inclusion, Names, WeightedSet, inclusion
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.search import fit_effects
@@ -79,21 +77,6 @@ class Chosen:
     alike: tuple[Fit, ...] = ()
     beside: Fit | None = None
     undecided: tuple[Names, ...] = ()
-
-    def to_send(self) -> "Chosen":
-        """Without designs, which are large, and are made again by :meth:`in_this_process` where it arrives."""
-        return self._with_fits(without_design)
-
-    def in_this_process(self, likelihood: EffectsLikelihood, discrepancy: DiscrepancyColumns) -> "Chosen":
-        """What another process sent, with the designs of a likelihood of the same flights."""
-        found = self._with_fits(lambda fit: with_design(likelihood, fit))
-        return replace(found, beside=FreeDiscrepancy(likelihood, discrepancy).refitted(found.fit))
-
-    def _with_fits(self, change: Callable[[Fit], Fit]) -> "Chosen":
-        """With other fits, and without the one beside a discrepancy."""
-        singles = {name: replace(single, fit=change(single.fit)) for name, single in self.singles.items()}
-        alike = tuple(change(fit) for fit in self.alike)
-        return replace(self, null=change(self.null), singles=singles, fit=change(self.fit), alike=alike, beside=None)
 
 
 @dataclass(frozen=True)
@@ -180,7 +163,6 @@ def searched(
     likelihood: EffectsLikelihood,
     discrepancy: DiscrepancyColumns,
     progress: Callable[[str], None],
-    explored: Callable[[Fit], None] | None = None,
 ) -> Searched:
     """Name effects, with a discrepancy of no particular cause as one more that may be there.
 
@@ -188,7 +170,6 @@ def searched(
         likelihood: Flights and catalogue.
         discrepancy: Its columns, with unit prior spread.
         progress: Called with what is being fitted.
-        explored: Called with the best fit so far, whenever that may be another.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
@@ -202,7 +183,7 @@ def searched(
     null = fit_effects(likelihood, ())
     singles = every_single(likelihood, null, progress)
     search = SetSearch(likelihood, discrepancy, null, singles, progress)
-    sets, alone = search.weighted(explored)
+    sets, alone = search.weighted()
     found = inclusion(sets, alone)
     fit = search.fit(_in_order(found.named, singles))
     undecided = _undecided(likelihood, fit)

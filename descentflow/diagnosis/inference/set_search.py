@@ -1,26 +1,30 @@
 """The search among sets of effects: all of up to four are screened, the best fitted, and others grown from them."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
+from descentflow.core.freed_memory import give_back
 from descentflow.diagnosis.inference.aircraft_groups import by_aircraft
 from descentflow.diagnosis.inference.credible import is_credible
 from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
-from descentflow.diagnosis.inference.fits_ahead import FitsAhead, reordered
 from descentflow.diagnosis.inference.free_discrepancy import FreeDiscrepancy
 from descentflow.diagnosis.inference.inclusion import Names, WeightedSet, inclusion
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
-from descentflow.diagnosis.inference.mixed_fit import without_laws
+from descentflow.diagnosis.inference.linear_algebra import Design
+from descentflow.diagnosis.inference.mixed_fit import design_with_laws, without_laws
 from descentflow.diagnosis.inference.model_weights import weights_of
 from descentflow.diagnosis.inference.screened_scores import BothScores, screened_scores
-from descentflow.diagnosis.inference.search import first_guess
+from descentflow.diagnosis.inference.search import first_guess, fit_effects
 from descentflow.diagnosis.inference.set_growth import others_beside, promised_beside
 from descentflow.diagnosis.inference.single_effects import Candidate
 from descentflow.diagnosis.inference.subset_screening import Member, member_of
 from descentflow.effects.flight_law import DiffersByFlight
 
+MANY_NUMBERS = 200_000
+"""Numbers measured in all flights from which memory is given back after each fit; of fewer it is little."""
 LOG_PRIOR_ODDS = -2.5
 """Of each effect, and of a shift that none of them makes: one of the fourteen is expected where there is a gap."""
 FIRST = 4
@@ -62,7 +66,7 @@ class SetSearch:
         """Begin with the effects alone."""
         self.likelihood, self.progress = likelihood, progress
         self.discrepancy = FreeDiscrepancy(likelihood, discrepancy)
-        self.ahead = FitsAhead(likelihood, self.discrepancy, progress, self._credible_names)
+        self._credible: dict[Names, Names] = {}
         self.fits: dict[frozenset[str], Fit] = {frozenset(): null}
         for name, single in singles.items():
             if single.fit.kept is not null.kept:
@@ -73,35 +77,25 @@ class SetSearch:
         self.lack: dict[str, float] = {}
         self.scores: dict[tuple[tuple[Member, ...], Names], BothScores] = {}
 
-    def weighted(self, explored: Callable[[Fit], None] | None = None) -> tuple[list[WeightedSet], list[WeightedSet]]:
-        """Sets that were refitted, with weights: with and without a discrepancy beside each, and without one alone.
-
-        Args:
-            explored: Called with the best fit so far: of effects alone, of screened sets, and of those that grow.
-        """
-        tell = explored or (lambda best: None)
+    def weighted(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
+        """Sets that were refitted, with weights: with and without a discrepancy beside each, and without one alone."""
         self.progress("screening sets of effects")
-        with self.ahead:
-            tell(self._best())
-            members = [member_of(self.likelihood, name, theta) for name, theta in self.start.items()]
-            law = self._first_law()
-            beside = law or self._explored(members, self.fit(()), at_most=FIRST)
-            members += self._beside(beside)
-            if law is not None:
-                self._foresee(self._pairs_with(law))
-                self._explored(members, law, at_most=FIRST)
-            tell(self._best())
-            return self._grown(tell)
+        members = [member_of(self.likelihood, name, theta) for name, theta in self.start.items()]
+        law = self._first_law()
+        beside = law or self._explored(members, self.fit(()), at_most=FIRST)
+        members += self._beside(beside)
+        if law is not None:
+            self._explored(members, law, at_most=FIRST)
+        return self._grown()
 
     def _best(self) -> Fit:
         return max(self._credible_fits(), key=self._score)
 
-    def _grown(self, tell: Callable[[Fit], None]) -> tuple[list[WeightedSet], list[WeightedSet]]:
+    def _grown(self) -> tuple[list[WeightedSet], list[WeightedSet]]:
         """Weights, once nothing that is near the best set is left to be fitted."""
         while True:
             sets, alone = self._weighed()
             best = inclusion(sets, alone).best
-            tell(self.fit(best))
             # A set that grows is looked at from all sides once it has stopped growing, and without each of its effects
             # once it is known which of those that scale one equation it has.
             larger, exchanged = self._untried(self._with_another(best)), self._untried(self._exchanged(best))
@@ -110,7 +104,6 @@ class SetSearch:
             if not wanted:
                 return sets, alone
             # While the best stays the best, all of these will be asked for.
-            self._foresee((*larger, *exchanged, *smaller), start)
             for names in wanted:
                 self._credible_part(self.fit(names, start))
 
@@ -182,22 +175,8 @@ class SetSearch:
                 break
             laws = set(beside.per_flight)
             wanted = self._untried_parts(untried[0], laws)
-            # Most parts keep little of what they promised: then the best set without this one follows, or else its own.
-            other = next((names for names in untried if not set(wanted[0]) <= set(names)), untried[0])
-            self._foresee([wanted[0], *self._untried_parts(other, laws)[:1], *wanted, *self._pairs_with(beside)])
             self._credible_part(self.fit(wanted[0]))
         return self._best()
-
-    def _foresee(self, sets: Sequence[Names], start: Mapping[str, Tensor] | None = None) -> None:
-        """Work out meanwhile what may be asked for, the most probable first."""
-        asked = [(names, self._begin(names, start or {})) for names in dict.fromkeys(sets)]
-        self.ahead.foresee(asked, self.start, self.fits)
-
-    def _pairs_with(self, law: Fit) -> list[Names]:
-        """The effects of a fit with each other one that gains something alone, what gains most first."""
-        gains = {names: self._score(fit) for names, fit in self.fits.items() if len(names) == 1}
-        others = [next(iter(names)) for names in sorted(gains, key=lambda names: -gains[names])]
-        return self._untried([tuple(sorted({*law.effects, name})) for name in others if name not in law.effects])
 
     def _untried_parts(self, names: Names, laws: set[str]) -> list[Names]:
         """Parts of a set that are to be fitted in turn, itself last: a core, and the core with one effect more.
@@ -228,7 +207,9 @@ class SetSearch:
     def _credible_part(self, fit: Fit) -> Fit:
         """The fit without effects that cannot be what they say, fitted again until all can."""
         while True:
-            kept = self.ahead.credible(fit)
+            if fit.effects not in self._credible:
+                self._credible[fit.effects] = self._credible_names(fit)
+            kept = self._credible[fit.effects]
             if kept == fit.effects:
                 return fit
             fit = self.fit(kept)
@@ -240,17 +221,21 @@ class SetSearch:
         """The fit of a set, made once; from the parameters of another fit, where these are given."""
         key = frozenset(names)
         if key not in self.fits:
-            self.fits[key] = self.ahead.fit(tuple(names), self._begin(names, start or {}))
+            self.progress(f"fitting {', '.join(names)}")
+            self.fits[key] = self._fitted(tuple(names), self._begin(names, start or {}))
         found = self.fits[key]
-        return found if found.effects == tuple(names) else reordered(self.likelihood, found, tuple(names))
+        return found if found.effects == tuple(names) else _reordered(self.likelihood, found, tuple(names))
+
+    def _fitted(self, names: Names, start: Mapping[str, Tensor]) -> Fit:
+        """A fit, after which memory is given back where there is much of it."""
+        fit = fit_effects(self.likelihood, names, start)
+        if self.likelihood.y.numel() > MANY_NUMBERS:
+            give_back()
+        return fit
 
     def fits_of(self, sets: Sequence[Names]) -> list[Fit]:
-        """Fits of several sets, each as :meth:`fit` makes it, at the same time where cores are shared."""
-        untried = self._untried(sets)
-        with self.ahead:
-            if len(untried) > 1:
-                self._foresee(untried)
-            return [self.fit(names) for names in sets]
+        """Fits of several sets, each as :meth:`fit` makes it."""
+        return [self.fit(names) for names in sets]
 
     def _begin(self, names: Sequence[str], start: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Parameters from which the fit of a set starts: those of another fit, where it has the effect."""
@@ -321,7 +306,7 @@ class SetSearch:
                 found.append(member_of(self.likelihood, name, guess))
             else:
                 self.progress(f"fitting {name} beside {', '.join(fit.effects)}")
-                other = self.ahead.fitted((*fit.effects, name), fit.theta)
+                other = self._fitted((*fit.effects, name), fit.theta)
                 self.fits[frozenset(other.effects)] = other
                 self.start[name] = other.theta[name]
                 found.append(member_of(self.likelihood, name, other.theta[name]))
@@ -336,3 +321,13 @@ def _is_whole(names: Names, scores: Mapping[Names, float]) -> bool:
     """Whether every effect of a set gains more than it costs."""
     smaller = [tuple(other for other in names if other != name) for name in names]
     return all(scores[fewer] < scores[names] for fewer in smaller)
+
+
+def _reordered(likelihood: EffectsLikelihood, fit: Fit, names: Names) -> Fit:
+    """The same fit with its effects in another order."""
+    theta = {name: fit.theta[name] for name in names}
+
+    def design() -> Design:
+        return design_with_laws(likelihood, theta, fit.per_flight) if fit.per_flight else likelihood.design(theta)
+
+    return replace(fit, effects=names, theta=theta, kept=likelihood.kept(design))

@@ -3,9 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from descentflow.diagnosis.inference.fits_ahead import fits_side_by_side
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
-from descentflow.diagnosis.inference.search import score_test_gain
+from descentflow.diagnosis.inference.search import fit_effects, score_test_gain
 
 MIN_SCORE_TEST_GAIN = 1.0
 """Nats of score-test gain below which an effect is not fitted alone, to save time: a prior costs more."""
@@ -46,10 +45,10 @@ def every_single(likelihood: EffectsLikelihood, null: Fit, progress: Callable[[s
     found: dict[str, Candidate] = {}
     expected = score_test_gain(likelihood, null.shift)
     promising = [name for name in likelihood.catalogue if expected[name] >= MIN_SCORE_TEST_GAIN]
-    fits = fits_side_by_side(likelihood, [((name,), {}) for name in promising], progress)
     for name in likelihood.catalogue:
         if name in promising:
-            fit = fits[promising.index(name)]
+            progress(f"fitting {name}")
+            fit = fit_effects(likelihood, (name,), {})
             found[name] = Candidate(fit, *likelihood.gain(fit.log_score, null.log_score))
         else:
             start = likelihood.start_of(name)

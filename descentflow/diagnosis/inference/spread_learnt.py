@@ -1,14 +1,11 @@
 """Which flights say how widely flights differ, before effects are fitted and after, and the likelihoods of either."""
 
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass
-from functools import partial
 
 from descentflow.core.freed_memory import give_back
-from descentflow.core.side_by_side import Begun, is_shared
 from descentflow.diagnosis.inference.discrepancy import DiscrepancyColumns
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
+from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.mean_air import in_mean_air
 from descentflow.diagnosis.inference.normal_flights import is_narrow, left_between_means, normal_flights
 from descentflow.diagnosis.inference.selection import Chosen, searched, select
@@ -80,39 +77,14 @@ def select_by_either(
         >>> same is learnt, chosen.fit.effects
         (True, ('mass',))
     """
-    compared = learnt.searched.compared
-    second = partial(_second_search, learnt, discrepancy, seed)
-    # The copy is made now: it should not hold what the first search will.
-    with Begun(second, own_core=True, held=True) if _may_follow(learnt) else nullcontext() as ahead:
-
-        def explored(best: Fit) -> None:
-            """Begin the second search where it will probably be asked for, and a copy of this process may do it.
-
-            Whether the simulator's flights still differ too little beside the best effect alone was the last word in 64
-            of 66 sets of the sealed study.
-            """
-            if ahead is not None and ahead.is_held and is_narrow(compared, best.shift):
-                ahead.start()
-
-        first = searched(learnt.searched, discrepancy, progress, explored)
-        if learnt.narrow or not is_narrow(compared, first.fit.shift):
-            return learnt, first.chosen
-        if ahead is not None and ahead.works:
-            # All that it says takes no time while the second is waited for, and is not wanted where that is taken.
-            first.chosen  # noqa: B018 (it is kept)
-        progress("learning the spread from real flights")
-        real = _learnt_from_real_flights(learnt, seed)
-        if ahead is not None and not ahead.is_held:
-            again = ahead.result().in_this_process(real.searched, discrepancy)
-        else:
-            again = select(real.searched, discrepancy, progress)
+    first = searched(learnt.searched, discrepancy, progress)
+    if learnt.narrow or not is_narrow(learnt.searched.compared, first.fit.shift):
+        return learnt, first.chosen
+    progress("learning the spread from real flights")
+    real = _learnt_from_real_flights(learnt, seed)
+    again = select(real.searched, discrepancy, progress)
     left = [left_between_means(learnt.likelihood.compared, one.fit.shift) for one in (first, again)]
     return (real, again) if left[1] < left[0] else (learnt, first.chosen)
-
-
-def _may_follow(learnt: SpreadLearnt) -> bool:
-    """Whether a second search may follow the first, and a copy of this process work it out."""
-    return is_shared() and not learnt.narrow
 
 
 def _learnt_from_real_flights(first: SpreadLearnt, seed: int) -> SpreadLearnt:
@@ -121,9 +93,3 @@ def _learnt_from_real_flights(first: SpreadLearnt, seed: int) -> SpreadLearnt:
         likelihood.forget()
     give_back()
     return SpreadLearnt.of(first.likelihood.compared, first.likelihood.catalogue, seed, narrow=True)
-
-
-def _second_search(first: SpreadLearnt, discrepancy: DiscrepancyColumns, seed: int) -> Chosen:
-    """The second search, as another process sends it."""
-    real = _learnt_from_real_flights(first, seed)
-    return select(real.searched, discrepancy, lambda stage: None).to_send()

@@ -2,13 +2,13 @@
 
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.gap_found import WouldSplit
-from descentflow.diagnosis.report.cause_section import parameters_table
-from descentflow.diagnosis.report.drawn_sections import DrawnSections
+from descentflow.diagnosis.report.cause_section import cause_section, parameters_table
+from descentflow.diagnosis.report.cost_section import cost_section
 from descentflow.diagnosis.report.inputs_section import inputs_section
 from descentflow.diagnosis.report.next_steps import next_steps
 from descentflow.diagnosis.report.text import sentences
 from descentflow.diagnosis.report.trade_units import in_trade, level_range, trade_number
-from descentflow.diagnosis.report.where_section import CHANCE
+from descentflow.diagnosis.report.where_section import CHANCE, curves_section, where_section
 from descentflow.diagnosis.report.words import flights_name, limit_flights, limit_words, simulator_name
 from descentflow.measurements.quantity_registry import label_of
 from descentflow.reporting.html_elements import (
@@ -43,12 +43,11 @@ BOXES = {"none": "good", "effect": "", "partial": "warn", "unknown": "warn"}
 """Verdict -> colour of the box with the answer."""
 
 
-def page(found: Findings, sections: DrawnSections | None = None) -> str:
+def page(found: Findings) -> str:
     """The whole page, figures inside.
 
     Args:
         found: What it tells.
-        sections: Draws the figures; drawn here and now if absent.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -57,19 +56,17 @@ def page(found: Findings, sections: DrawnSections | None = None) -> str:
         >>> page(report).count("<h2")  # sections
         8
     """
-    with DrawnSections() as here:
-        drawn = (sections or here).of(found)
     verdict = "a gap too small to matter" if found.is_small else VERDICTS[found.verdict]
     title = f"{simulator_name(found)} against {flights_name(found)}: {verdict}"
     whole = HtmlPage(title, [answer(sentences(found), BOXES[found.verdict])])
-    whole.section("What it costs", *drawn["cost"])
-    whole.section("Which cause, and how sure", *drawn["cause"])
+    whole.section("What it costs", *cost_section(found))
+    whole.section("Which cause, and how sure", *cause_section(found))
     steps = next_steps(found)
     whole.section(
         "What to do next", bullets(map(_with_commands, steps)) if steps else "Nothing: there is no gap to close."
     )
-    whole.section("Where they differ", *drawn["where"])
-    whole.section("Before and after", *drawn["before and after"])
+    whole.section("Where they differ", *where_section(found))
+    whole.section("Before and after", *curves_section(found))
     whole.section("What is left, and what could not be told", *_left(found))
     whole.section("How far it shrinks, round by round", *_rounds(found))
     whole.section("How this was made", *inputs_section(found), *_numbers(found))

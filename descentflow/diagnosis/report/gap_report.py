@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from descentflow.core.files import whole_file
-from descentflow.core.side_by_side import cores_shared
+from descentflow.core.threads import one_thread
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, primitives
 from descentflow.diagnosis.findings.read_gap import SCHEMA_VERSION
-from descentflow.diagnosis.report.drawn_sections import DrawnSections
 from descentflow.diagnosis.report.gap_page import page
 from descentflow.diagnosis.report.text import summary
 
@@ -66,19 +65,18 @@ class GapReport(Findings):
 
         return pl.DataFrame([primitives(cell) for cell in self.where])
 
-    def write(self, folder: str | Path, sections: DrawnSections | None = None) -> None:
+    def write(self, folder: str | Path) -> None:
         """Write `gap.json`, `gap.html` and, with a cause, the corrected simulator (:attr:`corrected_file`).
 
         Args:
             folder: Made if absent.
-            sections: Draws the figures of the page.
         """
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
         with whole_file(target / "gap.json") as temporary:
             temporary.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False))
-        with whole_file(target / "gap.html") as temporary, cores_shared():
-            temporary.write_text(page(self, sections), encoding="utf-8")
+        with whole_file(target / "gap.html") as temporary, one_thread():
+            temporary.write_text(page(self), encoding="utf-8")
         if self.write_corrected is not None and self.corrected_file:
             with whole_file(target / self.corrected_file) as temporary:
                 self.write_corrected(temporary)

@@ -48,3 +48,11 @@ class WriteAndFail(Callback):
         """Write and fail."""
         (Path(trainer.loggers[0].log_dir or ".") / "notes.txt").write_text("mine")
         raise ValueError("as a user's callback may")
+
+
+class Fail(Callback):
+    """An error, and nothing else."""
+
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Fail."""
+        raise ValueError("as a user's callback may")

@@ -1,14 +1,19 @@
 """Where the trainer's commands write: no empty runs, results beside the checkpoint that they are of."""
 
+import fcntl
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from command_line_toys import QUICK
+from lightning.pytorch import Trainer
+from lightning.pytorch.loggers import CSVLogger
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from descentflow.cli.entry import main
+from descentflow.training.callbacks.failed_run import RemoveFailedRun
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 
@@ -105,6 +110,27 @@ def test_a_fit_that_fails_keeps_what_others_wrote_into_its_new_folder(here: Path
     with pytest.raises(ValueError, match="as a user's"):
         main(["fit", *words, *failing])
     assert [path.name for path in (here / "runs").rglob("*") if path.is_file()] == ["notes.txt"]
+
+
+def test_a_fit_that_fails_before_it_claims_a_folder_leaves_it_to_the_run_that_has(here: Path) -> None:
+    trainer = Trainer(logger=CSVLogger("logs"), accelerator="cpu")
+    failed = RemoveFailedRun()
+    failed.note(trainer)
+    folder = here / "logs" / "lightning_logs" / "version_0"
+    folder.mkdir(parents=True)
+    (folder / "metrics.csv").write_text("of another")
+    other = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    fcntl.flock(other, fcntl.LOCK_EX)
+    failed.on_exception(trainer, None, ValueError())
+    os.close(other)
+    assert (folder / "metrics.csv").read_text() == "of another"
+
+
+def test_a_fit_without_a_logger_that_fails_does_not_stand_in_the_way_of_the_next(here: Path, descents: Path) -> None:
+    words = ["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK, "--trainer.logger=false"]
+    with pytest.raises(ValueError, match="as a user's"):
+        main([*words, "--trainer.callbacks+=shared_logger.Fail"])
+    assert main(words) == 0
 
 
 def test_runs_of_a_logger_that_shares_its_folder_have_folders_of_their_own(here: Path, descents: Path) -> None:

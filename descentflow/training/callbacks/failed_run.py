@@ -13,8 +13,8 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.files import remove_left, whole_file
 from descentflow.training.run_folders import folder_of
 
-WRITTEN = ("config.yaml", "hparams.yaml", "metrics.csv", "events.out.tfevents.*")
-"""Files that a run without a checkpoint has written into its folder: ours, and those of TensorBoard and CSV loggers."""
+WRITTEN = ("hparams.yaml", "metrics.csv", f"events.out.tfevents.*.{os.getpid()}.*")
+"""Files that TensorBoard and CSV loggers of this process have written into the folder of a run."""
 
 
 class RemoveFailedRun(Callback):
@@ -84,8 +84,26 @@ class RemoveFailedRun(Callback):
             return
         for logger in trainer.loggers:
             logger.finalize("failed")
-        if not self._absent or _is_of_use(self._absent[0]):
-            return
+        callbacks = trainer.callbacks  # type: ignore[attr-defined]
+        settings = [one for one in callbacks if isinstance(one, WholeConfig) and one.already_saved]
+        if settings and not _is_of_use(folder_of(trainer)):
+            (folder_of(trainer) / settings[0].config_filename).unlink(missing_ok=True)
+        if self._absent and not _is_of_use(self._absent[0]) and self._is_alone(self._absent[0]):
+            self._remove()
+
+    def _is_alone(self, folder: Path) -> bool:
+        """Whether no other run has claimed the folder: one that began at the same moment may have."""
+        if self._lock is not None or not folder.is_dir():
+            return folder.is_dir()
+        self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
+    def _remove(self) -> None:
+        """Remove this run's files, and the folders that it made if nothing else is in them."""
         folder = self._absent[0]
         for path in [path for name in WRITTEN for path in folder.glob(name)]:
             path.unlink()

@@ -94,8 +94,12 @@ class DescentCLI(LightningCLI):
         config = self.config[self.subcommand]
         if self.subcommand == "fit":
             name_run(config)
-        elif not any(word.startswith("--trainer.logger") for word in self.words):
-            write_into_run(config, str(self.subcommand), _run_of(Path(config.ckpt_path)))
+            return
+        run = _run_of(Path(config.ckpt_path))
+        if not any(word.startswith("--trainer.logger") for word in self.words):
+            write_into_run(config, str(self.subcommand), run)
+        elif (options := getattr(config.trainer.logger, "init_args", {})).get("name") == UNNAMED:
+            options["name"] = run.parent.name
 
     def instantiate_trainer(self, **kwargs: Any) -> Trainer:
         """A trainer whose checkpoints are written whole."""

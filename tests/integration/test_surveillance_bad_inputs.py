@@ -86,7 +86,7 @@ REFUSED_TABLES: dict[str, tuple[Change, str]] = {
     "all of one time": (lambda f: f.with_columns(pl.col("timestamp").first()), "the time of another row"),
     "rate in m/s": (lambda f: f.with_columns(pl.col("vertical_rate") * 0.00508), "vertical_rate seems to be in m/s"),
     "sink rate": (lambda f: f.with_columns(-pl.col("vertical_rate")), "sign of a sink rate"),
-    "no IAS": (lambda f: f.drop("IAS"), "no column IAS"),
+    "no IAS": (lambda f: f.drop("IAS", "Mach"), "no column IAS"),
     "no time": (lambda f: f.drop("timestamp"), "no column timestamp"),
     "two columns for one": (
         lambda f: f.rename({"IAS": "ias"}).with_columns(indicated_airspeed=pl.col("ias")),
@@ -98,8 +98,14 @@ REFUSED_TABLES: dict[str, tuple[Change, str]] = {
     "no types": (lambda f: f.drop("typecode"), "rows without any typecode"),
     "text for every number": (lambda f: f.with_columns(IAS=pl.lit("fast")), "values of IAS cannot be read"),
     "text for every time": (lambda f: f.with_columns(timestamp=pl.lit("noon")), "values of timestamp cannot be read"),
-    "all airspeeds NaN": (lambda f: f.with_columns(IAS=pl.lit(float("nan"))), "rows lack a value (IAS in"),
-    "all airspeeds infinite": (lambda f: f.with_columns(IAS=pl.lit(float("inf"))), "rows lack a value (IAS in"),
+    "all airspeeds NaN": (
+        lambda f: f.with_columns(IAS=pl.lit(float("nan")), Mach=pl.lit(float("nan"))),
+        "rows lack a value (IAS in",
+    ),
+    "all airspeeds infinite": (
+        lambda f: f.with_columns(IAS=pl.lit(float("inf")), Mach=pl.lit(float("inf"))),
+        "rows lack a value (IAS in",
+    ),
     "huge altitudes": (lambda f: f.with_columns(altitude=pl.lit(1e308)), "a value of altitude outside"),
     "huge times": (lambda f: f.with_columns(timestamp=pl.lit(1e300)), "values of timestamp cannot be read"),
 }

@@ -133,10 +133,14 @@ def _check_geometric(evidence: Evidence, source: str) -> None:
     altitude, ias, mach = (evidence.columns[name] for name in ("altitude", "IAS", "Mach"))
     with np.errstate(all="ignore"):
         excess = ias - cas_of_mach_kt(mach, altitude)
-        excess_kt = float(np.nanmedian(excess))
-        high = altitude > np.median(altitude)
-        # An error of the altitude grows with it, one of the airspeed does not.
-        above, below = (abs(float(np.nanmedian((excess / ias)[part]))) for part in (high, ~high))
+        shown = np.isfinite(excess / ias)
+    altitude, excess, ias = altitude[shown], excess[shown], ias[shown]
+    high = altitude > np.median(altitude) if len(altitude) else shown[:0]
+    if not high.any() or high.all():
+        return
+    excess_kt = float(np.median(excess))
+    # An error of the altitude grows with it, one of the airspeed does not.
+    above, below = (abs(float(np.median((excess / ias)[part]))) for part in (high, ~high))
     if abs(excess_kt) > GEOMETRIC_KT and above > GROWS * below:
         warnings.warn(
             f"{source}: altitude seems to be a geometric altitude (alt_geom, geoaltitude, GPS), and no pressure "

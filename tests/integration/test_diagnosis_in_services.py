@@ -4,15 +4,27 @@ import multiprocessing
 import os
 import signal
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import torch
 
 import descentflow as df
 from descentflow.effects import EFFECTS
 
 
+@pytest.fixture(autouse=True)
+def two_threads() -> Iterator[None]:
+    """Two threads of torch, as users have: with one, no version of the diagnosis would begin a process."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    yield
+    torch.set_num_threads(before)
+
+
 def verdict_of(descents: str) -> str:
+    torch.set_num_threads(2)
     few = {name: EFFECTS[name] for name in ("mass", "temperature")}
     return str(df.diagnose(real=descents, simulator="A320", catalogue=few).verdict)
 

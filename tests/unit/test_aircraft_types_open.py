@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from descentflow.aircraft_types.aircraft import Aircraft
-from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_sources, open_type, open_typecodes
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_type, open_typecodes
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.physics.forces import descent_thrust_n, max_climb_thrust_n
@@ -79,7 +79,7 @@ def test_a_type_is_found_in_any_case_and_a_near_one_is_offered() -> None:
 @pytest.mark.parametrize("typecode", TYPES)
 def test_every_field_is_a_number_with_a_source(typecode: str) -> None:
     aircraft = open_aircraft(typecode)
-    entries = {e.name: e for e in open_sources(typecode)}
+    entries = {e.name: e for e in open_type(typecode).coefficients}
     assert aircraft.typecode == typecode
     assert "not BADA" in aircraft.source
     for field in dataclasses.fields(Aircraft):

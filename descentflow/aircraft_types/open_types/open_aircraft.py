@@ -31,7 +31,7 @@ class CoefficientSource:
     """Where one number of an open aircraft comes from.
 
     Example:
-        >>> area = next(s for s in open_sources("A320") if s.name == "wing_area_m2")
+        >>> area = next(s for s in open_type("A320").coefficients if s.name == "wing_area_m2")
         >>> area.value, area.unit
         (122.4, 'm2')
     """
@@ -99,25 +99,6 @@ def open_typecodes() -> tuple[str, ...]:
     """
     names = (f.name.removesuffix(".toml") for f in _folder().iterdir() if f.name.endswith(".toml"))
     return tuple(sorted(n for n in names if n != _SOURCES))
-
-
-def open_sources(typecode: str) -> tuple[CoefficientSource, ...]:
-    """Source and confidence of every coefficient of an open aircraft, in the order of :class:`Aircraft`.
-
-    Args:
-        typecode: ICAO type designator.
-
-    Returns:
-        One entry per coefficient.
-
-    Raises:
-        AircraftError: If the type is not among the open ones.
-
-    Example:
-        >>> {s.name: s.confidence for s in open_sources("A320")}["cd0_cr"]
-        'derived'
-    """
-    return open_type(typecode).coefficients
 
 
 def open_type(typecode: str) -> OpenType:

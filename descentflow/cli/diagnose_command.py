@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from descentflow.cli import air_arguments, level_times_command
+from descentflow.cli import air_arguments
 from descentflow.core.seeds import seed_word
 
 
@@ -20,8 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="+",
         required=True,
-        help="rows, or prepared descents (descentflow prepare); or "
-        "so6 segments or ALL_FT+ flights of EUROCONTROL, for times between levels alone",
+        help="rows, or prepared descents (descentflow prepare)",
     )
     parser.add_argument(
         "--simulator",
@@ -75,15 +74,8 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.core.progress import stage
     from descentflow.diagnosis.diagnose import diagnose
     from descentflow.diagnosis.report.text import summary
-    from descentflow.surveillance.point_profiles.read_points import holds_points
 
     args.typecode = args.typecode and args.typecode.upper()
-    if len(args.real) == 1 and holds_points(args.real[0]):
-        simulator = _one_or_several(args.simulator) if args.simulator else args.typecode
-        level_times_command.run(
-            args.real[0], simulator, args, ("air", "channels", "catalogue", "previous"), names_causes=True
-        )
-        return
     if args.catalogue is not None:
         print(f"descentflow diagnose: runs {args.catalogue} for the effects that it defines", file=sys.stderr)
     channels = [name.strip() for name in args.channels.split(",")] if args.channels else None

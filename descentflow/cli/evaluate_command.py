@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from descentflow.cli import air_arguments, level_times_command
+from descentflow.cli import air_arguments
 from descentflow.core.seeds import seed_word
 
 
@@ -20,8 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--real",
         type=Path,
         required=True,
-        help="prepared descents (descentflow prepare), or rows; or "
-        "so6 segments or ALL_FT+ flights of EUROCONTROL, for times between levels alone",
+        help="prepared descents (descentflow prepare), or rows",
     )
     parser.add_argument(
         "--context-table", type=Path, help="CSV or Parquet with flight_id and the context, for a conditional model"
@@ -46,13 +45,7 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.evaluation.evaluation_report import FILES
     from descentflow.evaluation.metrics.scores import n_comparisons
     from descentflow.exports.model_card import check_card, fill_in_scores
-    from descentflow.surveillance.point_profiles.read_points import holds_points
 
-    if holds_points(args.real):
-        level_times_command.run(
-            args.real, args.checkpoint, args, ("context_table", "air", "resamples", "card", "draw_budget")
-        )
-        return
     check_folder(args.out, *FILES, "intervals.csv")
     if args.card is not None:
         check_card(args.card)

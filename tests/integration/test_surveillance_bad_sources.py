@@ -137,6 +137,13 @@ KNOWN_AND_REFUSED = {
     "AVR": (b"*8D4CA251204994B1C36E60A5343D;\n", "without the time of each"),
     "AVR with ticks": (b"@016CE3671C748D4CA251204994B1C36E60A5343D;\n", "without the time of each"),
     "false ASTERIX": (bytes([62, 0, 40]) + bytes(60), "neither text nor"),
+    "so6": (b"A_B EHAM UUEE A321 214900 214926 0 10 0 AFL2 171214 171214 1 2 3 4 7 1 1.4 0\n", "so6 of EUROCONTROL"),
+    "ALL_FT+": (b"6\n" + b";" * 150 + b"\n", "ALL_FT+ of EUROCONTROL"),
+    "BaseStation": (
+        b"MSG,3,1,1,4CA001,1,2024/03/01,10:00:00.123,2024/03/01,10:00:00.123,,35000,,,52.1,4.5,,,0,0,0,0\r\n",
+        "BaseStation (SBS-1) log, whose messages have no IAS and no Mach",
+    ),
+    "CR alone": (b"timestamp,icao24,altitude,IAS,Mach\r1,4ca001,30000,270,0.7\r", "lines end in CR alone"),
     "other JSON": (b'{"type": "FeatureCollection", "features": []}', "JSON of no known kind (it has type, features)"),
 }
 

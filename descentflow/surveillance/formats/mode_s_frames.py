@@ -182,17 +182,3 @@ def begins_with_frames(head: bytes) -> bool:
     """
     first = [line for line in head.splitlines()[:4] if line.strip()]
     return any(LINE.match(line) for line in first[:2])
-
-
-def looks_untimed(head: bytes) -> bool:
-    """Whether text begins with AVR's frames, alone or with the ticks of a receiver's counter before each.
-
-    Example:
-        >>> looks_untimed(b"*a00004128f39f91a7e27c46adc21;"), looks_untimed(b"time,icao24")
-        (True, False)
-    """
-    first = next((line.strip() for line in head.splitlines() if line.strip()), b"")
-    return bool(UNTIMED.match(first))
-
-
-UNTIMED = re.compile(rb"^(?:[*:]|@[0-9a-fA-F]{12})?(?:[0-9a-fA-F]{14}){1,2};?$")

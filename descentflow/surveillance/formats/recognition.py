@@ -9,38 +9,11 @@ from descentflow.core.errors import DataError
 from descentflow.surveillance.formats import mode_s_frames, tables
 from descentflow.surveillance.formats.file_format import Columns, FileFormat, Format, JsonFormat, TextFormat
 from descentflow.surveillance.formats.known_formats import ACCEPTED, FORMATS, HELD_TABLE, KNOWN
-from descentflow.surveillance.point_profiles.allft import is_allft
-from descentflow.surveillance.point_profiles.so6 import is_so6
+from descentflow.surveillance.formats.refused_files import BINARY, TEXT, refuse_known
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking.json_documents import documents
 from descentflow.surveillance.unpacking.streams import Input
 
-PICKLE = ("a pickle", "write the table as Parquet: opening a pickle runs whatever code it holds")
-PACKED = "unpack it, or pack it with gzip"
-CAPTURE = ("a capture of network packets", "take the payloads out of the packets first")
-BEAST = ("Beast binary", "write it as lines of time and frame, or as JSON with jet1090")
-ZIP = b"PK\x03\x04"
-REFUSED = {
-    **dict.fromkeys((b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"), PICKLE),
-    ZIP: ("a zip archive", "unpack it and pass the folder"),
-    b"BZh": ("bzip2", PACKED),
-    b"\xfd7zXZ": ("xz", PACKED),
-    b"\x28\xb5\x2f\xfd": ("zstandard", PACKED),
-    b"\x89HDF": ("HDF5", "write the table as Parquet"),
-    b"FEA1": ("Feather version 1", "write it again as Feather version 2 or Parquet"),
-    **dict.fromkeys((b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x0a\x0d\x0d\x0a"), CAPTURE),
-    **dict.fromkeys((b"\x1a\x31", b"\x1a\x32", b"\x1a\x33"), BEAST),
-}
-"""First bytes -> what is recognised but not read, and what the user can do."""
-EXCEL = ("a workbook of Excel", "save the sheet as CSV in UTF-8, with commas and decimal points")
-INSIDE_ZIP = {
-    b"data.pkl": (
-        "a checkpoint or another file of torch",
-        "pass the rows; info, sample, evaluate and diagnose take checkpoints",
-    ),
-    **dict.fromkeys((b"[Content_Types].xml", b"docProps/", b"xl/"), EXCEL),
-}
-"""Name among the first in a zip archive -> what the archive is, and what the user can do."""
 SPLIT_MEND = "write the table of pandas with orient='records' or as Parquet; names and values apart are not read"
 TRIED = sorted(KNOWN, key=lambda one: one.any_columns)
 """Formats in the order in which they are tried."""
@@ -123,11 +96,7 @@ def format_of_bytes(head: bytes, label: str) -> FileFormat | None:
         >>> format_of_bytes(b"timestamp,icao24,altitude", "rows.csv").name
         'csv'
     """
-    for begin, (what, mend) in REFUSED.items():
-        if head.startswith(begin):
-            zipped = (said for inside, said in INSIDE_ZIP.items() if begin == ZIP and inside in head)
-            what, mend = next(zipped, (what, mend))
-            raise DataError(f"{label} is {what}", expected=ACCEPTED, mend=mend)
+    refuse_known(head, BINARY, label)
     for one in TRIED:
         if isinstance(one, FileFormat) and not isinstance(one, TextFormat) and one.recognise(head):
             return one
@@ -139,9 +108,6 @@ def format_of_bytes(head: bytes, label: str) -> FileFormat | None:
 
 def _text(head: bytes, label: str) -> bytes:
     """Begin of a text without byte order mark and blanks before it."""
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        mend = "save it as UTF-8, for instance in an editor or by iconv -f UTF-16 -t UTF-8"
-        raise DataError(f"{label}: text in UTF-16, not UTF-8", expected=f"text in UTF-8: {ACCEPTED}", mend=mend)
     if b"\0" in head:
         raise DataError(
             f"{label}: neither text nor of a known binary kind", expected=ACCEPTED, mend="convert it to one of these"
@@ -149,19 +115,8 @@ def _text(head: bytes, label: str) -> bytes:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if not text:
         raise DataError(f"{label} holds no text", expected=ACCEPTED, mend="check how it was written")
-    first = text[:1000].decode("utf-8", "replace").splitlines()
-    if is_so6(first[0]) or is_allft(first[0]):
-        raise DataError(
-            f"{label}: so6 or ALL_FT+ of EUROCONTROL, with times and altitudes but no airspeeds",
-            expected=ACCEPTED,
-            mend="pass it to `descentflow evaluate` or `diagnose` as --real, for times between levels (compare_times)",
-        )
-    if mode_s_frames.looks_untimed(text):
-        raise DataError(
-            f"{label}: Mode S frames without the time of each",
-            expected=mode_s_frames.MADE_BY,
-            mend="record frames with a clock in seconds, for instance with jet1090",
-        )
+    if not text.startswith((b"{", b"[")):
+        refuse_known(text, TEXT, label)
     return text
 
 

@@ -95,61 +95,6 @@ def bluesky(checkpoint: str, folder: Path) -> Figure:
     return figure
 
 
-def wrap(checkpoint: str, folder: Path) -> Figure:
-    """OpenAP's own descents beside the samples' in OpenAP's file."""
-    import openap
-    from scipy import stats
-
-    shown = {
-        "descent_const_mach": "constant Mach",
-        "descent_const_vcas": "constant CAS, m/s",
-        "descent_vs_conmach": "rate at constant Mach, m/s",
-        "descent_vs_concas": "rate at constant CAS, m/s",
-    }
-    own = openap.WRAP(ac="A320")
-    export(checkpoint, "wrap", folder / "a320.txt", n=2000)
-    openap.kinematic.dir_wrap = f"{folder}/"
-    ours = openap.WRAP(ac="A320")
-    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
-    panels = figure.subplots(1, 4)
-    for axes, (name, label) in zip(panels, shown.items(), strict=True):
-        for k, (known, source) in enumerate(((own, "OpenAP's own"), (ours, "of the samples"))):
-            row = getattr(known, name)()
-            family = getattr(stats, row["statmodel"])
-            spread = family.ppf([0.001, 0.999], *row["statmodel_params"])
-            grid = np.linspace(*spread, 300)
-            density = family.pdf(grid, *row["statmodel_params"])
-            axes.plot(grid, density, MODELS[k][1], color=MODELS[k][0], label=source)
-        axes.set(xlabel=label, yticks=[])
-    tidy(panels)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
-    return figure
-
-
-def card(checkpoint: str, folder: Path) -> Figure:
-    """What evaluate fills into a model's card, as bars."""
-    world = df.simulate("A320", 300, seed=77)
-    found = df.evaluate(checkpoint, df.prepare(world.rows, typecode="A320"), n=5000)
-    rows = [row for row in found.scores if row.statistic == "wasserstein" and np.isfinite(row.equal_size)]
-    figure = Figure(figsize=(8.5, 3.0), layout="constrained")
-    axes = figure.subplots()
-    places = np.arange(len(rows))
-    for k, (values, label) in enumerate(
-        (
-            ([row.equal_size / row.floor for row in rows], "samples against flights"),
-            ([row.floor_high / row.floor for row in rows], "flights against flights, 95th percentile"),
-        )
-    ):
-        axes.barh(places + 0.2 * (1 - 2 * k), values, 0.38, color=MODELS[k][0], label=label)
-    axes.axvline(1, color="black", linewidth=0.8)
-    names = [f"{row.quantity.replace('_', ' ')} ({row.equal_size:.3g} {row.unit})" for row in rows]
-    axes.set(yticks=places, yticklabels=names, xlabel="Wasserstein distance, times the noise floor")
-    axes.invert_yaxis()
-    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
-    tidy([axes])
-    return figure
-
-
 def bluebird(checkpoint: str, folder: Path) -> Figure:
     """Times of 600 flights of bluebird-dt by the exported predictor, the exported tables, and its own class."""
     from bluebird_dt.core import Aircraft
@@ -197,10 +142,8 @@ def bluebird(checkpoint: str, folder: Path) -> Figure:
 FIGURES: dict[str, Callable[[str, Path], Figure]] = {
     "bluebird": bluebird,
     "bluesky": bluesky,
-    "card": card,
     "cf": cf,
     "traffic": traffic,
-    "wrap": wrap,
 }
 
 

@@ -26,7 +26,7 @@ NEEDS = {
     "descentflow.surveillance.formats.mode_s_frames": "rs1090",
 }
 """Modules whose examples need an optional library; where it is missing they are skipped."""
-LONG = ("descentflow.exports.onnx_export", "descentflow.exports.torch_export")
+LONG = ("descentflow.exports.onnx_export",)
 """Modules whose examples compile a sampler, as tests of the exports do by default."""
 
 

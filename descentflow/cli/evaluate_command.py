@@ -33,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resamples", type=int, help="also write intervals.csv: 90 %% bootstrap intervals of the scores over flights"
     )
-    parser.add_argument("--card", type=Path, help="also fill the scores into a model card (export --to safetensors)")
     parser.add_argument("--no-figures", dest="figures", action="store_false", help="draw no figures")
 
 
@@ -44,11 +43,8 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.evaluation.evaluate import N_SPLITS, evaluate
     from descentflow.evaluation.evaluation_report import FILES
     from descentflow.evaluation.metrics.scores import n_comparisons
-    from descentflow.exports.model_card import check_card, fill_in_scores
 
     check_folder(args.out, *FILES, "intervals.csv")
-    if args.card is not None:
-        check_card(args.card)
     with stage("reading descents") as shown:
         found = evaluate(
             args.checkpoint,
@@ -66,7 +62,5 @@ def run(args: argparse.Namespace) -> None:
     if args.resamples is not None:
         with stage("resampling flights"), whole_file(args.out / "intervals.csv") as temporary:
             found.intervals(args.resamples, args.seed).write_csv(temporary)
-    if args.card is not None:
-        fill_in_scores(args.card, found.scores, len(found.real), args.real.name)
     print(found)
     print(f"wrote {args.out / 'scores.csv'}{' and figures' if args.figures else ''}")

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--precision",
         choices=("float64", "float32"),
         default="float64",
-        help="of the inputs and outputs of a sampler: onnx and torch (default: float64)",
+        help="of the inputs and outputs of a sampler (--to onnx; default: float64)",
     )
     parser.add_argument("--draw-budget", type=int, help="most draws before giving up (default: 100 for each sample)")
     context_arguments.add_arguments(parser)
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.exports.export import export
 
     drawing = ("drawing descents", args.number, "descents")
-    what = ("exporting the model",) if args.to in ("onnx", "torch", "safetensors") else drawing
+    what = ("exporting the model",) if args.to == "onnx" else drawing
     with stage(*what) as drawn:
         written = export(
             args.checkpoint,

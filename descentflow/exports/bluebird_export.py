@@ -9,7 +9,7 @@ import orjson
 from descentflow.core.files import whole_file
 from descentflow.exports.bluebird_tables import tables
 from descentflow.exports.export_request import ExportRequest
-from descentflow.exports.json_export import document
+from descentflow.exports.samples_document import document
 
 
 def write(request: ExportRequest) -> list[Path]:

@@ -12,7 +12,7 @@ from descentflow.core.files import whole_file
 from descentflow.core.units import KT_MPS, NM_M
 from descentflow.exports.bluesky_rates import STEP_S, commanded_rates, first_rate, run_up
 from descentflow.exports.export_request import ExportRequest
-from descentflow.exports.json_export import document
+from descentflow.exports.samples_document import document
 from descentflow.positions.wind_by_level import WindByLevel
 
 AHEAD_FT = 1000.0

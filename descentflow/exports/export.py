@@ -55,7 +55,7 @@ def export(
         every_s: Seconds from one flight's arrival to the next one's.
         draw_budget: Most draws.
         progress: Progress callback: called with the number of descents newly accepted.
-        precision: Of the inputs and outputs of a sampler that is exported itself (``torch``, ``onnx``).
+        precision: Of the inputs and outputs of a sampler that is exported itself (``onnx``).
         report: Called with a line on size and speed for each sampler that was exported itself.
 
     Returns:
@@ -68,8 +68,8 @@ def export(
         SamplingError: If too few draws are plausible.
 
     Example:
-        >>> [path.name for path in export("best.ckpt", "json", "samples.json", n=5)]
-        ['samples.json', 'samples.schema.json']
+        >>> [path.name for path in export("best.ckpt", "bluesky", "samples.py", n=5)]
+        ['samples.py', 'samples.json']
     """
     target = target_of(to)
     plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)

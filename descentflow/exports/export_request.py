@@ -38,7 +38,7 @@ class ExportRequest:
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> request = ExportRequest(load_model("best.ckpt"), Path("samples.json"), n=3)
+        >>> request = ExportRequest(load_model("best.ckpt"), Path("samples.parquet"), n=3)
         >>> len(request.samples), request.typecode
         (3, 'A320')
     """
@@ -99,7 +99,7 @@ class ExportRequest:
 
         Example:
             >>> from descentflow.densities.checkpoint import load_model
-            >>> flights = ExportRequest(load_model("best.ckpt"), Path("s.json"), n=2).flights()
+            >>> flights = ExportRequest(load_model("best.ckpt"), Path("s.parquet"), n=2).flights()
             >>> flights["callsign"][-1]
             'DF00001'
         """

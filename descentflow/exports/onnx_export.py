@@ -1,13 +1,17 @@
 """The sampler and its decoder for onnxruntime (``.onnx``, opset 18), in Python, C++, JavaScript, C# or Java."""
 
 import json
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.export import ExportedProgram
+from torch.export import Dim, ExportedProgram
 
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library
@@ -15,13 +19,13 @@ from descentflow.exports.descent_graph import SamplerGraph
 from descentflow.exports.export_request import ExportRequest
 from descentflow.exports.graph_description import decoder_inputs, describe
 from descentflow.exports.graph_figures import figures
-from descentflow.exports.torch_export import decoder_path
-from descentflow.exports.traced import TRACED_WITH, quiet_tracing, trace
 
 OPSET = 18
 """Version of the operators: what onnxruntime 1.14 and later run."""
 DESCRIPTION = "descentflow"
 """Name of the description in a model's metadata."""
+TRACED_WITH = 7
+"""Descents of the example that is traced: more than one, or torch would take the batch to be one descent always."""
 
 
 def write(request: ExportRequest) -> list[Path]:
@@ -41,9 +45,10 @@ def write(request: ExportRequest) -> list[Path]:
     runtime = None if request.report is None else optional_library("onnxruntime", "onnx")
     sampler = SamplerGraph(request.density, request.precision).eval()
     described = describe(request.density, sampler, request.precision)
+    decoder = request.path.with_name(f"{request.path.stem}_decoder.onnx")
     models = {
         request.path: _converted(sampler, sampler.example_inputs(TRACED_WITH), described),
-        decoder_path(request.path): _converted(sampler.descents, decoder_inputs(sampler, TRACED_WITH), described),
+        decoder: _converted(sampler.descents, decoder_inputs(sampler, TRACED_WITH), described),
     }
     javascript = resources.files("descentflow.exports").joinpath("templates/descents.mjs").read_bytes()
     about = (json.dumps(described, indent=1) + "\n").encode()
@@ -56,11 +61,23 @@ def write(request: ExportRequest) -> list[Path]:
     return list(contents)
 
 
+def trace(module: nn.Module, inputs: dict[str, Tensor]) -> ExportedProgram:
+    """Trace a module in evaluation mode, whose inputs all have the number of descents as first dimension.
+
+    Args:
+        module: In evaluation mode.
+        inputs: An example of :data:`TRACED_WITH` descents, by argument.
+    """
+    batch = Dim("n")
+    with _quiet_tracing(), torch.no_grad():
+        return torch.export.export(module, (), inputs, dynamic_shapes={name: {0: batch} for name in inputs})
+
+
 def to_onnx(program: ExportedProgram, names: tuple[list[str], list[str]], described: dict[str, Any]) -> bytes:
     """A traced module as a serialised model with named inputs and outputs.
 
     Args:
-        program: From :func:`~descentflow.exports.traced.trace`.
+        program: From :func:`trace`.
         names: Of its inputs and of its outputs.
         described: Kept in the model's metadata.
 
@@ -72,7 +89,7 @@ def to_onnx(program: ExportedProgram, names: tuple[list[str], list[str]], descri
         >>> len(to_onnx(program, (["noise"], ["twice"]), {})) < 1000
         True
     """
-    with quiet_tracing():
+    with _quiet_tracing():
         made = torch.onnx.export(
             program, opset_version=OPSET, dynamo=True, verbose=False, input_names=names[0], output_names=names[1]
         )
@@ -91,6 +108,22 @@ def _converted(module: nn.Module, inputs: dict[str, Tensor], described: dict[str
     with torch.no_grad():
         outputs = list(module(**inputs))
     return to_onnx(trace(module, inputs), (list(inputs), outputs), described)
+
+
+@contextmanager
+def _quiet_tracing() -> Iterator[None]:
+    """Without the remarks that torch and its converter make on libraries and on their own deprecated parts."""
+    loggers = [logging.getLogger(name) for name in ("torch.onnx", "torch.__trace", "onnx_ir", "onnxscript")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def _figures(sampler: SamplerGraph, runtime: Any, path: Path) -> str:

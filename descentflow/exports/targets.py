@@ -15,7 +15,7 @@ class Writer(Protocol):
     """What every module of a target has as ``write``.
 
     Example:
-        >>> from descentflow.exports.json_export import write
+        >>> from descentflow.exports.parquet_export import write
         >>> writer: Writer = write
     """
 
@@ -56,7 +56,7 @@ class Target:
         if request.precision != "float64" and not self.precise:
             raise ConfigError(
                 f"the precision {request.precision} for {name}",
-                expected=f"no precision: only {' and '.join(n for n, t in TARGETS.items() if t.precise)} have one",
+                expected=f"no precision: only {' and '.join(n for n, t in TARGETS.items() if t.precise)} has one",
                 mend="leave --precision out",
             )
         if self.places and request.plan.path is None:
@@ -79,18 +79,14 @@ class Target:
 
 
 TARGETS = {
-    "json": Target("samples for programs in other languages, with a JSON schema beside them", (".json",)),
     "parquet": Target("the table of samples with unit and meaning in each field's metadata", (".parquet",)),
     "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), places=True, times=True),
     "traffic": Target("flights for the library traffic (Traffic.from_file)", (".parquet",), places=True, times=True),
     "bluesky": Target("a scenario for BlueSky (.scn), or a plugin that flies samples (.py)", (".scn", ".py")),
     "bluebird": Target("tables for bluebird-dt (.json), or a predictor that flies samples (.py)", (".json", ".py")),
-    "wrap": Target("OpenAP's WRAP file of the type, its descents those of the samples", (".txt",)),
     "onnx": Target(
         "the sampler itself, for onnxruntime in any language: random numbers in, descents out", (".onnx",), precise=True
     ),
-    "torch": Target("the same as a program of torch.export, which runs without descentflow", (".pt2",), precise=True),
-    "safetensors": Target("the model itself, as weights and a JSON header, with a model card", (".safetensors",)),
 }
 """Every target by its name."""
 
@@ -104,7 +100,7 @@ def target_of(name: str) -> Target:
     Example:
         >>> target_of("yaml")
         Traceback (most recent call last):
-        descentflow.core.errors.ConfigError: target 'yaml'; expected one of json, ...; to mend it, ...
+        descentflow.core.errors.ConfigError: target 'yaml'; expected one of parquet, ...; to mend it, ...
     """
     if name not in TARGETS:
         raise ConfigError(f"target {name!r}", expected=f"one of {', '.join(TARGETS)}", mend="correct --to")

@@ -202,7 +202,7 @@ def _no_graph(density: Density) -> ConfigError:
     return ConfigError(
         f"a {type(density).__name__}, whose draws cannot be written as a graph",
         expected="a Gaussian, a mixture or a masked affine flow",
-        mend="fit one of those, or export samples (--to json)",
+        mend="fit one of those, or export samples (--to parquet)",
     )
 
 

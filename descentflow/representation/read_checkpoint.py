@@ -15,7 +15,6 @@ from descentflow.core.errors import CheckpointError, DescentflowError
 from descentflow.representation.check_checkpoint import check_flies, check_section
 from descentflow.representation.checkpoint_place import MEND, check_is_there
 from descentflow.representation.representation import Representation
-from descentflow.representation.safetensors_file import SUFFIX, read_safetensors
 
 SECTION = "descentflow"
 """Key of a checkpoint under which everything is kept that Lightning does not save itself."""
@@ -34,8 +33,6 @@ OTHER_MEND = (
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
     """Read a checkpoint's content with ``weights_only=True``, which unpickles nothing but tensors and primitives.
 
-    A ``.safetensors`` file, which ``descentflow export`` writes, is read as well.
-
     Raises:
         CheckpointError: If the file is missing, truncated, not a checkpoint, not ours, of another format, or
             holds objects that would have to execute code.
@@ -45,7 +42,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         'GaussianDensity'
     """
     check_is_there(path)
-    content = read_safetensors(path) if Path(path).suffix == SUFFIX else _unpickled(path)
+    content = _unpickled(path)
     if not isinstance(content, dict) or SECTION not in content:
         raise CheckpointError(f"{path}: not a checkpoint of descentflow", expected=f"a {SECTION!r} section", mend=MEND)
     section = content[SECTION]

@@ -61,8 +61,7 @@ def jobs(inputs: Path) -> dict[str, Job]:
             (*command, "export", model, "--to", target, "--out", out, "-n", "50", *places), (f"{Path(out).stem}*",)
         )
         for target, out, places in (
-            ("json", "out.json", ()),
-            ("safetensors", "out.safetensors", ()),
+            ("bluesky", "out.py", ()),
             ("traffic", "out.parquet", ("--end", "51.47,-0.45", "--track", "270", "--time", "2026-11-22T10:00:00")),
         )
     }

@@ -1,9 +1,7 @@
-"""The exported sampler gives our descents: torch.export and onnxruntime, in either precision, for each density."""
+"""The exported sampler gives our descents in onnxruntime, in either precision, for each density."""
 
-import io
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +13,7 @@ from torch.export import ExportedProgram
 
 from descentflow.densities.density import Density
 from descentflow.exports.descent_graph import OFF_GRID, PROFILES, Precision, SamplerGraph
-from descentflow.exports.onnx_export import to_onnx
-from descentflow.exports.traced import TRACED_WITH, trace
+from descentflow.exports.onnx_export import TRACED_WITH, to_onnx, trace
 from descentflow.exports.weight_draws import DrawByEntry, MixtureDraw
 from descentflow.representation.plausibility import RULES
 
@@ -31,13 +28,6 @@ OUTPUTS = ["level_fl", *PROFILES, "accepted", "broken", "weights"]
 KINDS = ("gaussian", "gaussian by entry", "mixture", "whitened flow", "whitened flow by entry")
 OURS = {"float64": 1e-9, "float32": 1e-4}
 """Largest difference of times, in seconds. In single precision a time below 2,048 s is rounded by up to 6e-5 s."""
-
-
-def by_torch(program: ExportedProgram, inputs: dict[str, Tensor]) -> dict[str, Tensor]:
-    saved = io.BytesIO()
-    torch.export.save(program, saved)
-    saved.seek(0)
-    return torch.export.load(saved).module()(**inputs)
 
 
 def by_onnx(program: ExportedProgram, inputs: dict[str, Tensor]) -> dict[str, Tensor]:
@@ -69,8 +59,8 @@ def ours(model: Density, sampler: SamplerGraph, inputs: dict[str, Tensor]) -> tu
     return table_of(PARTS, weights, entry, white), weights
 
 
-def compare(kind: str, precision: Precision, runs: list[Callable[..., dict[str, Tensor]]]) -> None:
-    """One trace of a sampler, run by each of the runtimes, against our table of the same random numbers."""
+def compare(kind: str, precision: Precision) -> None:
+    """Compare a sampler in onnxruntime with our table of the same random numbers."""
     model = density(kind, PARTS)
     # The flow's own arithmetic is float32; its exact draws are those of its float64 copy.
     model = model.double() if precision == "float64" else model
@@ -79,31 +69,30 @@ def compare(kind: str, precision: Precision, runs: list[Callable[..., dict[str, 
     expected, weights = ours(model, sampler, inputs)
     program = trace(sampler, sampler.example_inputs(TRACED_WITH))
     double = precision == "float64"
-    for run in runs:
-        found = run(program, inputs)
-        torch.testing.assert_close(found["weights"].double(), weights, rtol=0, atol=1e-12 if double else 2e-6)
-        good = found["accepted"]
-        assert 0.2 < float(good.double().mean()) < 1, "draws of both kinds are compared"
-        for name in PROFILES:
-            # Drag is tens of thousands of N, rates are thousands of ft/min.
-            within = {"drag_n": 100, "vertical_rate": 10}.get(name, 1) * OURS[precision]
-            mine = expected[name][good]
-            torch.testing.assert_close(found[name][good].double(), mine, rtol=0, atol=within, equal_nan=True)
-        assert torch.equal(found["broken"][:, : len(RULES)], expected["broken"])
-        assert torch.equal(good, ~expected["broken"].any(1))
-        assert torch.equal(found["level_fl"].double(), PARTS.decoder.levels_fl)
+    found = by_onnx(program, inputs)
+    torch.testing.assert_close(found["weights"].double(), weights, rtol=0, atol=1e-12 if double else 2e-6)
+    good = found["accepted"]
+    assert 0.2 < float(good.double().mean()) < 1, "draws of both kinds are compared"
+    for name in PROFILES:
+        # Drag is tens of thousands of N, rates are thousands of ft/min.
+        within = {"drag_n": 100, "vertical_rate": 10}.get(name, 1) * OURS[precision]
+        mine = expected[name][good]
+        torch.testing.assert_close(found[name][good].double(), mine, rtol=0, atol=within, equal_nan=True)
+    assert torch.equal(found["broken"][:, : len(RULES)], expected["broken"])
+    assert torch.equal(good, ~expected["broken"].any(1))
+    assert torch.equal(found["level_fl"].double(), PARTS.decoder.levels_fl)
 
 
 @pytest.mark.parametrize("kind", [pytest.param("gaussian", marks=pytest.mark.slow), *KINDS[1:]])
 def test_float64_gives_our_descents(kind: str) -> None:
-    compare(kind, "float64", [by_torch, by_onnx])
+    compare(kind, "float64")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_float32_gives_our_descents(kind: str) -> None:
     """Each of them; a Gaussian's difference is also what the command says of the one that it writes, below."""
-    compare(kind, "float32", [by_torch, by_onnx])
+    compare(kind, "float32")
 
 
 def test_the_command_says_size_speed_and_difference(sampler: tuple[Path, str]) -> None:

@@ -15,7 +15,6 @@ from descentflow.cli.ending import ended_in_order
 from descentflow.cli.entry import main
 from descentflow.core.errors import DataError
 from descentflow.core.files import check_folder, system_number, whole_file
-from descentflow.exports.model_card import check_card
 from descentflow.simulation.world_files import WorldFiles
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
@@ -85,13 +84,6 @@ def test_the_files_of_a_folder_are_looked_at_too(tmp_path: Path) -> None:
     assert check_folder(tmp_path, "other.csv") == tmp_path
     with pytest.raises(DataError, match=r"scores\.csv is a folder"):
         check_folder(tmp_path, "scores.csv")
-
-
-def test_a_card_without_its_marks_is_told_first(tmp_path: Path) -> None:
-    card = tmp_path / "card.md"
-    card.write_bytes(b"\xff\xfe")
-    with pytest.raises(DataError, match="is no text"):
-        check_card(card)
 
 
 def test_the_truth_of_a_world_may_not_be_a_folder(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ class GraphDecoder(nn.Module):
             raise ConfigError(
                 "a corrected model, whose effects are drawn flight by flight",
                 expected="a model without a correction",
-                mend="export the model that was corrected, or samples of this one (--to json)",
+                mend="export the model that was corrected, or samples of this one (--to parquet)",
             )
         grid = decoder.grid(decoder.levels_fl)
         if grid is None:

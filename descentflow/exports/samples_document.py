@@ -1,14 +1,9 @@
-"""Samples as one JSON document for programs in other languages, with the JSON schema that says what is in it."""
+"""Document of samples that lies beside the plugins for BlueSky and bluebird-dt, which read it as JSON."""
 
-import json
-from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import orjson
 
-from descentflow.core.files import whole_file
 from descentflow.core.version import __version__
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export_request import ExportRequest
@@ -21,27 +16,8 @@ DECIMALS = {"latitude": 7, "longitude": 7, "Mach": 6}
 """Digits kept after the point; 4 of all other columns: a millimetre a second, a decimetre, a tenth of a millisecond."""
 
 
-def schema() -> dict[str, Any]:
-    """The JSON schema (draft 2020-12) of the document.
-
-    Example:
-        >>> schema()["title"]
-        'Sampled aircraft descents'
-    """
-    text = resources.files("descentflow.exports").joinpath("samples.schema.json").read_text(encoding="utf-8")
-    found: dict[str, Any] = json.loads(text)
-    return found
-
-
 def document(request: ExportRequest) -> dict[str, Any]:
-    """The document: about the model, the units, and an object for each sample with its columns from the top down.
-
-    Example:
-        >>> from descentflow.densities.checkpoint import load_model
-        >>> made = document(ExportRequest(load_model("best.ckpt"), Path("s.json"), n=2))
-        >>> len(made["samples"]), float(made["samples"][0]["time_s"][0]), made["units"]["CAS"]
-        (2, 0.0, 'knot')
-    """
+    """Model, units, and an object for each sample with its columns from the top down."""
     table = request.flights()
     about = [name for name in table.columns if name.startswith("given_")]
     once = [name for name in ONCE if name in table.columns]
@@ -75,20 +51,3 @@ def document(request: ExportRequest) -> dict[str, Any]:
         "units": {name: COLUMNS[name].unit for name in (*columns, *once)},
         "samples": samples,
     }
-
-
-def write(request: ExportRequest) -> list[Path]:
-    """Write the document, and its schema beside it as ``NAME.schema.json``.
-
-    Example:
-        >>> from descentflow.densities.checkpoint import load_model
-        >>> [path.name for path in write(ExportRequest(load_model("best.ckpt"), Path("s.json"), n=2))]
-        ['s.json', 's.schema.json']
-    """
-    beside = request.path.with_suffix(".schema.json")
-    content = orjson.dumps(document(request), option=orjson.OPT_SERIALIZE_NUMPY)
-    with whole_file(request.path) as temporary:
-        temporary.write_bytes(content)
-    with whole_file(beside) as temporary:
-        temporary.write_text(json.dumps(schema(), indent=2) + "\n", encoding="utf-8")
-    return [request.path, beside]

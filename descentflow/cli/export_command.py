@@ -34,6 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="float64",
         help="of the inputs and outputs of a sampler (--to onnx; default: float64)",
     )
+    parser.add_argument(
+        "--step-s",
+        type=float,
+        metavar="S",
+        help="a row every S seconds, on whole steps of the clock: parquet, cf, traffic (default: 1 for traffic, a row "
+        "for each level for the others)",
+    )
     parser.add_argument("--draw-budget", type=int, help="most draws before giving up (default: 100 for each sample)")
     context_arguments.add_arguments(parser)
     position_arguments.add_arguments(parser)
@@ -64,6 +71,7 @@ def run(args: argparse.Namespace) -> None:
             draw_budget=args.draw_budget,
             progress=drawn.advance,
             precision=args.precision,
+            step_s=args.step_s,
             report=print,
         )
     for path in written:

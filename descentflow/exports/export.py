@@ -35,6 +35,7 @@ def export(
     draw_budget: int | None = None,
     progress: Callable[[int], None] | None = None,
     precision: Literal["float64", "float32"] = "float64",
+    step_s: float | None = None,
     report: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write a model's samples, or the model, in the format of another program.
@@ -56,6 +57,7 @@ def export(
         draw_budget: Most draws.
         progress: Progress callback: called with the number of descents newly accepted.
         precision: Of the inputs and outputs of a sampler that is exported itself (``onnx``).
+        step_s: Seconds from row to row, on whole steps of the clock; a row for each level if absent, 1 for ``traffic``.
         report: Called with a line on size and speed for each sampler that was exported itself.
 
     Returns:
@@ -78,6 +80,9 @@ def export(
         raise ConfigError(f"samples {every_s:g} s apart", expected="0 s or more", mend="pass for instance 120 s")
     density = as_density(model)
     output = check_output(path)
-    request = ExportRequest(density, output, n, seed, context, plan, every_s, draw_budget, progress, precision, report)
+    step_s = target.step_s if step_s is None else step_s
+    request = ExportRequest(
+        density, output, n, seed, context, plan, every_s, draw_budget, progress, precision, step_s, report
+    )
     target.check(to, request)
     return target.writer(to)(request)

@@ -10,6 +10,7 @@ import polars as pl
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.density import Density
+from descentflow.exports.rows_by_time import rows_by_time
 from descentflow.generation.sample import sample
 from descentflow.generation.sample_contexts import Contexts
 from descentflow.generation.samples import Samples
@@ -34,6 +35,7 @@ class ExportRequest:
         draw_budget: Most draws.
         progress: Called with the number of descents newly accepted.
         precision: Of the inputs and outputs of a sampler that is exported itself.
+        step_s: Seconds from row to row; a row for each level if None.
         report: Called with a line of figures on what was written, where a target has some.
 
     Example:
@@ -53,6 +55,7 @@ class ExportRequest:
     draw_budget: int | None = None
     progress: Callable[[int], None] | None = None
     precision: Literal["float64", "float32"] = "float64"
+    step_s: float | None = None
     report: Callable[[str], None] | None = None
 
     @cached_property
@@ -115,4 +118,5 @@ class ExportRequest:
         if "timestamp" in found.columns:
             later = pl.duration(microseconds=(1e6 * self.every_s * number).cast(pl.Int64))
             found = found.with_columns(pl.col("timestamp") + later)
-        return found.select("sample_id", *names.columns[1:], pl.exclude("sample_id", *names.columns[1:]))
+        found = found.select("sample_id", *names.columns[1:], pl.exclude("sample_id", *names.columns[1:]))
+        return found if self.step_s is None else rows_by_time(found, self.step_s)

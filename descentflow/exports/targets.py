@@ -38,14 +38,16 @@ class Target:
     """Whether it needs an end point and a track, or a route."""
     times: bool = False
     """Whether it needs the time of arrival."""
-    precise: bool = False
-    """Whether numbers go in and come out in a precision that can be chosen."""
+    options: tuple[str, ...] = ()
+    """What of :data:`DEFAULTS` it can be asked for."""
+    step_s: float | None = None
+    """Seconds from row to row where no other step is asked for; a row for each level if None."""
 
     def check(self, name: str, request: "ExportRequest") -> None:
         """Refuse a request that the target cannot serve.
 
         Raises:
-            ConfigError: If the extension is another, the place or time is missing, or it has no precision to choose.
+            ConfigError: If the extension is another, the place or time is missing, or it lacks an option.
         """
         if request.path.suffix not in self.suffixes:
             raise ConfigError(
@@ -53,12 +55,15 @@ class Target:
                 expected=f"an extension among {', '.join(self.suffixes)}",
                 mend="rename the output",
             )
-        if request.precision != "float64" and not self.precise:
-            raise ConfigError(
-                f"the precision {request.precision} for {name}",
-                expected=f"no precision: only {' and '.join(n for n, t in TARGETS.items() if t.precise)} has one",
-                mend="leave --precision out",
-            )
+        for option, default in DEFAULTS.items():
+            value = getattr(request, option)
+            if value != default and option not in self.options:
+                having = [other for other, target in TARGETS.items() if option in target.options]
+                raise ConfigError(
+                    f"{option} {value} for {name}",
+                    expected=f"{' or '.join(having)}, which can be asked for it",
+                    mend=f"leave --{option.replace('_', '-')} out",
+                )
         if self.places and request.plan.path is None:
             raise ConfigError(
                 f"{name} without places",
@@ -78,14 +83,22 @@ class Target:
         return found
 
 
+DEFAULTS = {"precision": "float64", "step_s": None}
+"""Options that some targets have and others refuse, with what they are where nobody asked."""
 TARGETS = {
-    "parquet": Target("the table of samples with unit and meaning in each field's metadata", (".parquet",)),
-    "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), places=True, times=True),
-    "traffic": Target("flights for the library traffic (Traffic.from_file)", (".parquet",), places=True, times=True),
+    "parquet": Target(
+        "the table of samples with unit and meaning in each field's metadata", (".parquet",), options=("step_s",)
+    ),
+    "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), True, True, ("step_s",)),
+    "traffic": Target(
+        "flights for the library traffic (Traffic.from_file)", (".parquet",), True, True, ("step_s",), step_s=1.0
+    ),
     "bluesky": Target("a scenario for BlueSky (.scn), or a plugin that flies samples (.py)", (".scn", ".py")),
     "bluebird": Target("tables for bluebird-dt (.json), or a predictor that flies samples (.py)", (".json", ".py")),
     "onnx": Target(
-        "the sampler itself, for onnxruntime in any language: random numbers in, descents out", (".onnx",), precise=True
+        "the sampler itself, for onnxruntime in any language: random numbers in, descents out",
+        (".onnx",),
+        options=("precision",),
     ),
 }
 """Every target by its name."""

@@ -14,7 +14,7 @@ KEPT += ("longitude", "groundspeed", "track", "vertical_rate", "IAS", "Mach", "T
 
 
 def flights(request: ExportRequest) -> pl.DataFrame:
-    """One row for each flight and level in traffic's names and units, in the order of time.
+    """One row for each flight and second (``step_s``) in traffic's names and units, in the order of time.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model

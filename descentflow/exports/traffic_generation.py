@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.densities.checkpoint import as_density
+from descentflow.exports.rows_by_time import rows_at
+from descentflow.exports.traffic_export import NAMES
 from descentflow.generation.sample import sample
 from descentflow.positions.ground_plan import GroundPlan
 
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 FEATURES = ("track", "groundspeed", "altitude", "timedelta")
 """What traffic needs to lay flights over the ground: degrees, kt, ft, s."""
 KNOWN = (*FEATURES, "latitude", "longitude", "vertical_rate", "IAS", "Mach", "TAS")
+LARGE, SMALL = ("groundspeed", "altitude", "timedelta", "IAS", "TAS"), 10.0
+"""Features whose values are hundreds of their units, and what half of the values of a scaled one lie below."""
 
 
 class TrafficGeneration:
@@ -66,7 +69,8 @@ class TrafficGeneration:
         It cannot learn from these features: drag is inferred from airspeeds, which they do not have.
 
         Raises:
-            ConfigError: If the matrix has another number of features.
+            ConfigError: If the matrix has another number of features, or a scaler of ``Generation`` scaled it: what
+                is drawn is in the features' units, and the scaler would scale it back.
         """
         times, rest = divmod(np.asarray(X).shape[1], len(self.features))
         if rest or times < 2:
@@ -75,6 +79,14 @@ class TrafficGeneration:
                 expected="a multiple of the number of features",
                 mend=f"prepare traffic with features={list(self.features)}",
             )
+        grid = np.abs(np.asarray(X).reshape(len(X), times, -1))
+        for k, name in enumerate(self.features):
+            if name in LARGE and np.nanmedian(grid[:, :, k]) < SMALL:
+                raise ConfigError(
+                    f"{name} that was scaled, {np.nanmax(grid[:, :, k]):.3g} at most",
+                    expected="features in their own units: nothing is learned of them that a scaler could help",
+                    mend="make Generation without a scaler",
+                )
         self.n_obs = times
         return self
 
@@ -86,32 +98,9 @@ class TrafficGeneration:
         """
         drawn = sample(self.density, n_samples, seed=self.seed)
         self.seed += 1
-        flown, placed = drawn.trajectories, replace(drawn, plan=self.plan).positions
-        columns: dict[str, Any] = {
-            "altitude": (flown.levels_fl * 100).expand(flown.time_s.shape).numpy(),
-            "vertical_rate": flown.rate_mps.numpy() / FPM_MPS,
-            "IAS": flown.cas_mps.numpy() / KT_MPS,
-            "Mach": flown.mach.numpy(),
-            "TAS": flown.tas_mps.numpy() / KT_MPS,
-            "groundspeed": placed.groundspeed_mps / KT_MPS,
-            "track": placed.track,
-            "latitude": placed.latitude,
-            "longitude": placed.longitude,
-        }
-        found = np.empty((n_samples, self.n_obs, len(self.features)))
-        entries = flown.entry.tolist()
-        for i, (time_s, entry) in enumerate(zip(flown.time_s.numpy(), entries, strict=True)):
-            down = slice(entry, None, -1)
-            times = np.linspace(0.0, time_s[0], self.n_obs)
-            for k, name in enumerate(self.features):
-                found[i, :, k] = (
-                    times if name == "timedelta" else _at(times, time_s[down], columns[name][i][down], name)
-                )
-        return found.reshape(n_samples, -1), np.zeros(n_samples)
-
-
-def _at(times: Array, known: Array, values: Array, name: str) -> Array:
-    """Values between levels; a track goes the shorter way round."""
-    if name == "track":
-        return np.interp(times, known, np.unwrap(values, period=360)) % 360
-    return np.interp(times, known, values)
+        found = []
+        for one in replace(drawn, plan=self.plan).to_polars().partition_by("sample_id", maintain_order=True):
+            clock = one["time_s"].to_numpy()
+            rows = rows_at(one, clock, np.linspace(0.0, clock[-1], self.n_obs)).rename(NAMES | {"time_s": "timedelta"})
+            found.append(rows.select(self.features).to_numpy().ravel())
+        return np.stack(found), np.zeros(n_samples)

@@ -8,6 +8,7 @@ from typing import Any
 
 import polars as pl
 
+from descentflow.core.errors import DataError
 from descentflow.core.version import __version__
 from descentflow.core.workers import version
 from descentflow.surveillance.cleaning.absent_types import (
@@ -21,6 +22,7 @@ from descentflow.surveillance.cleaning.contradictions import check_designators, 
 from descentflow.surveillance.cleaning.flights import check_left, names_shared
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import SCHEMA_VERSION, top_levels
+from descentflow.surveillance.formats.asterix import WITHOUT_DAY
 from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.read_rows import HELD, Source
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -112,12 +114,19 @@ class Request:
             parts: Report of each part, its rows per type, and its rows per address where the table of types names none.
 
         Raises:
-            DataError: If no usable row was left before the filters, or most of them contradict themselves.
+            DataError: If no usable row was left before the filters, most of them contradict themselves, or several
+                files have no day.
 
         Warns:
             DescentflowWarning: If one of several types that are asked for is in no row, and no designator.
         """
         report.extend([part for part, _, _ in parts])
+        if (number := report.notes.get(WITHOUT_DAY, 0)) > 1:
+            raise DataError(
+                f"{number:,} files of ASTERIX without a day in their names: rows of several days would be shuffled",
+                expected="a day in each name, as 2024-03-01_x.ast or 240301-x.ast: a message has a time of day alone",
+                mend="put the day of each recording into its name",
+            )
         present, untyped = (_summed(counts) for counts in ([p[1] for p in parts], [p[2] for p in parts]))
         check_left(report, self.typecodes, present, self.types, untyped)
         if present:

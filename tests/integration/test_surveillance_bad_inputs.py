@@ -83,6 +83,14 @@ REFUSED_TABLES: dict[str, tuple[Change, str]] = {
         "vertical_rate seems to be in hundreds of ft/min",
     ),
     "Mach in percent": (lambda f: f.with_columns(pl.col("Mach") * 100), "Mach seems to be in hundredths"),
+    "times cut to the minute": (
+        lambda f: f.with_columns(pl.col("timestamp").dt.truncate("1m")),
+        "times are cut to the minute",
+    ),
+    "times written to the minute": (
+        lambda f: f.with_columns(pl.col("timestamp").dt.strftime("%Y-%m-%d %H:%M")),
+        "times are cut to the minute",
+    ),
     "all of one time": (lambda f: f.with_columns(pl.col("timestamp").first()), "the time of another row"),
     "rate in m/s": (lambda f: f.with_columns(pl.col("vertical_rate") * 0.00508), "vertical_rate seems to be in m/s"),
     "sink rate": (lambda f: f.with_columns(-pl.col("vertical_rate")), "sign of a sink rate"),

@@ -52,6 +52,37 @@ def test_tables_in_every_packing(kind: str, packing: str, tmp_path: Path) -> Non
     assert_frame_equal(named, found)
 
 
+@pytest.mark.parametrize("form", ["list", "list over lines", "one after the other", "indented", "one aircraft a line"])
+def test_snapshots_in_any_arrangement(form: str, tmp_path: Path) -> None:
+    """As loggers append them: in a list, one after the other with or without line ends; and readsb's JSON output."""
+    lines = snapshots_of(FLIGHT).decode().splitlines()
+    text = {
+        "list": "[" + ", ".join(lines) + "]",
+        "list over lines": "[\n" + ",\n".join(lines) + "\n]\n",
+        "one after the other": "".join(lines),
+        "indented": "\n".join(json.dumps(json.loads(line), indent=1) for line in lines),
+        "one aircraft a line": "\n".join(
+            json.dumps({"now": whole["now"], **whole["aircraft"][0]}) for whole in map(json.loads, lines)
+        ),
+    }[form]
+    found, notes = rows_of(written_to(tmp_path / "aircraft", text))
+    assert_same_flight(found)
+    assert notes == {}
+    if form.startswith("one"):
+        cut, notes = rows_of(written_to(tmp_path / "cut", text[:-40]))
+        assert len(cut) == len(FLIGHT) - 1
+        assert notes == {"JSON lines cut at the end of a file": 1}
+
+
+def test_snapshots_of_a_program_without_airspeeds_are_refused_by_their_names(tmp_path: Path) -> None:
+    craft = {"hex": "4ca001", "altitude": 34000, "vert_rate": -32, "speed": 450, "seen": 0.1}
+    old = written_to(tmp_path / "old.json", json.dumps({"now": 1.7e9, "aircraft": [craft]}))
+    with pytest.raises(DataError, match="`altitude` for `alt_baro`, of a dump1090 that reports no IAS and no Mach"):
+        rows_of(old)
+    with pytest.raises(DataError, match="aircraft of a receiver without the time of each"):
+        rows_of(written_to(tmp_path / "data.json", json.dumps([craft])))
+
+
 def test_blocks_bound_what_is_held_and_lose_nothing(tmp_path: Path) -> None:
     FLIGHT.write_parquet(tmp_path / "a.parquet", row_group_size=50)
     FLIGHT.with_columns(icao24=pl.lit("4ca002")).write_csv(tmp_path / "b.csv")

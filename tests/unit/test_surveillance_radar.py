@@ -23,6 +23,7 @@ from surveillance_toys import START
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.formats.mode_s_registers import values_of
+from descentflow.surveillance.prepare import prepare
 
 
 def frames_of(rows: pl.DataFrame) -> list[tuple[float, str]]:
@@ -141,6 +142,47 @@ def test_a_track_of_another_encoder_is_read(tmp_path: Path) -> None:
     assert {name: row[name] for name in expected} == pytest.approx(expected)
     assert (row["icao24"], row["callsign"]) == ("4ca001", "TST1")
     assert str(row["timestamp"]) == "1970-01-01 10:00:00.500000+00:00"
+
+
+@pytest.mark.parametrize(
+    ("name", "day"),
+    [
+        ("2024-03-01_x.ast", "2024-03-01"),
+        ("20240301080001.ast", "2024-03-01"),
+        ("240301-lebl-080001_smr.ast", "2024-03-01"),
+        ("lebl_080001_240301.ast", "2024-03-01"),
+        ("plots_20240301_231131.ast", "2024-03-01"),
+        ("241301.ast", "1970-01-01"),
+        ("000123.ast", "1970-01-01"),
+        ("1234567.ast", "1970-01-01"),
+    ],
+)
+def test_days_of_six_and_eight_digits_in_names_of_asterix(name: str, day: str, tmp_path: Path) -> None:
+    pytest.importorskip("pyasteryx")
+    found, notes = rows_of(written_to(tmp_path / name, cat062("4ca001", 36_000, 350, 270, 0.8, -500)))
+    assert str(found["timestamp"][0]) == f"{day} 10:00:00+00:00"
+    assert bool(notes) == (day == "1970-01-01")
+
+
+def test_files_without_days_are_not_put_on_one(tmp_path: Path) -> None:
+    pytest.importorskip("pyasteryx")
+    steps = [(k, 350 - k, 270 + k % 3, round(0.8 - 0.001 * k, 3), -1400 - 40 * (k % 9)) for k in range(150)]
+    block = b"".join(cat062("4ca001", 36_000 + 4 * k, *measured) for k, *measured in steps)
+    for name in ("a.ast", "b.ast"):
+        written_to(tmp_path / name, block)
+    prepare(tmp_path / "a.ast", types={"4ca001": "A320"})
+    with pytest.raises(DataError, match="2 files of ASTERIX without a day in their names"):
+        prepare(tmp_path, types={"4ca001": "A320"})
+
+
+def test_asterix_of_other_categories_is_refused_by_their_numbers(tmp_path: Path) -> None:
+    pytest.importorskip("pyasteryx")
+    blocks = bytes([10, 0, 4, 0, 21, 0, 5, 0, 0, 10, 0, 4, 0])
+    with pytest.raises(DataError, match="ASTERIX without airspeeds, of category 010 and 021 alone"):
+        rows_of(written_to(tmp_path / "240301.ast", blocks))
+    found, notes = rows_of(written_to(tmp_path / "240301.ast", blocks + cat062("4ca001", 1, 350, 270, 0.8, -500)))
+    assert len(found) == 1
+    assert notes == {"ASTERIX blocks of other categories": 3}
 
 
 def test_midnight_passes_in_asterix(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """The `aircraft.json` snapshots that dump1090-fa, readsb and tar1090 serve, and answers of version 2 of the open APIs.
 
-The APIs (adsb.lol, airplanes.live, adsbexchange) name the list `ac` and give `now` in milliseconds.
+The APIs (adsb.lol, airplanes.live, adsbexchange) name the list `ac` and give `now` in milliseconds. The JSON output of
+readsb is one aircraft a line, each with a `now` of its own.
 """
 
 from collections.abc import Iterable, Iterator
@@ -46,7 +47,9 @@ def is_snapshot(document: object) -> bool:
         >>> is_snapshot({"now": 1.7e9, "aircraft": []}), is_snapshot({"icao": "4ca001", "trace": []})
         (True, False)
     """
-    return isinstance(document, dict) and ("aircraft" in document or document.keys() >= {"ac", "now"})
+    if not isinstance(document, dict):
+        return False
+    return "aircraft" in document or document.keys() >= {"ac", "now"} or document.keys() >= {"hex", "now"}
 
 
 def rows(documents: Iterable[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
@@ -62,7 +65,7 @@ def rows(documents: Iterable[object], label: str, report: DropReport, block_rows
         block_rows: About the most rows in a part.
 
     Raises:
-        DataError: If no document has a list of aircraft.
+        DataError: If no document has a list of aircraft, or they have the names of a program that reports no airspeeds.
 
     Example:
         >>> snapshot = {"now": 1.7e9, "aircraft": [{"hex": "4ca001", "alt_baro": 30000, "ias": 270, "seen": 2.0}]}
@@ -74,13 +77,20 @@ def rows(documents: Iterable[object], label: str, report: DropReport, block_rows
     waiting: list[dict[str, Any]] = []
     any_snapshot = False
     for snapshot in documents:
-        aircraft = snapshot.get("aircraft", snapshot.get("ac")) if isinstance(snapshot, dict) else None
+        single = [snapshot] if isinstance(snapshot, dict) and "hex" in snapshot else None
+        aircraft = snapshot.get("aircraft", snapshot.get("ac", single)) if isinstance(snapshot, dict) else None
         if not isinstance(snapshot, dict) or not isinstance(aircraft, list) or not is_number(snapshot.get("now")):
             report.note("JSON documents that are no snapshot with aircraft and time", 1)
             continue
         any_snapshot = True
         objects = [thing for thing in aircraft if type(thing) is dict]
         report.note("aircraft in snapshots that are no object", len(aircraft) - len(objects))
+        if any("altitude" in thing and not thing.keys() & {"alt_baro", "ias", "mach"} for thing in objects):
+            raise DataError(
+                f"{label}: snapshots with `altitude` for `alt_baro`, of a dump1090 that reports no IAS and no Mach",
+                expected="snapshots of readsb, dump1090-fa or tar1090, with `ias` and `mach`",
+                mend="receive with one of these; what dump1090-mutability and its elders wrote cannot be mended",
+            )
         waiting += objects
         now = float(snapshot["now"])
         times += [now / 1000 if now > MILLISECONDS else now] * len(objects)

@@ -2,12 +2,13 @@
 
 The bytes are decoded by pyasteryx, after EUROCONTROL's specifications. IAS and Mach come in I062/380, or in
 register 6,0 of I048/250. A message has a time of day and no date: that is taken from the file's name, as in
-`2024-03-01_radar.ast`.
+`2024-03-01_radar.ast` or `240301-radar.ast`.
 """
 
 import cmath
 import re
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from datetime import UTC, date, datetime, time
 from typing import Any
 
@@ -26,8 +27,17 @@ KNOWN = frozenset({1, 2, 4, 8, 10, 11, 19, 20, 21, 23, 34, 48, 62, 63, 65, 240, 
 """Categories that occur in recordings of radars and trackers."""
 LARGEST_BLOCK = 0x1FFF
 """Longer blocks do not fit into the packets that they are sent in; text read as a block would be longer."""
-DAY = re.compile(r"(?<!\d)(19|20)(\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])(?!\d)")
+READ = frozenset({48, 62})
+DAYS = (
+    ("", re.compile(r"(?<!\d)((?:19|20)\d\d)[-_.]?(\d\d)[-_.]?(\d\d)(?=(?:\d{6})?(?!\d))")),
+    ("20", re.compile(r"(?<!\d)(\d\d)(\d\d)(\d\d)(?!\d)")),
+)
+"""Century and pattern of a day in a name, eight digits before six; a time may follow the eight at once."""
 NO_DAY = date(1970, 1, 1)
+WITHOUT_DAY = "files of ASTERIX without a day in their name, put on 1970-01-01"
+"""Note in the report."""
+FIRST_YEAR = 2004
+"""Year of the first enhanced surveillance: six digits of before are a number."""
 HALF_DAY_S = 43_200.0
 COLUMNS = {
     "callsign": str,
@@ -59,29 +69,36 @@ def rows(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.Data
     """Rows of the messages of both categories that name an aircraft; others are counted.
 
     Raises:
-        DataError: If the parser is not installed, or what is between blocks has no length.
+        DataError: If the parser is not installed, what is between blocks has no length, or there is neither category.
 
     Example:
         >>> import io
-        >>> report = DropReport()
-        >>> other_category = Input(io.BytesIO(bytes([34, 0, 4, 0])), "2024-03-01_radar.ast")
-        >>> [len(part) for part in rows(other_category, report, 1000)], report.notes
-        ([0], {'ASTERIX blocks of other categories': 1})
+        >>> of_surface_radar = Input(io.BytesIO(bytes([10, 0, 4, 0])), "2024-03-01_radar.ast")
+        >>> next(rows(of_surface_radar, DropReport(), 1000))
+        Traceback (most recent call last):
+        descentflow.core.errors.DataError: 2024-03-01_radar.ast: ASTERIX without airspeeds, of category 010 alone; ...
     """
     decode = _decoder()
+    categories = set[int]()
     clock = _Clock(_day(source.label))
     waiting: list[Row] = []
     seconds: list[float | None] = []
-    for content in _blocks(source, report):
+    for content in _blocks(source, report, categories):
         for row, of_day in _rows_of_block(content, decode, report):
             waiting.append(row)
             seconds.append(clock.seconds(of_day))
         if len(waiting) >= block_rows:
             yield _frame(waiting, seconds)
             waiting, seconds = [], []
+    if not categories & READ:
+        raise DataError(
+            f"{source.label}: ASTERIX without airspeeds, of category "
+            f"{' and '.join(f'{one:03}' for one in sorted(categories))} alone",
+            expected="category 062 with IAS and Mach (I062/380), or 048 with register 6,0 (I048/250)",
+            mend="record the tracks (062) or the Mode S radar's plots (048)",
+        )
     yield _frame(waiting, seconds)
-    if clock.day == NO_DAY:
-        report.note("files of ASTERIX without a day in their name, put on 1970-01-01", 1)
+    report.note(WITHOUT_DAY, int(clock.day == NO_DAY))
 
 
 def _decoder() -> Callable[[bytes], list[Any]]:
@@ -97,7 +114,8 @@ def _decoder() -> Callable[[bytes], list[Any]]:
     return decode
 
 
-def _blocks(source: Input, report: DropReport) -> Iterator[bytes]:
+def _blocks(source: Input, report: DropReport, categories: set[int]) -> Iterator[bytes]:
+    """Blocks of both categories; all that occur are added to the set."""
     place = 0
     while header := source.stream.read(HEADER):
         length = int.from_bytes(header[1:], "big")
@@ -112,7 +130,8 @@ def _blocks(source: Input, report: DropReport) -> Iterator[bytes]:
             report.note("ASTERIX blocks cut at the end of a file", 1)
             return
         place += length
-        if header[0] in (48, 62):
+        categories.add(header[0])
+        if header[0] in READ:
             yield header + body
         else:
             report.note("ASTERIX blocks of other categories", 1)
@@ -213,14 +232,13 @@ class _Clock:
 
 
 def _day(label: str) -> date:
-    found = DAY.search(label.rpartition("/")[2])
-    if not found:
-        return NO_DAY
-    century, year, month, day = found.groups()
-    try:
-        return date(int(century + year), int(month), int(day))
-    except ValueError:
-        return NO_DAY
+    name = label.rpartition("/")[2]
+    for century, year, month, day in ((century, *found) for century, days in DAYS for found in days.findall(name)):
+        with suppress(ValueError):
+            found = date(int(century + year), int(month), int(day))
+            if found.year >= FIRST_YEAR:
+                return found
+    return NO_DAY
 
 
 def _frame(waiting: list[Row], seconds: list[float | None]) -> pl.DataFrame:
@@ -231,9 +249,9 @@ def _frame(waiting: list[Row], seconds: list[float | None]) -> pl.DataFrame:
 
 
 def is_asterix(head: bytes) -> bool:
-    """Whether a file begins with whole blocks of known categories, 048 or 062 among them.
+    """Whether a file begins with whole blocks of known categories: three, or fewer with 048 or 062 among them.
 
-    After three good ones it is taken for ASTERIX whatever follows, so that damage is reported as damage.
+    What follows does not matter, so that damage is reported as damage.
 
     Example:
         >>> is_asterix(bytes([48, 0, 8, 0, 0, 0, 0, 0])), is_asterix(b"timestamp,icao24")
@@ -243,7 +261,7 @@ def is_asterix(head: bytes) -> bool:
     while place + HEADER <= len(head):
         category, length = head[place], int.from_bytes(head[place + 1 : place + HEADER], "big")
         if category not in KNOWN or not HEADER < length <= LARGEST_BLOCK:
-            return len(seen) > 2 and bool({48, 62} & set(seen))
+            return len(seen) > 2
         seen.append(category)
         place += length
-    return bool({48, 62} & set(seen))
+    return len(seen) > 2 or bool(READ & set(seen))

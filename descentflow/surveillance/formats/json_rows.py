@@ -36,13 +36,11 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
         [(1700000000.0, '4ca001', 250.0), (1700000000.0, '4ca002', None)]
     """
     first = next(documents, None)
-    each_document = itertools.chain([first], documents)
+    stream = itertools.chain([first], documents)
     if isinstance(first, dict) and _of_columns(first):
-        for document in each_document:
+        for document in stream:
             yield _table_of_columns(document if isinstance(document, dict) else {}, label)
         return
-    each = (document if isinstance(document, list) else [document] for document in each_document)
-    stream = itertools.chain.from_iterable(each)
     names: list[str] | None = None
     while batch := list(itertools.islice(stream, min(block_rows, MAX_ROWS))):
         objects = [row for row in batch if type(row) is dict]
@@ -71,9 +69,7 @@ def is_rows(document: object) -> bool:
     """Whether a JSON document has rows, recognised by the names of time and address.
 
     Example:
-        >>> is_rows([{"time": 1.7e9, "hex": "4ca001"}]), is_rows({"now": 1.7e9, "aircraft": []})
+        >>> is_rows({"time": 1.7e9, "hex": "4ca001"}), is_rows({"now": 1.7e9, "aircraft": []})
         (True, False)
     """
-    if isinstance(document, list):
-        document = next((row for row in document if isinstance(row, dict)), None)
     return isinstance(document, dict) and bool(TIME & document.keys()) and bool(ADDRESS & document.keys())

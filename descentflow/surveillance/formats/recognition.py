@@ -47,9 +47,13 @@ def recognised(
     if isinstance(found, FileFormat):
         return _table_or_frames(found, found.read(source, report, block_rows), report)
     each = documents(source, report)
-    first = next(each, None)
-    found = found or format_of_document(first, source.label)
-    return found, found.read(itertools.chain([first], each), source.label, report, block_rows)
+    begin: list[object] = []
+    for document in each:  # to the first object: a list may begin with null
+        begin.append(document)
+        if isinstance(document, dict):
+            break
+    found = found or format_of_document(begin[-1] if begin else None, source.label)
+    return found, found.read(itertools.chain(begin, each), source.label, report, block_rows)
 
 
 def _table_or_frames(found: Format, parts: Iterator[Columns], report: DropReport) -> tuple[Format, Iterator[Columns]]:
@@ -134,8 +138,14 @@ def format_of_document(document: object, label: str) -> JsonFormat:
         if isinstance(one, JsonFormat) and one.recognise(document):
             return one
     names = list(document) if isinstance(document, dict) else []
+    if "hex" in names:
+        raise DataError(
+            f"{label}: aircraft of a receiver without the time of each",
+            expected="`now` beside `hex` or around the list `aircraft`, in seconds since 1970",
+            mend="record whole snapshots (aircraft.json), or readsb's JSON output",
+        )
     raise DataError(
-        f"{label}: JSON of no known kind (it has {', '.join(map(str, names[:8])) or type(document).__name__})",
+        f"{label}: JSON of no known kind (it has {', '.join(map(str, names[:8])) or 'no object'})",
         expected=ACCEPTED,
         mend=SPLIT_MEND if {"columns", "data"} <= set(names) else "pass such a file",
     )

@@ -34,6 +34,8 @@ DATE_FORMATS = (
     "%Y-%m-%d %H:%M:%S%.f%#z",
     "%Y-%m-%dT%H:%M:%S%.f",
     "%Y-%m-%d %H:%M:%S%.f",
+    "%Y-%m-%dT%H:%M",
+    "%Y-%m-%d %H:%M",
 )
 """Written dates: RFC 3339, `traffic`'s CSV, and the same without a zone (taken as UTC)."""
 

@@ -50,6 +50,32 @@ def check_numbers_of_days(rows: pl.DataFrame, source: str) -> None:
         )
 
 
+def check_whole_minutes(rows: pl.DataFrame, source: str) -> None:
+    """Refuse times that are cut to the minute: rows of one aircraft and time at several altitudes.
+
+    Raises:
+        DataError: If they are.
+
+    Example:
+        >>> minutes = pl.from_epoch(pl.Series([60 * (number // 12) for number in range(60)]))
+        >>> check_whole_minutes(pl.DataFrame({"icao24": "a", "timestamp": minutes, "altitude": range(60)}), "rows.csv")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: rows.csv: times are cut to the minute: 55 of 60 rows have the address and ...
+    """
+    known = rows.select("icao24", "timestamp", "altitude").drop_nulls()
+    if len(known) < MIN_VALUES or (known["timestamp"].dt.epoch("us") % 60_000_000 != 0).any():
+        return
+    repeated = known.n_unique() - known.n_unique(["icao24", "timestamp"])
+    if repeated > OTHERS * len(known):
+        raise DataError(
+            f"{source}: times are cut to the minute: {repeated:,} of {len(known):,} rows have the address and the time "
+            "of another row at another altitude",
+            expected="times with seconds",
+            mend="write the table again with seconds, which spreadsheets leave out where a cell's format has none",
+        )
+
+
 def check_angles(rows: pl.DataFrame, source: str) -> None:
     """Refuse a track, heading or wind direction in radians: several aircraft that keep within seven degrees of north.
 

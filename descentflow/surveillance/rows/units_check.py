@@ -13,6 +13,7 @@ from descentflow.surveillance.rows.other_checks import (
     check_constant_rate,
     check_numbers_of_days,
     check_possible,
+    check_whole_minutes,
 )
 from descentflow.surveillance.rows.rate_readings import Steps
 from descentflow.surveillance.rows.readings import MIN_VALUES, Evidence, Solution, agreeing, as_given
@@ -65,6 +66,7 @@ def check_units(rows: pl.DataFrame, source: str) -> None:
     check_numbers_of_days(rows, source)
     # Rows of no address are of any aircraft; they are dropped, and counted, when rows are judged.
     rows = rows.drop_nulls("icao24") if rows["icao24"].has_nulls() else rows
+    check_whole_minutes(rows, source)
     check_constant_rate(rows.head(RATE_SAMPLE), source)
     if error := contradicting_columns(rows, source):
         raise error

@@ -1,11 +1,11 @@
-"""The air and the mass of samples on the command line."""
+"""Air of samples and of given flights on the command line."""
 
 import argparse
 from pathlib import Path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments that set air and mass."""
+    """Declare the argument that sets the air of samples."""
     parser.add_argument(
         "--air",
         nargs="+",
@@ -15,12 +15,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "a weather field on pressure levels (NetCDF or GRIB file, or a folder of them), met along the path of --end "
         "and --track, or --route, at --time; standard; or training, drawn from the training flights' own "
         "(default for a model fitted with data.air=measured or a weather field; standard for others)",
-    )
-    parser.add_argument(
-        "--mass",
-        metavar="KG",
-        help="for a model that was fitted with data.mass: mass of all descents (kg), standard (the type's reference "
-        "mass), or training: drawn from the training flights' own (default)",
     )
 
 

@@ -57,7 +57,6 @@ def run(args: argparse.Namespace) -> None:
             seed=args.seed,
             context=context_arguments.context_of(args),
             air=air_arguments.air_of(args),
-            mass=args.mass,
             plan=plan,
             draw_budget=args.draw_budget,
             compiled=args.compile,

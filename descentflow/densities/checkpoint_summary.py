@@ -52,7 +52,6 @@ class CheckpointSummary:
             "descents": f"{made.get('descents', 'unknown')} ({types})",
             "context": "none" if parts.context is None else parts.context.describe(),
             "air": "standard" if parts.air is None else parts.air.describe(),
-            "mass flown": "one for all" if parts.mass is None else parts.mass.describe(),
             "effects added": ", ".join(added.effects) if isinstance(added, Correction) else "none",
             "cleaning": _cleaning(parts.cleaning),
             "score": self._score(),

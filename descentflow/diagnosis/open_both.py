@@ -25,7 +25,6 @@ from descentflow.diagnosis.simulator_kind import kind_of, name_of
 from descentflow.diagnosis.weather_taken_out import without_weather
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.own_air import AirSource
-from descentflow.representation.own_mass import check_reference_mass
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_descents
 from descentflow.surveillance.open_pair import open_pair
@@ -115,8 +114,6 @@ def open_both(
     found = open_simulator(simulator, source.bada_dir)
     say("reading flights")
     parts = found.representation
-    if parts is not None:
-        check_reference_mass(parts, "a diagnosis")
     if parts is not None and parts.decoder.correction is not None:
         raise ConfigError(
             f"{found.name}, a simulator that is corrected already: the flights that it carries are those before",

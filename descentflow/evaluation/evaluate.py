@@ -161,7 +161,6 @@ def evaluate_profiles(
         context=context,
         entry=real.entry_level,
         air=real.air,
-        mass_kg=real.mass_kg,
         draw_budget=draw_budget,
         progress=progress,
     )

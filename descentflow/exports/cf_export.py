@@ -25,7 +25,7 @@ COORDINATES = {
 }
 """Column -> its variable and axis."""
 DATA = ("CAS", "Mach", "TAS", "vertical_rate", "groundspeed", "track", "drag_n", "distance_nm", "distance_to_go_nm")
-OWN = ("mass_kg", "deviation_k", "tailwind")
+OWN = ("deviation_k", "tailwind")
 """Columns that are there where samples have a mass or an air of their own."""
 
 

@@ -31,7 +31,6 @@ COLUMNS = {
     "TAS": Column("knot", "true airspeed", "platform_speed_wrt_air"),
     "vertical_rate": Column("ft/min", "rate of change of pressure altitude, negative downwards"),
     "drag_n": Column("N", "drag that flies the descent"),
-    "mass_kg": Column("kg", "mass that the sample is flown at"),
     "deviation_k": Column("K", "temperature that the sample is flown in, minus that of the standard atmosphere"),
     "tailwind": Column("knot", "wind along the track that the sample is flown in, positive from behind"),
     "distance_nm": Column("nautical_mile", "distance over the ground since the entry level"),
@@ -43,4 +42,4 @@ COLUMNS = {
     "track": Column("degree", "direction of flight over the ground, from true north", "platform_course"),
     "timestamp": Column("UTC", "time", "time"),
 }
-"""Every column of samples and of flights; mass, temperature and wind stand where samples have their own."""
+"""Every column of samples and of flights; temperature and wind stand where samples have their own."""

@@ -12,7 +12,6 @@ from descentflow.exports.weight_draws import MixtureDraw, weight_draw
 from descentflow.representation.decoder.graph_decoder import GraphDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.own_air import check_standard_air
-from descentflow.representation.own_mass import check_reference_mass
 from descentflow.representation.plausibility import RULES, Plausibility
 from descentflow.representation.representation import Representation
 
@@ -46,7 +45,6 @@ class DescentGraph(nn.Module):
         """
         super().__init__()
         check_standard_air(representation, "an exported program")
-        check_reference_mass(representation, "an exported program")
         self.dtype = PRECISIONS[precision]
         self.decoder = GraphDecoder(representation.decoder)
         self.plausibility = Plausibility.from_state(representation.plausibility.to_state())

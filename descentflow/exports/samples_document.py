@@ -10,8 +10,8 @@ from descentflow.exports.export_request import ExportRequest
 
 FORMAT = "descentflow-samples"
 VERSION = 1
-ONCE = ("top_of_descent_nm", "mass_kg")
-"""Columns with one value for each sample; the mass where samples have their own."""
+ONCE = "top_of_descent_nm"
+"""Column with one value for each sample."""
 DECIMALS = {"latitude": 7, "longitude": 7, "Mach": 6}
 """Digits kept after the point; 4 of all other columns: a millimetre a second, a decimetre, a tenth of a millisecond."""
 
@@ -20,8 +20,7 @@ def document(request: ExportRequest) -> dict[str, Any]:
     """Model, units, and an object for each sample with its columns from the top down."""
     table = request.flights()
     about = [name for name in table.columns if name.startswith("given_")]
-    once = [name for name in ONCE if name in table.columns]
-    columns = [name for name in table.columns if name not in (*once, *about) and name not in table.columns[:5]]
+    columns = [name for name in table.columns if name not in (ONCE, *about) and name not in table.columns[:5]]
     first = table.unique("sample_id", keep="first", maintain_order=True).rows(named=True)
     starts = np.flatnonzero(np.diff(table["sample_id"].to_numpy(), prepend=-1))
     values = {
@@ -37,7 +36,7 @@ def document(request: ExportRequest) -> dict[str, Any]:
             "sample_id": row["sample_id"],
             "callsign": row["callsign"],
             **({"given": {name.removeprefix("given_"): row[name] for name in about}} if about else {}),
-            **{name: round(row[name], 4) for name in once},
+            ONCE: round(row[ONCE], 4),
             **{name: parts[i] for name, parts in values.items()},
         }
         for i, row in enumerate(first)
@@ -48,6 +47,6 @@ def document(request: ExportRequest) -> dict[str, Any]:
         "made_by": f"descentflow {__version__}",
         "typecode": request.typecode,
         "seed": request.seed,
-        "units": {name: COLUMNS[name].unit for name in (*columns, *once)},
+        "units": {name: COLUMNS[name].unit for name in (*columns, ONCE)},
         "samples": samples,
     }

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from descentflow.densities.entry_gate import EntryGate
-from descentflow.generation.own_conditions import OwnConditions
+from descentflow.generation.own_air_of_samples import OwnAir
 from descentflow.generation.samplers import ConditionalSampler, GatedSampler, ResidualSampler, Sampler
 from descentflow.representation.plausibility import Plausibility
 
@@ -20,7 +20,7 @@ MAX_TRIES = 20
 
 
 def entry_levels_of(
-    entry: Tensor | None, own: OwnConditions | None, plausibility: Plausibility, n: int, generator: torch.Generator
+    entry: Tensor | None, own: OwnAir | None, plausibility: Plausibility, n: int, generator: torch.Generator
 ) -> Tensor:
     """Indices (n,) of the samples' levels of entry.
 

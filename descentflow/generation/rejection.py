@@ -20,7 +20,7 @@ from descentflow.generation.draw_owners import (
     OfSamples,
     entry_levels_of,
 )
-from descentflow.generation.own_conditions import AirWhereFlown, OwnConditions
+from descentflow.generation.own_air_of_samples import AirWhereFlown, OwnAir
 from descentflow.generation.samplers import ConditionalSampler, GatedSampler, Sampler
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
@@ -39,7 +39,6 @@ def sample_descents(
     context: Tensor | None = None,
     entry: Tensor | None = None,
     air: LevelAir | AirWhereFlown | None = None,
-    mass_kg: Tensor | None = None,
     draw_budget: int | None = None,
     compiled: bool = False,
     progress: Callable[[int], None] | None = None,
@@ -65,8 +64,6 @@ def sample_descents(
             plausible. It is that of its context where there are as many airs as contexts, that of the flight of its
             entry level where there are as many airs as entry levels, else drawn. Or an air that depends on where they
             are flown; the samples then do not hold theirs.
-        mass_kg: (k,) masses, likewise, and of the same flights where there are as many as airs; the mass that the
-            decoder flies if absent.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
         compiled: Decode by compiled arithmetic, see :func:`descentflow.representation.decoder.trajectories.integrate`.
         progress: Progress callback: called with the number of descents newly accepted.
@@ -86,7 +83,7 @@ def sample_descents(
     budget = max(100 * n, 10_000) if draw_budget is None else checked_count(draw_budget, "draws at most")
     generator = torch.Generator().manual_seed(checked_seed(seed))
     draws: Interchangeable | OfContexts | OfEntries | OfSamples
-    own = None if air is None and mass_kg is None else OwnConditions(air, mass_kg, n, seed, context, entry)
+    own = None if air is None else OwnAir(air, n, seed, context, entry)
     if context is not None:
         draws = OfContexts(context, entry)
     elif isinstance(model, GatedSampler) and model.entry_gate is not None:
@@ -110,11 +107,9 @@ def sample_descents(
         white = draws.residual(model, wanted, tries, white, seed_of(seed, drawn))
         numbers = DrawNumbers(seed, drawn)
         flown = decoder(tries, entries, out=reused, compiled=compiled, draws=numbers, white=white)
-        drag_n = flown.drag_n
         if own is not None:
             flown = own.fly(decoder.aircraft, flown, wanted)
-        # Bounds of drag are those at the mass that the decoder flies.
-        rules = plausibility.broken_rules(replace(flown, drag_n=drag_n))
+        rules = plausibility.broken_rules(flown)
         good = torch.nonzero(~rules.any(1).cpu())[:, 0]
         drawn, plausible, broken = drawn + size, plausible + len(good), broken + rules.sum(0).cpu()
         accepted, filled = draws.match(good, wanted, pending)
@@ -132,4 +127,4 @@ def sample_descents(
     order = torch.cat(owners).argsort()
     found = Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report)
     everyone = torch.arange(n)
-    return found if own is None else replace(found, air=own.airs(everyone), mass_kg=own.masses(everyone))
+    return found if own is None else replace(found, air=own.airs(everyone))

@@ -22,7 +22,6 @@ from descentflow.generation.given_temperature import (
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import Airs, airs_of, field_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
-from descentflow.generation.sample_masses import masses_asked
 from descentflow.generation.samples import Samples
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan
 
@@ -39,7 +38,6 @@ def sample(
     context: Contexts | None = None,
     entry_fl: float | Sequence[float] | None = None,
     air: Airs | None = None,
-    mass: float | str | None = None,
     plan: GroundPlan = NOWHERE,
     draw_budget: int | None = None,
     compiled: bool = False,
@@ -61,9 +59,6 @@ def sample(
             table by level, or ``training``: drawn from the training flights' own, which a model of drag in its flights'
             own air does if nothing is asked; or a weather field (NetCDF or GRIB file, or a folder), which is met along
             the plan's path.
-        mass: Mass of all (kg), ``standard`` for the one that the model flies, or ``training``: drawn from the training
-            flights' own, which a model of drag at each flight's own mass does if nothing is asked, together with their
-            airs.
         plan: Where they are flown, see :func:`descentflow.positions.ground_plan.ground_plan`; with a weather field it
             needs a path, and the time of its end where the field has several.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
@@ -109,7 +104,6 @@ def sample(
             context=encoded,
             entry=entry_levels(representation, contexts, entry_fl),
             air=airs if along is None else along,
-            mass_kg=masses_asked(mass, representation),
             draw_budget=draw_budget,
             compiled=compiled,
             progress=progress,

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import ConfigError
@@ -24,7 +23,6 @@ UNITS = {
     "TAS": "kt",
     "vertical_rate": "ft/min",
     "drag_n": "N",
-    "mass_kg": "kg",
     "deviation_k": "K",
     "tailwind": "kt",
     "distance_nm": "NM",
@@ -36,14 +34,12 @@ UNITS = {
     "track": "degrees",
     "unix_s": "s",
 }
-"""Column of a sample -> unit. `mass_kg` is there if they have masses of their own, `deviation_k` and `tailwind` (along
+"""Column of a sample -> unit. `deviation_k` and `tailwind` (along
 the track) if they are flown in an air of their own, the last four if a path or a time was given; a table has the time
 as ``timestamp`` in place of ``unix_s``, seconds since 1970."""
 
 
-def _quantities(
-    flown: Trajectories, positions: Positions | None, air: LevelAir | None, mass_kg: Tensor | None
-) -> dict[str, np.ndarray]:
+def _quantities(flown: Trajectories, positions: Positions | None, air: LevelAir | None) -> dict[str, np.ndarray]:
     """Each quantity of :data:`UNITS` as (n, L) float64, on ascending levels."""
     altitude_ft = (flown.levels_fl * 100).expand(flown.time_s.shape)
     tensors = {
@@ -56,8 +52,6 @@ def _quantities(
         "drag_n": flown.drag_n,
     }
     found = {name: tensor.detach().cpu().double().numpy() for name, tensor in tensors.items()}
-    if mass_kg is not None:
-        found["mass_kg"] = np.broadcast_to(mass_kg.numpy()[:, None], flown.time_s.shape)
     if air is not None:
         found |= {"deviation_k": air.deviation_k.numpy(), "tailwind": air.tailwind_mps.numpy() / KT_MPS}
     tailwind = None if air is None else air.tailwind_mps
@@ -81,7 +75,6 @@ def to_frame(
     context: pl.DataFrame | None = None,
     positions: Positions | None = None,
     air: LevelAir | None = None,
-    mass_kg: Tensor | None = None,
 ) -> pl.DataFrame:
     """Long table: one row for each sample and level, from the entry level downwards.
 
@@ -90,7 +83,6 @@ def to_frame(
         context: Contexts in the order of the samples: sample i has row i, beginning again after the last.
         positions: Where they are flown; distances in still air, and no places, if absent.
         air: Air (n, L) of each; in standard air if absent.
-        mass_kg: Mass (n,) of each; all had the mass that the model flies if absent.
 
     Returns:
         Columns ``sample_id level_fl`` and those of :data:`UNITS`; then the sample's context, its columns called
@@ -109,7 +101,7 @@ def to_frame(
     sample_id = np.broadcast_to(np.arange(n, dtype=np.int32)[:, None], (n, n_levels))[keep]
     levels = flown.levels_fl.cpu().numpy().astype(np.int32)[::-1]
     level_fl = np.broadcast_to(levels, (n, n_levels))[keep]
-    columns = {name: values[:, ::-1][keep] for name, values in _quantities(flown, positions, air, mass_kg).items()}
+    columns = {name: values[:, ::-1][keep] for name, values in _quantities(flown, positions, air).items()}
     table = pl.DataFrame({"sample_id": sample_id, "level_fl": level_fl, **columns})
     if "unix_s" in columns:
         stamps = (1e6 * pl.col("unix_s")).round().cast(pl.Int64).cast(TIMESTAMP)
@@ -125,7 +117,6 @@ def to_dataset(
     context: pl.DataFrame | None = None,
     positions: Positions | None = None,
     air: LevelAir | None = None,
-    mass_kg: Tensor | None = None,
 ) -> Any:
     """The descents as an `xarray.Dataset`: dimensions sample and level, NaN above a sample's entry level.
 
@@ -134,7 +125,6 @@ def to_dataset(
         context: Contexts of the samples as in :func:`to_frame`: coordinates ``given_...`` of each sample.
         positions: As in :func:`to_frame`.
         air: As in :func:`to_frame`.
-        mass_kg: As in :func:`to_frame`.
 
     Raises:
         ConfigError: If xarray is not installed.
@@ -149,7 +139,7 @@ def to_dataset(
     mask = flown.mask.cpu().numpy()
     variables = {
         name: (("sample", "level"), np.where(mask, values, np.nan), {"units": UNITS[name]})
-        for name, values in _quantities(flown, positions, air, mass_kg).items()
+        for name, values in _quantities(flown, positions, air).items()
     }
     coordinates: dict[str, Any] = {"level_fl": ("level", flown.levels_fl.cpu().numpy().astype(np.int32))}
     if context is not None:
@@ -164,7 +154,6 @@ def write_samples(
     context: pl.DataFrame | None = None,
     positions: Positions | None = None,
     air: LevelAir | None = None,
-    mass_kg: Tensor | None = None,
 ) -> None:
     """Write a table (``.parquet``, ``.csv``) or a NetCDF-3 file (``.nc``), whole or not at all.
 
@@ -174,7 +163,6 @@ def write_samples(
         context: Contexts of the samples: a table holds them as :func:`to_frame` does, a NetCDF file holds their row.
         positions: As in :func:`to_frame`.
         air: As in :func:`to_frame`.
-        mass_kg: As in :func:`to_frame`.
 
     Raises:
         ConfigError: If the extension is none of these.
@@ -193,10 +181,10 @@ def write_samples(
             f"output {path.name}", expected=f"an extension among {', '.join(writers)}", mend="rename the output"
         )
     with whole_file(path) as temporary:
-        writers[path.suffix](flown, temporary, (context, positions, air, mass_kg))
+        writers[path.suffix](flown, temporary, (context, positions, air))
 
 
-_Beside = tuple[pl.DataFrame | None, Positions | None, LevelAir | None, Tensor | None]
+_Beside = tuple[pl.DataFrame | None, Positions | None, LevelAir | None]
 
 
 def _write_parquet(flown: Trajectories, path: Path, beside: _Beside) -> None:
@@ -211,7 +199,7 @@ def _write_netcdf(flown: Trajectories, path: Path, beside: _Beside) -> None:
     """Dimensions sample and level (ascending); NaN above a sample's entry level."""
     from scipy.io import netcdf_file  # here: whatever draws samples would pay for it otherwise
 
-    context, positions, air, mass_kg = beside
+    context, positions, air = beside
     n, n_levels = flown.time_s.shape
     with netcdf_file(path, "w") as file:
         file.title = "Sampled aircraft descents (descentflow)"
@@ -223,7 +211,7 @@ def _write_netcdf(flown: Trajectories, path: Path, beside: _Beside) -> None:
             row = file.createVariable("given_row", "i4", ("sample",))
             row[:] = np.arange(n, dtype=np.int32) % len(context)
         mask = flown.mask.cpu().numpy()
-        for name, values in _quantities(flown, positions, air, mass_kg).items():
+        for name, values in _quantities(flown, positions, air).items():
             variable = file.createVariable(name, "f8", ("sample", "level"))
             variable.units = UNITS[name]
             variable[:] = np.where(mask, values, np.nan)

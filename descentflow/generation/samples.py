@@ -77,7 +77,6 @@ class Samples:
             last. None for a model without context.
         plan: Where they are flown; in still air and at no place unless :meth:`placed`.
         air: The air (n, L) of each; None for standard air.
-        mass_kg: (n,) mass of each; None for the mass that the model flies.
         flown_at: Where each is, of those that were flown in a weather field along the plan's path.
 
     Example:
@@ -97,7 +96,6 @@ class Samples:
     context: pl.DataFrame | None = None
     plan: GroundPlan = NOWHERE
     air: LevelAir | None = None
-    mass_kg: Tensor | None = None
     flown_at: Positions | None = None
 
     def __len__(self) -> int:
@@ -150,7 +148,7 @@ class Samples:
 
     def to_polars(self) -> pl.DataFrame:
         """The long table: one row for each sample and level, see :func:`~.sample_tables.to_frame`."""
-        return to_frame(self.trajectories, self.context, self.positions, self.air, self.mass_kg)
+        return to_frame(self.trajectories, self.context, self.positions, self.air)
 
     def to_pandas(self) -> Any:
         """The long table as a `pandas.DataFrame`.
@@ -166,7 +164,7 @@ class Samples:
         Raises:
             ConfigError: If xarray is not installed.
         """
-        return to_dataset(self.trajectories, self.context, self.positions, self.air, self.mass_kg)
+        return to_dataset(self.trajectories, self.context, self.positions, self.air)
 
     def write(self, path: str | Path) -> None:
         """Write a table (``.parquet``, ``.csv``) or a NetCDF file (``.nc``), whole or not at all.
@@ -175,7 +173,7 @@ class Samples:
             ConfigError: If the extension is none of these.
             DataError: If the folder does not exist.
         """
-        write_samples(self.trajectories, Path(path), self.context, self.positions, self.air, self.mass_kg)
+        write_samples(self.trajectories, Path(path), self.context, self.positions, self.air)
 
     def figure(self, *, title: str = "") -> "Figure":
         """CAS, vertical rate and time left against flight level, see :func:`~.figures.sampled_profiles.samples_figure`.

@@ -28,10 +28,9 @@ OF_REPRESENTATION: dict[str, tuple[type, ...]] = {
     "cleaning": (dict, type(None)),
     "gaps": (str, type(None)),
     "air": (dict, type(None)),
-    "own_mass": (dict, type(None)),
     "seen_flights": (dict, type(None)),
 }
-"""The same of its representation; the last seven may be absent."""
+"""The same of its representation; the last six may be absent."""
 OF_A_CONTEXT_COLUMN: dict[str, tuple[type, ...]] = {
     "name": (str,),
     "kind": (str,),
@@ -55,7 +54,7 @@ OF_MACH = "mach_basis"
 """What a decoder has as well whose speed is a Mach number and a CAS, together with ``speed_residual``."""
 OF_DRAG = "drag_scale"
 """What one has whose drag is on the logarithmic scale."""
-MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "air", "own_mass", "seen_flights", "low", "high")
+MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "air", "seen_flights", "low", "high")
 MAY_HAVE_GAPS = "reference"
 """What flights measured: not a number where they showed no level."""
 MEND = "take the file as `descentflow fit` wrote it, or fit again"
@@ -93,6 +92,7 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
     _check_types(section, PARTS, "section")
     representation = section["representation"]
     _check_types(representation, OF_REPRESENTATION, "representation")
+    _check_known(representation, OF_REPRESENTATION, "the representation")
     types = representation["provenance"].get("typecodes", [])
     if not isinstance(types, list | tuple) or not all(isinstance(one, str) for one in types):
         raise _wrong("typecodes of the provenance are no texts", "the types that the descents are of")
@@ -100,9 +100,7 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
         if not isinstance(column, dict):
             raise _wrong(f"a context column is of type {type(column).__name__}", "dictionaries")
         _check_types(column, OF_A_CONTEXT_COLUMN, "context column")
-        unknown = column.keys() - OF_A_CONTEXT_COLUMN.keys()
-        if unknown:
-            raise _wrong(f"a context column has {', '.join(map(repr, unknown))}", ", ".join(OF_A_CONTEXT_COLUMN))
+        _check_known(column, OF_A_CONTEXT_COLUMN, "a context column")
     bounds = tuple(f"plausibility.{name}" for name in representation["plausibility"])
     dictionaries: tuple[str, ...] = DICTIONARIES
     tensors: tuple[str, ...] = TENSORS
@@ -175,6 +173,12 @@ def _check_types(section: Any, kinds: dict[str, tuple[type, ...]], name: str) ->
         elif not isinstance(section[part], kind) or (isinstance(section[part], bool) and bool not in kind):
             expected = " or ".join(one.__name__ for one in kind)
             raise _wrong(f"{part} of the {name} is of type {type(section[part]).__name__}", expected)
+
+
+def _check_known(section: dict[str, Any], kinds: dict[str, tuple[type, ...]], name: str) -> None:
+    """Refuse parts that are not known: another version meant something by them."""
+    if unknown := section.keys() - kinds.keys():
+        raise _wrong(f"{name} has {', '.join(map(repr, sorted(map(str, unknown))))}", ", ".join(kinds))
 
 
 def _at(tree: dict[str, Any], place: str) -> Any:

@@ -15,7 +15,6 @@ from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.flight_contexts import contexts_of, with_context
 from descentflow.representation.flight_parts import PARTS, Part, parts_of, rest_is_test, with_levels
 from descentflow.representation.own_air import AirSource, airs_as_kept, check_air_asked, with_own_air
-from descentflow.representation.own_mass import masses_of, with_own_mass
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.representation import Representation, Split
 
@@ -65,8 +64,8 @@ def encode_flights(
     Args:
         descents: Prepared descents, a row for each flight and level.
         representation: The model's.
-        context_table: Table, or path of a CSV or Parquet table, with ``flight_id`` and columns of context, and of
-            masses for a model of drag at each flight's own mass, where the descents do not have them.
+        context_table: Table, or path of a CSV or Parquet table, with ``flight_id`` and columns of context
+            that the descents do not have.
         air: Where the flights' air is known from, for a model of drag in its flights' own air, see
             :func:`~descentflow.representation.own_air.airs_as_kept`.
         say: Called with a line for each reason why flights are left out: fewer than two levels on the grid, a context
@@ -86,16 +85,13 @@ def encode_flights(
     """
     encoder, decoder = representation.context, representation.decoder
     named = [] if encoder is None else list(encoder.names)
-    table = context_of(descents, named, context_table if named or representation.mass is None else None)
+    table = context_of(descents, named, context_table)
     bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
     profiles = with_levels(profiles_from_frame(descents, decoder.aircraft, bottom, top, speed=decoder.speed), say)
     check_air_asked(representation, air)
     if representation.air is not None:
         airs = airs_as_kept(descents, decoder.levels_fl, representation.air, air)
         profiles = with_own_air(profiles, decoder.aircraft, airs, say)
-    if representation.mass is not None:
-        masses = masses_of(descents, representation.mass.column, context_table)
-        profiles = with_own_mass(profiles, decoder.aircraft, masses, say)
     split = split_by_model(descents, profiles.flight_ids, representation)
     return encode_parts(profiles, split, decoder, table, encoder, say)
 

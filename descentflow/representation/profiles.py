@@ -32,8 +32,7 @@ class Profiles:
 
     Shapes: ``levels_fl`` (L,), all else (n, L); float64. With ``crossovers`` the drag was inferred in each flight's own
     regime of speed, without them in the type's; with ``air`` it was in each flight's own air,
-    without it in standard air; with ``mass_kg`` (n,) it was at each flight's own mass, and brought to the reference
-    mass by the polar.
+    without it in standard air.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -51,7 +50,6 @@ class Profiles:
     mask: Tensor
     crossovers: Crossovers | None = None
     air: LevelAir | None = None
-    mass_kg: Tensor | None = None
 
     def __len__(self) -> int:
         """Number of flights."""
@@ -81,7 +79,6 @@ class Profiles:
             self.mask[chosen],
             crossovers=None if self.crossovers is None else self.crossovers.rows(chosen),
             air=None if self.air is None else self.air.rows(chosen),
-            mass_kg=None if self.mass_kg is None else self.mass_kg[chosen],
         )
 
     def up_to(self, top_fl: int) -> "Profiles":
@@ -97,7 +94,6 @@ class Profiles:
             self.mask[:, :n],
             None if self.crossovers is None else self.crossovers.up_to(n),
             None if self.air is None else self.air.levels(0, n),
-            self.mass_kg,
         )
 
 

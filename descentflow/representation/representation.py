@@ -17,7 +17,6 @@ from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.constant_basis import fit_constant
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
-from descentflow.representation.kept_mass import KeptMass
 from descentflow.representation.linear_curves import Gaps
 from descentflow.representation.observed_channels import observed_channels
 from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
@@ -76,7 +75,6 @@ class Representation(nn.Module):
         cleaning: Cleaning | None = None,
         gaps: Gaps | None = "marginal",
         air: KeptAir | None = None,
-        mass: KeptMass | None = None,
         seen: SeenFlights | None = None,
     ) -> None:
         """Hold the parts.
@@ -95,7 +93,6 @@ class Representation(nn.Module):
             gaps: What the density is fitted to, see :func:`~descentflow.representation.linear_curves.evidence_of`; None
                 for a checkpoint of before there was a choice, which is fitted to filled gaps.
             air: In which air drag was inferred, and the training flights' own; None for standard air.
-            mass: The column of masses at which drag was inferred, and the training flights' own; None for one mass.
             seen: By which training and validation flights are recognised under other identifiers; None if the
                 identifiers alone are known.
         """
@@ -103,7 +100,7 @@ class Representation(nn.Module):
         self.decoder, self.plausibility = decoder, plausibility
         self.split, self.provenance = split, provenance
         self.reference, self.context, self.cleaning, self.gaps = reference, context, cleaning, gaps
-        self.air, self.mass, self.seen = air, mass, seen
+        self.air, self.seen = air, seen
 
     @property
     def n_context(self) -> int:
@@ -122,8 +119,6 @@ class Representation(nn.Module):
             state["gaps"] = self.gaps
         if self.air is not None:
             state["air"] = self.air.to_state()
-        if self.mass is not None:
-            state["own_mass"] = self.mass.to_state()
         if self.seen is not None:
             state["seen_flights"] = self.seen.to_state()
         if self.reference is not None:
@@ -150,7 +145,6 @@ class Representation(nn.Module):
             cleaning,
             state.get("gaps"),
             None if state.get("air") is None else KeptAir.from_state(state["air"], len(state["decoder"]["levels_fl"])),
-            None if state.get("own_mass") is None else KeptMass.from_state(state["own_mass"]),
             None if state.get("seen_flights") is None else SeenFlights.from_state(state["seen_flights"]),
         )
 

@@ -34,10 +34,8 @@ from descentflow.representation.flight_contexts import without_missing
 from descentflow.representation.flight_parts import Part, one_part, places, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.held_speed import HeldSpeed, as_held
-from descentflow.representation.kept_mass import KeptMass
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
 from descentflow.representation.own_air import STANDARD, airs_as_kept, in_air_asked
-from descentflow.representation.own_mass import kept_masses, masses_of, of_known_mass, with_own_mass
 from descentflow.representation.plausibility import MARGIN, Bounds
 from descentflow.representation.profiles import Profiles, Speed, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
@@ -95,7 +93,6 @@ class DescentDataModule(LightningDataModule):
         drag_scale: DragScaleName = "log",
         speed: HeldSpeed = "cas",
         air: str | Path = "standard",
-        mass: str = "standard",
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -141,8 +138,6 @@ class DescentDataModule(LightningDataModule):
                 flights' own reports (TAS, Mach, groundspeed); or a weather field by pressure level (ERA5), a NetCDF or
                 GRIB file or a folder of them, read where the flights were. With a checkpoint: where the flights' air is
                 known from, if not as its training flights' was.
-            mass: At which mass drag is inferred: ``standard``, one for all (``mass_kg``); or the column of the descents
-                or of ``context_table`` that gives each flight's own, kg. That of the checkpoint where one is given.
         """
         super().__init__()
         if seed < 0:
@@ -156,7 +151,7 @@ class DescentDataModule(LightningDataModule):
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
         self.gaps, self.bounds, self.residual, self.speed = gaps, bounds, residual, speed
-        self.air, self.mass, self.drag_scale = air, mass, drag_scale
+        self.air, self.drag_scale = air, drag_scale
         self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
         self._parts: dict[Part, EncodedFlights] = {}
@@ -249,9 +244,7 @@ class DescentDataModule(LightningDataModule):
         frame = of_typecodes(source, self.typecodes, name_of(self.descents))
         done.say("inferring drag")
         named = self.context or []
-        masses = None if self.mass == STANDARD else masses_of(frame, self.mass, self.context_table)
-        frame = frame if masses is None else of_known_mass(frame, masses, rank_zero_info)
-        table = context_of(frame, named, self.context_table if named or masses is None else None)
+        table = context_of(frame, named, self.context_table)
         frame = without_missing(frame, table, self.missing_context, rank_zero_info)
         own_type = aircraft_of(frame, self.aircraft, self.bada_dir)
         provenance = {
@@ -265,8 +258,6 @@ class DescentDataModule(LightningDataModule):
         profiles, split = self._fresh(frame, source, own_type)
         flown_by = at_mass(own_type, self.mass_kg)
         profiles, kept_air, airs = in_air_asked(profiles, frame, flown_by, split, self.air, rank_zero_info)
-        if masses is not None:
-            profiles = with_own_mass(profiles, flown_by, masses, rank_zero_info)
         levels, seen = profiles.levels_fl, [*split.train, *split.validation]
         shown = frame.drop(source.computed, strict=False)
         if kept_air is not None and airs is not None:
@@ -280,7 +271,6 @@ class DescentDataModule(LightningDataModule):
             own_type,
             provenance,
             air=kept_air,
-            mass=kept_masses(self.mass, profiles, split),
             reference=reference_state(shown, float(levels[0]), float(levels[-1]), seen),
             context=self._encoder(table, split),
             cleaning=cleaning_told(source),
@@ -329,7 +319,7 @@ class DescentDataModule(LightningDataModule):
             mass_kg=self.mass_kg,
             provenance=read.provenance,
         )
-        fitted.air, fitted.mass, fitted.context = read.air, read.mass, read.context
+        fitted.air, fitted.context = read.air, read.context
         fitted.reference, fitted.cleaning, fitted.seen = read.reference, read.cleaning, read.seen
         fitted.gaps = self.gaps if has_noise_model(fitted.decoder) else "filled"
         return fitted
@@ -345,7 +335,6 @@ class _Read:
     own_type: Aircraft
     provenance: dict[str, Any]
     air: KeptAir | None
-    mass: KeptMass | None
     reference: dict[str, Any] | None
     context: ContextEncoder | None
     cleaning: Cleaning | None

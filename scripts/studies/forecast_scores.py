@@ -73,7 +73,6 @@ def forecast_scores(
         context=own,
         entry=flights.entry_level,
         air=flights.air,
-        mass_kg=flights.mass_kg,
     )
 
     def by_flight(values: Tensor) -> Tensor:

@@ -185,6 +185,7 @@ def broken(kind: str, folder: Path) -> Path:
         "coefficient": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].update(ct2=-1e30),
         "range": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "low": "zero"}]),
         "flag": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "mean": True}]),
+        "own mass": lambda c: c["descentflow"]["representation"].update(own_mass={"column": "mass_kg"}),
         "column": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "code": "x"}]),
     }
     changes[kind](content)
@@ -212,6 +213,7 @@ def broken(kind: str, folder: Path) -> Path:
         ("coefficient", "aircraft.ct2 of -1e\\+30; expected a number from"),
         ("range", "low of the context column is of type str"),
         ("flag", "mean of the context column is of type bool; expected float or int"),
+        ("own mass", "the representation has 'own_mass'; expected decoder, .*seen_flights"),
         ("column", "a context column has 'code'"),
     ],
 )

@@ -19,7 +19,6 @@ from descentflow.physics import (
     fuel,
     fused_table,
     idle_state,
-    mass_in_drag,
     nominal_descent,
     transition,
 )
@@ -34,7 +33,6 @@ EQUATIONS = (
     fuel,
     fused_table,
     idle_state,
-    mass_in_drag,
     nominal_descent,
     descent_speeds,
     transition,

@@ -28,7 +28,6 @@ from descentflow.generation.conditional.latent_draws import ConditionedTarget, D
 from descentflow.generation.conditional.latent_parts import LatentParts, parts_after, parts_of, sample_profiles
 from descentflow.generation.conditional.nearest_plausible import implausible
 from descentflow.generation.conditional.noise_multiple import checked_multiple
-from descentflow.generation.conditional.refused_models import check_generates
 from descentflow.generation.conditional.requests import Request
 from descentflow.generation.conditional.speed_cells import NothingPlausible
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
@@ -36,6 +35,7 @@ from descentflow.generation.prediction.posterior import prior_of
 from descentflow.generation.sample_contexts import context_rows, entry_levels
 from descentflow.generation.samples import RejectionReport
 from descentflow.representation.linear_curves import linear_curves
+from descentflow.representation.own_air import check_standard_air
 
 KEPT_REQUESTS = 256
 """Requests whose conditioned density is kept: what several flights are asked alike is conditioned once."""
@@ -93,7 +93,7 @@ class Generator:
     def __init__(self, model: object, *, seed: int = 0, first: int = 0, noise_multiple: float = 1.0) -> None:
         """Compute once what no draw changes."""
         density = as_density(model)
-        check_generates(density.representation)
+        check_standard_air(density.representation, "a generator of single descents")
         if density.device.type != "cpu":
             density = deepcopy(density).cpu()
             density.attach(deepcopy(density.representation).cpu())

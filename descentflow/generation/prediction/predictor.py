@@ -23,7 +23,6 @@ from descentflow.generation.prediction.posterior import Posterior, Prior, poster
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
 from descentflow.representation.own_air import check_standard_air
-from descentflow.representation.own_mass import check_reference_mass
 from descentflow.representation.profiles import Profiles, observed_profiles
 
 CALIBRATION_FLIGHTS = 1000
@@ -87,7 +86,6 @@ class DescentPredictor:
             seed: Of the proposal mixture for a density without a closed form.
         """
         check_standard_air(density.representation, "a prediction of the rest of a descent")
-        check_reference_mass(density.representation, "a prediction of the rest of a descent")
         self.representation = density.representation
         self.curves: LinearCurves = linear_curves(self.representation.decoder)
         self.density, self.seed = density, seed

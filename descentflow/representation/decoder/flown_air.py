@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import torch
+
 from descentflow.air.energy_in_air import in_air, rate_in_air
 from descentflow.air.level_air import LevelAir
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M
-from descentflow.representation.decoder.flown_mass import slowed
 from descentflow.representation.decoder.trajectories import Trajectories
 
 
@@ -17,7 +18,7 @@ def flown_in(aircraft: Aircraft, flown: Trajectories, air: LevelAir) -> Trajecto
     the mean of both levels' ratio of slowness: within 0.05 s of a descent from FL350, for the ratio hardly jumps.
 
     Args:
-        aircraft: Coefficients that flew them; its reference mass is the mass, () or (n, 1).
+        aircraft: Coefficients that flew them; its reference mass is the mass.
         flown: n descents.
         air: Of the n descents, or one for all, on their levels.
 
@@ -35,4 +36,8 @@ def flown_in(aircraft: Aircraft, flown: Trajectories, air: LevelAir) -> Trajecto
     found = in_air(aircraft, flown.cas_mps, altitude_m, air)
     rate = rate_in_air(aircraft, flown.rate_mps, flown.drag_n, found)
     tas = flown.tas_mps * found.tas_mps / found.standard_tas_mps
-    return replace(slowed(flown, flown.rate_mps / rate), tas_mps=tas, rate_mps=rate)
+    slower = flown.rate_mps / rate
+    legs = (flown.time_s[:, :-1] - flown.time_s[:, 1:]) * (slower[:, 1:] + slower[:, :-1]) / 2
+    climbed = torch.nn.functional.pad(legs.cumsum(1), (1, 0))
+    time_s = climbed.gather(1, flown.entry[:, None].to(climbed.device)) - climbed
+    return replace(flown, time_s=time_s, tas_mps=tas, rate_mps=rate)

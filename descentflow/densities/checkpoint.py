@@ -52,14 +52,6 @@ def load_model(path: str | Path) -> Density:
         saved = {k.removeprefix(PREFIX): v for k, v in content["state_dict"].items() if k.startswith(PREFIX)}
         density.load_state_dict(saved)
         check_flies(density.representation.decoder, density.representation.plausibility)
-    if density.representation.gaps is None:
-        warnings.warn(
-            f"{path} was fitted before densities knew what was not seen: gaps were filled by expectation, so that its "
-            "samples vary too little where many flights show no level (at the top); it is read as it was, and to mend "
-            "it, fit again",
-            DescentflowWarning,
-            stacklevel=2,
-        )
     if content.get(UNFINISHED):
         warnings.warn(
             f"{path} is of a fit that was going on or was cut short: how flights differ by their entry level, and what "

@@ -23,14 +23,14 @@ OF_REPRESENTATION: dict[str, tuple[type, ...]] = {
     "plausibility": (dict,),
     "split": (dict,),
     "provenance": (dict,),
+    "gaps": (str,),
     "reference": (dict, type(None)),
     "context": (list,),
     "cleaning": (dict, type(None)),
-    "gaps": (str, type(None)),
     "air": (dict, type(None)),
     "seen_flights": (dict, type(None)),
 }
-"""The same of its representation; the last six may be absent."""
+"""The same of its representation; the last five may be absent."""
 OF_A_CONTEXT_COLUMN: dict[str, tuple[type, ...]] = {
     "name": (str,),
     "kind": (str,),
@@ -54,7 +54,7 @@ OF_MACH = "mach_basis"
 """What a decoder has as well whose speed is a Mach number and a CAS, together with ``speed_residual``."""
 OF_DRAG = "drag_scale"
 """What one has whose drag is on the logarithmic scale."""
-MAY_BE_ABSENT = ("reference", "context", "cleaning", "gaps", "air", "seen_flights", "low", "high")
+MAY_BE_ABSENT = ("reference", "context", "cleaning", "air", "seen_flights", "low", "high")
 MAY_HAVE_GAPS = "reference"
 """What flights measured: not a number where they showed no level."""
 MEND = "take the file as `descentflow fit` wrote it, or fit again"

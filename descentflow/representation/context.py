@@ -46,7 +46,7 @@ class Column:
     indicator: bool = False
     low: float | None = None
     high: float | None = None
-    """Of a number: the least and the most that training flights had; None in a checkpoint of before they were kept."""
+    """Of a number: the least and the most that training flights had; None of other kinds."""
 
     def beyond(self, series: pl.Series) -> pl.Series:
         """Which entries lie outside of what the training flights had: (n,) bool, missing ones do not."""

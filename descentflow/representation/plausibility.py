@@ -39,8 +39,8 @@ class Plausibility(nn.Module):
     To change the bounds, fit with another ``data.margin``.
 
     Shapes: bounds (L,), ``slowest_rate_mps`` () negative, ``fastest_change_mps2`` () and ``largest_step_n`` () greatest
-    magnitude of the acceleration along the path, and of the step of drag, between neighbouring levels (infinite in
-    checkpoints of before these rules), ``entry_counts`` (L,) number of training flights whose highest level it is.
+    magnitude of the acceleration along the path, and of the step of drag, between neighbouring levels (infinite
+    without these rules), ``entry_counts`` (L,) number of training flights whose highest level it is.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -62,7 +62,7 @@ class Plausibility(nn.Module):
     def __init__(self, **buffers: Tensor) -> None:
         """Build from the buffers named in the class; :meth:`from_profiles` computes them.
 
-        Changes between levels are unbounded where nothing is said of them, as in checkpoints of before they were.
+        Changes between levels are unbounded where nothing is said of them.
         """
         super().__init__()
         unbounded = torch.tensor(torch.inf, dtype=torch.float64)

@@ -73,7 +73,7 @@ class Representation(nn.Module):
         reference: dict[str, Any] | None = None,
         context: ContextEncoder | None = None,
         cleaning: Cleaning | None = None,
-        gaps: Gaps | None = "marginal",
+        gaps: Gaps = "marginal",
         air: KeptAir | None = None,
         seen: SeenFlights | None = None,
     ) -> None:
@@ -90,8 +90,7 @@ class Representation(nn.Module):
             context: What the density is conditioned on; None for nothing.
             cleaning: Thresholds with which the training descents were cleaned, and with which rows are cleaned that the
                 model is held against; None if they are unknown.
-            gaps: What the density is fitted to, see :func:`~descentflow.representation.linear_curves.evidence_of`; None
-                for a checkpoint of before there was a choice, which is fitted to filled gaps.
+            gaps: What the density is fitted to, see :func:`~descentflow.representation.linear_curves.evidence_of`.
             air: In which air drag was inferred, and the training flights' own; None for standard air.
             seen: By which training and validation flights are recognised under other identifiers; None if the
                 identifiers alone are known.
@@ -114,9 +113,8 @@ class Representation(nn.Module):
             "plausibility": self.plausibility.to_state(),
             "split": self.split.to_state(),
             "provenance": self.provenance,
+            "gaps": self.gaps,
         }
-        if self.gaps is not None:
-            state["gaps"] = self.gaps
         if self.air is not None:
             state["air"] = self.air.to_state()
         if self.seen is not None:
@@ -143,7 +141,7 @@ class Representation(nn.Module):
             state.get("reference"),
             ContextEncoder.from_state(state["context"]) if "context" in state else None,
             cleaning,
-            state.get("gaps"),
+            state["gaps"],
             None if state.get("air") is None else KeptAir.from_state(state["air"], len(state["decoder"]["levels_fl"])),
             None if state.get("seen_flights") is None else SeenFlights.from_state(state["seen_flights"]),
         )

@@ -204,26 +204,6 @@ def test_resuming_with_speed_held_in_another_way_is_refused(run: Path, tmp_path:
     assert "data.speed" in told
 
 
-def test_a_run_from_before_the_models_moved_is_tested_as_ever(run: Path, tmp_path: Path) -> None:
-    """Its config.yaml and its checkpoint name descentflow.models.Gaussian."""
-    content = torch.load(run / "checkpoints" / "best.ckpt", weights_only=True)
-    assert content["hyper_parameters"]["_class_path"] == "descentflow.training.models.Gaussian"
-    content["hyper_parameters"]["_class_path"] = "descentflow.models.Gaussian"
-    older = tmp_path / "older"
-    (older / "checkpoints").mkdir(parents=True)
-    torch.save(content, older / "checkpoints" / "best.ckpt")
-    text = (run / "config.yaml").read_text()
-    assert text.count("descentflow.training.models") == 1
-    (older / "config.yaml").write_text(text.replace("descentflow.training.models", "descentflow.models"))
-    scores = {}
-    for folder in (run, older):
-        where = ["--trainer.logger.init_args.save_dir", str(tmp_path / f"again_{folder.name}")]
-        words = ["--ckpt_path", str(folder / "checkpoints" / "best.ckpt"), "--scores.n_test_samples=200", *where]
-        assert main(["test", *words]) == 0
-        scores[folder] = next((tmp_path / f"again_{folder.name}").rglob("scores.csv")).read_text()
-    assert scores[run] == scores[older]
-
-
 @pytest.mark.parametrize(
     ("word", "said"),
     [

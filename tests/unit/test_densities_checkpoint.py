@@ -11,7 +11,7 @@ import torch
 import toys
 from lightning.pytorch import Trainer
 
-from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
+from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.densities import (
     Density,
     GaussianDensity,
@@ -185,6 +185,7 @@ def broken(kind: str, folder: Path) -> Path:
         "coefficient": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].update(ct2=-1e30),
         "range": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "low": "zero"}]),
         "flag": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "mean": True}]),
+        "gaps": lambda c: c["descentflow"]["representation"].pop("gaps"),
         "own mass": lambda c: c["descentflow"]["representation"].update(own_mass={"column": "mass_kg"}),
         "column": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "code": "x"}]),
     }
@@ -213,6 +214,7 @@ def broken(kind: str, folder: Path) -> Path:
         ("coefficient", "aircraft.ct2 of -1e\\+30; expected a number from"),
         ("range", "low of the context column is of type str"),
         ("flag", "mean of the context column is of type bool; expected float or int"),
+        ("gaps", "no gaps in the representation; .* fit again"),
         ("own mass", "the representation has 'own_mass'; expected decoder, .*seen_flights"),
         ("column", "a context column has 'code'"),
     ],
@@ -222,16 +224,6 @@ def test_a_bad_checkpoint_says_what_is_wrong(kind: str, words: str, tmp_path: Pa
         load_model(broken(kind, tmp_path))
     assert type(caught.value).__module__ == "descentflow.core.errors"
     assert "weights_only" not in str(caught.value), "torch's advice would execute what the file holds"
-
-
-def test_a_checkpoint_fitted_to_filled_gaps_is_read_with_a_warning(tmp_path: Path) -> None:
-    _, path = saved("gaussian", tmp_path)
-    content = torch.load(path, weights_only=True)
-    content["descentflow"]["representation"].pop("gaps")
-    torch.save(content, tmp_path / "old.ckpt")
-    with pytest.warns(DescentflowWarning, match=r"gaps were filled by expectation.*fit again"):
-        old = load_model(tmp_path / "old.ckpt")
-    assert torch.equal(old.sample(20, seed=0), load_model(path).sample(20, seed=0)), "it is read as it was"
 
 
 def test_no_file(tmp_path: Path) -> None:

@@ -123,15 +123,6 @@ def test_a_checkpoint_of_before_says_what_it_cannot_know(model: Gaussian, descen
         evaluate(tmp_path / "old.ckpt", renamed(descents), n=60, n_splits=1)
 
 
-def test_a_resumed_fit_of_before_keeps_them_from_now_on(model: Gaussian, descents: Descents) -> None:
-    content = content_of(model.density)
-    del content["descentflow"]["representation"]["seen_flights"]
-    again = Gaussian()
-    again.attach(model.representation)
-    again.on_load_checkpoint(content)
-    assert again.representation.seen is model.representation.seen
-
-
 @pytest.mark.parametrize(
     "change",
     [

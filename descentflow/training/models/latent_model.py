@@ -214,9 +214,6 @@ class LatentModel(LightningModule, ABC, Generic[D]):
             )
         if self._density is not None:
             self._resume(checkpoint.get(TRAINING, {}))
-            if saved.representation.seen is None:
-                # A checkpoint of before kept identifiers alone; the flights are here, and the same.
-                saved.representation.seen = self.representation.seen
         self._density = saved.to(self.device)
 
     def _resume(self, before: dict[str, Any]) -> None:

@@ -128,6 +128,11 @@ class DescentCLI(LightningCLI):
                 else:
                     print(NOTHING_KEPT)
 
+    def after_test(self) -> None:
+        """Print the likelihood; the scores are in a table."""
+        if self.trainer.is_global_zero:
+            print(f"test/nll {float(self.trainer.callback_metrics['test/nll']):.6g}")
+
 
 def _run_of(checkpoint: Path) -> Path:
     """The run's folder; the checkpoint's own where that was taken out of its run."""
@@ -252,7 +257,9 @@ def _with_checkpoint(command: str, words: list[str]) -> list[str]:
         raise CheckpointError(f"{checkpoint}: no model named", expected="a whole checkpoint", mend="fit again")
     named = {name for name in ("--config", "--data", "--data.descents") if _option(words, name) is not None}
     kept = [] if named & {"--config", "--data"} else _settings_beside(Path(checkpoint), needed=not named)
-    return [*kept, "--model", model, *words, "--data.checkpoint", checkpoint]
+    # Lightning would print a line for each of the hundred scores that are logged, after the table that shows them.
+    told = ["--verbose", "false"] if command == "test" else []
+    return [*told, *kept, "--model", model, *words, "--data.checkpoint", checkpoint]
 
 
 def _settings_beside(checkpoint: Path, *, needed: bool) -> list[str]:

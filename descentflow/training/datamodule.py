@@ -6,7 +6,7 @@ from typing import Any
 
 import polars as pl
 from jsonargparse.typing import ClosedUnitInterval, OpenUnitInterval, PositiveFloat, PositiveInt
-from lightning.pytorch import LightningDataModule
+from lightning.pytorch import LightningDataModule, Trainer
 from lightning.pytorch.utilities import rank_zero_info
 from torch import Tensor
 from torch.utils.data import DataLoader
@@ -323,6 +323,27 @@ class DescentDataModule(LightningDataModule):
         fitted.reference, fitted.cleaning, fitted.seen = read.reference, read.cleaning, read.seen
         fitted.gaps = self.gaps if has_noise_model(fitted.decoder) else "filled"
         return fitted
+
+
+def data_of(trainer: Trainer) -> DescentDataModule:
+    """The trainer's DataModule.
+
+    Raises:
+        ConfigError: If it has none, or one of something else than descents.
+
+    Example:
+        >>> data_of(Trainer(accelerator="cpu", logger=False))
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: a trainer without a DataModule; expected a DescentDataModule, ...
+    """
+    data: DescentDataModule | None = getattr(trainer, "datamodule", None)
+    if data is None or not hasattr(data, "evidence"):
+        raise ConfigError(
+            f"a trainer {'without a DataModule' if data is None else f'with a {type(data).__name__}'}",
+            expected="a DescentDataModule, which has the components of the flights beside their batches",
+            mend='trainer.fit(model, datamodule=DescentDataModule("descents.parquet"))',
+        )
+    return data
 
 
 @dataclass(frozen=True)

@@ -160,6 +160,8 @@ def test_half_precision_is_refused_before_anything_is_written(
 
 def test_two_processes_train_and_validate_as_one_does(here: Path, descents: Path) -> None:
     words = ["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK, "--data.batch_size", "7"]
+    # A score, which the first process alone computes, is asked for in both.
+    words += ["--checkpoint.monitor", "val/score/cas_profile/energy"]
     command = [sys.executable, "-m", "descentflow", *words, "--trainer.accelerator", "cpu"]
     found = []
     for devices in ("1", "2"):
@@ -168,7 +170,7 @@ def test_two_processes_train_and_validate_as_one_does(here: Path, descents: Path
         run = sorted((here / "runs" / "Gaussian").iterdir())[-1]
         events = EventAccumulator(str(run))
         events.Reload()
-        found.append([event.value for event in events.Scalars("val/nll")])
+        found.append([e.value for name in ("val/nll", words[-1]) for e in events.Scalars(name)])
     assert found[1] == pytest.approx(found[0], rel=1e-6)  # of float32, in which metrics are kept
 
 

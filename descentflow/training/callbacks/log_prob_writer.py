@@ -10,6 +10,7 @@ from lightning.pytorch.callbacks import BasePredictionWriter
 from lightning.pytorch.utilities import rank_zero_info
 
 from descentflow.core.tabular import write_table
+from descentflow.training.datamodule import data_of
 from descentflow.training.run_folders import folder_of
 
 
@@ -41,7 +42,7 @@ class WriteLogProb(BasePredictionWriter):
         """Join the batches, name the flights and write the table."""
         if not trainer.is_global_zero:
             return
-        flights = trainer.datamodule.profiles("test").flight_ids  # type: ignore[attr-defined]
+        flights = data_of(trainer).profiles("test").flight_ids
         log_prob = torch.cat(list(predictions)).double().cpu().numpy()
         path = folder_of(trainer) / "log_prob.csv"
         path.parent.mkdir(parents=True, exist_ok=True)

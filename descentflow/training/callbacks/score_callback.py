@@ -1,6 +1,7 @@
 """Rejection sampling and scores while a model trains, and in full when it is tested."""
 
 from io import BytesIO
+from typing import Any
 
 from jsonargparse.typing import NonNegativeInt, PositiveInt
 from lightning.pytorch import Callback, LightningModule, Trainer
@@ -13,7 +14,9 @@ from descentflow.core.progress import stage
 from descentflow.evaluation.evaluate import N_SPLITS, evaluate_profiles
 from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.evaluation.metrics.scores import n_comparisons
+from descentflow.representation.flight_parts import Part
 from descentflow.training.callbacks.score_charts import score_charts
+from descentflow.training.datamodule import data_of
 from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.run_folders import folder_of
 
@@ -24,8 +27,10 @@ FEW_SPLITS = 20
 class ScoreCallback(Callback):
     """Sample, score and draw: every k epochs of `fit` on validation flights, and in `test` on test flights.
 
-    Logged to TensorBoard: acceptance, rejections by rule, every score with its floor in one chart, and the figures.
-    `test` also writes `scores.csv`, `rejections.json` and the figures into the run's folder.
+    Acceptance, rejections by rule and every score with its floor are logged by the model, so that loggers, checkpoints
+    and early stopping have them by name (``val/score/...``, ``test/score/...``). TensorBoard has each score with its
+    floor in one chart, and the figures. `test` also writes `scores.csv`, `rejections.json` and the figures into the
+    run's folder. Of several processes the first one scores.
 
     Example:
         >>> from descentflow.training.datamodule import DescentDataModule
@@ -48,7 +53,8 @@ class ScoreCallback(Callback):
         """Set how often and how much.
 
         Args:
-            every_n_epochs: Score after every k-th epoch of `fit`; 0 scores after the last one only.
+            every_n_epochs: Score after every k-th epoch of `fit`; 0 scores after the last one only, unless early
+                stopping makes it the last. With 1, other callbacks can monitor a score.
             n_samples: Samples in `fit`.
             n_test_samples: Samples in `test` (the paper's 10,000).
             seed: Of the sampling.
@@ -57,31 +63,30 @@ class ScoreCallback(Callback):
         self.seed = seed
         self._charted: set[str] = set()
 
-    def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Score against the validation flights, in the epochs that are due."""
-        if trainer.state.fn != "fit" or trainer.sanity_checking or not self._due(trainer) or not trainer.is_global_zero:
+    def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Score against the validation flights in the epochs that are due, before other callbacks ask for scores."""
+        if trainer.state.fn != "fit" or trainer.sanity_checking or not self._due(trainer):
             return
-        if len(trainer.datamodule.profiles("validation")) == 0:  # type: ignore[attr-defined]
+        if len(data_of(trainer).profiles("validation")) == 0:
             # All flights but the test flights train, as in the paper: nothing to score against yet.
             return
+        found = None
         try:
             found = self._evaluate(trainer, pl_module, "validation", self.n_samples, n_splits=FEW_SPLITS, costly=False)
         except SamplingError as error:
             # An untrained density may propose nothing plausible; the fit goes on.
             rank_zero_warn(f"epoch {trainer.current_epoch}: not scored, {error}")
-            return
-        self._log(trainer, found, "val")
+        self._log(trainer, pl_module, found, "val")
 
-    def on_test_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+    def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Score against the test flights, write the files and print the table."""
-        if not trainer.is_global_zero:
-            return
         found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, n_splits=N_SPLITS, costly=True)
-        self._log(trainer, found, "test")
-        folder = folder_of(trainer)
-        with stage("drawing figures and writing"):
-            found.write(folder)
-        rank_zero_info(f"{found.rejections}\n{found.scores}\nwrote {folder / 'scores.csv'} and figures")
+        self._log(trainer, pl_module, found, "test")
+        if found is not None:
+            folder = folder_of(trainer)
+            with stage("drawing figures and writing"):
+                found.write(folder)
+            rank_zero_info(f"{found.rejections}\n{found.scores}\nwrote {folder / 'scores.csv'} and figures")
 
     def _due(self, trainer: Trainer) -> bool:
         epoch = trainer.current_epoch + 1
@@ -89,11 +94,13 @@ class ScoreCallback(Callback):
         return last or (self.every_n_epochs > 0 and epoch % self.every_n_epochs == 0)
 
     def _evaluate(
-        self, trainer: Trainer, module: LightningModule, part: str, n: int, *, n_splits: int, costly: bool
-    ) -> Evaluation:
+        self, trainer: Trainer, module: LightningModule, part: Part, n: int, *, n_splits: int, costly: bool
+    ) -> Evaluation | None:
+        """The scores in the first process; None in the others."""
+        if not trainer.is_global_zero:
+            return None
         assert isinstance(module, LatentModel)
-        real = trainer.datamodule.profiles(part)  # type: ignore[attr-defined]
-        context = trainer.datamodule.contexts(part)  # type: ignore[attr-defined]
+        real, context = data_of(trainer).profiles(part), data_of(trainer).contexts(part)
         name, parts = type(module).__name__, module.representation
         with stage("scoring samples") as shown:
             return evaluate_profiles(
@@ -110,15 +117,13 @@ class ScoreCallback(Callback):
                 score_progress=shown.part("scoring samples", n_comparisons(n_splits), "comparisons"),
             )
 
-    def _log(self, trainer: Trainer, found: Evaluation, stage: str) -> None:
-        values = {f"{stage}/score/{name}": value for name, value in found.scores.scalars().items()}
-        values[f"{stage}/acceptance"] = found.rejections.acceptance
-        drawn = max(found.rejections.drawn, 1)
-        values |= {f"{stage}/rejected/{rule}": count / drawn for rule, count in found.rejections.broken.items()}
+    def _log(self, trainer: Trainer, module: LightningModule, found: Evaluation | None, kind: str) -> None:
+        """Log the scores of the first process in all processes: a callback in each may monitor them."""
+        values: dict[str, Any] = trainer.strategy.broadcast({} if found is None else _values(found, kind))
+        module.log_dict(values, sync_dist=True, batch_size=1)
         for logger in trainer.loggers:
-            logger.log_metrics(values, step=trainer.global_step)
-            if isinstance(logger, TensorBoardLogger):
-                self._show(logger, found, stage, trainer.global_step)
+            if found is not None and isinstance(logger, TensorBoardLogger):
+                self._show(logger, found, kind, trainer.global_step)
 
     def _show(self, logger: TensorBoardLogger, found: Evaluation, kind: str, step: int) -> None:
         """Charts of scores beside floors, once, and the figures."""
@@ -129,3 +134,13 @@ class ScoreCallback(Callback):
             for name, picture in found.pictures.items():
                 image = imread(BytesIO(picture), format="png")[:, :, :3]
                 logger.experiment.add_image(f"{kind}/{name}", image, step, dataformats="HWC")
+
+
+def _values(found: Evaluation, kind: str) -> dict[str, float]:
+    """Names and values for loggers."""
+    drawn = max(found.rejections.drawn, 1)
+    return {
+        **{f"{kind}/score/{name}": value for name, value in found.scores.scalars().items()},
+        f"{kind}/acceptance": found.rejections.acceptance,
+        **{f"{kind}/rejected/{rule}": count / drawn for rule, count in found.rejections.broken.items()},
+    }

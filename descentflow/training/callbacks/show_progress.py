@@ -66,7 +66,7 @@ class ShowProgress(Callback):
         self._begin(trainer, "scoring flights")
 
     def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """What follows shows itself and prints."""
+        """What was found has been printed."""
         self._end()
 
     def on_predict_start(self, trainer: Trainer, pl_module: LightningModule) -> None:

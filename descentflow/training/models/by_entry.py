@@ -4,6 +4,7 @@ from typing import Any
 
 from descentflow.densities.entry_law import EntryLaw
 from descentflow.densities.learn_entry_law import learn_entry_law
+from descentflow.training.datamodule import data_of
 from descentflow.training.models.latent_model import LatentModel, training_flights
 
 
@@ -17,5 +18,5 @@ def entry_law_of(model: LatentModel[Any]) -> EntryLaw | None:
         True
     """
     evidence, context = training_flights(model)
-    entry = model.trainer.datamodule.entries("train")  # type: ignore[attr-defined]
+    entry = data_of(model.trainer).entries("train")
     return None if context is not None or entry is None else learn_entry_law(model.density, evidence, entry)

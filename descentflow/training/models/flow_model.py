@@ -9,7 +9,7 @@ from jsonargparse.typing import NonNegativeFloat, PositiveFloat, PositiveInt
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
-from descentflow.core.errors import DescentflowWarning
+from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.densities.checkpoint import UNFINISHED
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
@@ -98,6 +98,18 @@ class _Flow(LatentModel[F], ABC):
         base = self.density.base_log_observed(*batch) if self.density.whitened else torch.zeros_like(log_prob)
         self._by_flight.append(torch.stack([log_prob.double(), base.double()]))
 
+    def on_validation_epoch_start(self) -> None:
+        """As every model, but where training has diverged go back to the best epoch and end with it."""
+        try:
+            super().on_validation_epoch_start()
+        except ConfigError as error:
+            if self._best is None:
+                raise
+            self.density.load_state_dict(self._best[1])
+            self.trainer.should_stop = True
+            best = f"the fit ends with the best epoch before, of val/bound {self._best[0]:.4g}"
+            warnings.warn(f"{error}; {best}", DescentflowWarning, stacklevel=2)
+
     def _proposing(self) -> Mixture:
         """The wide Gaussian of the training flights, made once."""
         if self._wide is None:
@@ -114,7 +126,8 @@ class _Flow(LatentModel[F], ABC):
         error = (log_prob - base).std() / len(base) ** 0.5 if self.density.whitened and len(base) > 1 else 0.0
         bound = -log_prob.mean() + self.caution * error
         self.log("val/bound", bound, sync_dist=True, batch_size=len(base))
-        if self.trainer.state.fn == "fit" and (self._best is None or float(bound) < self._best[0]):
+        counts = self.trainer.state.fn == "fit" and not self.trainer.sanity_checking
+        if counts and (self._best is None or float(bound) < self._best[0]):
             self._best = float(bound), {k: v.detach().clone() for k, v in self.density.state_dict().items()}
 
     def on_train_end(self) -> None:

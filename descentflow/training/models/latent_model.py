@@ -2,6 +2,8 @@
 
 import warnings
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -19,6 +21,7 @@ from descentflow.densities.density import Density
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.read_checkpoint import SECTION
 from descentflow.representation.representation import Representation
+from descentflow.training.datamodule import DescentDataModule, data_of
 
 D = TypeVar("D", bound=Density)
 TRAINING = "training"
@@ -96,10 +99,22 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         self._density.attach(representation)
 
     def setup(self, stage: str) -> None:
-        """Take the representation of the DataModule, and torch's seed (Lightning calls this)."""
+        """Take the representation of the DataModule, and torch's seed (Lightning calls this).
+
+        Raises:
+            ConfigError: If there is no DescentDataModule, or it has other components than a model that has some.
+        """
         check_precision(self.trainer)
         if self._density is None:
-            self.attach(self.trainer.datamodule.representation)  # type: ignore[attr-defined]
+            self.attach(data_of(self.trainer).representation)
+        elif isinstance(data := getattr(self.trainer, "datamodule", None), DescentDataModule):
+            ours, theirs = self.representation, data.representation
+            if (ours.split, ours.decoder.sizes) != (theirs.split, theirs.decoder.sizes):
+                raise ConfigError(
+                    "a model that was fitted to other flights than the DataModule's",
+                    expected="its own DataModule, or one that encodes with the model's checkpoint",
+                    mend="fit a new model, or pass DescentDataModule(..., checkpoint=FILE)",
+                )
         self._seed = torch.initial_seed()
 
     def seed_of_batch(self, batch_index: int) -> int:
@@ -166,9 +181,36 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         """Mean negative log-likelihood of what was observed of a batch of flights, in nats per flight."""
         return -self.log_observed(*batch).mean()
 
+    @contextmanager
+    def converging(self) -> Iterator[None]:
+        """Inside it, a matrix that is none in floating point any more is told as training that diverged."""
+        try:
+            yield
+        except torch.linalg.LinAlgError:  # type: ignore[attr-defined]  # torch documents it; its stubs lack it
+            raise self._diverged() from None
+
+    def on_validation_epoch_start(self) -> None:
+        """Refuse parameters that are no longer finite, before they are scored and kept.
+
+        Raises:
+            ConfigError: If training has diverged.
+        """
+        trained = self.automatic_optimization and self.trainer.state.fn == "fit"
+        if trained and not all(bool(one.isfinite().all()) for one in self.parameters()):
+            raise self._diverged()
+
+    def _diverged(self) -> ConfigError:
+        return ConfigError(
+            f"parameters without a likelihood in epoch {self.trainer.current_epoch + 1}: training diverged",
+            expected="parameters that stay finite",
+            mend=f"lower the learning rate (--model.learning_rate), {self.hparams.get('learning_rate')} here",
+        )
+
     def validation_step(self, batch: Batch, batch_index: int) -> None:
         """Log the NLL of flights that no parameter was fitted to."""
-        self.log("val/nll", self.nll(batch), prog_bar=True, on_epoch=True, sync_dist=True, batch_size=len(batch[0]))
+        with self.converging():
+            nll = self.nll(batch)
+        self.log("val/nll", nll, prog_bar=True, on_epoch=True, sync_dist=True, batch_size=len(batch[0]))
 
     def test_step(self, batch: Batch, batch_index: int) -> None:
         """Log the NLL of the test flights."""
@@ -263,11 +305,10 @@ def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor | None]:
         >>> len(training_flights(model)[0]), training_flights(model)[1] is None
         (86, True)
     """
-    data = model.trainer.datamodule  # type: ignore[attr-defined]
+    data = data_of(model.trainer)
     evidence = data.evidence("train").to(model.device)
-    if not model.density.n_context:
-        return evidence, None
-    return evidence, data.contexts("train").to(evidence.points)
+    context = data.contexts("train") if model.density.n_context else None
+    return evidence, None if context is None else context.to(evidence.points)
 
 
 def _primitive(value: Any) -> Any:

@@ -24,6 +24,7 @@ from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.linear_curves import linear_curves, residual_profiles
+from descentflow.training.datamodule import data_of
 from descentflow.training.models.kept_checkpoints import complete_kept
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm, adam_with_cosine
@@ -167,7 +168,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         """One EM step over all training flights in the epoch's last step, or the enumerated ELBO of a batch."""
         if self.training_method == "svi":
             evidence = batch[0]
-            loss = self.density.negative_elbo(evidence, *batch[1:]) / len(evidence)
+            with self.converging():
+                loss = self.density.negative_elbo(evidence, *batch[1:]) / len(evidence)
             self.log("train/nll", loss, on_epoch=True, on_step=False, sync_dist=True, batch_size=len(evidence))
             return loss
         if self.trainer.is_last_batch:
@@ -181,7 +183,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         improved, before = self._steps.improve(self.density.mixture)
         self.density.mixture = improved
         after = float(self._steps.expectation(self.density.mixture)[1])
-        n_flights = len(self.trainer.datamodule.evidence("train"))  # type: ignore[attr-defined]
+        n_flights = len(data_of(self.trainer).evidence("train"))
         self.log("train/nll", -before, on_epoch=True, on_step=False, sync_dist=True, batch_size=n_flights)
         if abs(after - before) < self.tolerance:
             self.trainer.should_stop = True
@@ -202,7 +204,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         flights, context = training_flights(self)
         density, mixture = self.density, self.density.mixture
         density.entry_gate = density.residual_law = None
-        entry = self.trainer.datamodule.entries("train")  # type: ignore[attr-defined]
+        entry = data_of(self.trainer).entries("train")
         if entry is None:
             return
         steps = self._steps if self._steps is not None else steps_of(flights, context)
@@ -218,7 +220,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     def _residual_law(self, some: Tensor, mixture: Mixture, shares: Tensor, context: Tensor | None) -> ResidualLaw:
         """Of some flights (m,)."""
         decoder = self.representation.decoder
-        flights = self.trainer.datamodule.profiles("train").subset(some)  # type: ignore[attr-defined]
+        flights = data_of(self.trainer).profiles("train").subset(some)
         seen = linear_curves(decoder).information(decoder.observed(flights)).to("cpu")
         of_some = None if context is None else context.cpu()[some]
         return learn_residual_law(seen, residual_profiles(decoder), mixture, shares, of_some)

@@ -9,6 +9,8 @@ from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import nn
 
+from descentflow.training.datamodule import data_of
+
 
 class ClosedForm(torch.optim.Optimizer):
     """Runs the closure that sets the parameters, and nothing else.
@@ -93,6 +95,7 @@ def _whole_epochs(trainer: Trainer, max_steps: int | None) -> int:
     Not Lightning's ``max_steps``, with which a resumed fit goes through its first epoch without validation.
     """
     if max_steps is not None:
-        most = max(max_steps // len(trainer.datamodule.train_dataloader()), 1)  # type: ignore[attr-defined]
-        trainer.fit_loop.max_epochs = min(trainer.max_epochs or most, most)
+        most = max(max_steps // len(data_of(trainer).train_dataloader()), 1)
+        asked = trainer.max_epochs
+        trainer.fit_loop.max_epochs = most if asked is None or asked < 0 else min(asked, most)
     return max(trainer.max_epochs or 1, 1)

@@ -1,5 +1,6 @@
 """Files of a weather model that are written as the Climate Data Store writes ERA5, with values known in closed form."""
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -52,4 +53,47 @@ def weather(
 
 def written(data: xarray.Dataset, path: Path) -> Path:
     data.to_netcdf(path)
+    return path
+
+
+def linear(hours: object, level: object, latitude: object, longitude: object) -> object:
+    return 4 + 0.05 * hours - 0.03 * (level - 250) + 0.2 * (latitude - 52) - 0.1 * longitude
+
+
+def linear_wind(hours: object, level: object, latitude: object, longitude: object) -> tuple[object, object]:
+    east = 20 + 0.1 * hours + 0.15 * (level - 250) + 0.7 * (latitude - 50) - 0.3 * longitude
+    return east, 5 - 0.1 * hours + 0.05 * (level - 250) + 0.1 * (latitude - 50) + 0.4 * longitude
+
+
+def written_as_grib(data: xarray.Dataset, path: Path, **settings: object) -> Path:
+    """Each variable, time and level as a message of ecCodes with 24 bits a value: 45 m/s of range to 3e-6 m/s.
+
+    Args:
+        data: Over valid time, pressure level, latitude and longitude, as :func:`weather` makes it.
+        path: To append to.
+        settings: Other keys of ecCodes, for instance ``level``.
+    """
+    import eccodes
+
+    time, level, latitude, longitude = (data[name].to_numpy() for name in (*NEW, "latitude", "longitude"))
+    with path.open("ab") as file:
+        for name in data.data_vars:
+            for (t, stamp), (k, pressure) in itertools.product(enumerate(time), enumerate(level)):
+                handle = eccodes.codes_grib_new_from_samples("regular_ll_pl_grib2")
+                day, hour = str(stamp.astype("datetime64[h]")).split("T")
+                keys = {
+                    "shortName": name, "level": int(pressure), "dataDate": int(day.replace("-", "")),
+                    "dataTime": 100 * int(hour), "Ni": len(longitude), "Nj": len(latitude), "bitsPerValue": 24,
+                    "latitudeOfFirstGridPointInDegrees": latitude[0],
+                    "latitudeOfLastGridPointInDegrees": latitude[-1],
+                    "longitudeOfFirstGridPointInDegrees": longitude[0] % 360,
+                    "longitudeOfLastGridPointInDegrees": longitude[-1] % 360,
+                    "iDirectionIncrementInDegrees": abs(longitude[1] - longitude[0]),
+                    "jDirectionIncrementInDegrees": abs(latitude[1] - latitude[0]),
+                }  # fmt: skip
+                for key, value in (keys | settings).items():
+                    eccodes.codes_set(handle, key, value)
+                eccodes.codes_set_values(handle, data[name].to_numpy()[t, k].ravel())
+                eccodes.codes_write(handle, file)
+                eccodes.codes_release(handle)
     return path

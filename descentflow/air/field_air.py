@@ -19,7 +19,7 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import FlightAirs, held
 from descentflow.air.weather_field import Points, WeatherField, weather_field
-from descentflow.air.weather_file import Array
+from descentflow.air.weather_layout import EAST, NORTH, TEMPERATURE, Array
 from descentflow.core.errors import DataError
 from descentflow.measurements.level_channels import LevelGrid
 
@@ -90,19 +90,9 @@ def field_airs(
     names = [name for name in (*PLACED, "track") if name in frame.columns]
     grid = LevelGrid.of_frame(frame, float(levels_fl[0]), float(levels_fl[-1]), [*names, "_unix_s"])
     if grid is None or not set(PLACED) <= set(grid.values):
-        raise DataError(
-            "descents without places",
-            expected="latitude and longitude of the rows, for the air of a weather field",
-            mend="prepare rows with positions, or fit with data.air=measured or standard",
-        )
+        raise _without_places()
     paths = paths_of_flights(grid, grid.values["_unix_s"].numpy())
-    with weather_field(source) as field:
-        if wind and not field.wind:
-            raise DataError(
-                "a weather field without wind, for a model whose training flights' wind was known",
-                expected="eastward and northward wind beside the temperature",
-                mend="cut such a file from the analysis: t, u and v on pressure levels",
-            )
+    with weather_field(source, (TEMPERATURE, EAST, NORTH) if wind else (TEMPERATURE,)) as field:
         windy = field.wind and wind is not False
         # A block of a few days reads each time of the field once.
         order = np.argsort(paths.unix_s[:, 0], kind="stable")
@@ -111,11 +101,9 @@ def field_airs(
         back = np.argsort(np.concatenate(blocks))
         deviation, tailwind, inside = (np.concatenate(part)[back] for part in zip(*parts, strict=True))
         if not inside.any():
-            raise DataError(
-                f"no level of {len(back)} flights inside of the weather field: {_extent(paths)}",
-                expected=field.describe(),
-                mend="name a field of the flights' days and places",
-            )
+            points = Points(paths.unix_s, grid.levels_fl.numpy(), paths.latitude, paths.longitude)
+            field.check(points.rows(paths.known))
+            raise _without_places()
     known = torch.from_numpy(inside) & torch.from_numpy(paths.known) & grid.mask
     told = torch.nonzero(known.any(1))[:, 0]
     reached = torch.from_numpy(inside)[told]
@@ -210,18 +198,9 @@ def _airs_of(
     field: WeatherField, levels_fl: Array, paths: FlightPaths, windy: bool
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Temperature deviation, wind along the track, and where both are inside of the field with their neighbours."""
-    shape = paths.unix_s.shape
-    places = (paths.unix_s, np.broadcast_to(levels_fl, shape), paths.latitude, paths.longitude)
-    placed = np.isfinite(paths.latitude).ravel()
-    points = Points(*(values.ravel()[placed] for values in places))
-    found = []
-    for part in field.at(points):
-        whole = np.full(placed.shape, np.nan)
-        whole[placed] = part
-        found.append(whole.reshape(shape))
-    deviation, east, north = found
+    deviation, east, north = field.at(Points(paths.unix_s, levels_fl, paths.latitude, paths.longitude))
     inside = np.isfinite(deviation)
-    tailwind = np.zeros(shape)
+    tailwind = np.zeros_like(deviation)
     if windy:
         inside &= np.isfinite(east) & np.isfinite(north) & np.isfinite(paths.track)
         tailwind = along_track(east, north, paths.track)
@@ -230,13 +209,9 @@ def _airs_of(
     return deviation, tailwind, inside & beside[:, 2:] & beside[:, :-2]
 
 
-def _extent(paths: FlightPaths) -> str:
-    """When and where flights were, for a message."""
-    if not paths.known.any():
-        return "no flight has a place"
-    times, latitude, longitude = (values[paths.known] for values in (paths.unix_s, paths.latitude, paths.longitude))
-    start, end = (np.datetime64(int(t), "s").astype("datetime64[m]") for t in (times.min(), times.max()))
-    return (
-        f"{start}Z to {end}Z, latitude {latitude.min():.2f} to {latitude.max():.2f}, longitude "
-        f"{longitude.min():.2f} to {longitude.max():.2f}"
+def _without_places() -> DataError:
+    return DataError(
+        "descents without places",
+        expected="latitude and longitude of the rows, of flights that move, for the air of a weather field",
+        mend="prepare rows with positions, or fit with data.air=measured or standard",
     )

@@ -1,44 +1,53 @@
 """Temperature and wind of a weather model at places, levels and times: one file, or several as one."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from descentflow.air.weather_file import Array, WeatherFile, opened, paths_of, unusable
+from descentflow.air.weather_file import WeatherFile, opened, same
+from descentflow.air.weather_layout import EAST, NAMES, NORTH, TEMPERATURE, Array, unusable
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.recent import Recent
 from descentflow.core.units import FL_M
 from descentflow.physics.atmosphere import isa_temperature_k
 
 WIDEST_GAP = 1.5
 """Median steps of time beyond which two times of a field count as a gap, which nothing is interpolated across."""
-_PLACES = ("levels_fl", "latitude", "longitude")
-TEMPERATURE, EAST, NORTH = "air_temperature", "eastward_wind", "northward_wind"
+_HELD = 4
+"""Times of a variable that are held in memory: flights at one place are within a few hours."""
 
 
 class Points(NamedTuple):
-    """m places of flights, (m,) each: seconds since 1970, flight level, degrees.
+    """Places of flights, of one shape together: seconds since 1970, flight level, degrees.
 
     Example:
-        >>> Points(np.zeros(2), np.full(2, 300.0), np.full(2, 52.0), np.full(2, 4.0)).rows(np.array([0])).level_fl
-        array([300.])
+        >>> across = Points(0.0, 300.0, np.full(2, 52.0), np.array([4.0, 5.0]))
+        >>> across.shape, across.rows(np.array([False, True])).longitude
+        ((2,), array([5.]))
     """
 
-    unix_s: Array
-    level_fl: Array
+    unix_s: Array | float
+    level_fl: Array | float
     latitude: Array
     longitude: Array
 
-    def rows(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> "Points":
-        """The points at these positions, or where a mask is true."""
-        return Points(*(values[index] for values in self))
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of all four together."""
+        return np.broadcast_shapes(*map(np.shape, self))
+
+    def rows(self, mask: NDArray[np.bool_]) -> "Points":
+        """The points, (m,), where a mask is true."""
+        return Points(*(np.broadcast_to(values, self.shape)[mask] for values in self))
 
 
 class Weather(NamedTuple):
-    """At m points, (m,) each; NaN outside of the field.
+    """At points, of their shape; NaN where it is not known.
 
     Example:
         >>> still = np.zeros(3)
@@ -66,118 +75,175 @@ class WeatherField:
         >>> axes = {"level": [500.0, 250.0], "latitude": [52.0, 50.0], "longitude": [4.0, 6.0]}
         >>> cold = xarray.Dataset({"t": (tuple(axes), np.full((2, 2, 2), 240.0))}, axes)
         >>> field = WeatherField([weather_file_of(cold, "cold.nc")])
-        >>> place = Points(np.zeros(1), np.full(1, 200.0), np.full(1, 51.0), np.full(1, 5.0))
+        >>> place = Points(0.0, 200.0, np.array([51.0]), np.array([5.0]))
         >>> field.at(place).deviation_k.round(1), field.wind
         (array([-8.5]), False)
     """
 
-    def __init__(self, files: Sequence[WeatherFile]) -> None:
+    def __init__(self, files: Sequence[WeatherFile], needed: Sequence[str] = (TEMPERATURE,)) -> None:
         """Order the times of open files.
 
+        Args:
+            files: Each with some of the variables at some of the times.
+            needed: Standard names of variables that must be there.
+
         Raises:
-            DataError: If no file has a temperature, or one has a single level or meridian.
+            DataError: If a variable is missing, or one component of the wind.
         """
-        self.files = files
-        for file in files:
-            if min(len(file.levels_fl), len(file.latitude), len(file.longitude)) < 2:
-                raise unusable(f"{file.path} of a single level, latitude or longitude")
-        self._kept: dict[str, dict[int, Array]] = {TEMPERATURE: {}, EAST: {}, NORTH: {}}
-        self._steps = {name: _steps(files, name) for name in (TEMPERATURE, EAST, NORTH)}
-        if not self._steps[TEMPERATURE]:
-            raise unusable(f"{', '.join(file.path for file in files)} without {TEMPERATURE}")
+        found = {name: _steps(files, name) for name in NAMES}
+        self._steps = {name: steps for name, steps in found.items() if steps}
+        wanted = {*needed, *(() if {EAST, NORTH}.isdisjoint(self._steps) else (EAST, NORTH))}
+        for absent in (name for name in NAMES if name in wanted and name not in self._steps):
+            paths = ", ".join(dict.fromkeys(file.path for file in files))
+            raise unusable(f"{paths} without {absent}, with {' and '.join(self._steps) or 'nothing of use'}")
+        self._grids = {name: Recent[Any](_HELD) for name in self._steps}
+        east, north = ([step.unix_s for step in self._steps.get(name, [])] for name in (EAST, NORTH))
+        if east != north:
+            raise unusable(f"{len(east)} times of {EAST} and {len(north)} others of {NORTH}")
 
     @property
     def wind(self) -> bool:
         """Whether it has a wind; still air if not."""
-        return bool(self._steps[EAST] and self._steps[NORTH])
+        return EAST in self._steps
 
     @property
     def times(self) -> list[float]:
-        """Seconds since 1970 at which temperature is known; empty for a field that holds at any time."""
-        return [step.unix_s for step in self._steps[TEMPERATURE] if step.unix_s is not None]
+        """Seconds since 1970 at which something is known; empty for a field that holds at any time."""
+        return [step.unix_s for step in next(iter(self._steps.values())) if step.unix_s is not None]
+
+    @property
+    def only_time(self) -> float:
+        """The time of a field that has one, or has none.
+
+        Raises:
+            ConfigError: If it has several.
+        """
+        if len(self.times) > 1:
+            raise ConfigError(
+                f"a weather field with {len(self.times)} times, and no time of the descents",
+                expected="the time at which the lowest level is passed",
+                mend="give --time, or a file with one time",
+            )
+        return next(iter(self.times), 0.0)
+
+    def extent(self, name: str) -> Points:
+        """Times of a variable, and its lowest and highest level, latitude and longitude."""
+        steps = self._steps[name]
+        axes = zip(*(step.file.axes for step in steps), strict=True)
+        ends = ([min(one[0] for one in axis), max(one[-1] for one in axis)] for axis in axes)
+        return Points(np.array([step.unix_s for step in steps], dtype=np.float64), *map(np.array, ends))
 
     def at(self, points: Points) -> Weather:
-        """Temperature deviation and wind; NaN where a point is outside of the field.
+        """Temperature deviation and wind; NaN where the field has no value.
 
         Raises:
             DataError: If a file is damaged.
         """
-        deviation = self._at(TEMPERATURE, points)
+        deviation = self.read(TEMPERATURE, points)
         still = np.zeros_like(deviation)
-        return Weather(deviation, *(self._at(name, points) for name in (EAST, NORTH)) if self.wind else (still, still))
+        return Weather(deviation, *(self.read(name, points) for name in (EAST, NORTH)) if self.wind else (still, still))
 
-    def describe(self) -> str:
-        """What it covers, in a line."""
-        times = self.times
-        when = f"{_shown(times[0])} to {_shown(times[-1])}" if times else "any time"
-        low, high = (
-            [pick(float(getattr(file, name)[end]) for file in self.files) for name in _PLACES]
-            for pick, end in ((min, 0), (max, -1))
-        )
-        return (
-            f"{when}, FL{low[0]:.0f} to FL{high[0]:.0f}, latitude {low[1]:.2f} to {high[1]:.2f}, longitude "
-            f"{low[2]:.2f} to {high[2]:.2f}"
-        )
+    def read(self, name: str, points: Points, *, blank: bool = False) -> Array:
+        """Deviation or wind, by its standard name; NaN where the field has no value.
 
-    def _at(self, name: str, points: Points) -> Array:
-        steps, found = self._steps[name], np.full(len(points.unix_s), np.nan)
-        if steps[0].unix_s is None:
-            return _interpolated(steps[0].file, self._held(name, (0,))[0], points)
-        times = np.array([step.unix_s for step in steps])
-        before = np.searchsorted(times, points.unix_s, side="right").clip(1, max(len(times) - 1, 1)) - 1
-        after = (before + 1).clip(max=len(times) - 1)
-        gap = times[after] - times[before]
-        near = gap <= WIDEST_GAP * (np.median(np.diff(times)) if len(times) > 1 else 0.0)
-        inside = (points.unix_s >= times[0]) & (points.unix_s <= times[-1]) & near
+        Args:
+            name: One of those that it has.
+            points: Places, of any shape.
+            blank: Zeros in place of the field's values, and so NaN outside of it alone.
+
+        Raises:
+            DataError: If a file is damaged.
+        """
+        steps, found = self._steps[name], np.full(points.shape, np.nan)
+        times, last = np.array([step.unix_s or 0.0 for step in steps]), len(steps) - 1
+        unix_s = np.broadcast_to(points.unix_s, points.shape)
+        before = np.searchsorted(times, unix_s, side="right").clip(1, max(last, 1)) - 1
+        gap = times[(before + 1).clip(max=last)] - times[before]
+        near = gap <= WIDEST_GAP * (np.median(np.diff(times)) if last else 0.0)
+        inside = near & (unix_s >= times[0]) & (unix_s <= times[-1]) | (steps[0].unix_s is None)
         for number in np.unique(before[inside]).tolist():
-            pair = (number, min(number + 1, len(times) - 1))
-            kept = self._held(name, pair)
-            here = inside & (before == number)
+            here, then = inside & (before == number), min(number + 1, last)
             some = points.rows(here)
-            share = (some.unix_s - times[number]) / max(times[pair[1]] - times[number], 1.0)
-            low, high = (_interpolated(steps[k].file, kept[k], some) for k in pair)
+            share = (some.unix_s - times[number]) / (times[then] - times[number]) if then > number else 0.0
+            low, high = (self._interpolated(name, steps[k], some, blank) for k in (number, then))
             # A share of 0 or 1 needs one of them alone, which may be there where the other is missing.
             found[here] = np.where(share == 0, low, np.where(share == 1, high, (1 - share) * low + share * high))
         return found
 
-    def _held(self, name: str, numbers: tuple[int, ...]) -> dict[int, Array]:
-        """Fields of two times at most: the later one of a pair is mostly the earlier one of the next."""
-        before, steps = self._kept[name], self._steps[name]
-        self._kept[name] = {k: before[k] if k in before else self._cube(name, steps[k]) for k in numbers}
-        return self._kept[name]
+    def check(self, points: Points) -> None:
+        """Refuse points at which something is not known.
 
-    def _cube(self, name: str, step: "_Step") -> Array:
-        values = step.file.at_time(name, step.number)
+        Raises:
+            DataError: If some are outside of the field, or in a hole of it: how many, and where.
+        """
+        for blank in (True, False):
+            for name in self._steps:
+                here = np.isnan(self.read(name, points, blank=blank))
+                if here.any():
+                    where = "outside of the weather field" if blank else "in a hole of the weather field (NaN)"
+                    raise DataError(
+                        f"{here.sum():,} of {here.size:,} places of descents {where}: {_shown(points.rows(here))}",
+                        expected=f"{_shown(self.extent(name))}, where {name} has values but for holes",
+                        mend="take another field, time or place: this one may be cut off, or masked below the ground",
+                    )
+
+    def _interpolated(self, name: str, step: "_Step", points: Points, blank: bool) -> Array:
+        from scipy.interpolate import RegularGridInterpolator
+
+        file = step.file
+
+        def grid() -> RegularGridInterpolator:
+            values = np.zeros([len(axis) for axis in file.axes]) if blank else self._values(name, step)
+            return RegularGridInterpolator(file.axes, values, bounds_error=False, fill_value=np.nan)
+
+        held = self._grids[name].get(step.unix_s, grid) if not blank else grid()
+        found: Array = held(np.stack([points.level_fl, points.latitude, file.eastwards(points.longitude)], -1))
+        return found
+
+    def _values(self, name: str, step: "_Step") -> Array:
+        """Field (k, p, q) of a time, which must be the same wherever it is."""
+        values, *others = (one.file.at_time(name, one.number) for one in (step, *step.again))
+        for one, other in zip(step.again, others, strict=True):
+            if not (same(values, other) and all(map(np.array_equal, one.file.axes, step.file.axes))):
+                raise unusable(f"{step.file.path} and {one.file.path} with another {name} at one time")
         if name != TEMPERATURE:
             return values
-        standard: Array = isa_temperature_k(torch.from_numpy(step.file.levels_fl) * FL_M).numpy()
+        standard: Array = isa_temperature_k(torch.from_numpy(step.file.axes[0]) * FL_M).numpy()
         return values - standard[:, None, None]
 
 
 @contextmanager
-def weather_field(source: str | Path | Sequence[str | Path]) -> Iterator[WeatherField]:
+def weather_field(
+    source: str | Path | Sequence[str | Path], needed: Sequence[str] = (TEMPERATURE,)
+) -> Iterator[WeatherField]:
     """Open a field: a NetCDF or GRIB file, a folder of them, or several.
+
+    Args:
+        source: Paths.
+        needed: Standard names of variables that must be there.
 
     Raises:
         ConfigError: If a library is missing.
-        DataError: If a file cannot be read, or none has a temperature on pressure levels.
+        DataError: If a file cannot be read, or a variable or a component of the wind is missing.
 
     Example:
         >>> import xarray
         >>> axes = {"level": [500.0, 250.0], "latitude": [52.0, 50.0], "longitude": [4.0, 6.0]}
         >>> xarray.Dataset({"t": (tuple(axes), np.full((2, 2, 2), 240.0))}, axes).to_netcdf("cold.nc")
         >>> with weather_field("cold.nc") as field:
-        ...     print(field.describe())
-        any time, FL183 to FL340, latitude 50.00 to 52.00, longitude 4.00 to 6.00
+        ...     field.extent("air_temperature").level_fl.round()
+        array([183., 340.])
     """
-    with ExitStack() as stack:
-        yield WeatherField([stack.enter_context(opened(path)) for path in paths_of(source)])
+    with opened(source) as files:
+        yield WeatherField(files, needed)
 
 
 class _Step(NamedTuple):
     unix_s: float | None
     file: WeatherFile
     number: int
+    again: list["_Step"]
+    """The same time in other files, or once more in the file."""
 
 
 def _steps(files: Sequence[WeatherFile], name: str) -> list[_Step]:
@@ -186,20 +252,19 @@ def _steps(files: Sequence[WeatherFile], name: str) -> list[_Step]:
     for file in files:
         if name in file.variables:
             for number, time in enumerate([None] if file.unix_s is None else file.unix_s.tolist()):
-                found.setdefault(time, _Step(time, file, number))
+                step = _Step(time, file, number, [])
+                if found.setdefault(time, step) is not step:
+                    found[time].again.append(step)
     if None in found and len(found) > 1:
         raise unusable(f"{found[None].file.path} without a time beside files of a time")
     return sorted(found.values(), key=lambda step: step.unix_s or 0.0)
 
 
-def _interpolated(file: WeatherFile, cube: Array, points: Points) -> Array:
-    from scipy.interpolate import RegularGridInterpolator
-
-    axes = (file.levels_fl, file.latitude, file.longitude)
-    grid = RegularGridInterpolator(axes, cube, bounds_error=False, fill_value=np.nan)
-    found: Array = grid(np.stack([points.level_fl, points.latitude, file.eastwards(points.longitude)], -1))
-    return found
-
-
-def _shown(unix_s: float) -> str:
-    return f"{np.datetime64(int(unix_s), 's').astype('datetime64[m]')}Z"
+def _shown(points: Points) -> str:
+    """When and where points are."""
+    unix_s, level, latitude, longitude = ((float(np.min(part)), float(np.max(part))) for part in points)
+    times = (f"{np.datetime64(int(end), 's').astype('datetime64[m]')}Z" for end in unix_s if np.isfinite(end))
+    return (
+        f"{' to '.join(times) or 'at any time'}, FL{level[0]:.0f} to FL{level[1]:.0f}, latitude {latitude[0]:.2f} to "
+        f"{latitude[1]:.2f}, longitude {longitude[0]:.2f} to {longitude[1]:.2f}"
+    )

@@ -1,5 +1,6 @@
 """Descents flown in a weather field along a path over the ground: each in the air where and when it is there."""
 
+import warnings
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import held
 from descentflow.air.weather_field import Points, WeatherField
 from descentflow.aircraft_types.aircraft import Aircraft
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.core.units import NM_M
 from descentflow.positions.ground_plan import GroundPlan
 from descentflow.positions.placing import Positions, unix_of
@@ -50,14 +51,23 @@ class AirAlongPath:
     Raises:
         ConfigError: If there is no path, a wind beside the field's, or no time where one is needed.
 
+    Warns:
+        DescentflowWarning: If the field has no wind.
+
     Example:
         >>> import xarray
         >>> from descentflow.air.weather_file import weather_file_of
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.positions.ground_plan import ground_plan
         >>> axes = {"level": [600.0, 200.0], "latitude": [50.0, 53.0], "longitude": [0.0, 8.0]}
-        >>> kelvin = np.array([272.0, 230.0])[:, None, None] + np.zeros((1, 2, 2))
-        >>> warm = xarray.Dataset({"t": (tuple(axes), kelvin)}, axes)
+        >>> values = {"t": ("K", 272.0, 230.0), "u": ("m/s", 5.0, 25.0), "v": ("m/s", 0.0, 0.0)}
+        >>> warm = xarray.Dataset(
+        ...     {
+        ...         name: (tuple(axes), np.array(two)[:, None, None] + np.zeros((1, 2, 2)), {"units": unit})
+        ...         for name, (unit, *two) in values.items()
+        ...     },
+        ...     axes,
+        ... )
         >>> along = AirAlongPath(WeatherField([weather_file_of(warm, "warm.nc")]), ground_plan(end=(52, 4), track=270))
         >>> model = load_model("best.ckpt")
         >>> decoder = model.representation.decoder
@@ -76,16 +86,15 @@ class AirAlongPath:
             )
         if plan.wind is not None:
             raise ConfigError("a wind beside a weather field", expected="one of them", mend="leave --wind out")
-        times = field.times
-        if plan.end_time is None and len(times) > 1:
-            raise ConfigError(
-                f"a weather field with {len(times)} times, and no time of the descents",
-                expected="the time at which the lowest level is passed",
-                mend="give --time, or a file with one time",
+        if not field.wind:
+            warnings.warn(
+                "the weather field has no wind: descents are flown in still air of its temperature",
+                DescentflowWarning,
+                stacklevel=2,
             )
         self.field, self.path, self.to_go_m = field, plan.path, plan.to_go_nm * NM_M
         self.timed = plan.end_time is not None
-        self.end_s = unix_of(plan.end_time) if plan.end_time is not None else float(times[0]) if times else 0.0
+        self.end_s = field.only_time if plan.end_time is None else unix_of(plan.end_time)
 
     def fly(self, aircraft: Aircraft, flown: Trajectories) -> Trajectories:
         """Descents that were flown in standard air, flown in the field."""
@@ -148,23 +157,12 @@ class AirAlongPath:
         self, flown: Trajectories, latitude: Array, longitude: Array, track: Array
     ) -> tuple[LevelAir, Array, Array]:
         """The air of each descent, and the wind towards east and north (n, L)."""
-        shape = latitude.shape
-        levels_fl = np.broadcast_to(flown.levels_fl.cpu().double().numpy(), shape)
-        points = Points(*(part.ravel() for part in (self._unix_s(flown), levels_fl, latitude, longitude)))
-        deviation, east, north = (part.reshape(shape) for part in self.field.at(points))
+        points = Points(self._unix_s(flown), flown.levels_fl.cpu().double().numpy(), latitude, longitude)
+        deviation, east, north = self.field.at(points)
         on, inside = flown.mask.cpu().numpy(), np.isfinite(deviation) & np.isfinite(east) & np.isfinite(north)
         if not inside[on].all():
-            raise self._outside(points.rows((on & ~inside).ravel()))
+            self.field.check(points.rows(on))
         known = torch.from_numpy(inside)
         tailwind = along_track(east, north, np.radians(track))
         air = LevelAir(*(held(torch.from_numpy(values).nan_to_num(), known) for values in (deviation, tailwind)))
         return air, np.nan_to_num(east), np.nan_to_num(north)
-
-    def _outside(self, points: Points) -> DataError:
-        time = np.datetime64(int(points.unix_s[0]), "s").astype("datetime64[m]")
-        return DataError(
-            f"descents outside of the weather field, for instance at {f'{time}Z, ' if self.timed else ''}"
-            f"FL{points.level_fl[0]:.0f}, latitude {points.latitude[0]:.2f}, longitude {points.longitude[0]:.2f}",
-            expected=self.field.describe(),
-            mend="take a larger field, or another end point or time",
-        )

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from descentflow.air.kept_air import STRONGEST_MPS, WARMEST_K
 from descentflow.air.level_air import LevelAir
-from descentflow.air.weather_file import SUFFIXES
+from descentflow.air.weather_file import names_weather
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
 from descentflow.generation.air_tables import air_of_table
@@ -85,8 +85,7 @@ def field_of(asked: Airs | None) -> str | Path | None:
         >>> field_of("era5.nc"), field_of("training")
         ('era5.nc', None)
     """
-    named = isinstance(asked, str | Path) and (Path(asked).suffix in SUFFIXES or Path(asked).is_dir())
-    return asked if named and isinstance(asked, str | Path) else None
+    return asked if isinstance(asked, str | Path) and names_weather(asked) else None
 
 
 def _of_values(values: Mapping[str, Any], levels_fl: Tensor) -> LevelAir:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from torch import Tensor
 
-from descentflow.air.weather_file import SUFFIXES
+from descentflow.air.weather_file import names_weather
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M
 from descentflow.positions.ground_path import GroundPath, Point, path_along, path_to
@@ -104,7 +104,7 @@ def ground_plan(
 
 
 def _wind(wind: str | Path | Wind | None) -> Wind | None:
-    if isinstance(wind, Path) or (isinstance(wind, str) and wind.endswith(SUFFIXES)):
+    if isinstance(wind, Path) or (isinstance(wind, str) and names_weather(wind)):
         return read_wind_field(wind)
     return wind_of_text(wind) if isinstance(wind, str) else wind
 

@@ -12,7 +12,7 @@ from descentflow.air.energy_in_air import drag_in_air
 from descentflow.air.field_air import field_airs
 from descentflow.air.kept_air import KeptAir
 from descentflow.air.measured_air import FlightAirs, measured_airs
-from descentflow.air.weather_file import SUFFIXES
+from descentflow.air.weather_file import SUFFIXES, names_weather
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.representation.profiles import Profiles
@@ -134,7 +134,7 @@ def airs_by(air: AirSource, frame: pl.DataFrame, levels_fl: Tensor, *, wind: boo
     """
     if air == MEASURED:
         return measured_airs(frame, levels_fl, wind=wind)
-    if isinstance(air, str | Path) and Path(air).suffix not in SUFFIXES and not Path(air).is_dir():
+    if isinstance(air, str | Path) and not names_weather(air):
         raise ConfigError(
             f"data.air = {str(air)!r}",
             expected=f"standard, measured, or a weather field: a file {', '.join(SUFFIXES)}, or a folder of them",

@@ -17,7 +17,6 @@ import descentflow as df
 from descentflow.core.errors import ConfigError
 from descentflow.exports.bluesky_rates import STEEPEST_FPM, STEP_S, commanded_rates
 from descentflow.exports.export import export
-from descentflow.positions.wind_field import WindField
 
 N = 40
 FLYER = Path(__file__).resolve().parents[1] / "fly_in_bluesky.py"
@@ -102,8 +101,11 @@ def test_commands_stay_within_what_bluesky_flies() -> None:
 def test_a_scenario_needs_places_and_a_wind_by_level(a320: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="a scenario without places"):
         export(a320, "bluesky", tmp_path / "d.scn", n=2)
-    calm = np.zeros((1, 1, 2, 2, 2))
-    field = WindField(np.zeros(1), np.array([300.0]), np.array([40.0, 60.0]), np.array([-10.0, 20.0]), calm)
+
+    class Calm:
+        def at(self, level_fl: float, latitude: np.ndarray, *_: object) -> tuple[np.ndarray, np.ndarray]:
+            return np.zeros_like(latitude), np.zeros_like(latitude)
+
     with pytest.raises(ConfigError, match="a field of wind in a scenario"):
-        export(a320, "bluesky", tmp_path / "d.scn", n=2, end=(52.0, 4.0), track=90.0, wind=field)
+        export(a320, "bluesky", tmp_path / "d.scn", n=2, end=(52.0, 4.0), track=90.0, wind=Calm())
     assert list(tmp_path.iterdir()) == []

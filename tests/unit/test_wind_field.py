@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from position_toys import steady_descents
+from weather_toys import written_as_grib
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.positions.ground_plan import ground_plan
@@ -50,8 +51,9 @@ def test_a_linear_field_is_given_back(netcdf: Path) -> None:
     start = TIMES[0].astype("datetime64[s]").astype(float)
     found = field.at(300.0, latitude, longitude, start + 3600 * hours)
     np.testing.assert_allclose(found, linear(hours, latitude, longitude), atol=1e-9)
-    # 300 hPa is FL301 of the standard atmosphere, 500 hPa FL183.
-    assert field.levels_fl[[1, 3]].round().tolist() == [183, 301]
+    # 200 hPa is FL387 of the standard atmosphere, 600 hPa FL138; beyond them the ends are held.
+    assert field.levels_fl.round().tolist() == [138, 387]
+    np.testing.assert_allclose(field.at(500.0, latitude, longitude, start + 3600 * hours), found)
 
 
 def test_longitudes_that_begin_at_zero_and_go_around(tmp_path: Path) -> None:
@@ -81,10 +83,10 @@ def test_flights_in_a_field_of_constant_wind_fly_as_in_that_wind(tmp_path: Path)
 
 def test_a_time_is_needed_and_must_be_in_the_field(netcdf: Path) -> None:
     flown, where = steady_descents([200.0]), {"end": (51.0, 4.0), "track": 200.0, "wind": netcdf}
-    with pytest.raises(ConfigError, match="3 times, and no time of the flights"):
+    with pytest.raises(ConfigError, match="3 times, and no time of the descents"):
         ground_plan(**where).place(flown)
     assert np.isfinite(ground_plan(**where, end_time="2026-11-22T05:00").place(flown).to_go_m).all()
-    with pytest.raises(DataError, match=r"time 2026-11-25T05.*outside of the wind"):
+    with pytest.raises(DataError, match=r"outside of the weather field: 2026-11-25T05.*expected 2026-11-22T00"):
         ground_plan(**where, end_time="2026-11-25T05:00").place(flown)
     with pytest.raises(DataError, match="latitude"):
         ground_plan(end=(30.0, 4.0), track=200.0, wind=netcdf, end_time="2026-11-22T05:00").place(flown)
@@ -96,38 +98,17 @@ def test_files_that_are_no_winds_are_refused(tmp_path: Path) -> None:
         read_wind_field(tmp_path / "text.nc")
     with pytest.raises(DataError, match=r"absent\.nc"):
         read_wind_field(tmp_path / "absent.nc")
-    dataset(units="knots").to_netcdf(tmp_path / "knots.nc")
-    with pytest.raises(DataError, match="u in knots"):
-        read_wind_field(tmp_path / "knots.nc")
+    dataset(units="furlong").to_netcdf(tmp_path / "slow.nc")
+    with pytest.raises(DataError, match="u in furlong"):
+        read_wind_field(tmp_path / "slow.nc")
     dataset().drop_vars("v").to_netcdf(tmp_path / "half.nc")
-    with pytest.raises(DataError, match="without northward_wind among u"):
+    with pytest.raises(DataError, match="without northward_wind, with eastward_wind"):
         read_wind_field(tmp_path / "half.nc")
 
 
 def test_grib_is_read_as_netcdf_is(tmp_path: Path, netcdf: Path) -> None:
-    """Written by ecCodes itself with 24 bits a value: 45 m/s of range to 3e-6 m/s."""
-    eccodes = pytest.importorskip("eccodes", reason="cfgrib is an extra of descentflow (wind)")
-    data = dataset()
-    with (tmp_path / "era5.grib").open("wb") as file:
-        for name in ("u", "v"):
-            for t, time in enumerate(TIMES):
-                for k, pressure in enumerate(PRESSURE):
-                    handle = eccodes.codes_grib_new_from_samples("regular_ll_pl_grib2")
-                    hour = int((time - TIMES[0]) / np.timedelta64(1, "h"))
-                    settings = {
-                        "shortName": name, "level": int(pressure), "dataDate": 20261122, "dataTime": 100 * hour,
-                        "Ni": len(LONGITUDE), "Nj": len(LATITUDE), "bitsPerValue": 24,
-                        "latitudeOfFirstGridPointInDegrees": LATITUDE[0],
-                        "latitudeOfLastGridPointInDegrees": LATITUDE[-1],
-                        "longitudeOfFirstGridPointInDegrees": LONGITUDE[0] % 360,
-                        "longitudeOfLastGridPointInDegrees": LONGITUDE[-1] % 360,
-                        "iDirectionIncrementInDegrees": 0.5, "jDirectionIncrementInDegrees": 0.5,
-                    }  # fmt: skip
-                    for key, value in settings.items():
-                        eccodes.codes_set(handle, key, value)
-                    eccodes.codes_set_values(handle, data[name].to_numpy()[t, k].ravel())
-                    eccodes.codes_write(handle, file)
-                    eccodes.codes_release(handle)
+    pytest.importorskip("cfgrib", reason="cfgrib is an extra of descentflow (wind)")
+    written_as_grib(dataset(), tmp_path / "era5.grib")
     from_grib, from_netcdf = read_wind_field(tmp_path / "era5.grib"), read_wind_field(netcdf)
     np.testing.assert_allclose(from_grib.levels_fl, from_netcdf.levels_fl)
     start = TIMES[0].astype("datetime64[s]").astype(float)

@@ -1,0 +1,232 @@
+"""Axes, variables and units of a weather model's file: what is certain is read, everything else is refused by name."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from descentflow.air.kept_air import STRONGEST_MPS
+from descentflow.core.errors import DataError
+from descentflow.core.units import FL_M, KT_MPS
+from descentflow.physics.atmosphere import pressure_altitude_m
+
+Array = NDArray[np.float64]
+AXES = {
+    "time": ("valid_time", "time"),
+    "pressure": ("isobaricInhPa", "isobaricInPa", "pressure_level", "level", "plev", "isobaric"),
+    "latitude": ("latitude", "lat"),
+    "longitude": ("longitude", "lon"),
+}
+"""Axis -> its names in files: ecCodes', those of both layouts of the Climate Data Store, and CF's.
+
+Beside the valid time, GRIB has the time at which a forecast began.
+"""
+TEMPERATURE, EAST, NORTH = "air_temperature", "eastward_wind", "northward_wind"
+NAMES = {TEMPERATURE: ("t", "ta"), EAST: ("u", "ua"), NORTH: ("v", "va")}
+"""Standard name -> other names of the variable; the first is GRIB's."""
+VERSION = "expver"
+"""ERA5 of the last months has a dimension of both versions, each missing where the other is not."""
+_KELVIN = dict.fromkeys(("k", "kelvin", ""), 0.0) | dict.fromkeys(("c", "degc", "celsius", "degrees_celsius"), 273.15)
+"""Unit -> what it lacks to K: values tell K from Celsius, so it may be left out."""
+_MPS = dict.fromkeys(("m/s", "ms-1", "m.s-1"), 1.0) | dict.fromkeys(("kt", "kts", "knot", "knots"), KT_MPS)
+"""Unit -> m/s: values do not tell m/s from knots."""
+_HPA = dict.fromkeys(("hpa", "mb", "mbar", "millibar", "millibars"), 1.0) | {"pa": 0.01}
+_AIR_K, _LOWEST_HPA = (150.0, 350.0), (150.0, 1100.0)
+"""Temperatures of air, and where the lowest level of a field of descents is; in Celsius and in Pa none is within."""
+
+
+class Axis(NamedTuple):
+    """An axis in ascending order, each place once.
+
+    Example:
+        >>> axis = Axis.of(np.array([3.0, 1.0, 3.0]))
+        >>> axis.values, axis.order, axis.again, axis.first
+        (array([1., 3.]), array([1, 0]), array([2]), array([0]))
+    """
+
+    values: Array
+    order: NDArray[np.int64]
+    """Position of each in the file."""
+    again: NDArray[np.int64]
+    """Positions in the file that repeat a place."""
+    first: NDArray[np.int64]
+    """Those that they repeat."""
+
+    @classmethod
+    def of(cls, values: Array, period: float = np.inf) -> "Axis":
+        """The axis of a file's values, of which 0.0001 is the smallest step."""
+        key = np.round(values, 4)
+        _, order, back = np.unique(key % period, return_index=True, return_inverse=True)
+        again = np.flatnonzero(order[back] != np.arange(len(values)))
+        return cls(values[order], order, again, order[back][again])
+
+    @classmethod
+    def eastwards(cls, longitude: Array) -> "Axis":
+        """Meridians from the east end of the widest gap on; around the globe, the first one ends them again.
+
+        So a region across Greenwich or the date line is one region, however its longitudes are counted.
+        """
+        _, order, again, first = cls.of(longitude, 360.0)
+        gaps = (longitude[np.roll(order, -1)] - longitude[order]) % 360
+        globe = len(order) > 1 and gaps.max() <= gaps.min() + 1e-3
+        start = np.argmin((longitude[order] + 180) % 360) if globe else np.argmax(gaps) + 1
+        order = np.roll(order, -int(start))
+        west = (longitude[order[0]] + 180) % 360 - 180
+        values = west + (longitude[order] - longitude[order[0]]) % 360
+        if globe:
+            values, order = np.append(values, west + 360), np.append(order, order[0])
+        return cls(values, order, again, first)
+
+
+def axis_name(data: Any, axis: str, path: str) -> str | None:
+    """Name of the coordinate that is an axis of a dataset; None for a time that it has not.
+
+    Raises:
+        DataError: If there is none, or it has two dimensions.
+
+    Example:
+        >>> import xarray
+        >>> axis_name(xarray.Dataset(coords={"lat": [50.0]}), "latitude", "a.nc")
+        'lat'
+    """
+    found = [name for name in AXES[axis] if name in data.coords]
+    if not found and axis != "time":
+        raise unusable(f"{path} without a coordinate {' or '.join(AXES[axis])}")
+    if found and data[found[0]].ndim > 1:
+        raise unusable(f"{path}: {found[0]} over {', '.join(data[found[0]].dims)}")
+    return found[0] if found else None
+
+
+def place_axis(coordinate: Any, axis: str, path: str) -> Axis:
+    """The axis of flight levels, latitudes or longitudes that a coordinate gives.
+
+    Raises:
+        DataError: If it is none.
+
+    Example:
+        >>> import xarray
+        >>> place_axis(xarray.DataArray([30000.0, 50000.0], attrs={"units": "Pa"}), "pressure", "a.nc").values.round()
+        array([183., 301.])
+    """
+    unit, values = unit_of(coordinate), np.atleast_1d(coordinate.to_numpy())
+    if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+        raise unusable(f"{path}: {coordinate.name} with values that are no numbers")
+    values = values.astype(np.float64)
+    shown = f"{path}: {coordinate.name} of {values.min():g} to {values.max():g} {unit or 'without a unit'}"
+    if axis == "pressure":
+        hpa = values * _HPA.get(unit, 1.0 if values.max() <= _LOWEST_HPA[1] else 0.01)
+        if unit not in (*_HPA, "") or hpa.min() <= 0 or not _LOWEST_HPA[0] <= hpa.max() <= _LOWEST_HPA[1]:
+            raise unusable(shown)
+        return Axis.of(pressure_altitude_m(torch.from_numpy(100 * hpa)).numpy() / FL_M)
+    if (unit and not unit.startswith("deg")) or (axis == "latitude" and np.abs(values).max() > 90):
+        raise unusable(shown)
+    return Axis.of(values) if axis == "latitude" else Axis.eastwards(values)
+
+
+def seconds_of(time: Any, path: str) -> Array:
+    """Seconds since 1970, (t,), of a coordinate of times.
+
+    Raises:
+        DataError: If it holds anything else.
+
+    Example:
+        >>> import xarray
+        >>> seconds_of(xarray.DataArray(np.array(["1970-01-01T01"], dtype="datetime64[ns]")), "a.nc")
+        array([3600.])
+    """
+    stamps = np.atleast_1d(time.to_numpy())
+    if stamps.dtype.kind != "M" or np.isnat(stamps).any():
+        raise unusable(f"{path}: {time.name} with values that are no times of the calendar")
+    return np.asarray(stamps.astype("datetime64[ns]").astype(np.int64) / 1e9)
+
+
+def variable_of(data: Any, standard: str, dimensions: set[str], path: str) -> Any | None:
+    """The variable of a standard name over all dimensions; None if there is none.
+
+    Raises:
+        DataError: If there are two, it has other dimensions or an unknown unit, or its names contradict each other.
+
+    Example:
+        >>> import xarray
+        >>> winds = xarray.Dataset({"u": ("level", [7.0], {"units": "furlong"})})
+        >>> variable_of(winds, "eastward_wind", {"level"}, "a.nc")
+        Traceback (most recent call last):
+        descentflow.core.errors.DataError: a.nc: u in furlong; expected temperature in K ...
+    """
+    found = [one for one in data.data_vars.values() if _standard_name(one, path) == standard]
+    whole = [one for one in found if set(one.dims) - {VERSION} == dimensions]
+    if found and len(whole) != 1:
+        shown = (f"{one.name} over {', '.join(map(str, one.dims)) or 'nothing'}" for one in whole or found)
+        raise unusable(f"{path}: {standard} as {' and '.join(shown)}")
+    if whole and (whole[0].dtype.kind not in "fiu" or unit_of(whole[0]) not in _units(standard)):
+        raise unusable(
+            f"{path}: {whole[0].name} {'in ' * bool(unit_of(whole[0]))}{unit_of(whole[0]) or 'without a unit'}"
+        )
+    return whole[0] if whole else None
+
+
+def values_of(variable: Any, standard: str, path: str) -> Array:
+    """Values in K or m/s; NaN where there is none.
+
+    Raises:
+        DataError: If no air has such values.
+
+    Example:
+        >>> import xarray
+        >>> values_of(xarray.DataArray([-56.5], attrs={"units": "degC"}), "air_temperature", "a.nc")
+        array([216.65])
+    """
+    values: Array = variable.to_numpy().astype(np.float64)
+    unit = unit_of(variable)
+    number = _units(standard)[unit]
+    values, (low, high) = (
+        (values + number, _AIR_K) if standard == TEMPERATURE else (values * number, (-STRONGEST_MPS, STRONGEST_MPS))
+    )
+    odd = values[(values < low) | (values > high)]
+    if len(odd):
+        raise unusable(
+            f"{path}: {len(odd):,} of {values.size:,} values of {variable.name} in {unit or 'K, for want of a unit,'} "
+            f"that no air has: {odd.min():g} to {odd.max():g} {'K' if standard == TEMPERATURE else 'm/s'}"
+        )
+    return values
+
+
+def unit_of(variable: Any) -> str:
+    """Unit in small letters, without blanks and signs of powers; empty if there is none.
+
+    Example:
+        >>> import xarray
+        >>> unit_of(xarray.DataArray(1.0, attrs={"units": "m s**-1"}))
+        'ms-1'
+    """
+    return str(variable.attrs.get("units", "")).lower().replace("**", "").replace("^", "").replace(" ", "")
+
+
+def unusable(got: str) -> DataError:
+    """The error for a file that is not such a field.
+
+    Example:
+        >>> str(unusable("a.nc without winds")).split(";")[0]
+        'a.nc without winds'
+    """
+    return DataError(
+        got,
+        expected="temperature in K or degC, or eastward and northward wind in m/s or kt, each value with its unit, by "
+        "pressure level, latitude and longitude in degrees, and time if there are several",
+        mend="set the attribute `units` of each variable, or cut such a file from the analysis: ERA5's t, u and v on "
+        "pressure levels, for instance",
+    )
+
+
+def _standard_name(variable: Any, path: str) -> str:
+    """What a variable is by its standard name, or by its own name where it has none."""
+    given = str(variable.attrs.get("standard_name", "unknown"))
+    by_name = next((standard for standard, names in NAMES.items() if variable.name in names), given)
+    if given in NAMES and by_name != given:
+        raise unusable(f"{path}: {variable.name} with the standard name {given}")
+    return by_name if given == "unknown" else given
+
+
+def _units(standard: str) -> dict[str, float]:
+    return _KELVIN if standard == TEMPERATURE else _MPS

@@ -1,0 +1,231 @@
+"""Files of weather that are odd or damaged: a field in closed form comes back, or a line names what is wrong."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
+
+import xarray
+from weather_toys import START, linear, linear_wind, weather, written, written_as_grib
+
+from descentflow.air.weather_field import Points, Weather, weather_field
+from descentflow.core.errors import DataError
+from descentflow.core.units import KT_MPS
+from descentflow.positions.wind_field import read_wind_field
+
+HOURS = np.arange(0, 25, 6)
+WORLD = np.arange(-180.0, 180.0, 5.0)
+Change = Callable[[xarray.Dataset], xarray.Dataset]
+
+
+def whole() -> xarray.Dataset:
+    return weather(linear, linear_wind, hours=HOURS)
+
+
+def some_points(n: int = 200) -> tuple[Points, np.ndarray]:
+    rng = np.random.default_rng(1)
+    hours = rng.uniform(0, 24, n)
+    places = rng.uniform(110, 400, n), rng.uniform(45, 59, n), rng.uniform(-7, 17, n)
+    return Points(START.astype(float) + 3600 * hours, *places), hours
+
+
+def read(path: Path) -> Weather:
+    points, _ = some_points()
+    with weather_field(path) as field:
+        found = field.at(points)
+        field.check(points)
+    return found
+
+
+def expected() -> tuple[object, ...]:
+    points, hours = some_points()
+    return linear(hours, *points[1:]), *linear_wind(hours, *points[1:])
+
+
+def changed(name: str, change: Callable[[xarray.DataArray], xarray.DataArray], **attributes: object) -> Change:
+    """A variable's values changed, and its attributes; None takes one off."""
+
+    def done(data: xarray.Dataset) -> xarray.Dataset:
+        new = change(data[name])
+        new.attrs = {key: value for key, value in {**data[name].attrs, **attributes}.items() if value is not None}
+        return data.assign_coords({name: new}) if name in data.coords else data.assign({name: new})
+
+    return done
+
+
+def repeated(axis: str, shift: float = 0.0) -> Change:
+    """An axis with its last place once more, its values shifted there."""
+
+    def done(data: xarray.Dataset) -> xarray.Dataset:
+        last = data.isel({axis: [-1]})
+        return xarray.concat([data, last + shift], axis, data_vars="all")
+
+    return done
+
+
+def holed(data: xarray.Dataset) -> xarray.Dataset:
+    return data.where((abs(data["latitude"] - 52) > 3) | (abs(data["pressure_level"] - 400) > 60))
+
+
+SAME = lambda values: values  # noqa: E731
+CERTAIN: dict[str, Change] = {
+    "a level twice": repeated("pressure_level"),
+    "a latitude twice": repeated("latitude"),
+    "a meridian twice": repeated("longitude"),
+    "a time twice": repeated("valid_time"),
+    "axes in disorder": lambda d: d.isel(latitude=[3, 1, 0, 2, *range(4, 9)], pressure_level=slice(None, None, -1)),
+    "times in disorder": lambda d: d.isel(valid_time=[3, 1, 0, 2, 4]),
+    "Celsius": changed("t", lambda t: t - 273.15, units="degC"),
+    "K without a unit": changed("t", SAME, units=None),
+    "knots": lambda d: changed("v", lambda v: v / KT_MPS, units="kt")(
+        changed("u", lambda u: u / KT_MPS, units="knots")(d)
+    ),
+    "levels in Pa": changed("pressure_level", lambda p: 100 * p, units="Pa"),
+    "levels in Pa without a unit": changed("pressure_level", lambda p: 100 * p, units=None),
+    "levels without a unit": changed("pressure_level", SAME, units=None),
+    "longitudes from 0": lambda d: d.assign_coords(longitude=d["longitude"] % 360),
+    "whole numbers": lambda d: d.assign_coords(pressure_level=d["pressure_level"].astype(int)),
+    "another order of dimensions": lambda d: d.transpose("longitude", "valid_time", "latitude", "pressure_level"),
+    "other names": lambda d: d.rename(t="ta", u="ua", v="va", pressure_level="plev", latitude="lat", longitude="lon"),
+    "a variable of one level beside": lambda d: d.assign(
+        t2m=d["t"].isel(pressure_level=0, drop=True).assign_attrs(standard_name="air_temperature")
+    ),
+}
+REFUSED: dict[str, tuple[Change, str]] = {
+    "one component": (lambda d: d.drop_vars("v"), "without northward_wind, with air_temperature and eastward_wind"),
+    "the other component": (lambda d: d.drop_vars("u"), "without eastward_wind, with air_temperature and northward"),
+    "winds alone": (lambda d: d[["u", "v"]], "without air_temperature, with eastward_wind and northward_wind"),
+    "nothing": (lambda d: d.drop_vars(["t", "u", "v"]), "without air_temperature, with nothing of use"),
+    "Celsius without a unit": (changed("t", lambda t: t - 273.15, units=None), r"values of t .*for want of a unit"),
+    "Celsius called K": (changed("t", lambda t: t - 273.15), r"values of t in k that no air has"),
+    "K called Celsius": (changed("t", SAME, units="degC"), r"values of t in degc that no air has"),
+    "winds without a unit": (changed("u", SAME, units=None), "u without a unit"),
+    "furlongs": (changed("v", SAME, units="furlong"), "v in furlong"),
+    "a fill value": (changed("u", lambda u: u.where(u.latitude > 45, 1e20)), r"values of u .* no air has: 1e\+20"),
+    "infinity": (changed("t", lambda t: t.where(t.latitude > 45, math.inf)), "values of t .* no air has: inf"),
+    "a level with two values": (repeated("pressure_level", 5.0), "two values of t at a place .* pressure_level"),
+    "a meridian with two values": (repeated("longitude", 5.0), "two values of t at a place .* longitude"),
+    "a time with two values": (repeated("valid_time", 5.0), "with another air_temperature at one time"),
+    "a meridian that is none": (changed("longitude", lambda x: x.where(x < 10)), "longitude with values that are no"),
+    "a level that is none": (changed("pressure_level", lambda x: x.where(x > 200)), "pressure_level with values that"),
+    "a time that is none": (changed("valid_time", lambda x: x.where(x > x[1])), "valid_time with values that are no"),
+    "numbers for times": (lambda d: d.assign_coords(valid_time=HOURS.astype(float)), "valid_time with values that"),
+    "latitudes beyond the pole": (changed("latitude", lambda x: x + 40), "latitude of 84 to 100"),
+    "metres": (changed("longitude", SAME, units="m"), "longitude of -8 to 18 m"),
+    "levels of the model": (
+        changed("pressure_level", lambda p: p / 10, units=None),
+        "level of 15 to 70 without a unit",
+    ),
+    "hPa called Pa": (changed("pressure_level", SAME, units="Pa"), "pressure_level of 150 to 700 pa"),
+    "heights": (changed("pressure_level", SAME, units="m"), "pressure_level of 150 to 700 m"),
+    "no latitude": (lambda d: d.drop_vars("latitude"), "without a coordinate latitude or lat"),
+    "the surface": (lambda d: d.isel(pressure_level=0, drop=True), "without a coordinate isobaricInhPa or"),
+    "members": (lambda d: d.expand_dims(number=[0, 1]), "air_temperature as t over number"),
+    "two temperatures": (lambda d: d.assign(ta=d["t"]), "air_temperature as t over .* and ta over"),
+    "names at odds": (changed("u", SAME, standard_name="northward_wind"), "u with the standard name northward_wind"),
+    "a wind along the grid": (changed("u", SAME, standard_name="x_wind"), "without eastward_wind, with"),
+    "one level": (lambda d: d.isel(pressure_level=[4]), "outside of the weather field: .* expected .*FL266 to FL266"),
+    "a hole": (
+        holed,
+        r"[0-9]+ of 200 places of descents in a hole of the weather field \(NaN\): .*where air_temperature has",
+    ),
+    "a field of other days": (changed("valid_time", lambda x: x + np.timedelta64(9, "D")), "outside of the weather"),
+}
+
+
+@pytest.mark.parametrize("name", CERTAIN)
+def test_a_field_whose_meaning_is_certain_is_given_back(name: str, tmp_path: Path) -> None:
+    path = written(CERTAIN[name](whole()), tmp_path / "era5.nc")
+    np.testing.assert_allclose(read(path), expected(), rtol=0, atol=1e-6)
+    points, _ = some_points()
+    wind = read_wind_field(path).at(250.0, points.latitude, points.longitude, points.unix_s)
+    np.testing.assert_allclose(wind, linear_wind(some_points()[1], 250.0, *points[2:]), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_any_other_is_refused_in_a_line_that_names_what_is_wrong(name: str, tmp_path: Path) -> None:
+    change, message = REFUSED[name]
+    path = written(change(whole()), tmp_path / "era5.nc")
+    with pytest.raises(DataError, match=message) as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("longitude", [WORLD, np.append(WORLD, 180.0), np.append(WORLD % 360, 180.0)])
+def test_a_globe_is_one_whether_its_first_meridian_ends_it_or_not(longitude: np.ndarray, tmp_path: Path) -> None:
+    path = written(weather(lambda *at: 10 * np.cos(np.radians(at[3])), longitude=longitude), tmp_path / "globe.nc")
+    place = np.array([-177.5, -2.5, 2.5, 177.5, 182.5])
+    with weather_field(path) as field:
+        found = field.at(Points(START.astype(float), 250.0, np.full(5, 50.0), place)).deviation_k
+    near = [(np.cos(np.radians(x - 2.5)) + np.cos(np.radians(x + 2.5))) * 5 for x in place]
+    np.testing.assert_allclose(found, near, rtol=0, atol=1e-9)
+
+
+def test_one_component_is_refused_wherever_winds_are_asked_for(tmp_path: Path) -> None:
+    path = written(whole().drop_vars("v"), tmp_path / "era5.nc")
+    with pytest.raises(DataError, match="without northward_wind"):
+        read_wind_field(path)
+    written(whole()[["v"]].isel(valid_time=slice(0, 3)), tmp_path / "v.nc")
+    with pytest.raises(DataError, match="5 times of eastward_wind and 3 others of northward_wind"):
+        read(tmp_path)
+    # The other component may be in another file.
+    written(whole()[["v"]], tmp_path / "v.nc")
+    np.testing.assert_allclose(read(tmp_path), expected(), rtol=0, atol=1e-9)
+
+
+def test_a_time_in_two_files_must_be_the_same(tmp_path: Path) -> None:
+    data = whole()
+    written(data.isel(valid_time=slice(0, 3)), tmp_path / "a.nc")
+    written(data.isel(valid_time=slice(2, 5)) + 0.01, tmp_path / "b.nc")
+    np.testing.assert_allclose(read(tmp_path), expected(), rtol=0, atol=0.011)
+    written(data.isel(valid_time=slice(2, 5)) + 1.0, tmp_path / "b.nc")
+    with pytest.raises(DataError, match=r"a\.nc and .*b\.nc with another air_temperature at one time"):
+        read(tmp_path)
+
+
+@pytest.fixture
+def grib(tmp_path: Path) -> Path:
+    pytest.importorskip("cfgrib", reason="cfgrib is an extra of descentflow (wind)")
+    return tmp_path / "era5.grib2"
+
+
+def test_pressure_levels_of_a_grib_file_are_read_beside_other_levels(grib: Path) -> None:
+    written_as_grib(whole().isel(pressure_level=[0]), grib, typeOfLevel="heightAboveGround", level=10)
+    written_as_grib(whole(), grib)
+    np.testing.assert_allclose(read(grib), expected(), rtol=0, atol=1e-4)
+
+
+def test_variables_of_a_grib_file_may_have_levels_of_their_own(grib: Path) -> None:
+    written_as_grib(whole()[["t"]], grib)
+    written_as_grib(whole()[["u", "v"]].isel(pressure_level=slice(0, None, 3)), grib)
+    np.testing.assert_allclose(read(grib), expected(), rtol=0, atol=1e-4)
+
+
+def test_a_forecast_counts_by_the_time_that_it_is_for(grib: Path) -> None:
+    written_as_grib(whole().isel(valid_time=[0]), grib, forecastTime=6)
+    with weather_field(grib) as field:
+        assert field.times == [START.astype(float) + 6 * 3600]
+
+
+def test_grib_that_is_no_such_field_is_refused_quietly(grib: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    written_as_grib(whole().isel(pressure_level=[0]), grib, typeOfLevel="heightAboveGround", level=10)
+    with pytest.raises(DataError, match="t, u, v on levels heightAboveGround"):
+        read(grib)
+    grib.unlink()
+    written_as_grib(whole()[["t", "u"]], grib)
+    with pytest.raises(DataError, match="without northward_wind"):
+        read(grib)
+    content = written_as_grib(whole()[["v"]], grib).read_bytes()
+    np.testing.assert_allclose(read(grib), expected(), rtol=0, atol=1e-4)
+    grib.write_bytes(content[:-50])
+    with pytest.raises(DataError, match="End of resource reached"):
+        read(grib)
+    # Without its last message it is whole, but for a hole.
+    grib.write_bytes(content[: content.rindex(b"GRIB")])
+    with pytest.raises(DataError, match=r"in a hole of the weather field .*where northward_wind has"):
+        read(grib)
+    assert capfd.readouterr() == ("", "")

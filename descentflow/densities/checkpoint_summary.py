@@ -1,4 +1,4 @@
-"""What a checkpoint holds, in a few lines: what `descentflow info` prints."""
+"""Summary of a checkpoint in a few lines, as `descentflow info` prints it."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -96,7 +96,7 @@ def checkpoint_summary(path: str | Path) -> CheckpointSummary:
 
 
 def _score(content: dict[str, Any]) -> tuple[str, float] | None:
-    """What Lightning's ModelCheckpoint kept beside the weights."""
+    """Best score that Lightning's ModelCheckpoint kept beside the weights."""
     for state in content.get("callbacks", {}).values():
         if isinstance(state, dict) and state.get("monitor") and state.get("current_score") is not None:
             return str(state["monitor"]), float(state["current_score"])

@@ -1,4 +1,4 @@
-"""What the columns of samples mean: their units as other formats write them, and their names in the CF conventions."""
+"""Meaning of the columns of samples: units as other formats write them, and names in the CF conventions."""
 
 from dataclasses import dataclass
 

@@ -1,13 +1,14 @@
 """The sampler and its decoder as modules that can be traced: numbers in, descents in the units of the tables out."""
 
-from typing import Literal
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
+from torch.overrides import TorchFunctionMode
 
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
 from descentflow.densities.density import Density
-from descentflow.exports.exact_constants import ExactConstants
 from descentflow.exports.weight_draws import MixtureDraw, weight_draw
 from descentflow.representation.decoder.graph_decoder import GraphDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
@@ -23,6 +24,37 @@ ALL_RULES = (*RULES, OFF_GRID)
 """Why a draw is not accepted: the sampler's own rules, and an entry level that the model does not have."""
 PROFILES = ("time_s", "CAS", "Mach", "TAS", "vertical_rate", "drag_n", "distance_nm")
 """Outputs (n, L) with the names and units of the tables of samples."""
+
+
+class ExactConstants(TorchFunctionMode):
+    """Inside the block, a Python number that float32 would round takes part in torch's functions as a tensor.
+
+    Example:
+        >>> with ExactConstants():
+        ...     scaled = torch.ones(2, dtype=torch.float64) * 0.1
+        >>> scaled
+        tensor([0.1000, 0.1000], dtype=torch.float64)
+    """
+
+    def __torch_function__(
+        self,
+        func: Callable[..., Any],
+        types: Iterable[type],
+        args: tuple[Any, ...] = (),
+        kwargs: Mapping[str, Any] | None = None,
+    ) -> Any:
+        """Call the function with such numbers among its positional arguments replaced."""
+        if any(isinstance(arg, torch.Tensor) for arg in args):
+            args = tuple(_tensor(arg) if _is_rounded(arg) else arg for arg in args)
+        return func(*args, **(kwargs or {}))
+
+
+def _is_rounded(value: object) -> bool:
+    return isinstance(value, float) and value == value and float(torch.tensor(value, dtype=torch.float32)) != value
+
+
+def _tensor(value: float) -> torch.Tensor:
+    return torch.tensor(value, dtype=torch.float64)
 
 
 class DescentGraph(nn.Module):
@@ -125,7 +157,7 @@ class SamplerGraph(nn.Module):
 
     @property
     def picks(self) -> bool:
-        """Whether a uniform number picks each descent's component."""
+        """True where a uniform number picks each descent's component."""
         return isinstance(self.draw, MixtureDraw) and self.draw.n_components > 1
 
     def forward(
@@ -157,7 +189,7 @@ class SamplerGraph(nn.Module):
         return {**found, "weights": weights.to(self.descents.dtype)}
 
     def example_inputs(self, n: int, seed: int = 0) -> dict[str, Tensor]:
-        """What :meth:`forward` takes, for n descents that start as the training flights did (contexts are zero)."""
+        """Inputs of :meth:`forward` for n descents that start as the training flights did (contexts are zero)."""
         generator, dtype = torch.Generator().manual_seed(seed), self.descents.dtype
         bounds, levels_fl = self.descents.plausibility, self.descents.decoder.levels_fl
 

@@ -1,4 +1,4 @@
-"""What a target is given: a model, how many samples of it, and where they are flown."""
+"""Request to a target: a model, the number of samples, and where they are flown."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

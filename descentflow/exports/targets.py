@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Writer(Protocol):
-    """What every module of a target has as ``write``.
+    """Function ``write`` of every target's module.
 
     Example:
         >>> from descentflow.exports.parquet_export import write

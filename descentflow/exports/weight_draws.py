@@ -1,4 +1,4 @@
-"""How standard normals, and uniform numbers for mixtures, become a density's weights: modules that can be exported."""
+"""Maps from standard normals, and uniform numbers for mixtures, to weights of a density: modules for export."""
 
 import torch
 from torch import Tensor, nn
@@ -112,7 +112,7 @@ def _constant(value: Tensor) -> Tensor:
 
 
 class _NormalDraw(nn.Module):
-    """What maps normals, beyond whose components lie standard normals that do not go with the weights."""
+    """Map of normals, beyond whose components lie standard normals that do not go with the weights."""
 
     def residual(
         self,
@@ -127,7 +127,7 @@ class _NormalDraw(nn.Module):
 
 
 class DrawByEntry(_NormalDraw):
-    """What maps standard normals, with their law by bins of the entry level before it.
+    """Map of standard normals, with their law by bins of the entry level before it.
 
     Example:
         >>> from descentflow.densities.entry_law import EntryLaw

@@ -1,4 +1,4 @@
-"""Which sample each draw is for, and of what it is drawn: a context, an entry level, a mixture component."""
+"""Assignment of draws to samples, and of what each is drawn: a context, an entry level, a mixture component."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -37,7 +37,7 @@ def entry_levels_of(
 
 
 class _Draws:
-    """What all kinds of draws share."""
+    """Base of all kinds of draws."""
 
     def components(self, wanted: Tensor) -> Tensor | None:
         """The mixture components (m,) of the draws of a batch, where they are known."""
@@ -54,7 +54,7 @@ class _Draws:
     def residual(
         self, model: Sampler | ConditionalSampler, wanted: Tensor, weights: Tensor, white: Tensor, seed: int
     ) -> Tensor:
-        """What lies beyond the components of a batch of weights (m, d): standard normals, or as the model says."""
+        """Residual beyond the components of a batch of weights (m, d): standard normals, or as the model says."""
         if not isinstance(model, ResidualSampler):
             return white
         held = self.components(wanted), self.of_scale(wanted)
@@ -111,7 +111,7 @@ class OfContexts(_Draws):
     mend: ClassVar[str] = "give a context like those of the training flights, or raise the draw budget"
 
     def wanted(self, pending: Tensor, drawn: int, plausible: int) -> Tensor:
-        """Which sample each draw of the next batch is for: every pending one, repeatedly if few draws are plausible."""
+        """Sample that each draw of the next batch is for: every pending one, repeatedly if few draws are plausible."""
         first = pending[:BATCH]
         times = min(ceil((drawn + 1) / (plausible + 1)), BATCH // len(first))
         return first.repeat(max(times, 1))
@@ -155,7 +155,7 @@ class OfSamples(_Draws):
         self.entry = entry
 
     def wanted(self, pending: Tensor, drawn: int, plausible: int) -> Tensor:
-        """Which sample each draw of the next batch is for: every pending one."""
+        """Sample that each draw of the next batch is for: every pending one."""
         return pending[:BATCH]
 
     def weights(self, model: Sampler | ConditionalSampler, wanted: Tensor, seed: int) -> Tensor:

@@ -1,4 +1,4 @@
-"""What sampling returns: plausible descents and the account of every draw behind them."""
+"""Result of sampling: plausible descents and the account of every draw behind them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RejectionReport:
-    """What became of every draw.
+    """Account of every draw: kept, or rejected by which rule.
 
     A draw that breaks several rules counts under each of them, so ``broken`` may sum to more than ``rejected``.
     ``surplus`` draws were plausible but beyond the number asked for.

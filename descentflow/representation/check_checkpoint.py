@@ -1,4 +1,4 @@
-"""Whether what a checkpoint holds can be used: each part of its type, numbers finite, and the decoder flies."""
+"""Checks of a checkpoint's content: each part of its type, numbers finite, and the decoder flies."""
 
 from collections.abc import Iterator
 from math import isfinite
@@ -197,7 +197,7 @@ def _leaves(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _not_finite(value: Any, *, or_unbounded: bool) -> int:
-    """How many numbers are not finite; infinite bounds are none, so that only those that are no number count there."""
+    """Count of numbers that are not finite; where bounds may be infinite, only NaN counts."""
     if isinstance(value, float):
         return int(not isfinite(value))
     if isinstance(value, int):

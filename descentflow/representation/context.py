@@ -24,7 +24,7 @@ MISSING_WORDS = ("", "-", "N/A", "NA", "NAN", "NULL", "NONE")
 
 @dataclass(frozen=True)
 class Column:
-    """How one column becomes numbers.
+    """Encoding of one column as numbers.
 
     A number is standardised. An hour becomes the sine and cosine of the day's angle: 23:59 is close to 00:01. A
     category is one 0/1 number for each value but the most frequent. With ``indicator`` one more 0/1 number says that
@@ -49,7 +49,7 @@ class Column:
     """Of a number: the least and the most that training flights had; None of other kinds."""
 
     def beyond(self, series: pl.Series) -> pl.Series:
-        """Which entries lie outside of what the training flights had: (n,) bool, missing ones do not."""
+        """Mask of entries outside of what the training flights had: (n,) bool, missing ones do not."""
         if self.low is None or self.high is None:
             return pl.repeat(False, len(series), eager=True)
         number = series.cast(pl.Float64, strict=False)
@@ -57,12 +57,12 @@ class Column:
 
     @property
     def width(self) -> int:
-        """How many numbers it becomes."""
+        """Count of numbers that it becomes."""
         own = {"number": 1, "hour": 2, "category": len(self.values) - 1}[self.kind]
         return own + int(self.indicator)
 
     def usable(self, series: pl.Series) -> pl.Series:
-        """Which entries can be encoded as themselves: (n,) bool."""
+        """Mask (n,) of entries that can be encoded as themselves."""
         if self.kind != "category":
             number = series.cast(pl.Float64, strict=False)
             return (number.is_not_null() & number.is_finite()).fill_null(False)

@@ -121,7 +121,7 @@ class Plausibility(nn.Module):
         )
 
     def broken_rules(self, flown: Trajectories) -> Tensor:
-        """Which rules each descent breaks at or below its entry level: (n, len(RULES)) bool."""
+        """Mask (n, len(RULES)) of the rules that each descent breaks at or below its entry level."""
         mask = flown.mask
         both = mask[:, 1:]  # the level below an observed one is observed
         rows, steps = self._broken(flown)

@@ -59,7 +59,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
 
 
 def _unpickled(path: str | Path) -> Any:
-    """What torch's safe loader makes of a .ckpt file."""
+    """Content of a .ckpt file by torch's safe loader."""
     with open(path, "rb") as file:
         begins = file.read(len(ZIP))
     if begins != ZIP:

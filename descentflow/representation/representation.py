@@ -259,7 +259,7 @@ def standardised_decoder(
 
 
 def held_speed(flights: Profiles) -> Speed:
-    """How the speed of flights is held: as a Mach number and a CAS where they have crossovers.
+    """Kind of speed that is held: a Mach number and a CAS where flights have crossovers.
 
     Example:
         >>> from descentflow.representation.profiles import profiles_from_frame

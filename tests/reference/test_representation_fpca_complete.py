@@ -8,7 +8,7 @@ from torch import Tensor
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.complete import leading, mean_and_covariance
 from descentflow.representation.fpca.gappy import GappyFPCA
-from descentflow.representation.fpca.hidden import LENGTHS, hide, missed
+from descentflow.representation.fpca.judged_by_others import LENGTHS, hide, missed
 from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
 
 

@@ -18,9 +18,8 @@ from descentflow.core.units import KT_MPS
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export import export
 from descentflow.exports.traffic_generation import TrafficGeneration
-from descentflow.generation.air_tables import air_of_table
 from descentflow.generation.rejection import sample_descents
-from descentflow.generation.sample_airs import airs_of
+from descentflow.generation.sample_airs import air_of_table, airs_of
 from descentflow.generation.sample_tables import UNITS
 from descentflow.positions.ground_plan import ground_plan
 from descentflow.representation.decoder.flown_air import flown_in

@@ -42,7 +42,7 @@ KEPT_REQUESTS = 256
 
 
 class Asked(TypedDict, total=False):
-    """What can be asked, see :meth:`Generator.next_batch`.
+    """Conditions of a request, see :meth:`Generator.next_batch`.
 
     Example:
         >>> asked: Asked = {"entry_fl": 330, "cas_kt": {200: 280}}

@@ -76,7 +76,7 @@ class GraphDecoder(nn.Module):
             self.register_buffer(f"table_{name}", torch.cat(parts))
 
     def _keep_curves(self, decoder: DescentDecoder, grid: FlightGrid) -> None:
-        """What one weight adds to drag and CAS, at the levels and then at the sides."""
+        """Addition of one weight to drag and CAS, at the levels and then at the sides."""
 
         def everywhere(curves: Tensor) -> Tensor:
             return torch.cat([curves, grid.breaks.continued(curves)], -1)

@@ -5,13 +5,16 @@ is the one under which the judges are most probable; then the length of the nois
 least where these are hidden.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Literal
 
 import torch
 from torch import Tensor
 
+from descentflow.core.errors import ConfigError
 from descentflow.representation.fpca import ppca
-from descentflow.representation.fpca.hidden import LENGTHS, hide, missed
+from descentflow.representation.fpca.mask_groups import group_masks
+from descentflow.representation.fpca.ppca import level_products, posterior_given
 from descentflow.representation.fpca.roughness import smoothed
 
 WEIGHTS = (0.0, *(10.0**k for k in range(8)))
@@ -24,6 +27,13 @@ FEWEST = 6
 """Flights below which nothing is learnt: the model is taken as it is."""
 
 Fit = Callable[[Tensor, Tensor], ppca.PPCA]
+Pattern = Literal["top", "random", "slow"]
+MOST_HIDDEN = 0.9
+"""Share of its levels that a flight loses at most."""
+MIN_SHARE_SHOWN = 0.1
+"""Share of the flights that still show each level: the grid of a type ends where a quarter of them do."""
+LENGTHS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+"""Correlation lengths of the noise in levels, among which one is chosen."""
 
 
 def roughness_and_length(centred: Tensor, mask: Tensor, mean: Tensor, fit: Fit) -> tuple[float, float]:
@@ -79,3 +89,77 @@ def roughness_and_length(centred: Tensor, mask: Tensor, mean: Tensor, fit: Fit) 
         for model, values, seen, hidden in judged
     ]
     return weight, min(zip(map(sum, zip(*found, strict=True)), LENGTHS, strict=True))[1]
+
+
+def hide(
+    mask: Tensor, pattern: Pattern, share: float, generator: torch.Generator, speed: Tensor | None = None
+) -> Tensor:
+    """Levels (n, L) to hide of those observed.
+
+    ``top`` hides from each flight's highest level down, a share drawn between zero and twice ``share``; ``random``
+    hides single levels with probability ``share``; ``slow`` hides tops of the slower half of the flights alone, twice
+    as much of each, as where slow operators cruise low: what is hidden then depends on what is shown. No flight loses
+    all levels, and levels that less than a tenth of the flights would still show are not hidden from any.
+
+    Args:
+        mask: (n, L) observed.
+        pattern: Which levels.
+        share: How many.
+        generator: Of the draws.
+        speed: (n,) by which flights are slow, for ``slow``.
+
+    Raises:
+        ConfigError: If ``slow`` is asked for without speeds.
+
+    Example:
+        >>> hide(torch.ones(5, 200, dtype=torch.bool), "top", 0.3, torch.Generator().manual_seed(0)).shape
+        torch.Size([5, 200])
+    """
+    if pattern == "random":
+        hidden = mask & (torch.rand(mask.shape, generator=generator) < share)
+    else:
+        part = 2 * share * torch.rand(len(mask), 1, generator=generator)
+        if pattern == "slow":
+            if speed is None:
+                raise ConfigError("the pattern 'slow' without speeds", expected="a speed a flight", mend="pass speed")
+            part = torch.where((speed < speed.median())[:, None], (2 * part).clamp(max=MOST_HIDDEN), 0.0)
+        from_top = mask.flip(1).cumsum(1).flip(1)
+        hidden = mask & (from_top <= part * mask.sum(1, keepdim=True))
+    hidden = hidden & (mask & ~hidden).any(1, keepdim=True)
+    return hidden & ((mask & ~hidden).sum(0) >= MIN_SHARE_SHOWN * len(mask))
+
+
+def missed(
+    centred: Tensor, seen: Tensor, hidden: Tensor, loadings: Tensor, noise: Tensor, lengths: Sequence[float] = LENGTHS
+) -> list[float]:
+    """Sum of the squared errors on hidden levels, of what is expected there given the others, for each length.
+
+    A probabilistic PCA takes the residual of its components for white noise, independent from level to level. It is
+    smooth: neighbouring levels carry the same information, and a flight's weights, trusted to a precision that they do
+    not have, diverge above its highest level. So several levels count as one: the noise variance is multiplied by their
+    number, the one of :data:`LENGTHS` that misses least.
+
+    Args:
+        centred: (n, L) values minus the mean.
+        seen: (n, L) levels that are told.
+        hidden: (n, L) levels that are asked for.
+        loadings: (L, q).
+        noise: Noise variance.
+        lengths: Levels that count as one.
+
+    Example:
+        >>> centred = torch.tensor([[2.0, 2.0]]).double()
+        >>> told = torch.tensor([[True, False]])
+        >>> found = missed(centred, told, ~told, torch.ones(2, 1).double(), torch.tensor(1.0).double(), [1.0, 3.0])
+        >>> [round(one, 9) for one in found]  # (2 - 2 / (1 + 1))^2 and (2 - 2 / (1 + 3))^2
+        [1.0, 2.25]
+    """
+    groups = group_masks(seen)
+    projected, grams = torch.where(seen, centred, 0.0) @ loadings, level_products(groups, loadings)
+    asked = torch.where(hidden, centred, 0.0)
+    errors = []
+    for length in lengths:
+        latent, _, _ = posterior_given(projected, groups, grams, noise * length)
+        expected = latent @ loadings.T
+        errors.append(float(torch.linalg.vector_norm(expected.mul_(hidden) - asked)) ** 2)
+    return errors

@@ -3,11 +3,10 @@
 Their values stand in :mod:`~descentflow.simulation.plantable`. Read
 :mod:`~descentflow.simulation.causes.cause` (what a cause is) and
 :mod:`~descentflow.simulation.causes.injection` (how several act together), then any of the files of causes;
-:mod:`~descentflow.simulation.causes.cause_registry` has all of them.
+:mod:`~descentflow.simulation.causes.injection` has all of them.
 """
 
 from descentflow.simulation.causes.cause import Cause
-from descentflow.simulation.causes.cause_registry import BETWEEN, CATALOGUED, CAUSES, OUTSIDE
-from descentflow.simulation.causes.injection import Injection
+from descentflow.simulation.causes.injection import BETWEEN, CATALOGUED, CAUSES, OUTSIDE, Injection
 
 __all__ = ["BETWEEN", "CATALOGUED", "CAUSES", "OUTSIDE", "Cause", "Injection"]

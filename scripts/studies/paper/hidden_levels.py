@@ -10,7 +10,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA
-from descentflow.representation.fpca.hidden import Pattern, hide
+from descentflow.representation.fpca.judged_by_others import Pattern, hide
 from descentflow.representation.fpca.ppca import observed_mean
 
 PATTERNS: tuple[Pattern, ...] = ("top", "random", "slow")

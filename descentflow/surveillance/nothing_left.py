@@ -22,6 +22,7 @@ REASONS: dict[str, tuple[str, str]] = {
         "have the address and the time of another row",
         "check that rows of different aircraft have different icao24, and that each row has its own time",
     ),
+    "other_clock": ("come again by another clock", "write the times of all sources in UTC"),
     "spike_": ("leap between neighbours", "check that rows of different aircraft have different icao24"),
     "stale_vertical_rate": (
         "repeat the same vertical rate while the altitude changes otherwise",

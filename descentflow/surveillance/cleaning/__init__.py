@@ -7,7 +7,7 @@ Reading order: :mod:`~descentflow.surveillance.cleaning.thresholds` (every thres
 :mod:`~descentflow.surveillance.cleaning.rates`, :mod:`~descentflow.surveillance.cleaning.clearances`,
 :mod:`~descentflow.surveillance.cleaning.constant_rate`, :mod:`~descentflow.surveillance.cleaning.level_grid`; beside
 them :mod:`~descentflow.surveillance.cleaning.windows`, :mod:`~descentflow.surveillance.cleaning.flights_by_silence`,
-:mod:`~descentflow.surveillance.cleaning.types_of_flights`,
+:mod:`~descentflow.surveillance.cleaning.types_of_flights`, :mod:`~descentflow.surveillance.cleaning.two_clocks`,
 :mod:`~descentflow.surveillance.cleaning.drop_reasons`, :mod:`~descentflow.surveillance.cleaning.contradictions` and
 :mod:`~descentflow.surveillance.cleaning.kept_settings`.
 """

@@ -18,6 +18,7 @@ from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import with_rate
 from descentflow.surveillance.cleaning.stale import Stale
 from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.cleaning.two_clocks import without_other_clocks
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS
 
@@ -101,7 +102,9 @@ def clean(
         pl.col(name) if name in rows.columns else pl.lit(None, COLUMNS[name]).alias(name) for name in work.columns
     )
     shared = pl.Series(work.shared, dtype=pl.String)
-    rows = name_flights(in_order(rows, report), work.rules.flight_gap_s, shared=shared, report=report)
+    gap_s = work.rules.flight_gap_s
+    rows = without_other_clocks(in_order(rows, report), gap_s, report)
+    rows = name_flights(rows, gap_s, shared=shared, report=report)
     silences = rows.select("flight_id", PART_OF).drop_nulls().unique() if PART_OF in rows.columns else None
     rows = rows.drop(PART_OF, strict=False)
     report.by_flight = True

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.surveillance.cleaning.flights import OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
+from descentflow.surveillance.cleaning.two_clocks import AGAIN
 from descentflow.surveillance.cleaning.types_of_flights import SEVERAL
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.values_beside import APART, JOIN, OF_OTHER_ROWS
@@ -65,6 +66,13 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
             f"{report}",
         )
     _tell_apart(report)
+    if clocks := [note for note in report.notes if note.startswith(AGAIN.partition("{")[0])]:
+        said = " and ".join(f"{report.notes[note]:,} {note}" for note in clocks)
+        warnings.warn(
+            f"{said}, are left out: write the times of all sources in UTC (the earlier of both are kept)",
+            DescentflowWarning,
+            stacklevel=3,
+        )
     if several := report.notes.get(SEVERAL):
         warnings.warn(
             f"the rows of {several:,} flights name several types, and each flight is taken for the one that most of "

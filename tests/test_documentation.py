@@ -41,6 +41,12 @@ def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 900
 
 
+def test_nobody_is_sent_to_an_index_that_has_no_descentflow() -> None:
+    texts = [*DOCUMENTS, *(path for folder in ("descentflow", "scripts") for path in (ROOT / folder).rglob("*.py"))]
+    asked = re.compile(r"pip install ['\"]?descentflow")
+    assert [path.name for path in texts if asked.search(path.read_text(encoding="utf-8"))] == []
+
+
 def test_the_map_of_the_house_names_every_package_once() -> None:
     named = re.findall(r"^\| `(\w+)/` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert sorted(named) == sorted(path.parent.name for path in (ROOT / "descentflow").glob("*/__init__.py"))

@@ -150,7 +150,7 @@ def readable(path: str | Path) -> Iterator[None]:
         raise DataError(
             f"weather {path}: {' '.join(str(error).split()) or type(error).__name__}",
             expected="a NetCDF or GRIB file of a weather model on pressure levels",
-            mend="check the path and the file; reading needs: pip install 'descentflow[wind]'",
+            mend="check the path and the file",
         ) from error
 
 

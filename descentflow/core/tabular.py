@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,25 +19,35 @@ def optional_library(name: str, extra: str | None = None) -> ModuleType:
 
     Args:
         name: The library.
-        extra: The extra that installs it; of the same name if absent.
+        extra: The extra that it belongs to; of the same name if absent.
 
     Raises:
         ConfigError: If it is not installed.
 
     Example:
-        >>> optional_library("no_such_library")
+        >>> optional_library("no_such_library", extra="modes")
         Traceback (most recent call last):
         ...
-        descentflow.core.errors.ConfigError: the library no_such_library is not installed; expected it for this ...
+        descentflow.core.errors.ConfigError: the library no_such_library is not installed; expected it for what was \
+asked for; to mend it, pip install 'rs1090<0.8,>=0.7'
     """
     try:
         return import_module(name)
     except ImportError as error:
         raise ConfigError(
             f"the library {name} is not installed",
-            expected="it for this conversion",
-            mend=f"install it with: pip install 'descentflow[{extra or name}]'",
+            expected="it for what was asked for",
+            mend=f"pip install {' '.join(_requirements(extra or name))}",
         ) from error
+
+
+def _requirements(extra: str) -> list[str]:
+    """What pip is asked for an extra: its libraries, which an index has, where it has no descentflow."""
+    try:
+        every = requires("descentflow") or []
+    except PackageNotFoundError:
+        every = []
+    return [f"'{one.partition(';')[0].strip()}'" for one in every if one.endswith(f'extra == "{extra}"')] or [extra]
 
 
 def to_pandas(table: pl.DataFrame) -> Any:

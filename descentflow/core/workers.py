@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 from typing import Any, TypeVar
@@ -15,6 +14,7 @@ from typing import Any, TypeVar
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.tabular import optional_library
 from descentflow.core.version import __version__
 
 Task = TypeVar("Task")
@@ -133,14 +133,7 @@ class DaskEngine(Engine):
 
     def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
         """See :class:`Engine`."""
-        try:
-            distributed: Any = import_module("distributed")
-        except ImportError as error:
-            raise ConfigError(
-                "--engine dask, but dask.distributed is not installed",
-                expected="the extra `dask`",
-                mend="pip install 'descentflow[dask]'",
-            ) from error
+        distributed: Any = optional_library("distributed", "dask")
         try:
             cluster = self.scheduler or self._begun(distributed)
             client = distributed.Client(cluster, timeout=30)

@@ -5,7 +5,6 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from importlib.util import find_spec
 from pathlib import Path
 
 from benchmarks.rivals_scoring import Answer, Scored, tally
@@ -13,6 +12,7 @@ from benchmarks.rivals_sets import KINDS, RivalSet, read_set, set_folders
 from benchmarks.timing import print_row
 from descentflow.core.errors import DescentflowError
 from descentflow.core.files import whole_file
+from descentflow.core.tabular import optional_library
 
 NEEDS = {"descentflow": "descentflow", "dowhy": "dowhy", "pysindy": "pysindy", "mmd": "sbi", "npe": "sbi"}
 """Method -> the library that it needs."""
@@ -29,11 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Ask every method about every set, and print the counts."""
-    missing = sorted({NEEDS[method] for method in args.methods if find_spec(NEEDS[method]) is None})
-    if missing:
-        raise SystemExit(f"error: {', '.join(missing)} not installed; pip install 'descentflow[rivals]'")
     scored: dict[str, list[Scored]] = {method: [] for method in args.methods}
     try:
+        for method in args.methods:
+            optional_library(NEEDS[method], "rivals")
         for folder in set_folders(args.sets, args.only):
             one = read_set(folder)
             for method in args.methods:

@@ -12,7 +12,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import DataError
+from descentflow.core.tabular import optional_library
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.physics.atmosphere import geometric_altitude_m
 from flying.flight_plans import FlightPlan, cas_of_mach_kt
@@ -60,12 +61,7 @@ def start() -> Any:
     Raises:
         ConfigError: If it is not installed.
     """
-    try:
-        import bluesky
-    except ImportError as error:
-        raise ConfigError(
-            "BlueSky is not installed", expected="the extra bluesky", mend="pip install 'descentflow[bluesky]'"
-        ) from error
+    bluesky = optional_library("bluesky")
     folder = tempfile.mkdtemp(prefix="descentflow-bluesky-")
     with contextlib.redirect_stdout(io.StringIO()):
         bluesky.init(mode="sim", detached=True, workdir=folder)

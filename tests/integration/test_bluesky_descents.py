@@ -23,7 +23,7 @@ def plan(typecode: str = "A320", mach: float = 0.78, cas_kt: float = 290.0) -> F
 
 @pytest.fixture(scope="module")
 def bluesky() -> object:
-    pytest.importorskip("bluesky", reason="BlueSky is an extra: pip install 'descentflow[bluesky]'")
+    pytest.importorskip("bluesky", reason="BlueSky is an extra: pip install '.[bluesky]'")
     return start()
 
 

@@ -26,7 +26,7 @@ PLACES = {name: value for name, value in WHERE.items() if name != "end_time"}
 def flown(source: Path) -> dict[str, np.ndarray]:
     """States of every flight: columns time, altitude, latitude, longitude, CAS."""
     if importlib.util.find_spec("bluesky") is None:
-        pytest.skip("BlueSky is an extra: pip install 'descentflow[bluesky]'")
+        pytest.skip("BlueSky is an extra: pip install '.[bluesky]'")
     out = source.parent / "flown.json"
     words = [sys.executable, "-W", "ignore", str(FLYER), str(source), str(out)]
     done = subprocess.run(words, capture_output=True, text=True, env=dict(os.environ), check=False)

@@ -22,7 +22,7 @@ def core() -> object:
     """The library, or a skip: it does not import beside pandas 3, which these tests are run with otherwise."""
     return pytest.importorskip(
         "traffic.core",
-        reason="traffic needs pandas below 3: pip install 'descentflow[traffic]' in an environment of its own",
+        reason="traffic needs pandas below 3: pip install '.[traffic]' in an environment of its own",
         exc_type=ImportError,
     )
 

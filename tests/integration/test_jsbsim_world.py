@@ -9,7 +9,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-pytest.importorskip("jsbsim", reason="JSBSim is not installed: pip install 'descentflow[jsbsim]'")
+pytest.importorskip("jsbsim", reason="JSBSim is an extra: pip install '.[jsbsim]'")
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS

@@ -21,7 +21,7 @@ from source_toys import (
 )
 from surveillance_toys import START
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import ConfigError, DataError
 from descentflow.surveillance.formats.mode_s_registers import values_of
 from descentflow.surveillance.prepare import prepare
 
@@ -94,9 +94,9 @@ def test_a_missing_decoder_is_named_with_the_way_to_install_it(tmp_path: Path, m
     blocks = written_to(tmp_path / "a.ast", cat062("4ca001", 36_000, 350, 270, 0.8, -500))
     monkeypatch.setitem(__import__("sys").modules, "rs1090", None)
     monkeypatch.setitem(__import__("sys").modules, "pyasteryx", None)
-    with pytest.raises(DataError, match=r"pip install 'descentflow\[modes\]'"):
+    with pytest.raises(ConfigError, match=r"rs1090 is not installed; .* pip install 'rs1090"):
         rows_of(frames)
-    with pytest.raises(DataError, match=r"pip install 'descentflow\[asterix\]'"):
+    with pytest.raises(ConfigError, match=r"pyasteryx is not installed; .* pip install 'pyasteryx"):
         rows_of(blocks)
 
 

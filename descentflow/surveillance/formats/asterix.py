@@ -15,6 +15,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import DataError
+from descentflow.core.tabular import optional_library
 from descentflow.core.units import KT_MPS
 from descentflow.surveillance.formats.json_values import numbers, texts
 from descentflow.surveillance.formats.mode_s_registers import values_of
@@ -69,7 +70,8 @@ def rows(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.Data
     """Rows of the messages of both categories that name an aircraft; others are counted.
 
     Raises:
-        DataError: If the parser is not installed, what is between blocks has no length, or there is neither category.
+        ConfigError: If the parser is not installed.
+        DataError: If what is between blocks has no length, or there is neither category.
 
     Example:
         >>> import io
@@ -102,15 +104,7 @@ def rows(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.Data
 
 
 def _decoder() -> Callable[[bytes], list[Any]]:
-    try:
-        from pyasteryx import Decoder
-    except ImportError as error:
-        raise DataError(
-            "an ASTERIX file without a parser for it",
-            expected="the package pyasteryx",
-            mend="install it with: pip install 'descentflow[asterix]'",
-        ) from error
-    decode: Callable[[bytes], list[Any]] = Decoder().decode
+    decode: Callable[[bytes], list[Any]] = optional_library("pyasteryx", "asterix").Decoder().decode
     return decode
 
 

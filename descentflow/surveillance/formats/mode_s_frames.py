@@ -8,6 +8,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import DataError
+from descentflow.core.tabular import optional_library
 from descentflow.surveillance.formats import mode_s
 from descentflow.surveillance.formats.json_values import is_number
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -44,7 +45,7 @@ def jet1090(documents: Iterator[object], label: str, report: DropReport, block_r
         block_rows: Not used: a part is made of each batch of messages.
 
     Raises:
-        DataError: If frames have to be decoded and the decoder is not installed.
+        ConfigError: If frames have to be decoded and the decoder is not installed.
 
     Example:
         >>> reply = {"icao24": "4ca001", "df": "20", "altitude": 30000, "bds60": {"IAS": 263, "Mach": 0.7}}
@@ -116,7 +117,7 @@ def of_tables(tables: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl
     """Rows of tables of times and frames.
 
     Raises:
-        DataError: If the decoder is not installed.
+        ConfigError: If the decoder is not installed.
 
     Example:
         >>> times = [1.7e9 + second for second in range(6)]
@@ -150,20 +151,13 @@ def decoded(frames: list[str], times: list[float], report: DropReport) -> list[d
     """Messages of frames whose parity is right.
 
     Raises:
-        DataError: If the decoder is not installed.
+        ConfigError: If the decoder is not installed.
 
     Example:
         >>> decoded(["a00004128f39f91a7e27c46adc21"], [1.7e9], DropReport())[0]["altitude"]
         5450
     """
-    try:
-        from rs1090 import decode
-    except ImportError as error:
-        raise DataError(
-            "raw Mode S frames without a decoder",
-            expected="the package rs1090",
-            mend="install it with: pip install 'descentflow[modes]'",
-        ) from error
+    decode = optional_library("rs1090", "modes").decode
     if not frames:
         return []
     # The decoder pairs positions by time in seconds, and would not survive other digits than those looked at.

@@ -7,11 +7,11 @@ drag functions and its table of idle thrust; all are 1 unless an effect changes 
 
 import shutil
 import xml.etree.ElementTree as ET
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.tabular import optional_library
 from studies.jsbsim_world.airframes import Airframe
 
 CD0_FACTOR, CDI_FACTOR, WAVE_FACTOR, IDLE_FACTOR = (
@@ -42,14 +42,7 @@ def jsbsim() -> Any:
         >>> callable(jsbsim().FGFDMExec)
         True
     """
-    try:
-        return import_module("jsbsim")
-    except ImportError as error:
-        raise ConfigError(
-            "flights of JSBSim's models, but JSBSim is not installed",
-            expected="the extra `jsbsim`",
-            mend="pip install 'descentflow[jsbsim]'",
-        ) from error
+    return optional_library("jsbsim")
 
 
 def copy_model(airframe: Airframe, folder: Path) -> int:

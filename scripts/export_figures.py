@@ -73,8 +73,17 @@ def bluesky(checkpoint: str, folder: Path) -> Figure:
     vertical, errors = figure.subplots(1, 2, width_ratios=[1.6, 1])
     for k, name in enumerate(("flights.scn", "flights.py")):
         export(checkpoint, "bluesky", folder / name, n=40, every_s=0.0, **{**WHERE, "end_time": None})
-        subprocess.run([sys.executable, "-W", "ignore", flyer, folder / name, folder / "flown.json"], check=True)
-        states = {one: np.array(rows) for one, rows in json.loads((folder / "flown.json").read_text()).items()}
+        plan = {"files": [str(folder / name)], "step_s": 0.5, "commands": [], "until_s": 7200}
+        if name.endswith(".py"):
+            plan |= {"files": [str(folder / name), str(folder / "flights.json")], "until_s": 1200}
+            for i, one in enumerate(own.partition_by("sample_id", maintain_order=True)):
+                made = f"CRE DF{i:05d} A320 {i * 0.5 - 40} 0 90 {one['altitude_ft'][0] + 1000} {one['CAS'][0]}"
+                plan["commands"] += [(0, made), (1, f"DFSAMPLE DF{i:05d} {i}"), (1, f"ALT DF{i:05d} 13000")]
+        (folder / "plan.json").write_text(json.dumps(plan))
+        words = [sys.executable, "-W", "ignore", flyer, folder / "plan.json", folder / "flown.json"]
+        subprocess.run(words, check=True)
+        flown = json.loads((folder / "flown.json").read_text())["flights"]
+        states = {one: np.array(rows) for one, rows in flown.items()}
         off = []
         for number in range(40):
             state, sampled = states[f"DF{number:05d}"], own.filter(sample_id=number)

@@ -173,7 +173,8 @@ def _run(name: str, rest: list[str]) -> int:
     parser.add_argument(QUIET, action="store_true", help="show no progress; it goes to stderr, after two seconds")
     args = parser.parse_args(rest)
     if "checkpoint" in args:
-        _check_checkpoint(args.checkpoint)
+        for path in args.checkpoint if isinstance(args.checkpoint, list) else [args.checkpoint]:
+            _check_checkpoint(path)
     if name in LIBRARIES:
         with _without_cycle_search():
             import_module(LIBRARIES[name])

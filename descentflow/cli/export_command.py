@@ -16,10 +16,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         f"Write samples of a checkpoint, or the model itself, for another program.\n\ntargets:\n{listed}"
     )
-    parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
+    parser.add_argument(
+        "checkpoint",
+        type=Path,
+        nargs="+",
+        help="checkpoint that `descentflow fit` wrote (.ckpt); for bluesky and bluebird several, of different types",
+    )
     parser.add_argument("--to", required=True, choices=TARGETS, metavar="TARGET", help="one of the targets above")
     parser.add_argument("--out", type=Path, required=True, help="output; some targets write further files beside it")
-    parser.add_argument("-n", "--number", type=int, default=1000, help="samples (default: %(default)s)")
+    parser.add_argument(
+        "-n", "--number", type=int, default=1000, help="samples of each checkpoint (default: %(default)s)"
+    )
     parser.add_argument("--seed", type=seed_word, default=0, help="the same seed gives the same files (default: 0)")
     parser.add_argument(
         "--every",
@@ -27,6 +34,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=120.0,
         metavar="S",
         help="seconds from one flight's arrival to the next one's (default: 120)",
+    )
+    parser.add_argument(
+        "--prefix",
+        default="DF",
+        metavar="LETTERS",
+        help="of the callsigns: two exports that fly in one simulation need two (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--as",
+        dest="fly_as",
+        nargs="+",
+        default=(),
+        metavar="TYPES",
+        help="types that fly the samples, A319,A320,A321; such a list for each checkpoint: bluesky, bluebird",
     )
     parser.add_argument(
         "--precision",
@@ -51,7 +72,7 @@ def run(args: argparse.Namespace) -> None:
     from descentflow.core.progress import stage
     from descentflow.exports.export import export
 
-    drawing = ("drawing descents", args.number, "descents")
+    drawing = ("drawing descents", args.number * len(args.checkpoint), "descents")
     what = ("exporting the model",) if args.to == "onnx" else drawing
     with stage(*what) as drawn:
         written = export(
@@ -72,6 +93,8 @@ def run(args: argparse.Namespace) -> None:
             progress=drawn.advance,
             precision=args.precision,
             step_s=args.step_s,
+            prefix=args.prefix,
+            fly_as=args.fly_as,
             report=print,
         )
     for path in written:

@@ -1,18 +1,16 @@
 """Samples in bluebird-dt 0.4: tables that it reads (``.json``), or a predictor that flies samples (``.py``)."""
 
 import json
-from importlib import resources
 from pathlib import Path
-
-import orjson
+from typing import Any
 
 from descentflow.core.files import whole_file
 from descentflow.exports.bluebird_tables import tables
 from descentflow.exports.export_request import ExportRequest
-from descentflow.exports.samples_document import document
+from descentflow.exports.plugin import write_plugin
 
 
-def write(request: ExportRequest) -> list[Path]:
+def write(request: ExportRequest, *others: ExportRequest) -> list[Path]:
     """Write the predictor ``NAME.py`` and its samples ``NAME.json``; or, for ``NAME.json``, three tables beside it.
 
     The tables are ``NAME_profile.json``, ``NAME_uncertainty.json`` and ``NAME_mapping.json``.
@@ -26,17 +24,19 @@ def write(request: ExportRequest) -> list[Path]:
         ['bird.py', 'bird.json']
     """
     if request.path.suffix == ".py":
-        name = "templates/bluebird_predictor.py"
-        predictor = resources.files("descentflow.exports").joinpath(name).read_bytes()
-        samples = orjson.dumps(document(request), option=orjson.OPT_SERIALIZE_NUMPY)
-        contents = {request.beside(".json", samples): samples, request.path: predictor}
-    else:
-        made = tables(request.samples.to_polars(), request.typecode)
-        contents = {
-            request.path.with_name(f"{request.path.stem}_{kind}.json"): json.dumps(table, indent=1).encode()
-            for kind, table in zip(("profile", "uncertainty", "mapping"), made, strict=True)
-        }
-    for path, content in contents.items():
-        with whole_file(path) as temporary:
-            temporary.write_bytes(content)
-    return sorted(contents, key=lambda path: path.suffix != request.path.suffix)
+        return write_plugin("bluebird_predictor.py", request, *others)
+    written = []
+    for kind, table in tables_of_models(request, *others).items():
+        written.append(request.path.with_name(f"{request.path.stem}_{kind}.json"))
+        with whole_file(written[-1]) as temporary:
+            temporary.write_text(json.dumps(table, indent=1), encoding="utf-8")
+    return written
+
+
+def tables_of_models(*requests: ExportRequest) -> dict[str, dict[str, Any]]:
+    """Profile, uncertainty and mapping of every model; other types fly as the first."""
+    profile, uncertainty, mapping = {}, {}, {"DEFAULT": requests[0].typecode}
+    for each in requests:
+        profile[each.typecode], uncertainty[each.typecode] = tables(each.samples.to_polars())
+        mapping |= dict.fromkeys(each.types, each.typecode)
+    return {"profile": {"aircraft": profile}, "uncertainty": {"aircraft": uncertainty}, "mapping": mapping}

@@ -21,8 +21,8 @@ RANKS = (np.arange(400) + 0.5) / 400
 FEWEST = 30
 
 
-def tables(samples: pl.DataFrame, typecode: str) -> tuple[dict[str, Any], dict[str, Any], dict[str, str]]:
-    """Profile, uncertainty and mapping.
+def tables(samples: pl.DataFrame) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Profile and uncertainty of a type.
 
     bluebird flies rate ``r(h) + d``, with one offset ``d`` of a truncated normal for each flight. ``r(h)`` is the
     harmonic mean rate by level times a factor, and factor and spread are those at which mean and spread of the time
@@ -30,21 +30,20 @@ def tables(samples: pl.DataFrame, typecode: str) -> tuple[dict[str, Any], dict[s
 
     Args:
         samples: Table of samples.
-        typecode: Under which they stand; every other type is mapped to it too.
 
     Raises:
         DataError: If fewer than 30 samples enter at the median entry level or above, or none has a constant speed.
 
     Example:
         >>> from descentflow.generation.sample import sample
-        >>> profile, spread, mapping = tables(sample("best.ckpt", 300).to_polars(), "A320")
-        >>> sorted(profile["aircraft"]["A320"]), mapping
-        (['cas_cr', 'cas_des', 'flight_level', 'mach_cr', 'mach_des', 'rocd_des'], {'A320': 'A320', 'DEFAULT': 'A320'})
+        >>> profile, spread = tables(sample("best.ckpt", 300).to_polars())
+        >>> sorted(profile)
+        ['cas_cr', 'cas_des', 'flight_level', 'mach_cr', 'mach_des', 'rocd_des']
     """
     levels, slowness, seconds = _times(samples)
     rates, sigma = _rates(levels, slowness, seconds)
     cas, mach, phases = _speeds(samples, levels)
-    profile = {"flight_level": levels.tolist(), "rocd_des": rates.round(1).tolist()}
+    profile: dict[str, Any] = {"flight_level": levels.tolist(), "rocd_des": rates.round(1).tolist()}
     for phase in ("cr", "des"):
         profile |= {f"cas_{phase}": cas.round(2).tolist(), f"mach_{phase}": mach.round(4).tolist()}
     spread = {"rocd_des": _offset(float(rates.mean()), sigma)}
@@ -52,8 +51,7 @@ def tables(samples: pl.DataFrame, typecode: str) -> tuple[dict[str, Any], dict[s
         for name, column in (("cas", "cas_kt"), ("mach", "mach")):
             values = phases[column].drop_nulls()
             spread[f"{name}_{phase}"] = _offset(float(values.mean()), float(values.std()))  # type: ignore[arg-type]
-    names = {typecode: typecode, "DEFAULT": typecode}
-    return {"aircraft": {typecode: profile}}, {"aircraft": {typecode: spread}}, names
+    return profile, spread
 
 
 def _times(samples: pl.DataFrame) -> tuple[Array, Array, Array]:

@@ -1,10 +1,8 @@
 """Samples in BlueSky 1.1: a scenario (``.scn``), or a plugin that flies samples at every step (``.py``)."""
 
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
-import orjson
 import polars as pl
 
 from descentflow.core.errors import ConfigError
@@ -12,16 +10,14 @@ from descentflow.core.files import whole_file
 from descentflow.core.units import KT_MPS, NM_M
 from descentflow.exports.bluesky_rates import STEP_S, commanded_rates, first_rate, run_up
 from descentflow.exports.export_request import ExportRequest
-from descentflow.exports.samples_document import document
+from descentflow.exports.plugin import write_plugin
 from descentflow.positions.wind_by_level import WindByLevel
 
 AHEAD_FT = 1000.0
 """Altitudes are selected so far below the flight and no further: BlueSky 1.1.1 limits the speed as if it was there."""
-LONGEST_RUN_UP_S = 15.0
-"""Before the first sample begins: 300 ft/min a second make 3,100 ft/min in less."""
 
 
-def write(request: ExportRequest) -> list[Path]:
+def write(request: ExportRequest, *others: ExportRequest) -> list[Path]:
     """Write ``NAME.scn``, or the plugin ``NAME.py`` with its samples, ``NAME.json``.
 
     Raises:
@@ -32,30 +28,23 @@ def write(request: ExportRequest) -> list[Path]:
         >>> [path.name for path in write(ExportRequest(load_model("best.ckpt"), Path("descents.py"), n=5))]
         ['descents.py', 'descents.json']
     """
-    if request.path.suffix == ".scn":
-        text = "\n".join(scenario(request)) + "\n"
-        with whole_file(request.path) as temporary:
-            temporary.write_text(text, encoding="ascii")
-        return [request.path]
-    plugin = resources.files("descentflow.exports").joinpath("templates/bluesky_plugin.py").read_text(encoding="utf-8")
-    content = orjson.dumps(document(request), option=orjson.OPT_SERIALIZE_NUMPY)
-    beside = request.beside(".json", content)
-    with whole_file(beside) as temporary:
-        temporary.write_bytes(content)
+    if request.path.suffix == ".py":
+        return write_plugin("bluesky_plugin.py", request, *others)
+    text = "\n".join(scenario(request, *others)) + "\n"
     with whole_file(request.path) as temporary:
-        temporary.write_text(plugin, encoding="utf-8")
-    return [request.path, beside]
+        temporary.write_text(text, encoding="ascii")
+    return [request.path]
 
 
-def scenario(request: ExportRequest) -> list[str]:
-    """The lines of a scenario, in the order of time.
+def scenario(request: ExportRequest, *others: ExportRequest) -> list[str]:
+    """The lines of a scenario, in the order of time; flights of several models take turns.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.positions.ground_plan import ground_plan
         >>> plan = ground_plan(end=(51.47, -0.45), track=270.0)
         >>> lines = scenario(ExportRequest(load_model("best.ckpt"), Path("d.scn"), n=2, plan=plan))
-        >>> lines[2].split(" ")[0][-4:], lines[-1].split(" ")[0][-3:]
+        >>> lines[1].split(" ")[0][-4:], lines[-1].split(" ")[0][-3:]
         ('>CRE', 'SPD')
     """
     if request.plan.path is None:
@@ -64,19 +53,20 @@ def scenario(request: ExportRequest) -> list[str]:
             expected="an end point and a track, or a route",
             mend="give --end and --track, or --route; or write the plugin, --out NAME.py",
         )
-    samples = request.samples
-    lasts = samples.trajectories.time_s[:, 0].numpy()
-    starts = request.every_s * np.arange(len(samples)) - lasts
-    starts += LONGEST_RUN_UP_S - starts.min()
-    timed = [(0.0, line) for line in _wind(request)]
-    table = samples.to_polars().partition_by("sample_id", maintain_order=True)
-    for i, (one, start) in enumerate(zip(table, starts, strict=True)):
-        timed += [(start + after, line) for after, line in _flight(f"DF{i:05d}", request, one)]
-    timed.sort(key=lambda line: line[0])
-    return [f"# {len(samples)} sampled descents of {request.typecode}, seed {request.seed}", *map(_line, timed)]
+    timed, flown = [], []
+    for each in (request, *others):
+        table = each.samples.to_polars().partition_by("sample_id", maintain_order=True)
+        for i, (number, one) in enumerate(zip(each.numbers, table, strict=True)):
+            start = each.every_s * number - one["time_s"][-1]
+            typecode = each.types[i % len(each.types)]
+            timed += [(start + after, line) for after, line in _flight(each.callsign(number), typecode, request, one)]
+        flown.append(f"{each.n} sampled descents of {each.typecode}, seed {each.seed}")
+    begin = min(time for time, _ in timed)
+    lines = [(0.0, line) for line in _wind(request)] + [(time - begin, line) for time, line in timed]
+    return [f"# {'; '.join(flown)}", *map(_line, sorted(lines, key=lambda line: line[0]))]
 
 
-def _flight(name: str, request: ExportRequest, one: pl.DataFrame) -> list[tuple[float, str]]:
+def _flight(name: str, typecode: str, request: ExportRequest, one: pl.DataFrame) -> list[tuple[float, str]]:
     """Commands of one flight, each with its seconds after the sample's beginning."""
     time_s, altitude_ft, cas_kt = (one[column].to_numpy() for column in ("time_s", "altitude_ft", "CAS"))
     rate = first_rate(time_s, altitude_ft)
@@ -87,7 +77,7 @@ def _flight(name: str, request: ExportRequest, one: pl.DataFrame) -> list[tuple[
     to_go_m = first["distance_to_go_nm"] * NM_M + first["groundspeed"] * KT_MPS * before_s
     latitude, longitude, track = (float(value[0]) for value in path.at(np.array([to_go_m])))
     place = f"{latitude:.6f} {longitude:.6f} {track:.2f}"
-    lines = [f"CRE {name} {request.typecode} {place} {altitude_ft[0] + above_ft:.1f} {cas_kt[0]:.2f}"]
+    lines = [f"CRE {name} {typecode} {place} {altitude_ft[0] + above_ft:.1f} {cas_kt[0]:.2f}"]
     for leg in np.flatnonzero(path.start_m < to_go_m)[::-1]:
         lines.append(f"ADDWPT {name} {path.end_latitude[leg]:.6f} {path.end_longitude[leg]:.6f}")
     lines += [f"LNAV {name} ON", f"VNAV {name} OFF", f"ALT {name} {altitude_ft[0] - AHEAD_FT:.0f} {rate:.1f}"]
@@ -97,6 +87,8 @@ def _flight(name: str, request: ExportRequest, one: pl.DataFrame) -> list[tuple[
     for k, (rate, altitude, speed) in enumerate(zip(rates, altitudes, speeds, strict=True)):
         timed.append((STEP_S * k, f"ALT {name} {max(altitude - AHEAD_FT, altitude_ft[-1]):.0f} {rate:.1f}"))
         timed.append((STEP_S * k, f"SPD {name} {speed:.2f}"))
+    # By altitude, not by time: a flight that you held up still ends where the samples do.
+    timed.append((0.0, f"ATALT {name} {altitude_ft[-1]:.0f} DEL {name}"))
     return timed
 
 
@@ -108,10 +100,10 @@ def _line(timed: tuple[float, str]) -> str:
 
 
 def _wind(request: ExportRequest) -> list[str]:
-    """BlueSky's command for the wind, if there is one; without conflict detection, which the descents do not need."""
+    """BlueSky's command for the wind, if there is one."""
     wind, path = request.plan.wind, request.plan.path
     if wind is None or path is None:
-        return ["ASAS OFF"]
+        return []
     if not isinstance(wind, WindByLevel):
         raise ConfigError(
             "a field of wind in a scenario of BlueSky",
@@ -124,4 +116,4 @@ def _wind(request: ExportRequest) -> list[str]:
         east, north = wind.at(float(level), np.zeros(1), np.zeros(1), None)
         blows_from = np.degrees(np.arctan2(-east[0], -north[0])) % 360
         words.append(f"{level * 100:.0f} {blows_from:.1f} {np.hypot(east[0], north[0]) / KT_MPS:.3f}")
-    return ["ASAS OFF", f"WIND {path.end_latitude[0]:.4f} {path.end_longitude[0]:.4f} {' '.join(words)}"]
+    return [f"WIND {path.end_latitude[0]:.4f} {path.end_longitude[0]:.4f} {' '.join(words)}"]

@@ -1,6 +1,8 @@
 """Write samples or a model for another program: what `descentflow export` calls."""
 
+import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Literal
@@ -10,15 +12,18 @@ from descentflow.core.files import check_output
 from descentflow.core.seeds import checked_count
 from descentflow.densities.checkpoint import as_density
 from descentflow.exports.export_request import ExportRequest
+from descentflow.exports.flown_types import flown_types
 from descentflow.exports.targets import target_of
 from descentflow.generation.sample_contexts import Contexts
 from descentflow.positions.ground_path import Point
 from descentflow.positions.ground_plan import ground_plan
 from descentflow.positions.wind_by_level import Wind
 
+PREFIX = re.compile(r"[A-Z]+[0-9]*")
+
 
 def export(
-    model: object,
+    model: object | Sequence[object],
     to: str,
     path: str | Path,
     *,
@@ -36,15 +41,18 @@ def export(
     progress: Callable[[int], None] | None = None,
     precision: Literal["float64", "float32"] = "float64",
     step_s: float | None = None,
+    prefix: str = "DF",
+    fly_as: str | Sequence[str] = (),
     report: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write a model's samples, or the model, in the format of another program.
 
     Args:
-        model: A checkpoint's path, a density, or a fitted model.
+        model: A checkpoint's path, a density, or a fitted model; of different types several, where the target takes
+            them.
         to: A target of :data:`descentflow.exports.targets.TARGETS`.
         path: The output; some targets write further files beside it.
-        n: Number of samples.
+        n: Number of samples of each model.
         seed: The same seed gives the same files.
         context: For a conditional model, as in :func:`descentflow.generation.sample.sample`.
         end: See :func:`descentflow.positions.ground_plan.ground_plan`, as the next five.
@@ -58,6 +66,8 @@ def export(
         progress: Progress callback: called with the number of descents newly accepted.
         precision: Of the inputs and outputs of a sampler that is exported itself (``onnx``).
         step_s: Seconds from row to row, on whole steps of the clock; a row for each level if absent, 1 for ``traffic``.
+        prefix: Of the callsigns: two exports that fly in one simulation need two.
+        fly_as: Types that a model's samples are flown as, as "A319,A320,A321"; one such text for each model.
         report: Called with a line on size and speed for each sampler that was exported itself.
 
     Returns:
@@ -78,11 +88,32 @@ def export(
     n = checked_count(n, "samples")
     if every_s < 0:
         raise ConfigError(f"samples {every_s:g} s apart", expected="0 s or more", mend="pass for instance 120 s")
-    density = as_density(model)
-    output = check_output(path)
-    step_s = target.step_s if step_s is None else step_s
-    request = ExportRequest(
-        density, output, n, seed, context, plan, every_s, draw_budget, progress, precision, step_s, report
+    if not PREFIX.fullmatch(prefix):
+        raise ConfigError(
+            f"callsigns that begin {prefix!r}", expected="capital letters, then digits or none", mend="pass KLM"
+        )
+    densities = [as_density(one) for one in (model if isinstance(model, list | tuple) else [model])]
+    if not densities:
+        raise ConfigError("no model", expected="one or several", mend="pass a checkpoint's path")
+    said = [fly_as] if isinstance(fly_as, str) else list(fly_as)
+    first = ExportRequest(
+        densities[0],
+        check_output(path),
+        n=n,
+        seed=seed,
+        context=context,
+        plan=plan,
+        every_s=every_s,
+        draw_budget=draw_budget,
+        progress=progress,
+        precision=precision,
+        step_s=target.step_s if step_s is None else step_s,
+        prefix=prefix,
+        fly_as=tuple(said),
+        apart=len(densities),
+        report=report,
     )
-    target.check(to, request)
-    return target.writer(to)(request)
+    requests = [replace(first, density=one, first=i) for i, one in enumerate(densities)]
+    target.check(to, *requests)
+    types = flown_types(said, [one.typecode for one in requests])
+    return target.writer(to)(*(replace(one, fly_as=own) for one, own in zip(requests, types, strict=True)))

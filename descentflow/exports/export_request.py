@@ -36,6 +36,10 @@ class ExportRequest:
         progress: Called with the number of descents newly accepted.
         precision: Of the inputs and outputs of a sampler that is exported itself.
         step_s: Seconds from row to row; a row for each level if None.
+        prefix: Of the callsigns.
+        fly_as: Types that the samples are flown as, in turn; the model's own if empty.
+        first: Number of the first flight, where flights of several models are counted on.
+        apart: From the number of a flight to the next one's.
         report: Called with a line of figures on what was written, where a target has some.
 
     Example:
@@ -56,6 +60,10 @@ class ExportRequest:
     progress: Callable[[int], None] | None = None
     precision: Literal["float64", "float32"] = "float64"
     step_s: float | None = None
+    prefix: str = "DF"
+    fly_as: tuple[str, ...] = ()
+    first: int = 0
+    apart: int = 1
     report: Callable[[str], None] | None = None
 
     @cached_property
@@ -95,6 +103,26 @@ class ExportRequest:
         """Type designator of the aircraft."""
         return self.density.representation.decoder.aircraft.typecode
 
+    @property
+    def types(self) -> tuple[str, ...]:
+        """Type designators that the samples are flown as."""
+        return self.fly_as or (self.typecode,)
+
+    @property
+    def numbers(self) -> range:
+        """Of the flights, among those of all models."""
+        return range(self.first, self.first + self.n * self.apart, self.apart)
+
+    def callsign(self, number: int) -> str:
+        """Invented callsign of a flight.
+
+        Example:
+            >>> from descentflow.densities.checkpoint import load_model
+            >>> ExportRequest(load_model("best.ckpt"), Path("d.scn"), prefix="KLM").callsign(7)
+            'KLM00007'
+        """
+        return f"{self.prefix}{number:05d}"
+
     def flights(self) -> pl.DataFrame:
         """The table of samples as flights of their own: ``flight_id``, ``callsign``, ``icao24`` and ``typecode`` first.
 
@@ -110,8 +138,8 @@ class ExportRequest:
         number = pl.col("sample_id").cast(pl.Int64)
         names = pl.DataFrame({"sample_id": pl.Series(range(self.n), dtype=pl.Int32)}).with_columns(
             flight_id=pl.format("{}-{}-{}", pl.lit(self.typecode), self.seed, number.cast(pl.String).str.zfill(5)),
-            callsign=pl.format("DF{}", number.cast(pl.String).str.zfill(5)),
-            icao24=pl.Series([f"{FIRST_ADDRESS + i:06x}" for i in range(self.n)]),
+            callsign=pl.Series([self.callsign(number) for number in self.numbers]),
+            icao24=pl.Series([f"{FIRST_ADDRESS + number:06x}" for number in self.numbers]),
             typecode=pl.lit(self.typecode),
         )
         found = table.join(names, on="sample_id", how="left", maintain_order="left")

@@ -19,8 +19,8 @@ class Writer(Protocol):
         >>> writer: Writer = write
     """
 
-    def __call__(self, request: "ExportRequest") -> list[Path]:
-        """Write the files of a target and return their paths."""
+    def __call__(self, request: "ExportRequest", *others: "ExportRequest") -> list[Path]:
+        """Write the files of a target, of several models where it takes them, and return their paths."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,15 @@ class Target:
     step_s: float | None = None
     """Seconds from row to row where no other step is asked for; a row for each level if None."""
 
-    def check(self, name: str, request: "ExportRequest") -> None:
+    several: bool = False
+    """Whether it takes several models."""
+
+    def check(self, name: str, request: "ExportRequest", *others: "ExportRequest") -> None:
         """Refuse a request that the target cannot serve.
 
         Raises:
-            ConfigError: If the extension is another, the place or time is missing, or it lacks an option.
+            ConfigError: If the extension is another, the place or time is missing, it lacks an option, or it takes a
+                single model.
         """
         if request.path.suffix not in self.suffixes:
             raise ConfigError(
@@ -62,8 +66,14 @@ class Target:
                 raise ConfigError(
                     f"{option} {value} for {name}",
                     expected=f"{' or '.join(having)}, which can be asked for it",
-                    mend=f"leave --{option.replace('_', '-')} out",
+                    mend="leave it out",
                 )
+        if others and not self.several:
+            raise ConfigError(
+                f"{1 + len(others)} models for {name}",
+                expected=f"one; {' and '.join(n for n, t in TARGETS.items() if t.several)} take several",
+                mend="export them one after the other",
+            )
         if self.places and request.plan.path is None:
             raise ConfigError(
                 f"{name} without places",
@@ -83,18 +93,29 @@ class Target:
         return found
 
 
-DEFAULTS = {"precision": "float64", "step_s": None}
+DEFAULTS = {"precision": "float64", "step_s": None, "prefix": "DF", "fly_as": ()}
 """Options that some targets have and others refuse, with what they are where nobody asked."""
+ROWS = ("step_s", "prefix")
 TARGETS = {
     "parquet": Target(
-        "the table of samples with unit and meaning in each field's metadata", (".parquet",), options=("step_s",)
+        "the table of samples with unit and meaning in each field's metadata", (".parquet",), options=ROWS
     ),
-    "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), True, True, ("step_s",)),
+    "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), True, True, ROWS),
     "traffic": Target(
-        "flights for the library traffic (Traffic.from_file)", (".parquet",), True, True, ("step_s",), step_s=1.0
+        "flights for the library traffic (Traffic.from_file)", (".parquet",), True, True, ROWS, step_s=1.0
     ),
-    "bluesky": Target("a scenario for BlueSky (.scn), or a plugin that flies samples (.py)", (".scn", ".py")),
-    "bluebird": Target("tables for bluebird-dt (.json), or a predictor that flies samples (.py)", (".json", ".py")),
+    "bluesky": Target(
+        "a scenario for BlueSky (.scn), or a plugin that flies samples (.py)",
+        (".scn", ".py"),
+        options=("prefix", "fly_as"),
+        several=True,
+    ),
+    "bluebird": Target(
+        "tables for bluebird-dt (.json), or a predictor that flies samples (.py)",
+        (".json", ".py"),
+        options=("fly_as",),
+        several=True,
+    ),
     "onnx": Target(
         "the sampler itself, for onnxruntime in any language: random numbers in, descents out",
         (".onnx",),

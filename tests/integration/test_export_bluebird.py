@@ -2,6 +2,7 @@
 
 import copy
 import importlib.util
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,6 @@ import numpy as np
 import pytest
 
 import descentflow as df
-from descentflow.exports.bluebird_tables import tables
 from descentflow.exports.export import export
 
 N = 200
@@ -145,12 +145,13 @@ def test_what_a_controller_commands_is_flown_as_ever(written: Path) -> None:
         assert rates[0] == rates[1]
 
 
-def test_tables_have_the_form_that_bluebird_reads(a320: Path) -> None:
-    profile, spread, mapping = tables(df.sample(a320, 500).to_polars(), "A320")
+def test_tables_have_the_form_that_bluebird_reads(a320: Path, tmp_path: Path) -> None:
+    written = export(a320, "bluebird", tmp_path / "a320.json", n=500, fly_as="A319,A320")
+    profile, spread, mapping = (json.loads(path.read_text()) for path in written)
     own = profile["aircraft"]["A320"]
     assert (np.diff(own["flight_level"]) > 0).all()
     assert all(len(own[name]) == len(own["flight_level"]) for name in own)
     assert min(own["rocd_des"]) > 500
     for about in spread["aircraft"]["A320"].values():
         assert about["minimum"] < about["norm_mean"] < about["maximum"]
-    assert mapping["DEFAULT"] == "A320"
+    assert mapping == {"DEFAULT": "A320", "A319": "A320", "A320": "A320"}

@@ -1,6 +1,5 @@
 """Models of drag in measured air: what they keep, what they fly in, and what refuses them."""
 
-import json
 import warnings
 from pathlib import Path
 
@@ -90,18 +89,6 @@ def test_a_table_by_level_and_the_wind_over_the_ground(checkpoint: Path, tmp_pat
     placed = samples.placed(end=(52.0, 4.0), track=90.0, wind="270/30")
     with pytest.raises(ConfigError, match="in a wind of their own"):
         placed.to_polars()
-
-
-@pytest.mark.parametrize(("to", "name"), [("bluesky", "s.py"), ("bluebird", "b.py")])
-def test_documents_of_samples_have_the_air_that_they_are_flown_in(
-    checkpoint: Path, tmp_path: Path, to: str, name: str
-) -> None:
-    export(checkpoint, to, tmp_path / name, n=5, seed=2)
-    found = json.loads((tmp_path / name).with_suffix(".json").read_text())
-    assert (found["units"]["deviation_k"], found["units"]["tailwind"]) == ("K", "knot")
-    table = df.sample(checkpoint, 5, seed=2).to_polars().filter(sample_id=3)
-    for column in ("deviation_k", "tailwind", "TAS"):
-        assert found["samples"][3][column] == pytest.approx(table[column].to_list(), abs=6e-5)
 
 
 def test_parquet_and_cf_say_what_the_columns_of_the_air_are(checkpoint: Path, tmp_path: Path) -> None:

@@ -15,30 +15,33 @@ from bluebird_dt.predictor.linear_predictor import LinearPredictor
 
 CHOSEN = "descentflow_sample"
 """Where a flight keeps the number of its sample: bluebird copies it along with every prediction."""
+FLOWN = ("level_fl", "vertical_rate", "CAS")
 
 
 class SampledDescents(LinearPredictor):  # type: ignore[misc]
-    """Free descents of the type by samples; all else, and what a controller commands, as LinearPredictor flies it."""
+    """Free descents of the types by samples; all else, and what a controller commands, as LinearPredictor flies it."""
 
     def __init__(self, *positional: Any, **settings: Any) -> None:
         super().__init__(*positional, **settings)
         data = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
-        self.sampled_type = data["typecode"]
-        columns = ("level_fl", "vertical_rate", "CAS")
-        self.samples = [tuple(np.array(one[name], dtype=float)[::-1] for name in columns) for one in data["samples"]]
+        self.samples: dict[str, list[Any]] = {}
+        for one in data["fleet"]:
+            ascending = [[np.array(sample[name], dtype=float)[::-1] for name in FLOWN] for sample in one["samples"]]
+            self.samples.update((name, ascending) for name in one["types"])
 
-    def sample_of(self, aircraft: Aircraft) -> tuple[Any, ...] | None:
+    def sample_of(self, aircraft: Aircraft) -> Any:
         """The flight's sample while it descends freely within the sample's levels; None otherwise."""
-        said = aircraft.selected_instructions
+        said, samples = aircraft.selected_instructions, self.samples.get(aircraft.aircraft_type)
         free = said.vertical_speed is None and said.cas is None and said.mach is None
-        if not free or aircraft.flight_state is not FlightState.DESCEND or aircraft.aircraft_type != self.sampled_type:
+        if not free or aircraft.flight_state is not FlightState.DESCEND or samples is None:
             return None
         if CHOSEN not in aircraft.predictor_params:
             own = zlib.crc32(str(aircraft.callsign).encode()) if aircraft.random_seed is None else aircraft.random_seed
-            high = [i for i, sample in enumerate(self.samples) if sample[0][-1] >= aircraft.fl]
-            among = high or list(range(len(self.samples)))
+            among = [i for i, sample in enumerate(samples) if sample[0][-1] >= aircraft.fl]
+            if not among:
+                return None
             aircraft.predictor_params[CHOSEN] = among[int(np.random.default_rng(own).integers(len(among)))]
-        sample = self.samples[aircraft.predictor_params[CHOSEN]]
+        sample = samples[aircraft.predictor_params[CHOSEN]]
         return sample if aircraft.fl > sample[0][0] else None
 
     def update_vertical_speeds(self, aircraft: Aircraft) -> None:

@@ -34,8 +34,8 @@ MIN_SHOWN = 10
 class FlightState:
     """n flights at K pressure altitudes: all that an effect may look at.
 
-    Shapes: ``altitude_m`` (K,), ``width_m`` () the height of the bands around them, all else (n, K). ``mass_kg`` is the
-    one mass at which the polar explains the simulator's drag on average (:func:`implied_mass_kg`).
+    Shapes: ``altitude_m`` (K,), ``width_m`` () the height of the bands around them, all else (n, K). ``mass_kg``
+    is the mass of all.
 
     Example:
         >>> from descentflow.effects.example_flights import example_flights
@@ -269,33 +269,3 @@ def _in_air(
     tas = mach_to_tas_mps(terms.mach, state.altitude_m, deviation_k)
     idle = descent_thrust_n(state.aircraft, state.altitude_m, tas, deviation_k)
     return tas, terms.factor(*as_tensors(wind_slope_per_s, deviation_k)), idle
-
-
-def implied_mass_kg(state: FlightState, log_rate_seen: Tensor, mask: Tensor) -> float:
-    """The mass at which the polar's rate is the seen one on average, by bisection within the type's limits.
-
-    Inferred drag holds each flight's own mass; sensitivities must be taken where the flights are, not at the reference
-    mass. Rate falls with mass as long as parasitic drag dominates, as it does in every clean descent.
-
-    Args:
-        state: The flights; its own mass is not used.
-        log_rate_seen: (n, K).
-        mask: (n, K) where it was seen.
-
-    Returns:
-        Mass in kg, at a limit of the type if the polar cannot explain the rate.
-
-    Example:
-        >>> from descentflow.effects.example_flights import example_flights
-        >>> state = example_flights()
-        >>> round(implied_mass_kg(state, log_rate(state, mass=1.05), state.mask) / state.mass_kg, 3)
-        1.05
-    """
-    low, high = float(state.aircraft.mass_minimum_kg), float(state.aircraft.mass_maximum_kg)
-    weight = mask.double()
-    for _ in range(30):
-        middle = (low + high) / 2
-        excess = (log_rate(state, mass=middle / state.mass_kg) - log_rate_seen) * weight
-        # Too steep on the polar: the aircraft must be heavier.
-        low, high = (middle, high) if float(torch.where(mask, excess, 0.0).sum()) > 0 else (low, middle)
-    return (low + high) / 2

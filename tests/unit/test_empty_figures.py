@@ -8,9 +8,10 @@ from matplotlib.figure import Figure
 
 from descentflow.diagnosis.report.gap_figures import curves_figure, singles_figure, where_figure
 from descentflow.evaluation.figures.acceptance import acceptance_figure
-from descentflow.evaluation.figures.distances_by_level import distance_by_level_figure
+from descentflow.evaluation.figures.distances_by_level import level_scores_figure
 from descentflow.evaluation.figures.level_cuts import cuts_figure
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.samples import RejectionReport
 from studies.blind_diagnosis.figures.blind_figures import (
     closure_figure,
@@ -34,7 +35,9 @@ def few_descents(n: int) -> DescentSet:
 
 
 NOTHING: dict[str, Callable[[], Figure]] = {
-    "distances by level of two flights": lambda: distance_by_level_figure(few_descents(2), few_descents(2), 290.0),
+    "distances by level of two flights": lambda: level_scores_figure(
+        score(few_descents(2), few_descents(2), 290.0), 290.0
+    ),
     "cuts of two flights": lambda: cuts_figure(few_descents(2), {"flow": few_descents(2)}, None, 152.0),
     "no rule broken": lambda: acceptance_figure(RejectionReport(drawn=5, accepted=5, rejected=0, surplus=0, broken={})),
     "nothing drawn": lambda: acceptance_figure(RejectionReport(drawn=0, accepted=0, rejected=0, surplus=0, broken={})),

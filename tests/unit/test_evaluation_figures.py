@@ -15,7 +15,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
 from descentflow.evaluation.figures.acceptance import acceptance_figure
 from descentflow.evaluation.figures.components import components_figure, weight_deviations
-from descentflow.evaluation.figures.distances_by_level import distance_by_level_figure, level_scores_figure
+from descentflow.evaluation.figures.distances_by_level import level_scores_figure
 from descentflow.evaluation.figures.level_cuts import bandwidth, cuts_figure, density
 from descentflow.evaluation.figures.profile_bands import profiles_figure, since_entry_s
 from descentflow.evaluation.metrics.descent_set import DescentSet
@@ -95,8 +95,9 @@ def test_profiles_need_a_flight() -> None:
 
 def test_distances_are_those_of_the_scores() -> None:
     samples, real = flights(60, 1), flights(50)
-    figure = drawn(distance_by_level_figure(samples, real, 290.0, seed=3, n_splits=4))
-    levels = {(x.quantity, x.statistic): x for x in score(samples, real, 290.0, seed=3, n_splits=4).levels}
+    table = score(samples, real, 290.0, seed=3, n_splits=4)
+    figure = drawn(level_scores_figure(table, 290.0))
+    levels = {(x.quantity, x.statistic): x for x in table.levels}
     shown = line(figure.axes[3], "samples against flights").get_xdata()
     np.testing.assert_array_equal(shown, levels["rocd", "wasserstein"].equal_size)
     assert line(figure.axes[0], "transition").get_ydata()[0] == 290

@@ -8,7 +8,6 @@ import torch
 
 from descentflow.diagnosis.inference.two_sides import NEGLIGIBLE
 from descentflow.effects import EFFECTS
-from descentflow.effects.flight_state import implied_mass_kg, log_rate
 from descentflow.effects.two_groups import two_groups
 from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.quantity_registry import QUANTITIES
@@ -75,12 +74,6 @@ def test_sizes_are_those_of_the_energy_balance(name: str, value: float, at_mach:
     # The notes' aircraft is another one: signs and sizes to a third.
     assert float(high) == pytest.approx(at_mach, rel=0.35)
     assert float(low) == pytest.approx(at_cas, rel=0.35)
-
-
-def test_the_implied_mass_is_the_one_that_flew() -> None:
-    state = gap_toys.state()
-    seen = log_rate(state, mass=62e3 / 57e3)
-    assert implied_mass_kg(state, seen, state.mask) == pytest.approx(62e3, rel=1e-3)
 
 
 def test_two_groups_are_told_apart_where_there_are_two() -> None:

@@ -4,42 +4,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.noise_floor import MIN_VALUES
 from descentflow.evaluation.metrics.score_registry import QUANTITIES, level_statistics
 from descentflow.evaluation.metrics.score_table import LevelScores, ScoreTable
-from descentflow.evaluation.metrics.scores import score
 from descentflow.reporting.figure_style import BAND, BLUE, GREY, RED, legend_below, say_why_empty, tidy
-
-
-def distance_by_level_figure(
-    samples: DescentSet, real: DescentSet, transition_fl: float, *, seed: int = 0, n_splits: int = 20
-) -> Figure:
-    """Distances of CAS and of rate against flight level, of the statistics that are registered for it.
-
-    As :func:`level_scores_figure`, from the descents themselves.
-
-    Args:
-        samples: Sampled descents.
-        real: Held-out flights on the same grid.
-        transition_fl: Transition level of the type; not drawn where the grid does not hold it.
-        seed: Of the splits.
-        n_splits: Number of random splits.
-
-    Returns:
-        A figure of a panel for each quantity and statistic, which share the flight level.
-
-    Raises:
-        DataError: If the grids differ.
-
-    Example:
-        >>> from descentflow.evaluation.evaluate import evaluate
-        >>> found = evaluate("best.ckpt", "descents.parquet", n=300, n_splits=2)
-        >>> figure = distance_by_level_figure(found.samples, found.real, transition_fl=290.0, n_splits=2)
-        >>> [axes.get_xlabel() for axes in figure.axes]
-        ['KS, CAS (1)', 'Wasserstein, CAS (kt)', 'KS, rate (1)', 'Wasserstein, rate (ft/min)']
-    """
-    return level_scores_figure(score(samples, real, transition_fl, seed=seed, n_splits=n_splits), transition_fl)
 
 
 def level_scores_figure(table: ScoreTable, transition_fl: float) -> Figure:

@@ -1,6 +1,7 @@
 """A density in a checkpoint: loaded ready to sample without any trainer, and written."""
 
 import warnings
+from hashlib import file_digest
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -52,6 +53,8 @@ def load_model(path: str | Path) -> Density:
         saved = {k.removeprefix(PREFIX): v for k, v in content["state_dict"].items() if k.startswith(PREFIX)}
         density.load_state_dict(saved)
         check_flies(density.representation.decoder, density.representation.plausibility)
+        with Path(path).open("rb") as file:
+            density.file = {"checkpoint": Path(path).name, "checkpoint_sha256": file_digest(file, "sha256").hexdigest()}
     if content.get(UNFINISHED):
         warnings.warn(
             f"{path} is of a fit that was going on or was cut short: how flights differ by their entry level, and what "

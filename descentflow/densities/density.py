@@ -63,6 +63,8 @@ class Density(nn.Module, ABC):
         self._representation: Representation | None = None
         self.residual_law: ResidualLaw | None = None
         """How what lies beyond the components goes with the weights; None where it is standard normal."""
+        self.file: dict[str, str] = {}
+        """Name and digest of the checkpoint that it was loaded from."""
 
     @abstractmethod
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:

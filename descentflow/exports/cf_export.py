@@ -1,7 +1,6 @@
 """Samples as a trajectory file of the CF conventions 1.11 (NetCDF-4): an array of trajectories and their points."""
 
 import shutil
-from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -10,7 +9,6 @@ import numpy as np
 
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library
-from descentflow.core.version import __version__
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export_request import ExportRequest
 
@@ -105,11 +103,10 @@ def _numbers(table: Any, column: str) -> Any:
 
 
 def _describe(file: Any, request: ExportRequest) -> None:
-    now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     file.Conventions, file.featureType = CONVENTIONS, "trajectory"
     file.title = f"Sampled descents of {request.typecode}"
     file.institution = "unknown: whoever drew the samples may say it here"
-    file.source = f"descentflow {__version__}: {type(request.density).__name__}, seed {request.seed}"
-    file.history = f"{now} descentflow export --to cf"
+    file.setncatts(request.samples.origin)
+    file.history = f"{request.samples.origin['date_created']} descentflow export --to cf"
     file.references = "Hodgkin, Pepper and Thomas (2025), Probabilistic Simulation of Aircraft Descent"
     file.comment = "Generated flights: identifiers are invented, and no such flight took place."

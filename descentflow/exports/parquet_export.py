@@ -1,5 +1,6 @@
 """The table of samples as Parquet, with unit and meaning of each column in its field's metadata."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import polars as pl
@@ -23,18 +24,23 @@ def write(request: ExportRequest) -> list[Path]:
         >>> read_parquet("units.parquet").schema.field("CAS").metadata_str["units"]
         'knot'
     """
-    write_with_units(request.flights(), request.path)
+    write_with_units(request.flights(), request.path, request.samples.origin)
     return [request.path]
 
 
-def write_with_units(table: pl.DataFrame, path: Path) -> None:
+def write_with_units(table: pl.DataFrame, path: Path, origin: Mapping[str, str]) -> None:
     """Write a table whose columns are those of :data:`~descentflow.exports.columns.COLUMNS`, or begin with ``given_``.
+
+    Args:
+        table: The table.
+        path: The file.
+        origin: Names and texts for the metadata of the whole.
 
     Raises:
         ConfigError: If arro3-core is not installed.
 
     Example:
-        >>> write_with_units(pl.DataFrame({"CAS": [280.0]}), Path("speed.parquet"))
+        >>> write_with_units(pl.DataFrame({"CAS": [280.0]}), Path("speed.parquet"), {"typecode": "A320"})
         >>> pl.read_parquet("speed.parquet")["CAS"].to_list()
         [280.0]
     """
@@ -42,7 +48,7 @@ def write_with_units(table: pl.DataFrame, path: Path) -> None:
     plain = arro3.Table.from_arrow(table.head(0)).schema
     fields = [plain.field(i).with_metadata(_metadata(name)) for i, name in enumerate(table.columns)]
     with whole_file(path) as temporary:
-        table.write_parquet(temporary, arrow_schema=arro3.Schema(fields))
+        table.write_parquet(temporary, arrow_schema=arro3.Schema(fields), metadata=dict(origin))
 
 
 def _metadata(name: str) -> dict[str, str]:

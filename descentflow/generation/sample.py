@@ -19,6 +19,7 @@ from descentflow.generation.given_temperature import (
     samples_in_given_air,
     tell_drawn_airs,
 )
+from descentflow.generation.origin import origin_of
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import Airs, airs_of, field_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
@@ -112,7 +113,7 @@ def sample(
             there = along.found(found.trajectories)
             found = replace(found, air=there.air, flown_at=there.positions)
     found = found if given is None else samples_in_given_air(found, given)
-    return replace(found, context=contexts, plan=plan)
+    return replace(found, context=contexts, plan=plan, origin=origin_of(density, seed))
 
 
 def _check_memory(n: int, n_levels: int) -> None:

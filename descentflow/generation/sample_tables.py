@@ -1,5 +1,6 @@
 """Sampled descents as the long table and the NetCDF file that users read, in field units."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -154,6 +155,7 @@ def write_samples(
     context: pl.DataFrame | None = None,
     positions: Positions | None = None,
     air: LevelAir | None = None,
+    origin: Mapping[str, str] | None = None,
 ) -> None:
     """Write a table (``.parquet``, ``.csv``) or a NetCDF-3 file (``.nc``), whole or not at all.
 
@@ -163,6 +165,7 @@ def write_samples(
         context: Contexts of the samples: a table holds them as :func:`to_frame` does, a NetCDF file holds their row.
         positions: As in :func:`to_frame`.
         air: As in :func:`to_frame`.
+        origin: Names and texts for the metadata of Parquet and the attributes of NetCDF.
 
     Raises:
         ConfigError: If the extension is none of these.
@@ -175,43 +178,43 @@ def write_samples(
         >>> pl.read_csv("three.csv")["sample_id"].n_unique()
         3
     """
-    writers = {".parquet": _write_parquet, ".csv": _write_csv, ".nc": _write_netcdf}
+    writers: dict[str, Callable[[Path], object]] = {
+        ".parquet": lambda to: to_frame(flown, context, positions, air).write_parquet(to, metadata=dict(origin or {})),
+        ".csv": lambda to: safe_in_spreadsheets(to_frame(flown, context, positions, air)).write_csv(to),
+        ".nc": lambda to: _write_netcdf(flown, to, context, _quantities(flown, positions, air), origin or {}),
+    }
     if path.suffix not in writers:
         raise ConfigError(
             f"output {path.name}", expected=f"an extension among {', '.join(writers)}", mend="rename the output"
         )
     with whole_file(path) as temporary:
-        writers[path.suffix](flown, temporary, (context, positions, air))
+        writers[path.suffix](temporary)
 
 
-_Beside = tuple[pl.DataFrame | None, Positions | None, LevelAir | None]
-
-
-def _write_parquet(flown: Trajectories, path: Path, beside: _Beside) -> None:
-    to_frame(flown, *beside).write_parquet(path)
-
-
-def _write_csv(flown: Trajectories, path: Path, beside: _Beside) -> None:
-    safe_in_spreadsheets(to_frame(flown, *beside)).write_csv(path)
-
-
-def _write_netcdf(flown: Trajectories, path: Path, beside: _Beside) -> None:
-    """Dimensions sample and level (ascending); NaN above a sample's entry level."""
+def _write_netcdf(
+    flown: Trajectories,
+    path: Path,
+    context: pl.DataFrame | None,
+    quantities: Mapping[str, np.ndarray],
+    origin: Mapping[str, str],
+) -> None:
+    """Dimensions sample and level (ascending), with ``level_fl`` as coordinate; NaN above a sample's entry level."""
     from scipy.io import netcdf_file  # here: whatever draws samples would pay for it otherwise
 
-    context, positions, air = beside
     n, n_levels = flown.time_s.shape
     with netcdf_file(path, "w") as file:
-        file.title = "Sampled aircraft descents (descentflow)"
+        for name, text in {"title": "Sampled aircraft descents (descentflow)", **origin}.items():
+            setattr(file, name, text.encode())
         file.createDimension("sample", n)
         file.createDimension("level", n_levels)
         level = file.createVariable("level_fl", "i4", ("level",))
         level[:] = flown.levels_fl.cpu().numpy().astype(np.int32)
+        level.long_name = "flight level"
         if context is not None:
             row = file.createVariable("given_row", "i4", ("sample",))
             row[:] = np.arange(n, dtype=np.int32) % len(context)
         mask = flown.mask.cpu().numpy()
-        for name, values in _quantities(flown, positions, air).items():
+        for name, values in quantities.items():
             variable = file.createVariable(name, "f8", ("sample", "level"))
-            variable.units = UNITS[name]
+            variable.units, variable.coordinates = UNITS[name], "level_fl"
             variable[:] = np.where(mask, values, np.nan)

@@ -1,7 +1,7 @@
 """Result of sampling: plausible descents and the account of every draw behind them."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
@@ -78,6 +78,7 @@ class Samples:
         plan: Where they are flown; in still air and at no place unless :meth:`placed`.
         air: The air (n, L) of each; None for standard air.
         flown_at: Where each is, of those that were flown in a weather field along the plan's path.
+        origin: Checkpoint, type, versions, seed and time, see :func:`~.origin.origin_of`; Parquet and NetCDF keep it.
 
     Example:
         >>> from descentflow.generation.sample import sample
@@ -97,6 +98,7 @@ class Samples:
     plan: GroundPlan = NOWHERE
     air: LevelAir | None = None
     flown_at: Positions | None = None
+    origin: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Number of descents."""
@@ -164,16 +166,18 @@ class Samples:
         Raises:
             ConfigError: If xarray is not installed.
         """
-        return to_dataset(self.trajectories, self.context, self.positions, self.air)
+        return to_dataset(self.trajectories, self.context, self.positions, self.air).assign_attrs(self.origin)
 
     def write(self, path: str | Path) -> None:
         """Write a table (``.parquet``, ``.csv``) or a NetCDF file (``.nc``), whole or not at all.
+
+        Parquet has ``origin`` in its metadata, NetCDF in its attributes.
 
         Raises:
             ConfigError: If the extension is none of these.
             DataError: If the folder does not exist.
         """
-        write_samples(self.trajectories, Path(path), self.context, self.positions, self.air)
+        write_samples(self.trajectories, Path(path), self.context, self.positions, self.air, self.origin)
 
     def figure(self, *, title: str = "") -> "Figure":
         """CAS, vertical rate and time left against flight level, see :func:`~.figures.sampled_profiles.samples_figure`.

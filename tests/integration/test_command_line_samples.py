@@ -2,11 +2,13 @@
 
 import importlib.util
 from datetime import UTC, datetime
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
+import torch
 import toys
 from command_line_toys import QUICK, fit
 from pyproj import Geod
@@ -129,6 +131,28 @@ def test_netcdf_and_csv_hold_the_same_samples(run: Path, tmp_path: Path) -> None
     assert np.isfinite(cas).sum() == len(table)
     row = table.filter(sample_id=2)
     np.testing.assert_allclose(cas[2][np.isin(levels, row["level_fl"])][::-1], row["CAS"])
+
+
+def test_files_of_samples_say_where_they_come_from(run: Path, tmp_path: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    checkpoint = run / "checkpoints" / "best.ckpt"
+    for name in ("s.nc", "s.parquet"):
+        assert main(["sample", str(checkpoint), "-n", "7", "--seed", "3", "--out", str(tmp_path / name)]) == 0
+    expected = {
+        "source": f"descentflow {df.__version__}, torch {torch.__version__}",
+        "model": "GaussianDensity",
+        "typecode": "A320",
+        "seed": "3",
+        "checkpoint": "best.ckpt",
+        "checkpoint_sha256": sha256(checkpoint.read_bytes()).hexdigest(),
+    }
+    parquet = pl.read_parquet_metadata(tmp_path / "s.parquet")
+    with xarray.open_dataset(tmp_path / "s.nc") as data:
+        assert data["CAS"].coords["level_fl"].values.tolist() == list(range(150, int(data["level_fl"].max()) + 1))
+        for found in (parquet, data.attrs, df.sample(checkpoint, 1, seed=3).to_xarray().attrs):
+            assert expected.items() <= found.items()
+            made = datetime.fromisoformat(found["date_created"])
+            assert abs((datetime.now(UTC) - made).total_seconds()) < 600
 
 
 def test_evaluate_leaves_out_what_was_trained_on(run: Path, descents: Path, tmp_path: Path, capsys) -> None:

@@ -40,6 +40,7 @@ def test_every_field_of_the_parquet_says_its_unit(a320: Path, table: pl.DataFram
     found = {name: fields.field(name).metadata_str for name in fields.names}
     assert found["vertical_rate"]["units"] == "ft/min"
     assert {name: about["units"] for name, about in found.items()} == {name: COLUMNS[name].unit for name in found}
+    assert pl.read_parquet_metadata(path)["checkpoint"] == a320.name
     again = pl.read_parquet(path)
     assert again.select(table.columns).drop("timestamp").equals(table.drop("timestamp"))
     apart = again.filter(level_fl=150)["timestamp"].diff().drop_nulls().dt.total_seconds()
@@ -66,6 +67,7 @@ def test_the_cf_file_passes_the_compliance_checker(a320: Path, table: pl.DataFra
         one = table.filter(sample_id=7)
         np.testing.assert_array_equal(file["TAS"][7].compressed(), one["TAS"])
         np.testing.assert_array_equal(file["lat"][7].compressed(), one["latitude"])
+        assert (file.checkpoint, file.seed) == (a320.name, "4")
         assert file["TAS"].standard_name == "platform_speed_wrt_air"
         assert file["time"][7].compressed()[-1] - file["time"][6].compressed()[-1] == 120
 

@@ -31,6 +31,7 @@ from descentflow.generation.conditional.noise_multiple import checked_multiple
 from descentflow.generation.conditional.requests import Request
 from descentflow.generation.conditional.speed_cells import NothingPlausible
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
+from descentflow.generation.origin import origin_of
 from descentflow.generation.prediction.posterior import prior_of
 from descentflow.generation.sample_contexts import context_rows, entry_levels
 from descentflow.generation.samples import RejectionReport
@@ -201,6 +202,7 @@ class Generator:
             in_given_air(descents, torch.full((n,), request.deviation_k)) if request.deviation_k else descents,
             report,
             contexts,
+            origin=origin_of(self.density, self.seed),
             asked=request.words(self.levels_fl),
             first=first,
             effective=found.effective,

@@ -1,0 +1,179 @@
+"""What may be a cause: an effect with a mean shift, its prior, and what single flights say of it beside."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import torch
+
+from descentflow.diagnosis.evidence.assumptions import Assumptions
+from descentflow.diagnosis.evidence.gaussian import Array
+from descentflow.diagnosis.evidence.signatures import Signature, Signatures
+from descentflow.effects import Effect
+
+MOST_SCALED = 25.0
+"""Factor of a misfit up to which it is scaled with the square of a shift: of an effect that alone has nearly none."""
+
+
+class Candidate(Protocol):
+    """Anything that may stand in a set: sizes with a normal prior, and a signature at each of them."""
+
+    @property
+    def name(self) -> str:
+        """Of the effect."""
+
+    @property
+    def prior_mean(self) -> Array:
+        """Mean (k,) of the prior of its sizes."""
+
+    @property
+    def prior_sd(self) -> Array:
+        """Standard deviation (k,) of the same."""
+
+    @property
+    def start(self) -> Array:
+        """Sizes (k,) at which a fit begins."""
+
+    @property
+    def log_gain(self) -> float:
+        """Nats that it gains in what the means do not show."""
+
+    def at(self, sizes: Array) -> Signature:
+        """Signature at sizes (k,)."""
+
+    def clamp(self, sizes: Array) -> Array:
+        """Sizes within what is physically possible."""
+
+    def plausible(self, sizes: Array) -> bool:
+        """Whether these sizes can be what the effect says."""
+
+
+class MeanEffect:
+    """An effect that shows in the means: its sizes are those of its parameters that a mean can tell.
+
+    Example:
+        >>> from descentflow.diagnosis.evidence.moments import moments
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides, assumed = example_sides(), Assumptions()
+        >>> warm = MeanEffect(EFFECTS["temperature"], Signatures(sides, moments(sides, assumed), assumed), assumed)
+        >>> warm.prior_sd, warm.plausible(np.array([10.0])), warm.clamp(np.array([70.0]))
+        (array([15.]), True, array([40.]))
+    """
+
+    log_gain = 0.0
+
+    def __init__(self, effect: Effect, signatures: Signatures, assumed: Assumptions) -> None:
+        """Look at an effect.
+
+        Args:
+            effect: Of the catalogue.
+            signatures: In the real flights.
+            assumed: Constants.
+        """
+        self.effect, self.name, self._signatures = effect, effect.name, signatures
+        self._free = [i for i, parameter in enumerate(effect.parameters) if not parameter.from_heterogeneity]
+        free = [effect.parameters[i] for i in self._free]
+        self.start = self.prior_mean = np.array([parameter.start for parameter in free])
+        self.prior_sd = np.array([assumed.prior_scales * parameter.scale for parameter in free])
+
+    def theta(self, sizes: Array) -> torch.Tensor:
+        """All parameters (k,) of the effect."""
+        theta = self.effect.start().double()
+        theta[self._free] = torch.from_numpy(np.asarray(sizes, dtype=float))
+        return theta
+
+    def shows(self) -> bool:
+        """Whether anything that is compared answers to it."""
+        return bool(np.abs(self.at(self.start).jacobian).max(initial=0.0) > 0.0)
+
+    def at(self, sizes: Array) -> Signature:
+        """Signature at sizes (k,)."""
+        found = self._signatures.of(self.effect, self.theta(sizes))
+        return Signature(found.shift, found.jacobian[:, self._free], found.misfit)
+
+    def clamp(self, sizes: Array) -> Array:
+        """Sizes within the effect's bounds."""
+        found: Array = self.effect.clamp(self.theta(sizes)).numpy()[self._free]
+        return found
+
+    def plausible(self, sizes: Array) -> bool:
+        """Whether the effect finds them so."""
+        return self.effect.plausible(self._signatures.state, self.theta(sizes))
+
+
+@dataclass(frozen=True)
+class FlightsEffect:
+    """An effect that some flights have, each in its own way: the shapes of these say its mean shift, up to factors.
+
+    Attributes:
+        name: Of the effect.
+        law: Parameters (k,) of how flights have it.
+        parts: (p, c) of the mean shift: what goes with the sizes of flights, and what does not.
+        log_gain: Nats that the shapes gain by it.
+        misfit: (p, p) what its equation misses at factors of one.
+        prior_sd: (c,) of the factors about one.
+
+    Example:
+        >>> brakes = FlightsEffect("speed_brake", torch.zeros(3), np.ones((2, 1)), 30.0, np.eye(2), np.array([0.2]))
+        >>> brakes.at(np.array([2.0])).shift
+        array([2., 2.])
+    """
+
+    name: str
+    law: torch.Tensor
+    parts: Array
+    log_gain: float
+    misfit: Array
+    prior_sd: Array
+
+    @property
+    def prior_mean(self) -> Array:
+        """One: the means show what the shapes say."""
+        return np.ones(self.parts.shape[1])
+
+    @property
+    def start(self) -> Array:
+        """One."""
+        return self.prior_mean
+
+    def at(self, sizes: Array) -> Signature:
+        """Signature at factors (c,)."""
+        return Signature(self.parts @ sizes, self.parts, float(sizes.mean()) ** 2 * self.misfit)
+
+    def clamp(self, sizes: Array) -> Array:
+        """No factor below zero."""
+        return np.maximum(sizes, 0.0)
+
+    def plausible(self, sizes: Array) -> bool:
+        """Asked of the law already."""
+        return True
+
+
+class Linearised:
+    """A candidate about given sizes: its shift is linear in them, and its misfit goes with the square of the shift.
+
+    Example:
+        >>> brakes = FlightsEffect("speed_brake", torch.zeros(3), np.ones((2, 1)), 0.0, np.eye(2), np.array([0.2]))
+        >>> Linearised(brakes, np.array([1.0])).at(np.array([0.5])).misfit[0, 0]
+        np.float64(0.25)
+    """
+
+    def __init__(self, candidate: Candidate, sizes: Array) -> None:
+        """Take its signature once.
+
+        Args:
+            candidate: Of which it is one.
+            sizes: (k,) about which.
+        """
+        self.name, self.log_gain, self.start = candidate.name, candidate.log_gain, sizes
+        self.prior_mean, self.prior_sd = candidate.prior_mean, candidate.prior_sd
+        self.clamp, self.plausible = candidate.clamp, candidate.plausible
+        self._about = candidate.at(sizes)
+
+    def at(self, sizes: Array) -> Signature:
+        """Signature at sizes (k,)."""
+        about = self._about
+        shift = about.shift + about.jacobian @ (sizes - self.start)
+        whole = max(float(about.shift @ about.shift), 1e-30)
+        return Signature(shift, about.jacobian, about.misfit * min(float(shift @ shift) / whole, MOST_SCALED))

@@ -1,0 +1,217 @@
+r"""Effects that some flights have, each in its own way, by the shapes of single flights.
+
+Mean and residuals of normal samples are independent, so what the shapes gain multiplies the evidence of the means: for
+an effect e beside others,
+
+.. math:: G_e = \Delta\ln L_\mathrm{real} - \max(\Delta\ln L_\mathrm{sim}, 0)\,\frac{n_r}{n_s} - \tfrac32 \ln n_r,
+
+the log likelihood with the effect minus that without, less what the simulator's own flights gain by it, less the price
+of three parameters (BIC). Effects are added one after the other as long as that is above zero.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from descentflow.diagnosis.evidence.assumptions import Assumptions
+from descentflow.diagnosis.evidence.candidates import FlightsEffect
+from descentflow.diagnosis.evidence.flight_mixture import MixtureFit, WaysOfFlights, fit_mixture, ways_of_flights
+from descentflow.diagnosis.evidence.flight_rates import FlightRates, flight_rates
+from descentflow.diagnosis.evidence.flight_spread import Spread, spread_of
+from descentflow.diagnosis.evidence.gaussian import Array
+from descentflow.diagnosis.evidence.moments import Moments
+from descentflow.diagnosis.evidence.signatures import Signatures
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.effects import Effect
+from descentflow.effects.flight_law import DiffersByFlight
+from descentflow.effects.flight_state import log_rate
+
+FEWEST_BANDS = 4
+"""Bands of a flight whose shape is looked at."""
+LEAST_SHARE = 0.05
+"""Share of the flights, beyond the simulator's, from which an effect is one."""
+SHORT_ROUNDS, ROUNDS = 8, 25
+"""Rounds of EM while the spread of normal flights is sought, and after it."""
+PARAMETERS = 3.0
+"""Of a law: its share, and mean and spread of its sizes."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """Flights of one side.
+
+    Attributes:
+        index: (n,) positions among the compared flights.
+        values: (n, m) rates about the mean.
+        seen: (n, m).
+        ways: By effect.
+
+    Example:
+        >>> Side(np.arange(2), np.zeros((2, 3)), np.ones((2, 3), dtype=bool), {}).values.shape
+        (2, 3)
+    """
+
+    index: np.ndarray
+    values: Array
+    seen: np.ndarray
+    ways: Mapping[str, WaysOfFlights]
+
+
+class FlightShapes:
+    """The shapes of the flights of both sides.
+
+    Example:
+        >>> from descentflow.diagnosis.evidence.moments import moments
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> brakes, assumed = EFFECTS["speed_brake"], Assumptions()
+        >>> sides = example_sides(EFFECTS["mass"], [0.1])
+        >>> known = moments(sides, assumed)
+        >>> FlightShapes(sides, known, [brakes], assumed).candidates(Signatures(sides, known, assumed))
+        []
+    """
+
+    def __init__(
+        self, compared: Compared, known: Moments, effects: Sequence[DiffersByFlight], assumed: Assumptions
+    ) -> None:
+        """Take the flights.
+
+        Args:
+            compared: Flights of both sides.
+            known: Their moments.
+            effects: That flights may have each in its own way.
+            assumed: Constants.
+        """
+        self.compared, self.known, self.assumed = compared, known, assumed
+        self.effects = {effect.name: effect for effect in effects}
+        self.rates = flight_rates(compared, known)
+        real = compared.real.numpy()
+        enough = self.rates.seen.sum(1) >= FEWEST_BANDS
+        self.real, self.simulated = (self._side(np.flatnonzero(side & enough)) for side in (real, ~real))
+        self.spread = self._spread()
+        self._kept: dict[tuple[bool, tuple[str, ...]], MixtureFit] = {}
+
+    def candidates(self, signatures: Signatures) -> list[FlightsEffect]:
+        """The effects whose shapes gain, each with its mean shift.
+
+        Args:
+            signatures: For what their equations miss.
+        """
+        chosen: tuple[str, ...] = ()
+        while rest := [name for name in self.effects if name not in chosen]:
+            best = max(rest, key=lambda name: self._gain((*chosen, name)))
+            if self._gain((*chosen, best)) <= self._gain(chosen) or not self._is_shared((*chosen, best), best):
+                break
+            chosen = (*chosen, best)
+        found = []
+        for name in chosen:
+            without = tuple(other for other in chosen if other != name)
+            parts = self._mean_shift(self.real, chosen, name) - self._mean_shift(self.simulated, chosen, name)
+            misfit = signatures.smooth_misfit(parts.sum(1), self.effects[name].misfit_of_rate)
+            law, gain = self.fit(self.real, chosen).laws[name], self._gain(chosen) - self._gain(without)
+            found.append(FlightsEffect(name, law, parts, gain, misfit, self._factor_errors(name, parts.shape[1])))
+        return found
+
+    def _factor_errors(self, name: str, count: int) -> Array:
+        """Prior standard deviations of the factors: a size that holds over the whole flight looks like its mass."""
+        ways = self.real.ways[name]
+        _, mean, spread = ways.effect.size(ways.start)
+        whole = bool((np.ptp(ways.weights, axis=1) == 0.0).all())
+        of_size = spread / mean if whole else self.assumed.flight_size_error
+        return np.array([of_size, self.assumed.flight_size_error])[:count]
+
+    def fit(self, side: Side, names: tuple[str, ...]) -> MixtureFit:
+        """The mixture of one side, with normal flights as wide as they are likeliest."""
+        key = side is self.real, names
+        if key not in self._kept:
+            self._kept[key] = self._fitted(side, names)
+        return self._kept[key]
+
+    def _fitted(self, side: Side, names: tuple[str, ...]) -> MixtureFit:
+        """At the likeliest spread of normal flights, from that of all and from that of the simulator's."""
+        ways = [side.ways[name] for name in names]
+        none = (0.0,) * len(self.spread.shapes)
+        wide = self.spread.likeliest(side.values, side.seen, np.ones(len(side.index)), none)
+        tried: dict[tuple[float, ...], float] = {}
+        for start in (wide, none):
+            sizes: tuple[float, ...] = tuple(start)
+            while sizes not in tried:
+                short = self._mixture(side, ways, sizes, SHORT_ROUNDS)
+                tried[sizes] = short.log_likelihood
+                values = side.values + short.offset * side.seen
+                sizes = tuple(self.spread.likeliest(values, side.seen, short.normal, sizes))
+        return self._mixture(side, ways, max(tried, key=lambda one: tried[one]), ROUNDS)
+
+    def _mixture(self, side: Side, ways: Sequence[WaysOfFlights], sizes: tuple[float, ...], rounds: int) -> MixtureFit:
+        odd = [size**2 * shape for shape in self.spread.shapes[2:] for size in self.assumed.odd]
+        return fit_mixture(side.values, side.seen, self.spread.at(sizes), odd, ways, rounds)
+
+    def _gain(self, names: tuple[str, ...]) -> float:
+        """Nats that the shapes gain by effects."""
+        if not names:
+            return 0.0
+        real, simulated = (
+            self.fit(side, names).log_likelihood - self.fit(side, ()).log_likelihood
+            for side in (self.real, self.simulated)
+        )
+        count = len(self.real.index)
+        theirs = max(simulated, 0.0) * count / max(len(self.simulated.index), 1)
+        return real - theirs - 0.5 * PARAMETERS * len(names) * math.log(count)
+
+    def _is_shared(self, names: tuple[str, ...], name: str) -> bool:
+        """Whether so many more of the real flights have it."""
+        real, simulated = (self.fit(side, names).shares[name] for side in (self.real, self.simulated))
+        return real - simulated > LEAST_SHARE
+
+    def _mean_shift(self, side: Side, names: tuple[str, ...], name: str) -> Array:
+        """Mean shift (p, c) of what is compared, late reports included; c is two where a part has no size."""
+        fit, mine = self.fit(side, names), side.ways[name]
+        effect, start = mine.effect.coarser(mine.start), mine.start
+        beyond = torch.zeros_like(mine.state.cas_mps) + mine.state.beyond_polar
+        state = replace(mine.state, report_delay_s=self.compared.state.report_delay_s)
+        ways = effect.ways(state, start, beyond)
+        weights = (ways.table[ways.upper] - ways.table[ways.lower]).numpy()
+        taken, sized = fit.taken[name], fit.taken[name] * fit.sizes[name]
+        shown = [(sized @ weights) * ways.shape.numpy(), taken.sum(1)[:, None] * ways.offset.numpy()]
+        shown = shown[: 1 + bool(ways.offset.any())]
+        slots = {slot: k for k, slot in enumerate(ways.slots)}
+        place = {band: k for k, band in enumerate(self.rates.bands)}
+        could = fit.shares[name] / max(taken.sum(), 1e-9)
+        found = np.zeros((len(self.known.difference), len(shown)))
+        for i, entry in enumerate(self.compared.entries):
+            if entry.band >= 0 and (entry.quantity, entry.band) in slots:
+                k = place.get(entry.band)
+                seen = np.ones(len(taken), dtype=bool) if k is None else side.seen[:, k]
+                # Of the flights that show the band and could show the effect.
+                weight = seen * could * len(taken) / max(seen.sum(), 1)
+                found[i] = [weight @ part[:, slots[entry.quantity, entry.band]] for part in shown]
+        return found
+
+    def _side(self, index: np.ndarray) -> Side:
+        rows = torch.from_numpy(index)
+        # Rates here are by altitude over time: nothing of them is late.
+        state = replace(self.compared.state.rows_of_fleet(rows), report_delay_s=0.0)
+        seen = self.rates.seen[index]
+        ways = {name: ways_of_flights(effect, state, self.rates.bands, seen) for name, effect in self.effects.items()}
+        return Side(index, self.rates.values[index], seen, ways)
+
+    def _spread(self) -> Spread:
+        rates: FlightRates = self.rates
+        state = self.compared.state
+        heavier = (log_rate(state, mass=1.05) - log_rate(state, mass=0.95)).mean(0).numpy()[rates.bands]
+        kernel = self.known.kernel[np.ix_(rates.entries, rates.entries)]
+        return spread_of(self.simulated.values, self.simulated.seen, heavier, kernel, self.assumed)
+
+
+def differing(catalogue: Mapping[str, Effect]) -> list[DiffersByFlight]:
+    """Effects of a catalogue that flights may have each in its own way.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> [effect.name for effect in differing(EFFECTS)]
+        ['speed_brake', 'geometric_path']
+    """
+    return [effect for effect in catalogue.values() if isinstance(effect, DiffersByFlight)]

@@ -1,0 +1,283 @@
+r"""Mixture of single flights: normal ones, odd ones, and those that have an effect in one of its ways.
+
+.. math:: p(r_f) = \pi_0 N(0, S) + \sum_k \pi_k N(0, S + b_k^2 K_k)
+   + \sum_e \pi_e \sum_w \rho_{ew} \int_0^\infty N(r_f + o;\; a\,s_{fw} + o_f,\; S)\, N_+(a; \bar a_e, \sigma_e^2)\, da.
+
+Odd flights depart smoothly in a way of their own. An effect's law - its share, sizes and ways - is learnt by EM; the
+integral over sizes is in closed form. Residuals are about a mean that contains what the effect's flights have, so the
+mean of their shifts is put back as an offset o.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.special import log_ndtr
+
+from descentflow.diagnosis.evidence.gaussian import Array
+from descentflow.effects.flight_law import DiffersByFlight, Learnt
+from descentflow.effects.flight_state import FlightState
+from descentflow.effects.windowed_effect import WindowedEffect
+
+SHUT = -1e6
+"""Log probability of a way that a flight could not show."""
+FIRST_ODD, FIRST_SHARE = 0.05, 0.2
+"""Shares of each kind of odd flights, and of the flights with an effect, from which EM starts."""
+BEFORE = 2.0
+"""Flights' worth of the law from which EM starts, in each step of it."""
+
+
+@dataclass(frozen=True)
+class WaysOfFlights:
+    """Ways of an effect in n flights of which m rates are seen.
+
+    Attributes:
+        effect: Whose they are.
+        state: The flights.
+        start: Law (k,) from which EM starts.
+        shape: (n, m) shift of a size of one.
+        offset: (n, m) shift of a size of zero.
+        weights: (W, m) of the shape in each way.
+        open: (n, W) whether the flight could show it: windows end within what is seen of it.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> state = example_flights()
+        >>> found = ways_of_flights(EFFECTS["speed_brake"], state, np.arange(11), np.ones((6, 11), dtype=bool))
+        >>> found.shape.shape, found.weights.shape[1], found.open.shape == (6, len(found.weights))
+        ((6, 11), 11, True)
+    """
+
+    effect: DiffersByFlight
+    state: FlightState
+    start: torch.Tensor
+    shape: Array
+    offset: Array
+    weights: Array
+    open: np.ndarray
+
+    def rows(self, index: np.ndarray) -> "WaysOfFlights":
+        """Those of some flights."""
+        state = self.state.rows_of_fleet(torch.from_numpy(index))
+        return WaysOfFlights(
+            self.effect, state, self.start, self.shape[index], self.offset[index], self.weights, self.open[index]
+        )
+
+
+def ways_of_flights(effect: DiffersByFlight, state: FlightState, bands: np.ndarray, seen: np.ndarray) -> WaysOfFlights:
+    """Take the ways of an effect in the rate by altitude over time.
+
+    Args:
+        effect: Of the catalogue.
+        state: Flights (n).
+        bands: (m,) of the rates.
+        seen: (n, m).
+    """
+    start = effect.law_starts(state, _about_the_middle(effect, state))[-1]
+    beyond = torch.zeros_like(state.cas_mps) + state.beyond_polar
+    ways = effect.coarser(start).ways(state, start, beyond)
+    slots = [ways.slots.index(("rate", int(band))) for band in bands]
+    weights = (ways.table[ways.upper] - ways.table[ways.lower])[:, slots].numpy()
+    whole = np.ptp(weights, axis=1) == 0.0
+    top = np.where(seen, np.arange(len(bands)), -1).max(1)
+    # A window that is open to the top of a flight is how its descent begins, and one open to the bottom how it ends.
+    beyond_top = (weights > 0)[None] & (np.arange(len(bands)) >= top[:, None])[:, None]
+    within = ~beyond_top.any(2) & (weights[:, 0] == 0.0)
+    return WaysOfFlights(
+        effect,
+        state,
+        start,
+        np.where(seen, ways.shape[:, slots].numpy(), 0.0),
+        np.where(seen, ways.offset[:, slots].numpy(), 0.0),
+        weights,
+        within | whole,
+    )
+
+
+def _about_the_middle(effect: DiffersByFlight, state: FlightState) -> torch.Tensor:
+    """Parameters (k,) with a window in the middle third of the levels, where the effect has one."""
+    start = effect.start().double()
+    if not isinstance(effect, WindowedEffect):
+        return start
+    low, high = effect.range_fl(state)
+    third = (high - low) / 3.0
+    return effect.at_window(start, float(start[0]), low + third, high - third)
+
+
+class Precisions:
+    """Precision matrices of a normal law in flights that miss some entries, one a pattern of what is seen.
+
+    Example:
+        >>> found = Precisions(np.diag([1.0, 4.0]), np.array([[True, True], [False, True]]))
+        >>> found.log_density(np.array([[1.0, 2.0], [0.0, 2.0]])).round(3)  # without the constant
+        array([-1.693, -1.193])
+    """
+
+    def __init__(self, covariance: Array, seen: np.ndarray) -> None:
+        """Invert the part of a covariance that each flight shows.
+
+        Args:
+            covariance: (m, m).
+            seen: (n, m).
+        """
+        patterns, index = np.unique(seen, axis=0, return_inverse=True)
+        index = index.ravel()
+        precision, half_log = np.zeros((len(patterns), *covariance.shape)), np.zeros(len(patterns))
+        for k, pattern in enumerate(patterns):
+            at = np.ix_(pattern, pattern)
+            precision[k][at] = np.linalg.inv(covariance[at])
+            half_log[k] = 0.5 * np.linalg.slogdet(precision[k][at])[1]
+        self.precision, self.half_log = precision[index], half_log[index]
+
+    def times(self, values: Array) -> Array:
+        """Precision times values (n, m)."""
+        return (self.precision @ values[:, :, None])[:, :, 0]
+
+    def log_density(self, values: Array) -> Array:
+        """(n,) of values (n, m) that are zero where not seen, without the constant."""
+        found: Array = self.half_log - 0.5 * (self.times(values) * values).sum(1)
+        return found
+
+
+@dataclass(frozen=True)
+class MixtureFit:
+    """The mixture at its likeliest.
+
+    Attributes:
+        log_likelihood: Of all flights.
+        laws: By effect: its parameters (k,).
+        shares: By effect: of the flights that could show it.
+        taken: By effect: (n, W) probability that a flight has it in each way.
+        sizes: By effect: (n, W) expected size in each way.
+        normal: (n,) probability that a flight has no effect.
+        offset: (m,) mean shift of the effects, which the mean contains.
+
+    Example:
+        >>> MixtureFit(0.0, {}, {}, {}, {}, np.ones(3), np.zeros(2)).normal.sum()
+        np.float64(3.0)
+    """
+
+    log_likelihood: float
+    laws: Mapping[str, torch.Tensor]
+    shares: Mapping[str, float]
+    taken: Mapping[str, Array]
+    sizes: Mapping[str, Array]
+    normal: Array
+    offset: Array
+
+
+def fit_mixture(
+    values: Array,
+    seen: np.ndarray,
+    spread: Array,
+    odd: Sequence[Array],
+    effects: Sequence[WaysOfFlights],
+    rounds: int,
+) -> MixtureFit:
+    """Fit the shares, laws and offsets by EM.
+
+    Args:
+        values: (n, m) ln rate about the mean, zero where not seen.
+        seen: (n, m).
+        spread: (m, m) covariance of normal flights.
+        odd: (m, m) further covariance of each kind of odd flights.
+        effects: That some may have.
+        rounds: Of EM.
+
+    Example:
+        >>> rng = np.random.default_rng(0)
+        >>> values = 0.02 * rng.normal(size=(200, 3))
+        >>> fit_mixture(values, np.full((200, 3), True), 4e-4 * np.eye(3), [0.01 * np.eye(3)], [], 10).normal.min()
+        np.float64(1.0)
+    """
+    plain = Precisions(spread, seen)
+    others = [Precisions(spread + more, seen) for more in odd]
+    models = [_Ways(one, plain) for one in effects]
+    share = np.array([1.0 - FIRST_ODD * len(odd) - FIRST_SHARE * len(models), *[FIRST_ODD] * len(odd)])
+    share = np.concatenate([share, np.full(len(models), FIRST_SHARE)])
+    whole = np.zeros(len(values))
+    for _ in range(rounds):
+        x = values + sum((model.offset_of_mean for model in models), np.zeros(values.shape[1])) * seen
+        log = [plain.log_density(x), *(other.log_density(x) for other in others)]
+        log += [log[0] + model.expect(x) for model in models]
+        joint = np.stack(log, 1) + np.log(share)
+        whole = np.logaddexp.reduce(joint, axis=1)
+        posterior = np.exp(joint - whole[:, None])
+        share = (posterior.sum(0) + 0.5) / (len(values) + 0.5 * len(share))
+        for model, mine in zip(models, posterior[:, 1 + len(odd) :].T, strict=True):
+            model.maximise(mine, seen)
+    return MixtureFit(
+        float(whole.sum()),
+        {model.name: model.law for model in models},
+        {model.name: model.share for model in models},
+        {model.name: model.taken for model in models},
+        {model.name: model.size for model in models},
+        1.0 - sum((model.taken.sum(1) for model in models), np.zeros(len(values))),
+        sum((model.offset_of_mean for model in models), np.zeros(values.shape[1])),
+    )
+
+
+class _Ways:
+    """One effect of the mixture: its E-step over ways and sizes, and its M-step."""
+
+    def __init__(self, ways: WaysOfFlights, plain: Precisions) -> None:
+        self.ways, self.plain, self.law, self.name = ways, plain, ways.start, ways.effect.name
+        self._coarse = ways.effect.coarser(ways.start)
+        # (n, W, m) shapes are not kept: only their products with the precision, of which there are W a flight.
+        self._square = np.empty(ways.open.shape)
+        self._with_offset = np.empty(ways.open.shape)
+        for k, weight in enumerate(ways.weights):
+            shape = ways.shape * weight
+            carried = plain.times(shape)
+            self._square[:, k] = (carried * shape).sum(1)
+            self._with_offset[:, k] = (carried * ways.offset).sum(1)
+        self._offset_square = (plain.times(ways.offset) * ways.offset).sum(1)
+        self.taken = self.size = self._variance = np.zeros(ways.open.shape)
+        self.share, self.offset_of_mean = 0.0, np.zeros(ways.weights.shape[1])
+
+    def expect(self, x: Array) -> Array:
+        """Log ratio (n,) of the density with the effect to that without, summed over ways."""
+        _, mean, sd = self._coarse.size(self.law)
+        carried = self.plain.times(x)
+        precision = self._square + sd**-2.0
+        towards = (carried * self.ways.shape) @ self.ways.weights.T - self._with_offset + mean / sd**2
+        log = (
+            (carried * self.ways.offset).sum(1)[:, None]
+            - 0.5 * self._offset_square[:, None]
+            + towards**2 / (2.0 * precision)
+            - mean**2 / (2.0 * sd**2)
+            - 0.5 * np.log(sd**2 * precision)
+            + np.where(self.ways.open, 0.0, SHUT)
+            + self._coarse.log_prior(self.ways.state, self.law).numpy()
+        )
+        # Sizes are positive: the law is cut off at zero, before and after the flight is seen.
+        root = np.sqrt(precision)
+        standing = towards / root
+        log += log_ndtr(standing) - log_ndtr(mean / sd)
+        whole: Array = np.logaddexp.reduce(log, axis=1)
+        above = np.exp(-0.5 * standing**2 - log_ndtr(standing)) / math.sqrt(2.0 * math.pi)
+        self.taken, self.size = np.exp(log - whole[:, None]), (standing + above) / root
+        self._variance = np.maximum(1.0 - standing * above - above**2, 0.0) / precision
+        return whole
+
+    def maximise(self, mine: Array, seen: np.ndarray) -> None:
+        """Learn the law from flights that have the effect with probabilities (n,)."""
+        self.taken = self.taken * mine[:, None]
+        often = np.exp(self._coarse.log_prior(self.ways.state, self.law).numpy())
+        could = self.ways.open @ (often / often.sum())
+        _, mean, sd = self._coarse.size(self.ways.start)
+        before = BEFORE * often / often.sum()
+        learnt = Learnt(
+            torch.from_numpy(self.taken.sum(0) + before),
+            torch.from_numpy((self.taken * self.size).sum(0) + before * mean),
+            torch.from_numpy((self.taken * (self.size**2 + self._variance)).sum(0) + before * (mean**2 + sd**2)),
+            max(round(float(could.sum() + BEFORE)), 1),
+        )
+        self.law = self._coarse.learn(self.ways.state, self.law, learnt)
+        self.share = float(self.taken.sum() / max(could.sum(), 1.0))
+        shown = ((self.taken * self.size) @ self.ways.weights) * self.ways.shape
+        shown = shown + self.taken.sum(1)[:, None] * self.ways.offset
+        self.offset_of_mean = shown.sum(0) / np.maximum(could @ seen, 1.0)

@@ -1,0 +1,172 @@
+r"""Difference of the means of two sides, and how surely it is known.
+
+With :math:`\bar y_r, \bar y_s` the means by entry (a quantity in a band, gaps left out) of real and simulated flights,
+
+.. math:: d = \bar y_r - \bar y_s, \qquad
+   V = \mathrm{LW}\Big(\sum_a u_a u_a^\top\Big) + \mathrm{diag}(\nu^2) + E, \qquad
+   u_a = \pm\sum_{f \in a} \frac{y_f - \bar y}{n},
+
+summed over the aircraft :math:`a` of both sides: each side has a spread of its own, so weather, masses and crews that
+differ between real flights and not between simulated ones need no term. Correlations are shrunk by the weight of Ledoit
+and Wolf (2004, Journal of Multivariate Analysis 88). :math:`\nu` is the negligible shift of each entry. :math:`E` holds
+what all flights of a side share: one error of rounding where they hardly differ, and half of what a wider spread of
+speeds does to the mean CAS, which is the lower of two schedules.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from descentflow.core.units import KT_MPS
+from descentflow.diagnosis.evidence.assumptions import Assumptions
+from descentflow.diagnosis.evidence.gaussian import Array
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.effects.flight_state import Schedule
+
+LEAST_VARIANCE = 1e-30
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Moments of what is compared, p entries.
+
+    Attributes:
+        difference: (p,) mean of the real flights minus that of the simulator's.
+        covariance: (p, p) of its error.
+        departures: (n, p) of each flight from its side's mean, NaN where not seen.
+        negligible: (p,) shift of a mean that means nothing in practice.
+        quantity: (p,) name.
+        kernel: (p, p) correlation of what is smooth in altitude, zero between quantities.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> found = moments(example_sides(), Assumptions())
+        >>> found.difference.shape, found.covariance.shape, found.departures.shape
+        ((33,), (33, 33), (160, 33))
+    """
+
+    difference: Array
+    covariance: Array
+    departures: Array
+    negligible: Array
+    quantity: np.ndarray
+    kernel: Array
+
+
+def moments(compared: Compared, assumed: Assumptions) -> Moments:
+    """Take the moments of both sides.
+
+    Args:
+        compared: Flights of both sides, with a simulator's flights among them.
+        assumed: Constants.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> found = moments(example_sides(EFFECTS["temperature"], [10.0]), Assumptions())
+        >>> round(float(found.difference[found.quantity == "tas"].mean()), 2)  # 10 K are 2 % of the true airspeed
+        0.02
+    """
+    y, real, airframe = compared.y.numpy(), compared.real.numpy(), compared.airframe.numpy()
+    quantity = np.array([entry.quantity for entry in compared.entries])
+    kernel = smooth_kernel(compared, quantity, assumed.length_m)
+    bend = spread_of_speeds(compared, quantity)
+    negligible = compared.negligible().numpy()
+    error = np.diag(negligible**2) + np.outer(bend, bend) / 4.0
+    step = np.array([assumed.rounding.get(name, 0.0) for name in quantity])
+    difference, departures, sums = -bend, np.full_like(y, np.nan), []
+    for side, sign in ((real, 1.0), (~real, -1.0)):
+        mean = np.nanmean(y[side], 0)
+        difference = difference + sign * mean
+        departures[side] = y[side] - mean
+        sums.append(sums_over_aircraft(departures[side], airframe[side]))
+        # Flights that differ by less than the step of a field share one error of rounding, which no mean takes away.
+        shared = np.sqrt(np.maximum(step**2 - np.nanvar(y[side], 0), 0.0))
+        error = error + np.outer(shared, shared) * (kernel + np.eye(len(kernel))) / 2.0
+    covariance = shrunk(np.concatenate(sums))
+    of_flight = compared.of_flight().numpy()
+    covariance[of_flight[:, None] != of_flight] = 0.0
+    return Moments(difference, covariance + error, departures, negligible, quantity, kernel)
+
+
+def smooth_kernel(compared: Compared, quantity: np.ndarray, length_m: float) -> Array:
+    """Squared-exponential correlation (p, p) over altitude within a quantity.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> sides = example_sides()
+        >>> names = np.array([entry.quantity for entry in sides.entries])
+        >>> smooth_kernel(sides, names, 1800.0)[0, [0, 11]]  # with itself, and with another quantity in the same band
+        array([1., 0.])
+    """
+    levels = compared.state.altitude_m.numpy()
+    altitude = np.array([levels[entry.band] if entry.band >= 0 else 0.0 for entry in compared.entries])
+    apart = (altitude[:, None] - altitude) / length_m
+    return np.where(quantity[:, None] == quantity, np.exp(-0.5 * apart**2), 0.0)
+
+
+def sums_over_aircraft(departures: Array, airframe: np.ndarray) -> Array:
+    """What each aircraft (a, p) adds to the error of its side's mean, scaled so that squares are unbiased.
+
+    Example:
+        >>> sums_over_aircraft(np.array([[1.0], [1.0], [-2.0]]), np.array([7, 7, 9])).round(2)
+        array([[ 0.94],
+               [-0.94]])
+    """
+    count = np.maximum(np.isfinite(departures).sum(0), 1)
+    _, index = np.unique(airframe, return_inverse=True)
+    aircraft = int(index.max()) + 1
+    total = np.zeros((aircraft, departures.shape[1]))
+    np.add.at(total, index, np.nan_to_num(departures) / count)
+    found: Array = total * np.sqrt(aircraft / max(aircraft - 1, 1))
+    return found
+
+
+def shrunk(rows: Array) -> Array:
+    """Sum (p, p) of the outer products of rows (a, p), its correlations shrunk by Ledoit and Wolf's weight.
+
+    Example:
+        >>> rows = np.random.default_rng(0).normal(size=(20, 50))  # fewer rows than entries
+        >>> bool(np.linalg.eigvalsh(shrunk(rows)).min() > 1.0)
+        True
+    """
+    total = rows.T @ rows
+    spread = np.sqrt(np.maximum(total.diagonal(), LEAST_VARIANCE))
+    scaled = rows / spread
+    correlation = scaled.T @ scaled
+    variance = (scaled**2).T @ scaled**2 - correlation**2 / len(rows)
+    apart = ~np.eye(len(total), dtype=bool)
+    size = max(float((correlation[apart] ** 2).sum()), LEAST_VARIANCE)
+    weight = float(np.clip(variance[apart].sum() / size, 0.0, 1.0))
+    found: Array = np.where(apart, (1.0 - weight) * correlation, 1.0) * np.outer(spread, spread)
+    return found
+
+
+def spread_of_speeds(compared: Compared, quantity: np.ndarray) -> Array:
+    """Difference (p,) of the mean CAS, kt, that a wider spread of schedules makes at equal means of them.
+
+    CAS is the lower of a schedule's CAS and of that of its Mach number: its mean is not that of the mean schedule.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> sides = example_sides()
+        >>> names = np.array([entry.quantity for entry in sides.entries])
+        >>> bool(abs(spread_of_speeds(sides, names)).max() < 1.0)  # both spread alike
+        True
+    """
+    state, plan = compared.state, compared.state.schedule
+    sides = []
+    for side in (~compared.real, compared.real):
+        weight = state.mask[side].double()
+        weight = weight / weight.sum(0).clamp(min=1.0)
+        own = Schedule(plan.mach[side], plan.cas_mps[side])
+        sides.append((own, weight, (own.mach * weight).sum(0), (own.cas_mps * weight).sum(0)))
+    simulated = sides[0]
+    means = []
+    for own, weight, mach, cas in sides:
+        at_equal_means = own.at(state.altitude_m, simulated[2] - mach, simulated[3] - cas)
+        means.append((at_equal_means * weight).sum(0))
+    bend = ((means[1] - means[0]) / KT_MPS).numpy()
+    return np.array(
+        [bend[e.band] if name == "cas" else 0.0 for e, name in zip(compared.entries, quantity, strict=True)]
+    )

@@ -1,0 +1,90 @@
+"""What a simulator lacks and no diagnosis is about: noise of reports, and level-offs where its flights have none."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.evidence.assumptions import Assumptions
+from descentflow.diagnosis.evidence.moments import moments
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.measurements.quantity_registry import QUANTITIES
+
+OF_LEVEL_OFFS = ("level", "level_gaps")
+RAISED_BY_CAUSES = ("noise_rate", "noise_altitude", "noise_groundspeed")
+"""Noise that edges of windows, paths, turns and late reports change as well."""
+USUAL = 15.0
+"""Prior size of a lack of level-offs, in negligible shifts."""
+
+
+@dataclass(frozen=True)
+class Lack:
+    """Something that the simulator has too little of, or below zero too much.
+
+    Attributes:
+        quantity: Name.
+        size: Difference of the means, in the quantity's unit; of noise the logarithm of the ratio.
+        error: Standard error.
+
+    Example:
+        >>> Lack("noise_rate", 1.1, 0.05).size
+        1.1
+    """
+
+    quantity: str
+    size: float
+    error: float
+
+
+def set_apart(compared: Compared) -> Tensor:
+    """Entries (p,) that are free in every set of effects.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> bool(set_apart(example_sides()).any())  # rates and speeds alone
+        False
+    """
+    alike = np.nanstd(compared.y[~compared.real].numpy(), 0) == 0.0
+    flags = [
+        QUANTITIES[entry.quantity].is_noise or (entry.quantity in OF_LEVEL_OFFS and bool(same))
+        for entry, same in zip(compared.entries, alike, strict=True)
+    ]
+    return torch.tensor(flags, dtype=torch.bool)
+
+
+def lacks(compared: Compared, assumed: Assumptions, *, has_cause: bool) -> list[Lack]:
+    """Differences that probably exist, by the odds of a normal size against none.
+
+    Args:
+        compared: Flights of both sides, with the entries of :func:`set_apart` alone.
+        assumed: Constants.
+        has_cause: Whether an effect is named, which may raise short-scale noise as well.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> sides = example_sides()
+        >>> lacks(sides.only(torch.nonzero(set_apart(sides))[:, 0]), Assumptions(), has_cause=False)
+        []
+    """
+    if not compared.entries:
+        return []
+    known, found = moments(compared, assumed), []
+    prior_odds = math.log(assumed.inclusion / (1.0 - assumed.inclusion))
+    needed = math.log(assumed.named / (1.0 - assumed.named))
+    for name, size, variance, unit in zip(
+        map(str, known.quantity),
+        known.difference.tolist(),
+        known.covariance.diagonal().tolist(),
+        known.negligible.tolist(),
+        strict=True,
+    ):
+        noise = QUANTITIES[name].is_noise
+        by_product = assumed.noise_matters if has_cause and name in RAISED_BY_CAUSES else 0.0
+        error = variance + by_product**2
+        usual = (assumed.noise_matters if noise else USUAL * unit) ** 2
+        odds = 0.5 * (size**2 / error - size**2 / (error + usual) - math.log1p(usual / error)) + prior_odds
+        if odds > needed and (not noise or abs(size) > assumed.noise_matters / 3.0):
+            found.append(Lack(name, size, math.sqrt(error)))
+    return found

@@ -1,0 +1,176 @@
+r"""Evidence of a set of effects, with or without an unknown cause beside them.
+
+For a set M, about the sizes at which it is most probable,
+
+.. math:: d \sim N\Big(0,\; V + \sum_{e \in M}\big(J_e P_e J_e^\top + F_e\big) + U\Big), \qquad
+   U = \sum_q a_q^2\, \nu_q \nu_q^\top \circ K, \qquad
+   w_M \propto Z_M \Big(\frac{\pi}{1-\pi}\Big)^{|M| + [U \ne 0]}.
+
+An unknown cause is a free smooth process in every quantity of altitude. Its scales :math:`a_q` are the likeliest of a
+short grid; each that is not zero costs the logarithm of the grid's length.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from descentflow.diagnosis.evidence.assumptions import Assumptions
+from descentflow.diagnosis.evidence.candidates import Candidate
+from descentflow.diagnosis.evidence.gaussian import Array, Posterior, posterior
+from descentflow.diagnosis.evidence.moments import Moments
+from descentflow.measurements.quantity_registry import QUANTITIES
+
+ROUNDS = 3
+"""Of Gauss-Newton: shifts are nearly linear in their sizes."""
+SWEEPS = 2
+"""Over the quantities, of which an unknown cause moves some."""
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class SetFit:
+    """A set of effects at its most probable sizes.
+
+    Attributes:
+        names: Of its effects.
+        sizes: (k,) of each.
+        errors: (k,) standard errors of these.
+        shifts: (p,) of each.
+        log_weight: Evidence and prior, nats, up to a constant.
+        unknown: Scale of an unknown cause by quantity, in negligible shifts; empty for none.
+        noise: (p, p) covariance of what is left once the shifts are taken off.
+
+    Example:
+        >>> SetFit((), {}, {}, {}, -3.0, {}, np.eye(2)).is_null
+        True
+    """
+
+    names: Names
+    sizes: Mapping[str, Array]
+    errors: Mapping[str, Array]
+    shifts: Mapping[str, Array]
+    log_weight: float
+    unknown: Mapping[str, float]
+    noise: Array = field(repr=False)
+
+    @property
+    def is_null(self) -> bool:
+        """Whether it has neither effects nor an unknown cause."""
+        return not self.names and not self.unknown
+
+    @property
+    def shift(self) -> Array:
+        """(p,) of all its effects."""
+        return sum(self.shifts.values(), np.zeros(len(self.noise)))
+
+
+class SetFits:
+    """Fits of sets of some candidates to the difference of two sides.
+
+    Example:
+        >>> from descentflow.diagnosis.evidence.candidates import FlightsEffect
+        >>> import torch
+        >>> names = np.array(["rate", "rate"])
+        >>> known = Moments(np.array([0.5, 0.5]), np.eye(2) / 100, np.zeros((1, 2)), np.full(2, 0.01), names, np.eye(2))
+        >>> brakes = FlightsEffect("speed_brake", torch.zeros(1), np.ones((2, 1)), 0.0, 0 * np.eye(2), np.array([0.2]))
+        >>> found = SetFits(known, [brakes], Assumptions()).fit(("speed_brake",))
+        >>> found.sizes["speed_brake"].round(2)  # between 0.5, as seen, and 1, as expected
+        array([0.56])
+    """
+
+    def __init__(self, known: Moments, candidates: Sequence[Candidate], assumed: Assumptions) -> None:
+        """Take the candidates.
+
+        Args:
+            known: Moments of both sides.
+            candidates: Effects that may be causes.
+            assumed: Constants.
+        """
+        self.known, self.assumed = known, assumed
+        self.candidates = {candidate.name: candidate for candidate in candidates}
+        self._log_odds = math.log(assumed.inclusion / (1.0 - assumed.inclusion))
+        self._log_grid = math.log(len(assumed.unknown_scales) + 1.0)
+
+    def fit(
+        self,
+        names: Names,
+        unknown: Mapping[str, float] | None = None,
+        first: Mapping[str, Array] | None = None,
+        rounds: int = ROUNDS,
+    ) -> SetFit:
+        """Fit a set.
+
+        Args:
+            names: Of the effects.
+            unknown: Scales of an unknown cause.
+            first: Sizes at which to begin.
+            rounds: Of Gauss-Newton.
+        """
+        scales, begin = dict(unknown or {}), first or {}
+        sizes = {name: begin.get(name, self.candidates[name].start) for name in names}
+        for _ in range(rounds):
+            found, _ = self._step(sizes, scales)
+            parts = zip(names, self._split(names, found.mean), strict=True)
+            sizes = {name: self.candidates[name].clamp(part) for name, part in parts}
+        last, noise = self._step(sizes, scales)
+        gained = sum(self.candidates[name].log_gain for name in names)
+        prior = self._log_odds * (len(names) + bool(scales)) - self._log_grid * len(scales)
+        errors = self._split(names, np.sqrt(np.maximum(last.covariance.diagonal(), 0.0)))
+        shifts = {name: self.candidates[name].at(sizes[name]).shift for name in names}
+        weight = last.log_evidence + gained + prior
+        return SetFit(names, sizes, dict(zip(names, errors, strict=True)), shifts, weight, scales, noise)
+
+    def unknown_covariance(self, scales: Mapping[str, float]) -> Array:
+        """Covariance (p, p) of an unknown cause."""
+        size = np.array([scales.get(name, 0.0) for name in self.known.quantity]) * self.known.negligible
+        return np.outer(size, size) * self.known.kernel
+
+    def unknown_scales(self, fit: SetFit) -> dict[str, float]:
+        """The likeliest scales of an unknown cause beside a set, one quantity after the other."""
+        rest, noise = self.known.difference - fit.shift, fit.noise
+        for name in fit.names:
+            candidate = self.candidates[name]
+            jacobian = candidate.at(fit.sizes[name]).jacobian
+            rest = rest + jacobian @ (fit.sizes[name] - candidate.prior_mean)
+            noise = noise + (jacobian * candidate.prior_sd**2) @ jacobian.T
+        quantities = [name for name in dict.fromkeys(map(str, self.known.quantity)) if QUANTITIES[name].by_band]
+        scales: dict[str, float] = {}
+        for _, name in itertools.product(range(SWEEPS), quantities):
+            others = {other: scale for other, scale in scales.items() if other != name}
+            tries = [others, *({**others, name: scale} for scale in self.assumed.unknown_scales)]
+            scores = [evidence(rest, noise + self.unknown_covariance(one)) - self._log_grid * len(one) for one in tries]
+            scales = tries[int(np.argmax(scores))]
+        return scales
+
+    def _step(self, sizes: Mapping[str, Array], scales: Mapping[str, float]) -> tuple[Posterior, Array]:
+        """Posterior about the linearisation at sizes, and the covariance of what its Jacobian leaves."""
+        x, noise = self.known.difference, self.known.covariance + self.unknown_covariance(scales)
+        columns, mean, spread = [np.zeros((len(x), 0))], [np.zeros(0)], [np.zeros(0)]
+        for name, size in sizes.items():
+            candidate = self.candidates[name]
+            found = candidate.at(size)
+            noise = noise + found.misfit
+            x = x - found.shift + found.jacobian @ size
+            columns.append(found.jacobian)
+            mean.append(candidate.prior_mean)
+            spread.append(candidate.prior_sd)
+        return posterior(x, noise, np.concatenate(columns, 1), np.concatenate(mean), np.concatenate(spread)), noise
+
+    def _split(self, names: Names, values: Array) -> list[Array]:
+        ends = np.cumsum([len(self.candidates[name].start) for name in names])
+        return np.split(values, ends[:-1]) if names else []
+
+
+def evidence(x: Array, covariance: Array) -> float:
+    """Log density of a normal law of mean zero.
+
+    Example:
+        >>> round(evidence(np.zeros(1), np.eye(1)), 3)
+        -0.919
+    """
+    none = np.zeros(0)
+    return posterior(x, covariance, np.zeros((len(x), 0)), none, none).log_evidence

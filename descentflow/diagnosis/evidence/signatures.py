@@ -1,0 +1,185 @@
+r"""Mean shift that an effect makes, its sensitivity, and by how much its equations may be off.
+
+.. math:: D_e(\theta) = \sum_f w_f \odot s_e(\mathrm{state}_f, \theta), \qquad J_e = \partial D_e / \partial\theta,
+   \qquad F_e = (\varepsilon \odot D_e)(\varepsilon \odot D_e)^\top \circ K + C_e C_e^\top,
+
+with the weights of the means of real flights, K smooth in altitude, :math:`\varepsilon` the share of its own shift by
+which an equation may be off, and :math:`C_e` the change of :math:`D_e` by one standard deviation of each independent
+part of what is not known of the simulator's coefficients, and of how its rate follows CAS.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.evidence.assumptions import Assumptions
+from descentflow.diagnosis.evidence.gaussian import Array
+from descentflow.diagnosis.evidence.moments import Moments
+from descentflow.diagnosis.inference.reference_coefficients import scaled
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.effects import Effect
+from descentflow.effects.flight_state import FlightState
+
+SOME_FLIGHTS = 40
+"""Flights by whose mean the part of the coefficients is known well enough."""
+STEP = 0.02
+"""Of differences, in sizes of a parameter that matter: shifts are smooth, and windows have edges."""
+LEAST_DIRECTION = 1e-3
+"""A part of the coefficients that is known to a thousandth."""
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Shift (p,), its Jacobian (p, k), and the covariance (p, p) of what its equations miss.
+
+    Example:
+        >>> Signature(np.ones(2), np.ones((2, 1)), np.eye(2)).shift
+        array([1., 1.])
+    """
+
+    shift: Array
+    jacobian: Array
+    misfit: Array
+
+
+@dataclass(frozen=True)
+class RateByCas:
+    """How much the rate follows a shift of CAS between flights beyond the polar, by band.
+
+    Attributes:
+        gain: (p, p) of the rate's entries by those of CAS.
+        rate: Entries of the rate...
+        cas: ...and of CAS in the same bands.
+        unsure: (bands, q) one standard deviation of each independent part of the gains.
+
+    Example:
+        >>> RateByCas(np.zeros((2, 2)), np.array([0]), np.array([1]), np.zeros((1, 1))).gain.shape
+        (2, 2)
+    """
+
+    gain: Array
+    rate: np.ndarray
+    cas: np.ndarray
+    unsure: Array
+
+
+class Signatures:
+    """Signatures of effects in the real flights of a comparison, each computed once.
+
+    Example:
+        >>> from descentflow.diagnosis.evidence.moments import moments
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides, assumed = example_sides(), Assumptions()
+        >>> found = Signatures(sides, moments(sides, assumed), assumed)
+        >>> warm = found.of(EFFECTS["temperature"], torch.tensor([10.0]))
+        >>> warm.shift.shape, warm.jacobian.shape
+        ((33,), (33, 1))
+        >>> bool(np.allclose(warm.shift, 10 * warm.jacobian[:, 0], atol=0.005))  # nearly linear
+        True
+    """
+
+    def __init__(self, compared: Compared, known: Moments, assumed: Assumptions) -> None:
+        """Take the real flights.
+
+        Args:
+            compared: Flights of both sides.
+            known: Their moments.
+            assumed: Constants.
+        """
+        self.compared, self.known, self.assumed = compared, known, assumed
+        real = torch.nonzero(compared.real)[:, 0]
+        self.state = compared.state.rows_of_fleet(real)
+        seen = compared.y[compared.real].isfinite().numpy()
+        self._weight = seen / np.maximum(seen.sum(0), 1)
+        some = compared.state.rows_of_fleet(real[:: max(len(real) // SOME_FLIGHTS, 1)])
+        directions = [d for d in compared.coefficients.directions().T if float(d.abs().max()) > LEAST_DIRECTION]
+        self._beside = [(scaled(some, d), scaled(some, -d)) for d in directions]
+        self._rate_by_cas = rate_by_cas(compared, known)
+        self._made: dict[tuple[str, tuple[float, ...]], Signature] = {}
+
+    def of(self, effect: Effect, theta: Tensor) -> Signature:
+        """Signature of an effect at parameters (k,)."""
+        theta = theta.double()
+        key = effect.name, tuple(theta.tolist())
+        if key not in self._made:
+            shift = self._mean(effect, theta)
+            self._made[key] = Signature(shift, self._jacobian(effect, theta), self._misfit(effect, theta, shift))
+        return self._made[key]
+
+    def smooth_misfit(self, shift: Array, of_rate: float) -> Array:
+        """Covariance (p, p) of an equation that is off by a share of its own shift, smoothly in altitude."""
+        share = np.where(self.known.quantity == "rate", of_rate, self.assumed.kinematic_misfit) * shift
+        return np.outer(share, share) * self.known.kernel
+
+    def _misfit(self, effect: Effect, theta: Tensor, shift: Array) -> Array:
+        pairs = [(self._of_some(effect, theta, up), self._of_some(effect, theta, down)) for up, down in self._beside]
+        columns = [(above - below) / 2.0 for above, below in pairs]
+        follows = self._rate_by_cas
+        if effect.rate_follows_cas:
+            size = np.zeros((len(shift), follows.unsure.shape[1]))
+            size[follows.rate] = shift[follows.cas][:, None] * follows.unsure
+            columns += list(size.T)
+        off = np.stack(columns, 1) if columns else np.zeros((len(shift), 0))
+        return self.smooth_misfit(shift, effect.misfit_of_rate) + off @ off.T
+
+    def _jacobian(self, effect: Effect, theta: Tensor) -> Array:
+        columns = []
+        for i, parameter in enumerate(effect.parameters):
+            step = torch.zeros_like(theta)
+            step[i] = STEP * parameter.scale
+            above, below = effect.clamp(theta + step), effect.clamp(theta - step)
+            width = float(above[i] - below[i])
+            apart = self._mean(effect, above) - self._mean(effect, below)
+            columns.append(apart / width if width > 0.0 else 0.0 * apart)
+        return np.stack(columns, 1)
+
+    def _mean(self, effect: Effect, theta: Tensor) -> Array:
+        """Mean shift (p,) over the flights that show each entry."""
+        found: Array = (self._vectors(effect, theta, self.state) * self._weight).sum(0)
+        return found
+
+    def _of_some(self, effect: Effect, theta: Tensor, state: FlightState) -> Array:
+        found: Array = self._vectors(effect, theta, state).mean(0)
+        return found
+
+    def _vectors(self, effect: Effect, theta: Tensor, state: FlightState) -> Array:
+        found: Array = self.compared.vector(effect.shift(state, theta)).numpy()
+        return found + found @ self._rate_by_cas.gain.T if effect.rate_follows_cas else found
+
+
+def rate_by_cas(compared: Compared, known: Moments) -> RateByCas:
+    r"""Regression of the rate on CAS between flights of one side, band by band, smoothed over the bands.
+
+    Each band's least-squares gain :math:`g_k` has the variance :math:`v_k`; the gains are one Gaussian process of
+    variance :math:`a = \overline{g^2 - v}` (moments) over altitude, so their posterior is
+    :math:`G g` with :math:`G = A(A + \mathrm{diag}(v))^{-1}`, covariance :math:`A - GA`.
+
+    Example:
+        >>> from descentflow.diagnosis.evidence.moments import moments
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> sides = example_sides()
+        >>> found = rate_by_cas(sides, moments(sides, Assumptions()))
+        >>> len(found.rate), bool(abs(found.gain).max() < 0.002)  # its rates and speeds are independent
+        (11, True)
+    """
+    place = {(entry.quantity, entry.band): i for i, entry in enumerate(compared.entries)}
+    pairs = [(i, place["cas", band]) for (name, band), i in place.items() if name == "rate" and ("cas", band) in place]
+    p = len(compared.entries)
+    rate, cas = (np.array([pair[k] for pair in pairs], dtype=int) for k in (0, 1))
+    gain = np.zeros((p, p))
+    if not pairs:
+        return RateByCas(gain, rate, cas, np.zeros((0, 0)))
+    x, y = known.departures[:, cas], known.departures[:, rate]
+    both = np.isfinite(x) & np.isfinite(y)
+    x, y = np.where(both, x, 0.0), np.where(both, y, 0.0)
+    square = (x * x).sum(0) + 1e-9
+    own = (x * y).sum(0) / square
+    variance = ((y - own * x) ** 2).sum(0) / np.maximum(both.sum(0) - 1, 1) / square
+    prior = max(float((own**2 - variance).mean()), 1e-9) * known.kernel[np.ix_(rate, rate)]
+    drawn = prior @ np.linalg.inv(prior + np.diag(variance))
+    gain[rate, cas] = drawn @ own
+    values, vectors = np.linalg.eigh(prior - drawn @ prior)
+    return RateByCas(gain, rate, cas, vectors * np.sqrt(np.maximum(values, 0.0)))

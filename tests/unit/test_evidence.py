@@ -1,0 +1,228 @@
+"""The inference of the diagnosis against closed forms, and on toy flights whose causes are known."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy import stats
+
+from descentflow.diagnosis.evidence.assumptions import Assumptions
+from descentflow.diagnosis.evidence.best_sets import Search
+from descentflow.diagnosis.evidence.candidates import FlightsEffect, Linearised
+from descentflow.diagnosis.evidence.explain import explain
+from descentflow.diagnosis.evidence.flight_mixture import Precisions, WaysOfFlights, fit_mixture, ways_of_flights
+from descentflow.diagnosis.evidence.gaussian import posterior
+from descentflow.diagnosis.evidence.moments import Moments, moments, shrunk, sums_over_aircraft
+from descentflow.diagnosis.evidence.naming import name_effects
+from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
+from descentflow.diagnosis.inference.example_sides import example_sides
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.effects import EFFECTS
+from descentflow.effects.example_flights import example_flights
+
+NONE = np.zeros(0)
+
+
+def toy(difference: np.ndarray, sd: float = 0.1) -> Moments:
+    """A difference of rates with independent errors."""
+    p = len(difference)
+    altitude = np.arange(p) * 600.0
+    kernel = np.exp(-0.5 * ((altitude[:, None] - altitude) / 1800.0) ** 2)
+    names = np.array(["rate"] * p)
+    return Moments(difference, sd**2 * np.eye(p), np.zeros((1, p)), np.full(p, 0.002), names, kernel)
+
+
+def column(name: str, shape: np.ndarray, prior_sd: float = 1.0) -> FlightsEffect:
+    """A cause of a fixed shape and no misfit, whose size is expected to be one."""
+    p = len(shape)
+    return FlightsEffect(name, torch.zeros(1), shape[:, None], 0.0, np.zeros((p, p)), np.array([prior_sd]))
+
+
+def test_evidence_and_posterior_are_those_of_a_joint_normal_law() -> None:
+    rng = np.random.default_rng(0)
+    p, k = 7, 3
+    root, jacobian = rng.normal(size=(p, p)), rng.normal(size=(p, k))
+    noise, mean, spread = root @ root.T + np.eye(p), rng.normal(size=k), rng.uniform(0.5, 2.0, k)
+    x = rng.normal(size=p)
+    found = posterior(x, noise, jacobian, mean, spread)
+    marginal = noise + (jacobian * spread**2) @ jacobian.T
+    assert found.log_evidence == pytest.approx(stats.multivariate_normal(jacobian @ mean, marginal).logpdf(x))
+    gain = (jacobian * spread**2).T @ np.linalg.inv(marginal)
+    np.testing.assert_allclose(found.mean, mean + gain @ (x - jacobian @ mean))
+    np.testing.assert_allclose(found.covariance, np.diag(spread**2) - gain @ jacobian * spread**2, atol=1e-12)
+
+
+def test_evidence_without_sizes_is_a_normal_density() -> None:
+    found = posterior(np.array([1.0, 2.0]), 4.0 * np.eye(2), np.zeros((2, 0)), NONE, NONE)
+    assert found.log_evidence == pytest.approx(stats.norm(0, 2).logpdf([1.0, 2.0]).sum())
+
+
+def test_errors_of_a_mean_are_by_whole_aircraft() -> None:
+    # Flights of one aircraft are alike: 20 aircraft of five flights know the mean as 20 flights do.
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(400):
+        own = np.repeat(rng.normal(size=(20, 1)), 5, axis=0)
+        rows = sums_over_aircraft(own - own.mean(0), np.repeat(np.arange(20), 5))
+        found.append((rows.T @ rows).item())
+    assert np.mean(found) == pytest.approx(1 / 20, rel=0.05)  # the mean of 400 is known to 1.6 %
+
+
+def test_shrinking_keeps_variances_and_makes_few_rows_invertible() -> None:
+    rows = np.random.default_rng(2).normal(size=(10, 40))
+    found = shrunk(rows)
+    np.testing.assert_allclose(found.diagonal(), (rows.T @ rows).diagonal())
+    assert np.linalg.cond(found) < 1e4
+    assert np.linalg.matrix_rank(rows.T @ rows) == 10
+
+
+def test_means_of_simulator_without_any_spread_are_known_to_their_rounding() -> None:
+    sides = example_sides()
+    y = torch.where(sides.real[:, None], sides.y, sides.y[~sides.real].mean(0))
+    found = moments(replace(sides, y=y), Assumptions())
+    real = moments(replace(sides, y=torch.where(sides.real[:, None], sides.y, 0.0)), Assumptions())
+    assert np.isfinite(np.linalg.cholesky(found.covariance)).all()
+    np.testing.assert_allclose(found.covariance, real.covariance, rtol=1e-6)
+
+
+@pytest.mark.parametrize("sizes", [(1.0, 0.0), (1.0, 1.0), (0.0, 0.0)])
+def test_sets_of_toy_causes_have_the_weights_of_their_closed_form(sizes: tuple[float, float]) -> None:
+    level, slope = np.ones(11), np.linspace(-1, 1, 11)
+    known = toy(sizes[0] * level + sizes[1] * slope)
+    causes = [column("level", level), column("slope", slope)]
+    fits = SetFits(known, causes, Assumptions())
+    odds = np.log(1 / 14)
+    for names in [(), ("level",), ("slope",), ("level", "slope")]:
+        shapes = np.array([level if name == "level" else slope for name in names]).reshape(len(names), 11)
+        law = stats.multivariate_normal(shapes.sum(0), known.covariance + shapes.T @ shapes)
+        assert fits.fit(names).log_weight == pytest.approx(law.logpdf(known.difference) + odds * len(names))
+    best = Search(known, causes, Assumptions()).sets()[0]
+    assert set(best.names) == {name for name, size in zip(("level", "slope"), sizes, strict=True) if size}
+
+
+def test_intervals_of_sizes_hold_the_truth_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(3)
+    shape, inside = np.linspace(0.5, 1.5, 11), 0
+    for _ in range(400):
+        size = rng.normal(1.0, 1.0)
+        fits = SetFits(toy(size * shape + 0.1 * rng.normal(size=11)), [column("e", shape)], Assumptions())
+        fit = fits.fit(("e",))
+        if fit.sizes["e"][0] > 0:  # sizes are not below zero
+            inside += abs(fit.sizes["e"][0] - size) < 1.645 * fit.errors["e"][0]
+        else:
+            inside += size < 1.645 * fit.errors["e"][0]
+    # Of 400, 90 % are 360 with a standard deviation of 6: a right interval fails once in 3,000.
+    assert 340 <= inside <= 380
+
+
+def test_what_no_cause_explains_is_unknown() -> None:
+    bump = np.exp(-0.5 * ((np.arange(11) - 5) / 1.5) ** 2)
+    search = Search(toy(0.2 * bump, 0.005), [column("level", np.ones(11))], Assumptions())
+    named = name_effects(search.sets(), Assumptions())
+    assert named.unknown > 0.99
+    assert not named.groups
+
+
+def test_causes_that_look_alike_are_one_group() -> None:
+    shape = np.ones(11)
+    causes = [column("first", shape), column("second", shape * 1.001)]
+    named = name_effects(Search(toy(shape, 0.01), causes, Assumptions()).sets(), Assumptions())
+    assert {name: set(group) for name, group in named.groups.items()} in ({"first": {"second"}}, {"second": {"first"}})
+
+
+def test_members_of_a_scale_group_stand_together_unless_one_is_surely_the_cause() -> None:
+    def one(name: str, weight: float) -> SetFit:
+        return SetFit((name,), {}, {}, {}, weight, {}, np.eye(1))
+
+    sets, alike = (
+        [one("mass", 0.0), one("drag_polar", -4.0), one("idle_thrust", -9.0)],
+        [EFFECTS["mass"].scale_group.members],
+    )  # type: ignore[union-attr]
+    assert name_effects(sets, Assumptions(), alike).groups == {"mass": ("drag_polar",)}
+
+
+def test_linearised_candidates_are_their_own_where_they_are_linear() -> None:
+    effect = column("e", np.linspace(0, 1, 5))
+    found = Linearised(effect, np.array([2.0])).at(np.array([0.5]))
+    np.testing.assert_allclose(found.shift, effect.at(np.array([0.5])).shift)
+
+
+def test_precisions_of_partly_seen_flights_are_those_of_what_is_seen() -> None:
+    rng = np.random.default_rng(4)
+    root = rng.normal(size=(4, 4))
+    covariance = root @ root.T + np.eye(4)
+    seen = np.array([[True, True, False, True], [True] * 4])
+    values = np.where(seen, rng.normal(size=(2, 4)), 0.0)
+    found = Precisions(covariance, seen).log_density(values)
+    for i in range(2):
+        at = np.flatnonzero(seen[i])
+        law = stats.multivariate_normal(np.zeros(len(at)), covariance[np.ix_(at, at)])
+        assert found[i] - 0.5 * len(at) * np.log(2 * np.pi) == pytest.approx(law.logpdf(values[i, at]))
+
+
+def brakes_in(n: int, share: float, drag: float) -> tuple[np.ndarray, WaysOfFlights, np.ndarray]:
+    """Flights, of which a share has brakes out between two levels of its own."""
+    state = example_flights(n)
+    effect = EFFECTS["speed_brake"]
+    seen = np.ones((n, 11), dtype=bool)
+    ways = ways_of_flights(effect, state, np.arange(11), seen)  # type: ignore[arg-type]
+    rng = np.random.default_rng(5)
+    has = np.arange(n) < share * n
+    window = effect.within(state, torch.tensor(210.0), torch.tensor(260.0))["rate"].numpy()  # type: ignore[attr-defined]
+    values = 0.02 * rng.normal(size=(n, 11)) + has[:, None] * drag * window * ways.shape
+    return values - values.mean(0), ways, has
+
+
+def test_a_mixture_finds_the_share_size_and_window_of_brakes() -> None:
+    values, ways, has = brakes_in(300, 0.4, 0.5)
+    seen = np.ones(values.shape, dtype=bool)
+    spread = 4e-4 * np.eye(11)
+    found = fit_mixture(values, seen, spread, [], [ways], 25)
+    without = fit_mixture(values, seen, spread, [], [], 1)
+    assert found.log_likelihood > without.log_likelihood + 500
+    assert found.shares["speed_brake"] == pytest.approx(0.4, abs=0.02)
+    _, mean, _ = ways.effect.size(found.laws["speed_brake"])
+    assert mean == pytest.approx(0.5, rel=0.1)
+    assert np.mean((found.normal < 0.5) == has) > 0.98
+    low, high = found.laws["speed_brake"][1:3].tolist()
+    assert (low, high) == (pytest.approx(210, abs=8), pytest.approx(260, abs=8))
+
+
+def test_a_mixture_finds_nothing_in_normal_flights() -> None:
+    values, ways, _ = brakes_in(300, 0.0, 0.5)
+    found = fit_mixture(values, np.ones(values.shape, dtype=bool), 4e-4 * np.eye(11), [], [ways], 25)
+    assert found.shares["speed_brake"] < 0.02
+
+
+def bare(sides: Compared) -> Compared:
+    """The same with a simulator that has one trajectory for all flights."""
+    mean = sides.y[~sides.real].mean(0)
+    state = sides.state
+    one = torch.where(sides.real[:, None], state.cas_mps, state.cas_mps[~sides.real].mean(0))
+    return replace(sides, y=torch.where(sides.real[:, None], sides.y, mean), state=replace(state, cas_mps=one))
+
+
+@pytest.mark.parametrize(
+    ("name", "theta"), [("temperature", [10.0]), ("drag_polar", [0.15]), ("wind_gradient", [0.004])]
+)
+@pytest.mark.parametrize("is_bare", [False, True])
+def test_a_single_cause_is_named_with_its_size(name: str, theta: list[float], is_bare: bool) -> None:
+    sides = example_sides(EFFECTS[name], theta, n=200)
+    found = explain(bare(sides) if is_bare else sides, EFFECTS)
+    assert found.verdict == "effect"
+    (named, group), *more = found.named.groups.items()
+    assert not more
+    assert name in (named, *group)
+    if named == name:
+        size, error = found.best.sizes[name], found.best.errors[name]
+        assert abs(size[0] - theta[0]) < 4 * error[0]
+
+
+def test_no_cause_is_named_between_flights_of_one_population() -> None:
+    called = 0
+    for n, is_bare in itertools.product((60, 120), (False, True)):
+        sides = example_sides(n=n)
+        called += explain(bare(sides) if is_bare else sides, EFFECTS).verdict != "none"
+    assert called == 0

@@ -13,7 +13,7 @@ from descentflow.diagnosis.evidence.best_sets import Search
 from descentflow.diagnosis.evidence.candidates import FlightsEffect, Linearised
 from descentflow.diagnosis.evidence.explain import explain
 from descentflow.diagnosis.evidence.flight_mixture import Precisions, WaysOfFlights, fit_mixture, ways_of_flights
-from descentflow.diagnosis.evidence.gaussian import posterior
+from descentflow.diagnosis.evidence.linear_gaussian import posterior
 from descentflow.diagnosis.evidence.moments import Moments, moments, shrunk, sums_over_aircraft
 from descentflow.diagnosis.evidence.naming import name_effects
 from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits

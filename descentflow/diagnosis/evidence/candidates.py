@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.gaussian import Array
+from descentflow.diagnosis.evidence.linear_gaussian import Array
 from descentflow.diagnosis.evidence.signatures import Signature, Signatures
 from descentflow.effects import Effect
 

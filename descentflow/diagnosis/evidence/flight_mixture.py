@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from scipy.special import log_ndtr
 
-from descentflow.diagnosis.evidence.gaussian import Array
+from descentflow.diagnosis.evidence.linear_gaussian import Array
 from descentflow.effects.flight_law import DiffersByFlight, Learnt
 from descentflow.effects.flight_state import FlightState
 from descentflow.effects.windowed_effect import WindowedEffect

@@ -15,7 +15,7 @@ import numpy as np
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
 from descentflow.diagnosis.evidence.flight_mixture import Precisions
-from descentflow.diagnosis.evidence.gaussian import Array
+from descentflow.diagnosis.evidence.linear_gaussian import Array
 
 SWEEPS = 2
 """Over the four sizes."""

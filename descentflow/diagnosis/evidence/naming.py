@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.gaussian import Array
+from descentflow.diagnosis.evidence.linear_gaussian import Array
 from descentflow.diagnosis.evidence.moments import Moments
 from descentflow.diagnosis.evidence.set_fit import Names, SetFit, SetFits
 from descentflow.diagnosis.findings.findings import Verdict

@@ -50,6 +50,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="types that fly the samples, A319,A320,A321; such a list for each checkpoint: bluesky, bluebird",
     )
     parser.add_argument(
+        "--into",
+        nargs=3,
+        default=(),
+        type=Path,
+        metavar=("PROFILE", "UNCERTAINTY", "MAPPING"),
+        help="tables of bluebird-dt, whose climbs, cruises and other types the written ones keep: bluebird",
+    )
+    parser.add_argument(
         "--precision",
         choices=("float64", "float32"),
         default="float64",
@@ -95,6 +103,7 @@ def run(args: argparse.Namespace) -> None:
             step_s=args.step_s,
             prefix=args.prefix,
             fly_as=args.fly_as,
+            into=args.into,
             report=print,
         )
     for path in written:

@@ -4,7 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
+from descentflow.exports.bluebird_merge import KINDS, Tables, merged
 from descentflow.exports.bluebird_tables import tables
 from descentflow.exports.export_request import ExportRequest
 from descentflow.exports.plugin import write_plugin
@@ -16,7 +18,8 @@ def write(request: ExportRequest, *others: ExportRequest) -> list[Path]:
     The tables are ``NAME_profile.json``, ``NAME_uncertainty.json`` and ``NAME_mapping.json``.
 
     Raises:
-        DataError: If there are too few samples for tables.
+        ConfigError: If a predictor shall be put into tables.
+        DataError: If there are too few samples for tables, or ``into`` names others than bluebird's.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -24,18 +27,32 @@ def write(request: ExportRequest, *others: ExportRequest) -> list[Path]:
         ['bird.py', 'bird.json']
     """
     if request.path.suffix == ".py":
+        if request.into:
+            raise ConfigError(
+                f"into {request.into[0]} for a predictor",
+                expected="tables, NAME.json",
+                mend="pass your tables to the predictor itself, as LinearPredictor takes them",
+            )
         return write_plugin("bluebird_predictor.py", request, *others)
-    written = []
-    for kind, table in tables_of_models(request, *others).items():
-        written.append(request.path.with_name(f"{request.path.stem}_{kind}.json"))
-        with whole_file(written[-1]) as temporary:
-            temporary.write_text(json.dumps(table, indent=1), encoding="utf-8")
-    return written
+    paths = [request.path.with_name(f"{request.path.stem}_{kind}.json") for kind in KINDS]
+    same = {path.resolve() for path in paths} & {Path(path).resolve() for path in request.into}
+    if same:
+        raise ConfigError(
+            f"{same.pop()}, which would be written over", expected="tables beside yours", mend="choose another output"
+        )
+    made = tables_of_models(request, *others)
+    made = merged(made, request.into) if request.into else made
+    for path, kind in zip(paths, KINDS, strict=True):
+        with whole_file(path) as temporary:
+            temporary.write_text(json.dumps(made[kind], indent=1), encoding="utf-8")
+    return paths
 
 
-def tables_of_models(*requests: ExportRequest) -> dict[str, dict[str, Any]]:
+def tables_of_models(*requests: ExportRequest) -> Tables:
     """Profile, uncertainty and mapping of every model; other types fly as the first."""
-    profile, uncertainty, mapping = {}, {}, {"DEFAULT": requests[0].typecode}
+    profile: dict[str, Any] = {}
+    uncertainty: dict[str, Any] = {}
+    mapping = {"DEFAULT": requests[0].typecode}
     for each in requests:
         profile[each.typecode], uncertainty[each.typecode] = tables(each.samples.to_polars())
         mapping |= dict.fromkeys(each.types, each.typecode)

@@ -43,6 +43,7 @@ def export(
     step_s: float | None = None,
     prefix: str = "DF",
     fly_as: str | Sequence[str] = (),
+    into: Sequence[str | Path] = (),
     report: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write a model's samples, or the model, in the format of another program.
@@ -68,6 +69,7 @@ def export(
         step_s: Seconds from row to row, on whole steps of the clock; a row for each level if absent, 1 for ``traffic``.
         prefix: Of the callsigns: two exports that fly in one simulation need two.
         fly_as: Types that a model's samples are flown as, as "A319,A320,A321"; one such text for each model.
+        into: Profile, uncertainty and mapping of bluebird-dt, whose climbs and cruises the tables keep.
         report: Called with a line on size and speed for each sampler that was exported itself.
 
     Returns:
@@ -110,6 +112,7 @@ def export(
         step_s=target.step_s if step_s is None else step_s,
         prefix=prefix,
         fly_as=tuple(said),
+        into=tuple(map(Path, into)),
         apart=len(densities),
         report=report,
     )

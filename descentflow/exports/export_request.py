@@ -38,6 +38,7 @@ class ExportRequest:
         step_s: Seconds from row to row; a row for each level if None.
         prefix: Of the callsigns.
         fly_as: Types that the samples are flown as, in turn; the model's own if empty.
+        into: Files of the other program that the output has beside its own.
         first: Number of the first flight, where flights of several models are counted on.
         apart: From the number of a flight to the next one's.
         report: Called with a line of figures on what was written, where a target has some.
@@ -62,6 +63,7 @@ class ExportRequest:
     step_s: float | None = None
     prefix: str = "DF"
     fly_as: tuple[str, ...] = ()
+    into: tuple[Path, ...] = ()
     first: int = 0
     apart: int = 1
     report: Callable[[str], None] | None = None

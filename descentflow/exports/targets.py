@@ -93,7 +93,7 @@ class Target:
         return found
 
 
-DEFAULTS = {"precision": "float64", "step_s": None, "prefix": "DF", "fly_as": ()}
+DEFAULTS = {"precision": "float64", "step_s": None, "prefix": "DF", "fly_as": (), "into": ()}
 """Options that some targets have and others refuse, with what they are where nobody asked."""
 ROWS = ("step_s", "prefix")
 TARGETS = {
@@ -113,7 +113,7 @@ TARGETS = {
     "bluebird": Target(
         "tables for bluebird-dt (.json), or a predictor that flies samples (.py)",
         (".json", ".py"),
-        options=("fly_as",),
+        options=("fly_as", "into"),
         several=True,
     ),
     "onnx": Target(

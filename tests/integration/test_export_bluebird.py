@@ -3,6 +3,7 @@
 import copy
 import importlib.util
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 
 import descentflow as df
+from descentflow.cli.entry import main
+from descentflow.core.errors import ConfigError, DataError
 from descentflow.exports.export import export
 
 N = 200
@@ -124,25 +127,133 @@ def test_the_tables_give_times_like_the_samples(
     assert found.std() == pytest.approx(own_seconds.std(), rel=0.15)
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_what_a_controller_commands_is_flown_as_ever(written: Path) -> None:
-    bluebird()
+def flight(fl: float, to_fl: float, typecode: str = "A320", **said: float) -> Any:
     from bluebird_dt.core import Aircraft
 
-    own, stock = predictor(written, sampled=True), predictor(written, sampled=False)
-    for said in ({"vertical_speed": 1000.0}, {"cas": 250.0}):
-        rates = []
-        for one in (own, stock):
-            flight = Aircraft(
-                lat=51.0, lon=0.0, fl=300.0, heading=90.0, flight_plan=None, callsign="A1", selected_fl=150,
-                aircraft_type="A320", random_seed=3,
-            )  # fmt: skip
-            for name, value in said.items():
-                setattr(flight.selected_instructions, name, value)
-            one.update_total_speeds(flight)
-            one.update_vertical_speeds(flight)
-            rates.append((flight.vertical_speed, flight.speed_tas))
-        assert rates[0] == rates[1]
+    made = Aircraft(
+        lat=51.0, lon=0.0, fl=fl, heading=90.0, flight_plan=None, callsign="A1", selected_fl=to_fl,
+        aircraft_type=typecode, random_seed=3,
+    )  # fmt: skip
+    made.randomise_performance(3)
+    made.on_route, made.selected_instructions.heading = False, 90.0
+    for name, value in said.items():
+        setattr(made.selected_instructions, name, value)
+    return made
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_what_a_controller_instructs_is_flown_as_ever(written: Path) -> None:
+    """And at an instructed speed the rate is that of the sample whose speed there is nearest."""
+    bluebird()
+    samples = json.loads((written / "flown.json").read_text())["fleet"][0]["samples"]
+    for said in ({"vertical_speed": 1000.0}, {"cas": 250.0}, {"mach": 0.7}, {"vertical_speed": 900.0, "cas": 280.0}):
+        flown = []
+        for one in (predictor(written, sampled=True), predictor(written, sampled=False)):
+            made = flight(300.0, 150, **said)
+            one.update_total_speeds(made)
+            one.update_vertical_speeds(made)
+            flown.append(made)
+        if "vertical_speed" in said:
+            assert flown[0].vertical_speed == flown[1].vertical_speed
+        if "cas" in said or "mach" in said:
+            assert flown[0].speed_tas == flown[1].speed_tas
+        if said == {"cas": 250.0}:
+            high = [one for one in samples if one["level_fl"][0] >= 300]
+            near = min(high, key=lambda one: abs(one["CAS"][one["level_fl"].index(300)] - 250))
+            assert flown[0].vertical_speed == pytest.approx(near["vertical_rate"][near["level_fl"].index(300)])
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_example_of_the_page_flies_samples(a320: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bluebird()
+    page = (Path(__file__).resolve().parents[2] / "docs/how-to/export_bluebird.md").read_text()
+    words = re.search(r"^descentflow (export best.ckpt .* --out sampled.py)", page, re.MULTILINE)
+    code = re.search(r"```python\n(.*?)```", page, re.DOTALL)
+    assert words, "the page's command"
+    assert code, "and what it is followed by"
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    Path("best.ckpt").write_bytes(a320.read_bytes())
+    assert main(words[1].split()) == 0
+    found: dict[str, Any] = {}
+    exec(code[1], found)
+    one = found["simulator"].manager.environment.aircraft["AIR0"]
+    _, number = one.predictor_params["descentflow_sample"]
+    own = json.loads(Path("sampled.json").read_text())["fleet"][0]["samples"][number]
+    expected = np.interp(-one.fl, -np.array(own["level_fl"]), own["vertical_rate"])
+    assert one.vertical_speed == pytest.approx(expected, abs=30.0)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_tables_put_into_others_keep_their_climbs_and_fly_our_descents(
+    a320: Path, written: Path, tmp_path: Path
+) -> None:
+    """Without them a first climb ends the simulation: bluebird finds no rate of climb."""
+    bluebird()
+    from bluebird_dt.predictor.linear_predictor import LinearPredictor
+    from bluebird_dt.utility.paths import (
+        AIRCRAFT_WEIGHT_MAPPING_FILE,
+        SIMPLE_PERFORMANCE_PROFILE_FILE,
+        SIMPLE_PERFORMANCE_UNCERTAINTY_FILE,
+    )
+
+    files = (SIMPLE_PERFORMANCE_PROFILE_FILE, SIMPLE_PERFORMANCE_UNCERTAINTY_FILE, AIRCRAFT_WEIGHT_MAPPING_FILE)
+    out = export(a320, "bluebird", tmp_path / "all.json", n=2000, fly_as="A319,A320", into=files)
+    names = ("performance_profile_data_path", "performance_uncertainty_data_path", "aircraft_mapping_path")
+    both = LinearPredictor(3.0, 1.0, None, **dict(zip(names, map(str, out), strict=True)))
+    stock, alone = LinearPredictor(3.0, 1.0, None), predictor(written, sampled=False)
+
+    def seconds(own: Any, made: Any, level: float) -> float:
+        points, _ = own._predict(made, 1500.0)
+        levels = [point.fl for point in points]
+        rising = levels[-1] > levels[0]
+        return float(
+            np.interp(level if rising else -level, [fl if rising else -fl for fl in levels], [p.time for p in points])
+        )
+
+    with pytest.raises(KeyError, match="cl"):
+        seconds(alone, flight(150.0, 300), 250.0)
+    for typecode in ("A319", "A320"):
+        assert seconds(both, flight(150.0, 300, typecode), 250.0) == seconds(stock, flight(150.0, 300), 250.0)
+    for typecode in ("B738", "A388"):
+        for ends in ((150.0, 300), (300.0, 150)):
+            level = sum(ends) / 2
+            assert seconds(both, flight(*ends, typecode), level) == seconds(stock, flight(*ends, typecode), level)
+    ours = seconds(alone, flight(340.0, 140), 160.0)
+    assert seconds(both, flight(340.0, 140), 160.0) == pytest.approx(ours, abs=0.5)
+    assert abs(seconds(stock, flight(340.0, 140), 160.0) - ours) > 20
+    low = flight(120.0, 60)
+    both.update_vertical_speeds(low)
+    assert -2800 < low.vertical_speed < -2200, "below our levels theirs, 2,500 ft/min for a nominal flight"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        ("profile", r"no profile of bluebird-dt.*expected a JSON object with 'aircraft'"),
+        ("mapping", "no mapping of bluebird-dt"),
+        ("climbs", "no climbs of MEDIUM in"),
+        ("number", "2 files to put descents into"),
+        ("same", "would be written over"),
+        ("predictor", "for a predictor"),
+    ],
+)
+def test_tables_that_cannot_be_put_into_others_are_refused(
+    a320: Path, tmp_path: Path, spoil: str, message: str
+) -> None:
+    entry = {"flight_level": [0, 400], "rocd_cl": 2000, "cas_cl": [250, 300], "rocd_des": 2500}
+    if spoil == "climbs":
+        del entry["rocd_cl"]
+    made = {"profile": {"aircraft": {"MEDIUM": entry}}, "uncertainty": {"aircraft": {}}, "mapping": {"A320": "MEDIUM"}}
+    files = [tmp_path / f"my_{kind}.json" for kind in made]
+    for path, (kind, table) in zip(files, made.items(), strict=True):
+        path.write_text("[]" if kind == spoil else json.dumps(table))
+    before = [path.read_text() for path in files]
+    out = tmp_path / {"same": "my.json", "predictor": "d.py"}.get(spoil, "d.json")
+    with pytest.raises((ConfigError, DataError), match=message):
+        export(a320, "bluebird", out, n=100, into=files[:2] if spoil == "number" else files)
+    assert [path.read_text() for path in files] == before
+    assert len(list(tmp_path.iterdir())) == 3
 
 
 def test_tables_have_the_form_that_bluebird_reads(a320: Path, tmp_path: Path) -> None:

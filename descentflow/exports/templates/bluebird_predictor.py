@@ -12,14 +12,18 @@ from typing import Any
 import numpy as np
 from bluebird_dt.core import Aircraft, FlightState
 from bluebird_dt.predictor.linear_predictor import LinearPredictor
+from bluebird_dt.utility.convert import KT_TO_MPS, cas_to_tas
 
 CHOSEN = "descentflow_sample"
-"""Where a flight keeps the number of its sample: bluebird copies it along with every prediction."""
+"""Where a flight keeps its sample and the speeds instructed then: bluebird copies it along with every prediction."""
 FLOWN = ("level_fl", "vertical_rate", "CAS")
 
 
 class SampledDescents(LinearPredictor):  # type: ignore[misc]
-    """Free descents of the types by samples; all else, and what a controller commands, as LinearPredictor flies it."""
+    """Descents of the types by samples; all else, and what a controller instructs, as LinearPredictor flies it.
+
+    A flight at an instructed speed descends at the rates of the sample whose speed at its level is nearest.
+    """
 
     def __init__(self, *positional: Any, **settings: Any) -> None:
         super().__init__(*positional, **settings)
@@ -30,32 +34,48 @@ class SampledDescents(LinearPredictor):  # type: ignore[misc]
             self.samples.update((name, ascending) for name in one["types"])
 
     def sample_of(self, aircraft: Aircraft) -> Any:
-        """The flight's sample while it descends freely within the sample's levels; None otherwise."""
-        said, samples = aircraft.selected_instructions, self.samples.get(aircraft.aircraft_type)
-        free = said.vertical_speed is None and said.cas is None and said.mach is None
-        if not free or aircraft.flight_state is not FlightState.DESCEND or samples is None:
+        """The flight's sample while it descends within the sample's levels; None otherwise."""
+        samples = self.samples.get(aircraft.aircraft_type)
+        if aircraft.flight_state is not FlightState.DESCEND or samples is None:
             return None
-        if CHOSEN not in aircraft.predictor_params:
-            own = zlib.crc32(str(aircraft.callsign).encode()) if aircraft.random_seed is None else aircraft.random_seed
+        instructed = aircraft.selected_instructions.cas, aircraft.selected_instructions.mach
+        before, number = aircraft.predictor_params.get(CHOSEN, (None, None))
+        if number is None or before != instructed or samples[number][0][-1] < aircraft.fl:
             among = [i for i, sample in enumerate(samples) if sample[0][-1] >= aircraft.fl]
             if not among:
                 return None
-            aircraft.predictor_params[CHOSEN] = among[int(np.random.default_rng(own).integers(len(among)))]
-        sample = samples[aircraft.predictor_params[CHOSEN]]
-        return sample if aircraft.fl > sample[0][0] else None
+            number = self.chosen(aircraft, samples, among) if any(instructed) else among[drawn(aircraft, len(among))]
+            aircraft.predictor_params[CHOSEN] = instructed, number
+        return samples[number] if aircraft.fl > samples[number][0][0] else None
+
+    def chosen(self, aircraft: Aircraft, samples: list[Any], among: list[int]) -> int:
+        """The sample whose speed at the flight's level is nearest to the flight's, which a controller instructed."""
+
+        def off_mps(number: int) -> float:
+            cas_mps = KT_TO_MPS * np.interp(aircraft.fl, samples[number][0], samples[number][2])
+            return float(abs(cas_to_tas(aircraft.fl, cas_mps, self.delta_T) - KT_TO_MPS * aircraft.speed_tas))
+
+        return min(among, key=off_mps)
 
     def update_vertical_speeds(self, aircraft: Aircraft) -> None:
-        """Rate of descent (ft/min, negative) by the sample."""
-        sample = self.sample_of(aircraft)
+        """Rate of descent (ft/min, negative): what is instructed, or the sample's."""
+        sample = self.sample_of(aircraft) if aircraft.selected_instructions.vertical_speed is None else None
         if sample is None:
             super().update_vertical_speeds(aircraft)
         else:
             aircraft.vertical_speed = float(np.interp(aircraft.fl, sample[0], sample[1]))
 
     def get_aircraft_cas_mach_speeds(self, aircraft: Aircraft) -> tuple[float, float | None]:
-        """CAS (kt) by the sample, at every level."""
-        sample = self.sample_of(aircraft)
+        """CAS (kt) and Mach number as instructed, or the sample's CAS at every level."""
+        said = aircraft.selected_instructions
+        sample = self.sample_of(aircraft) if said.cas is None and said.mach is None else None
         if sample is None:
             found: tuple[float, float | None] = super().get_aircraft_cas_mach_speeds(aircraft)
             return found
         return float(np.interp(aircraft.fl, sample[0], sample[2])), None
+
+
+def drawn(aircraft: Aircraft, n: int) -> int:
+    """A number below n, the same for the same random seed, or callsign of a flight without one."""
+    seed = zlib.crc32(str(aircraft.callsign).encode()) if aircraft.random_seed is None else aircraft.random_seed
+    return int(np.random.default_rng(seed).integers(n))

@@ -81,7 +81,11 @@ def diagnosed_once(name: str, lighter: GapReport, monkeypatch: pytest.MonkeyPatc
 @pytest.mark.filterwarnings("ignore:.*and are no test of it:descentflow.core.errors.DescentflowWarning")
 @pytest.mark.usefixtures("diagnosed_once")
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in module_names()]
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name in LONG or name.startswith("studies.") else name
+        for name in module_names()
+    ],
 )
 def test_examples_give_what_they_say(name: str, example_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if name in NEEDS:

@@ -6,6 +6,7 @@ import importlib
 import pkgutil
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -98,10 +99,34 @@ def test_examples_give_what_they_say(name: str, example_folder: Path, monkeypatc
     assert result.failed == 0
 
 
+def blocks_of(page: str) -> list[str]:
+    text = (Path(__file__).resolve().parents[1] / "docs" / "how-to" / f"{page}.md").read_text(encoding="utf-8")
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+
+
 def test_the_page_of_the_running_simulator_runs(example_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(example_folder)
-    page = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "running_simulator.md"
-    (block,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    (block,) = blocks_of("running_simulator")
     made: dict[str, object] = {}
     exec(block, made)
     assert len(made["many"]) == 100
+
+
+def test_the_page_of_lightning_scripts_runs(example_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.chdir(example_folder)
+    script, _ = blocks_of("lightning")
+    made: dict[str, Any] = {}
+    exec(script, made)
+    assert len(made["samples"]) == 100
+    assert made["best"].best_model_score <= made["trainer"].callback_metrics[made["ENERGY"]]
+    assert re.findall(r"epoch (\d): \d+% plausible", capsys.readouterr().out) == ["1", "2", "3"]
+
+
+def test_the_sweep_of_that_page_runs(example_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("optuna", reason="Optuna is no extra of descentflow: pip install optuna")
+    monkeypatch.chdir(example_folder)
+    made: dict[str, Any] = {}
+    for block in blocks_of("lightning"):
+        exec(block, made)
+    assert [trial.state.name for trial in made["study"].trials] == ["COMPLETE"] * 3
+    assert 0 < made["study"].best_value < 50

@@ -19,9 +19,8 @@ def constant_speeds(table: pl.DataFrame) -> pl.DataFrame:
         table: Samples, as :meth:`descentflow.generation.samples.Samples.to_polars` has them.
 
     Returns:
-        A row for each sample: ``sample_id top_of_descent_nm``; ``crossover_fl mach mach_rate_fpm`` (null where fewer
-        than ten levels are flown at constant Mach); ``cas_kt cas_rate_fpm`` (null where fewer are at constant CAS).
-        Speeds are means over levels, rates are height over time.
+        A row for each sample: ``sample_id``; ``crossover_fl mach`` (null where fewer than ten levels are flown at
+        constant Mach); ``cas_kt`` (null where fewer are at constant CAS). Speeds are means over levels.
 
     Example:
         >>> from descentflow.generation.sample import sample
@@ -31,18 +30,17 @@ def constant_speeds(table: pl.DataFrame) -> pl.DataFrame:
     """
     rows = []
     for one in table.partition_by("sample_id", maintain_order=True):
-        mach, cas, level, time = (one[name].to_numpy() for name in ("Mach", "CAS", "level_fl", "time_s"))
+        mach, cas, level = (one[name].to_numpy() for name in ("Mach", "CAS", "level_fl"))
         split = _split(mach, cas)
-        row = {"sample_id": one["sample_id"][0], "top_of_descent_nm": one["top_of_descent_nm"][0]}
-        upper, lower = slice(0, split), slice(split, None)
+        row = {"sample_id": one["sample_id"][0]}
         if split >= FEWEST_LEVELS:
-            row |= {"crossover_fl": float(level[split - 1]), "mach": float(mach[upper].mean())}
-            row["mach_rate_fpm"] = _rate(level[upper], time[upper])
+            row |= {"crossover_fl": float(level[split - 1]), "mach": float(mach[:split].mean())}
         if len(level) - split >= FEWEST_LEVELS:
-            row |= {"cas_kt": float(cas[lower].mean()), "cas_rate_fpm": _rate(level[lower], time[lower])}
+            row["cas_kt"] = float(cas[split:].mean())
         rows.append(row)
-    numbers = ("top_of_descent_nm", "crossover_fl", "mach", "mach_rate_fpm", "cas_kt", "cas_rate_fpm")
-    return pl.DataFrame(rows, schema={"sample_id": pl.Int32, **dict.fromkeys(numbers, pl.Float64)})
+    return pl.DataFrame(
+        rows, schema={"sample_id": pl.Int32, "crossover_fl": pl.Float64, "mach": pl.Float64, "cas_kt": pl.Float64}
+    )
 
 
 def _split(mach: Array, cas: Array) -> int:
@@ -57,7 +55,3 @@ def _variation(values: Array) -> Array:
     count = np.arange(1, len(values) + 1)
     centred = values - values[0]
     return np.concatenate([[0.0], np.cumsum(centred**2) - np.cumsum(centred) ** 2 / count])
-
-
-def _rate(level: Array, time: Array) -> float:
-    return float(100 * (level[-1] - level[0]) / (time[-1] - time[0]) * 60)

@@ -145,12 +145,14 @@ def test_what_a_controller_commands_in_a_descent_is_flown(a320: Path, tmp_path: 
     samples = json.loads(beside.read_text())["fleet"][0]["samples"]
     highest = sorted(range(200), key=lambda k: -samples[k]["level_fl"][0])[0]
     top_ft = 100.0 * samples[highest]["level_fl"][0]
-    names = ("FREE", "SLOW", "RATE", "ABOVE", "STEEP")
+    names = ("FREE", "SLOW", "RATE", "ABOVE", "AGAIN", "CLIMB", "STEEP")
     commands = [created(k, "A320", top_ft, 280.0, name) for k, name in enumerate(names)]
     commands[3] = created(3, "A320", top_ft + 2000, 280.0, "ABOVE")
-    commands += [(1.0, f"DFSAMPLE {name} {highest}") for name in ("FREE", "SLOW", "RATE")]
+    commands += [(1.0, f"DFSAMPLE {name} {highest}") for name in ("FREE", "SLOW", "RATE", "AGAIN")]
     commands += [(2.0, f"ALT {name} {BELOW_FT}") for name in names[:4]] + [(2.0, f"ALT STEEP {BELOW_FT} -2600")]
-    commands += [(120.0, "SPD SLOW 240"), (120.0, "VS RATE -900"), (300.0, "VS RATE 0")]
+    commands += [(2.0, "ALT AGAIN 32000 -1200"), (2.0, f"ALT CLIMB {BELOW_FT}")]
+    commands += [(120.0, "SPD SLOW 240"), (120.0, "VS RATE -900"), (200.0, "ALT CLIMB 36000 1200")]
+    commands += [(300.0, "VS RATE 0"), (300.0, f"ALT AGAIN {BELOW_FT}"), (600.0, f"ALT CLIMB {BELOW_FT}")]
     states = fly(tmp_path, source, commands=commands, until_s=1500).states
     at = {name: int(np.argmax(state[:, 0] >= 240.0)) for name, state in states.items()}
     assert states["SLOW"][at["SLOW"], 4] == pytest.approx(240.0, abs=1.0)
@@ -174,6 +176,10 @@ def test_what_a_controller_commands_in_a_descent_is_flown(a320: Path, tmp_path: 
     assert later[5] == pytest.approx(
         np.interp(-later[1] / 100, -np.array(own["level_fl"]), own["vertical_rate"]), abs=60.0
     )
+    assert states["CLIMB"][at["CLIMB"], 5] == pytest.approx(1200.0, abs=1.0)
+    assert rate_at(states["AGAIN"], 33_000.0) == pytest.approx(-1200.0, abs=1.0)
+    expected = np.interp(-250.0, -np.array(own["level_fl"]), own["vertical_rate"])
+    assert rate_at(states["AGAIN"], 25_000.0) == pytest.approx(expected, abs=60.0), "a level-off ends a commanded rate"
     assert rate_at(states["STEEP"], 25_000.0) == pytest.approx(-2600.0, abs=1.0)
     assert rate_at(states["ABOVE"], top_ft + 700) == pytest.approx(-1500.0, abs=1.0), "above all samples: BlueSky's own"
     assert all(state[-1, 1] == pytest.approx(BELOW_FT, abs=5.0) for state in states.values())

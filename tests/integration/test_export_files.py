@@ -116,6 +116,12 @@ def test_the_command_lists_the_targets_and_writes(a320: Path, tmp_path: Path, ca
     assert f"wrote {tmp_path / 's.json'}" in capsys.readouterr().out
     assert main(["export", str(a320), "--to", "cf", "--out", str(tmp_path / "s.nc"), "-n", "3"]) == 2
     assert "cf without places" in capsys.readouterr().err
+    words = ["export", str(a320), str(a320), "--to", "bluesky", "--as", "A319,A320", "A321", "-n", "2"]
+    assert main([*words, "--out", str(tmp_path / "fleet.py")]) == 0
+    fleet = json.loads((tmp_path / "fleet.json").read_text())["fleet"]
+    assert [one["types"] for one in fleet] == [["A319", "A320"], ["A321"]]
+    assert main(["export", str(a320), str(tmp_path / "no.ckpt"), "--to", "bluesky", "--out", "x.py"]) == 2
+    assert "no.ckpt" in capsys.readouterr().err
     with pytest.raises(DataError, match="does not exist"):
         export(a320, "bluesky", tmp_path / "nowhere" / "s.py")
 

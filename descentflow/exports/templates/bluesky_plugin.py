@@ -17,26 +17,53 @@ from bluesky import core, stack, traf
 from bluesky.tools.aero import mach2cas
 
 FPM, KNOT, FEET = 0.3048 / 60, 0.514444, 0.3048
-STEP_M = 1000 * FEET
+STEP_M, SLACK_M = 1000 * FEET, 10 * FEET
 SLOWEST_MPS = 0.1
 """BlueSky takes slower selected rates for none."""
 FASTEST_MACH = 2.0
 """Selected speeds below are Mach numbers."""
 
-SAMPLES: dict[str, list[dict[str, Any]]] = vars(bluesky).setdefault("descentflow_samples", {})
+
+class Samples:
+    """The samples of a model in BlueSky's units."""
+
+    def __init__(self, samples: list[dict[str, list[float]]]) -> None:
+        self.level_m = [100 * FEET * np.array(one["level_fl"])[::-1] for one in samples]
+        self.rates = [FPM * np.array(one["vertical_rate"])[::-1] for one in samples]
+        self.speeds = [KNOT * np.array(one["CAS"])[::-1] for one in samples]
+        self.lowest_m, self.highest_m = (np.array([level_m[k] for level_m in self.level_m]) for k in (0, -1))
+
+    def __len__(self) -> int:
+        return len(self.level_m)
+
+    def rate(self, k: int, altitude_m: float) -> float:
+        """Rate (m/s, negative) of a sample."""
+        return float(np.interp(altitude_m, self.level_m[k], self.rates[k]))
+
+    def cas(self, k: int, altitude_m: float) -> float:
+        """CAS (m/s) of a sample."""
+        return float(np.interp(altitude_m, self.level_m[k], self.speeds[k]))
+
+    def within(self, altitude_m: float) -> list[int]:
+        """Samples that have an altitude; a flight that holds a level may be some feet above it."""
+        inside = (self.lowest_m <= altitude_m) & (altitude_m <= self.highest_m + SLACK_M)
+        return [int(k) for k in np.flatnonzero(inside)]
+
+
+FLOWN: dict[str, Samples] = vars(bluesky).setdefault("descentflow_samples", {})
 """Type -> its samples, of every plugin of this kind; the one that was loaded first flies them all."""
 
 
 def init_plugin() -> Any:
     """BlueSky calls this."""
-    first = not SAMPLES
+    first = not FLOWN
     fleet = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))["fleet"]
-    for twice in [name for one in fleet for name in one["types"] if name in SAMPLES]:
+    for twice in [name for one in fleet for name in one["types"] if name in FLOWN]:
         stack.echo(f"DESCENTFLOW is not loaded: another plugin flies {twice}. Export all types into one.")
         raise ImportError(f"another plugin of descentflow flies {twice}")
     for one in fleet:
-        samples = [ascending(sample) for sample in one["samples"]]
-        SAMPLES.update((name, samples) for name in one["types"])
+        samples = Samples(one["samples"])
+        FLOWN.update((name, samples) for name in one["types"])
     config = {"plugin_name": "DESCENTFLOW", "plugin_type": "sim"}
     if not first:
         return config
@@ -44,16 +71,6 @@ def init_plugin() -> Any:
     usage = "DFSAMPLE acid,number"
     commands = {"DFSAMPLE": [usage, "acid,int", Descents().choose, "Set the sample that a flight descends by"]}
     return config, commands
-
-
-def ascending(sample: dict[str, list[float]]) -> dict[str, Any]:
-    """Levels, rates and speeds of a sample in BlueSky's units, from the lowest level up."""
-    return {
-        "level_m": 100 * FEET * np.array(sample["level_fl"])[::-1],
-        "rate": FPM * np.array(sample["vertical_rate"])[::-1],
-        "cas": KNOT * np.array(sample["CAS"])[::-1],
-        "steepest": -FPM * min(sample["vertical_rate"]),
-    }
 
 
 class Descents(core.Entity):  # type: ignore[misc]
@@ -78,7 +95,7 @@ class Descents(core.Entity):  # type: ignore[misc]
 
     def choose(self, i: int, number: int) -> tuple[bool, str]:
         """The command DFSAMPLE: a sample of the user's choice, in place of commanded speeds and rates."""
-        known = len(SAMPLES.get(traf.type[i], ()))
+        known = len(FLOWN.get(traf.type[i], ()))
         if not 0 <= number < known:
             return False, f"{traf.type[i]} has {known} samples, numbered from 0"
         self.number[i], self.set[i] = number + 1, True
@@ -90,18 +107,19 @@ class Descents(core.Entity):  # type: ignore[misc]
         """Before every step of BlueSky, however long it is."""
         descending = traf.selalt < traf.alt - 1.0
         for i in np.flatnonzero(self.active & ~descending).tolist():
+            self.own_rate[i] = False
             self.end(i)
         for i in np.flatnonzero(descending).tolist():
-            if traf.type[i] in SAMPLES:
-                self.descend(i, SAMPLES[traf.type[i]])
+            if traf.type[i] in FLOWN:
+                self.descend(i, FLOWN[traf.type[i]])
 
-    def descend(self, i: int, samples: list[dict[str, Any]]) -> None:
+    def descend(self, i: int, samples: Samples) -> None:
         """Begin or go on with a descent, unless the flight is above or below all samples."""
         if not self.active[i] and not self.begin(i, samples):
             return
         self.hear(i, samples)
-        sample = samples[self.number[i] - 1]
-        if traf.alt[i] < sample["level_m"][0]:
+        k = self.number[i] - 1
+        if traf.alt[i] < samples.lowest_m[k]:
             self.end(i)
             return
         # 1.1.1 limits the speed as if the flight was at the selected altitude.
@@ -111,14 +129,14 @@ class Descents(core.Entity):  # type: ignore[misc]
         if not self.own_rate[i]:
             # BlueSky 1.1.1 holds descents to the type's largest rate of climb, and beyond it to twice that or to none
             # while the speed changes.
-            traf.perf.vsmax[i] = max(traf.perf.vsmax[i], 1.01 * sample["steepest"])
-            traf.selvs[i] = self.rate[i] = np.interp(middle_m, sample["level_m"], sample["rate"])
+            traf.perf.vsmax[i] = max(traf.perf.vsmax[i], -1.01 * samples.rates[k].min())
+            traf.selvs[i] = self.rate[i] = samples.rate(k, middle_m)
         if not self.own_speed[i]:
-            traf.selspd[i] = self.speed[i] = np.interp(middle_m, sample["level_m"], sample["cas"])
+            traf.selspd[i] = self.speed[i] = samples.cas(k, middle_m)
 
-    def begin(self, i: int, samples: list[dict[str, Any]]) -> bool:
+    def begin(self, i: int, samples: Samples) -> bool:
         """Choose a sample among those from the flight's level or above, and say whether there is one."""
-        among = [k for k, sample in enumerate(samples) if within(sample, traf.alt[i])]
+        among = samples.within(traf.alt[i])
         if self.number[i] - 1 not in among:
             if self.set[i] or not among:
                 return False
@@ -129,7 +147,7 @@ class Descents(core.Entity):  # type: ignore[misc]
         self.rate[i], self.speed[i] = traf.selvs[i], traf.selspd[i]
         return True
 
-    def hear(self, i: int, samples: list[dict[str, Any]]) -> None:
+    def hear(self, i: int, samples: Samples) -> None:
         """Take up what was commanded since the last step."""
         if traf.selalt[i] != self.altitude_m[i]:
             self.final_m[i] = traf.selalt[i]
@@ -137,23 +155,16 @@ class Descents(core.Entity):  # type: ignore[misc]
             self.own_rate[i], self.rate[i] = abs(traf.selvs[i]) > SLOWEST_MPS, traf.selvs[i]
         if traf.selspd[i] != self.speed[i]:
             self.own_speed[i], self.speed[i] = True, traf.selspd[i]
-            said = traf.selspd[i]
-            cas = mach2cas(said, traf.alt[i]) if said < FASTEST_MACH else said
-            among = [k for k, sample in enumerate(samples) if within(sample, traf.alt[i])]
-            nearest = min(
-                among, key=lambda k: abs(np.interp(traf.alt[i], samples[k]["level_m"], samples[k]["cas"]) - cas)
-            )
+            said, altitude_m = traf.selspd[i], traf.alt[i]
+            cas = mach2cas(said, altitude_m) if said < FASTEST_MACH else said
+            among = samples.within(altitude_m) or [self.number[i] - 1]
+            nearest = min(among, key=lambda k: abs(samples.cas(k, altitude_m) - cas))
             self.number[i], self.set[i] = 1 + nearest, False
 
     def end(self, i: int) -> None:
         """Give the flight back to BlueSky, with the altitude that was selected."""
         if traf.selalt[i] == self.altitude_m[i]:
             traf.selalt[i] = self.final_m[i]
-        if not self.own_rate[i]:
+        if traf.selvs[i] == self.rate[i] and not self.own_rate[i]:
             traf.selvs[i] = 0.0
         self.active[i] = False
-
-
-def within(sample: dict[str, Any], altitude_m: float) -> bool:
-    """Whether an altitude is one of the sample's; a flight that holds a level may be some feet off."""
-    return bool(sample["level_m"][0] <= altitude_m <= sample["level_m"][-1] + 10 * FEET)

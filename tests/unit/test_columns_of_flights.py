@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from descentflow.core.errors import DataError, DescentflowWarning
-from descentflow.surveillance.rows.air_data import cas_of_mach_kt, mach_of_cas
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
 from descentflow.surveillance.rows.units_check import check_units
 
 
@@ -19,6 +19,7 @@ def rows_of_flights(number: int = 6) -> pl.DataFrame:
         rate_fpm = -2400.0 - 100 * flight
         altitude = 38_000.0 + rate_fpm * seconds / 60
         ias = np.full(len(seconds), 260.0 + 5 * flight)
+        tas = isa_tas_of_mach_kt(mach_of_cas(ias, altitude), altitude)
         flights.append(
             pl.DataFrame(
                 {
@@ -28,6 +29,8 @@ def rows_of_flights(number: int = 6) -> pl.DataFrame:
                     "IAS": ias,
                     "Mach": mach_of_cas(ias, altitude),
                     "vertical_rate": rate_fpm,
+                    "TAS": tas,
+                    "groundspeed": tas + 10.0 * (flight - 2),
                 }
             )
         )
@@ -73,11 +76,30 @@ def test_rates_as_of_real_sources_pass_in_silence(factor: float) -> None:
         ("altitude", 0.3048, "altitude seems to be in metres"),
         ("IAS", 0.514444, "IAS seems to be in m/s"),
         ("vertical_rate", -1.0, "vertical_rate has the sign of a sink rate"),
+        ("TAS", 1.852, "TAS seems to be in km/h"),
+        ("groundspeed", 0.514444, "groundspeed seems to be in m/s"),
+        ("groundspeed", 1.852, "groundspeed seems to be in km/h"),
     ],
 )
 def test_some_flights_in_another_unit_are_named(column: str, factor: float, words: str) -> None:
     rows = rows_of_flights().with_columns(pl.when(ODD).then(factor).otherwise(1.0).mul(pl.col(column)).alias(column))
     with pytest.warns(DescentflowWarning, match=rf"in 3 flights \(4ca001, 4ca003, 4ca005\) {words}"):
+        check_units(rows, "rows")
+
+
+def test_flights_of_several_sources_are_named_each_with_its_own_unit() -> None:
+    number = pl.col("icao24").str.slice(-1).cast(pl.Int64)
+    factor = pl.when(number == 1).then(0.00508).when(number == 2).then(-1.0).otherwise(1.0)
+    with pytest.warns(DescentflowWarning, match=r"1 flights \(4ca001\) .*m/s; in 1 flights \(4ca002\) .*sink rate"):
+        check_units(rows_of_flights().with_columns(pl.col("vertical_rate") * factor), "rows")
+
+
+def test_a_strong_wind_is_no_other_unit() -> None:
+    """From 160 kt against to 100 kt behind, on tracks of all directions."""
+    wind = pl.Series(np.repeat([-160.0, -100.0, 0.0, 40.0, 70.0, 100.0], 70))
+    rows = rows_of_flights().with_columns(groundspeed=pl.col("groundspeed") + wind)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
         check_units(rows, "rows")
 
 

@@ -144,9 +144,10 @@ def test_too_little_data_is_refused(descents: Path, tmp_path: Path, keep: pl.Exp
 
 
 def test_identical_flights_are_refused(descents: Path, tmp_path: Path) -> None:
-    same = [pl.col(name).first().over("level_fl").alias(name) for name in ("IAS", "vertical_rate", "Mach", "time_s")]
-    frame = pl.read_parquet(descents).with_columns(same)
-    frame.write_parquet(
+    frame = pl.read_parquet(descents)
+    one = frame.filter(pl.col("flight_id") == pl.col("flight_id").first())
+    names = frame["flight_id"].unique(maintain_order=True)
+    pl.concat(one.with_columns(flight_id=pl.lit(name)) for name in names).write_parquet(
         tmp_path / "same.parquet", metadata={"descentflow": pl.read_parquet_metadata(descents)["descentflow"]}
     )
     with pytest.raises(DataError, match="identical"):

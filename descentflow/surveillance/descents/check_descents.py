@@ -7,9 +7,12 @@ from descentflow.core.errors import DataError
 from descentflow.core.row_runs import numbered
 from descentflow.surveillance.descents.description import MEND
 from descentflow.surveillance.rows.schema import CHANNELS, POSSIBLE, TIMESTAMP
+from descentflow.surveillance.rows.units_check import check_consistency
 
 LEVELS_FL = (0, 600)
 TEXTS = ("flight_id", "icao24", "typecode", "callsign")
+LOOKED_AT, LONGEST_S = 400_000, 1e7
+"""Levels of whole flights whose columns are held against each other, and time that no flight takes."""
 NEVER_MISSING = ("flight_id", "level_fl", "time_s")
 
 
@@ -22,8 +25,11 @@ def checked_descents(frame: pl.DataFrame, source: object) -> pl.DataFrame:
 
     Raises:
         DataError: If a column is of a type that cannot hold what it should, a value is missing that never is, a value
-            is not finite or no flight has it (:data:`~descentflow.surveillance.rows.schema.POSSIBLE`), or a flight has
-            a level twice.
+            is not finite or no flight has it (:data:`~descentflow.surveillance.rows.schema.POSSIBLE`), a flight has
+            a level twice, or columns contradict each other.
+
+    Warns:
+        DescentflowWarning: If columns of some flights contradict each other.
 
     Example:
         >>> frame = pl.read_parquet("descents.parquet")
@@ -46,7 +52,18 @@ def checked_descents(frame: pl.DataFrame, source: object) -> pl.DataFrame:
     double = len(place) - pl.Series(place).n_unique()
     if double:
         raise _refused(source, "level_fl", f"has {double:,} levels twice in one flight", "each level of a flight once")
+    _check_consistency(frame.filter(flight % (1 + len(frame) // LOOKED_AT) == 0), source)
     return frame
+
+
+def _check_consistency(frame: pl.DataFrame, source: object) -> None:
+    """Hold columns of descents against each other as those of rows."""
+    micros = pl.when(pl.col("time_s").abs() < LONGEST_S).then(pl.col("time_s") * 1e6).cast(pl.Int64)
+    rows = frame.with_columns(altitude=100.0 * pl.col("level_fl"), timestamp=pl.from_epoch(micros, time_unit="us"))
+    try:
+        check_consistency(rows, str(source))
+    except DataError as error:
+        raise DataError(error.got, expected=error.expected, mend=MEND) from error
 
 
 def _typed(frame: pl.DataFrame, source: object) -> pl.DataFrame:

@@ -76,23 +76,8 @@ class Steps:
         """
         if "vertical_rate" not in rows.columns:
             return None
-        names = [name for name in ("flight_id", "icao24") if name in rows.columns]
-        rows = rows.filter(~pl.col("altitude").is_in(FILLS)).sort(*names, "timestamp", maintain_order=True)
-        possible = pl.col("vertical_rate").is_between(*POSSIBLE["vertical_rate"])
-        seen = rows.select(
-            altitude=pl.col("altitude").cast(pl.Float64),
-            reported=pl.when(possible).then(pl.col("vertical_rate")).cast(pl.Float64),
-            time_us=pl.col("timestamp").dt.epoch("us").fill_null(0),
-            flight=pl.any_horizontal(pl.col(name).ne_missing(pl.col(name).shift()) for name in names).cum_sum(),
-        )
-        altitude, reported, time_us, flight = (seen[name].to_numpy() for name in seen.columns)
-        before = _row_before(time_us, flight)
-        seconds = (time_us - time_us[before]) / 1e6
-        with np.errstate(divide="ignore", invalid="ignore"):
-            change = (altitude - altitude[before]) / seconds * 60
-        chosen = (flight == flight[before]) & (seconds >= LEAST_S) & (seconds <= MOST_S) & (change != 0)
-        chosen &= np.isfinite(change) & np.isfinite(reported)
-        return cls(change[chosen], reported[chosen])
+        steps = _steps(rows)
+        return cls(steps["change"].to_numpy(), steps["reported"].to_numpy())
 
     def difference(self, altitude_factor: float, rate_factor: float, meaning: str) -> float:
         """Logarithm of rate over change, the median of climbs or of descents, whichever is worse; NaN of too few.
@@ -115,6 +100,48 @@ class Steps:
                 found.append(abs(float(np.log(ratio))) if ratio > 1e-9 else OPPOSITE)
         # Rates without a sign are known by both: with descents alone they are sink rates.
         return np.nan if not found else OPPOSITE if meaning and len(found) < 2 else max(found)
+
+
+def ratios_of_rates(rows: pl.DataFrame) -> pl.DataFrame:
+    """Median of rate over change in the descents of each flight, where there are enough steps.
+
+    Args:
+        rows: As :meth:`Steps.of` takes them, with rates.
+
+    Returns:
+        Columns `flight_id icao24`, those that rows have, and `vertical_rate`: 1 where both agree.
+
+    Example:
+        >>> ratios_of_rates(pl.read_parquet("rows.parquet"))["vertical_rate"].median().__round__(1)
+        1.0
+    """
+    moving = pl.any_horizontal(pl.col("change", "reported").abs().is_between(SLOWEST_FPM, FASTEST_FPM))
+    ratio = (pl.col("reported") / pl.col("change")).alias("vertical_rate")
+    steps = _steps(rows).filter(moving, pl.col("change").is_between(-LEAP_FPM, 0))
+    found = steps.group_by(steps.columns[:-2]).agg(pl.len(), ratio.median())
+    return found.filter(pl.col("len") >= MIN_STEPS).drop("len")
+
+
+def _steps(rows: pl.DataFrame) -> pl.DataFrame:
+    """Columns `change` and `reported` of steps of 8 to 60 s, beside the names of their flight."""
+    names = [name for name in ("flight_id", "icao24") if name in rows.columns]
+    rows = rows.filter(~pl.col("altitude").is_in(FILLS)).sort(*names, "timestamp", maintain_order=True)
+    possible = pl.col("vertical_rate").is_between(*POSSIBLE["vertical_rate"])
+    seen = rows.select(
+        altitude=pl.col("altitude").cast(pl.Float64),
+        reported=pl.when(possible).then(pl.col("vertical_rate")).cast(pl.Float64),
+        time_us=pl.col("timestamp").dt.epoch("us").fill_null(0),
+        flight=pl.any_horizontal(pl.col(name).ne_missing(pl.col(name).shift()) for name in names).cum_sum(),
+    )
+    altitude, reported, time_us, flight = (seen[name].to_numpy() for name in seen.columns)
+    before = _row_before(time_us, flight)
+    seconds = (time_us - time_us[before]) / 1e6
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = (altitude - altitude[before]) / seconds * 60
+    chosen = (flight == flight[before]) & (seconds >= LEAST_S) & (seconds <= MOST_S) & (change != 0)
+    chosen &= np.isfinite(change) & np.isfinite(reported)
+    steps = rows.select(names).with_columns(change=pl.Series(change), reported=pl.Series(reported))
+    return steps.filter(pl.Series(chosen, dtype=pl.Boolean))
 
 
 def _row_before(time_us: NDArray[np.int64], flight: NDArray[np.uint32]) -> NDArray[np.int64]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from descentflow.core.units import FT_M, KT_MPS
@@ -15,6 +16,13 @@ from descentflow.surveillance.rows.schema import POSSIBLE
 
 MIN_VALUES = 20
 """Rows below which nothing is checked."""
+MIN_AIRCRAFT = 3
+"""Aircraft below which groundspeed is not compared: one in 160 kt of headwind looks as if it were in m/s; and below
+which a column that no unit explains is a warning: a register of one aircraft may be broken."""
+SAMPLE = 20_000
+"""Rows that are compared."""
+RATE_SAMPLE = 200_000
+"""First rows of a file whose rates are compared: differences need neighbours."""
 AGREES = 0.06
 """Median relative difference of IAS and the CAS of Mach below which they agree; real sources have 0.002 to 0.023."""
 AIR = 0.10
@@ -68,6 +76,34 @@ class Evidence:
 
     columns: dict[str, Array]
     steps: Steps | None = None
+
+    @classmethod
+    def of(cls, rows: pl.DataFrame) -> "Evidence | None":
+        """Columns that can be compared, of a sample of rows; none if these are too few.
+
+        Example:
+            >>> Evidence.of(pl.read_parquet("rows.parquet")).given
+            ('altitude', 'IAS', 'Mach', 'TAS', 'groundspeed', 'vertical_rate')
+        """
+        names = [name for name in ("altitude", "IAS", "Mach", "TAS", "groundspeed") if name in rows.columns]
+        if rows["icao24"].n_unique() < MIN_AIRCRAFT:
+            names = [name for name in names if name != "groundspeed"]
+        usable = rows.select(names).drop_nulls([name for name in names if name in ("altitude", "IAS", "Mach")])
+        usable = usable.filter(
+            pl.col("altitude").is_between(*POSSIBLE["altitude"]) & pl.col("IAS").is_between(1.0, 1000.0)
+        )
+        if "Mach" in names:
+            flying = usable.filter(pl.col("Mach").is_between(0.2, 1.0))
+            usable = flying if len(flying) >= MIN_VALUES else usable.filter(pl.col("Mach").is_between(0.2, 1000.0))
+        if len(usable) < MIN_VALUES:
+            return None
+        usable = usable.gather_every(max(len(usable) // SAMPLE, 1))
+        columns: dict[str, Array] = {
+            name: usable[name].cast(pl.Float64).to_numpy() for name in names if usable[name].count() >= MIN_VALUES
+        }
+        if "TAS" in columns:  # what stands for no value (9999, 0) is no evidence of a unit
+            columns["TAS"] = np.where((columns["TAS"] > 0) & (columns["TAS"] < 2000), columns["TAS"], np.nan)
+        return cls(columns, Steps.of(rows.head(RATE_SAMPLE)))
 
     @property
     def given(self) -> tuple[str, ...]:

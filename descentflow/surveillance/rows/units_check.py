@@ -7,7 +7,8 @@ import polars as pl
 
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.core.units import FT_M
-from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt
+from descentflow.surveillance.rows.flight_ratios import contradicting_flights
 from descentflow.surveillance.rows.other_checks import (
     check_angles,
     check_constant_rate,
@@ -15,18 +16,18 @@ from descentflow.surveillance.rows.other_checks import (
     check_possible,
     check_whole_minutes,
 )
-from descentflow.surveillance.rows.rate_readings import Steps
-from descentflow.surveillance.rows.readings import MIN_VALUES, Evidence, Solution, agreeing, as_given
+from descentflow.surveillance.rows.readings import (
+    MIN_AIRCRAFT,
+    MIN_VALUES,
+    RATE_SAMPLE,
+    Evidence,
+    Solution,
+    agreeing,
+    as_given,
+)
 from descentflow.surveillance.rows.schema import POSSIBLE
-from descentflow.surveillance.rows.units_words import contradiction, readings_in_words, refusal
+from descentflow.surveillance.rows.units_words import contradiction, refusal
 
-SAMPLE = 20_000
-"""Rows that are checked."""
-RATE_SAMPLE = 200_000
-"""First rows of a file whose rates are checked: differences need neighbours."""
-MIN_AIRCRAFT = 3
-"""Aircraft below which groundspeed is not checked: one in 160 kt of headwind looks as if it were in m/s; and below
-which a column that no unit explains is a warning: a register of one aircraft may be broken."""
 CONTRADICTS_KT = 25.0
 """Difference of IAS and the CAS of Mach at which rows are dropped (`airspeeds_differ_kt`): a smaller one that no unit
 explains is a poor instrument."""
@@ -35,10 +36,6 @@ GEOMETRIC_KT = 3.0
 have up to 1.0, and a geometric altitude in ISA + 18 K has 7.5."""
 GROWS = 1.3
 """Relative excess of the upper half of the rows over that of the lower from which it is an error of the altitude."""
-MIXED = 0.1
-"""Share of flights that agree as given from which the others are named, and the table is not refused as a whole."""
-SHOWN = 5
-"""Flights that a message names."""
 
 
 def check_units(rows: pl.DataFrame, source: str) -> None:
@@ -67,65 +64,34 @@ def check_units(rows: pl.DataFrame, source: str) -> None:
     # Rows of no address are of any aircraft; they are dropped, and counted, when rows are judged.
     rows = rows.drop_nulls("icao24") if rows["icao24"].has_nulls() else rows
     check_whole_minutes(rows, source)
-    check_constant_rate(rows.head(RATE_SAMPLE), source)
-    if error := contradicting_columns(rows, source):
-        raise error
-    if said := contradicting_flights(rows):
-        warnings.warn(f"{source}: {said}", DescentflowWarning, stacklevel=3)
+    check_consistency(rows, source)
     check_angles(rows, source)
     _check_others(rows, source)
     check_possible(rows, source)
 
 
-def contradicting_columns(rows: pl.DataFrame, source: str) -> DataError | None:
-    """The error for columns of which all rows contradict each other; none if some flights agree as given.
+def check_consistency(rows: pl.DataFrame, source: str) -> None:
+    """Refuse columns of which all rows contradict each other, and warn of flights that contradict what others do.
 
-    Columns that agree so far, but not as a pressure altitude makes them, are a warning.
+    Args:
+        rows: Rows, or prepared descents with an altitude.
+        source: Begin of the message.
 
-    Example:
-        >>> contradicting_columns(pl.read_parquet("rows.parquet"), "rows.parquet") is None
-        True
-    """
-    evidence = _evidence(rows)
-    if evidence is None:
-        return None
-    given = as_given(evidence)
-    if given.agrees:
-        _check_geometric(evidence, source)
-        return None
-    return None if contradicting_flights(rows) else _refusal(evidence, given, rows, source)
-
-
-def contradicting_flights(rows: pl.DataFrame) -> str:
-    """Words for flights whose columns agree in other units alone, while those of others agree as given; else empty.
+    Raises:
+        DataError: Naming the column and the unit, sign or quantity that it seems to have.
 
     Example:
-        >>> contradicting_flights(pl.read_parquet("rows.parquet"))
-        ''
+        >>> check_consistency(pl.read_parquet("rows.parquet"), "rows.parquet")
     """
-    names = [name for name in ("flight_id", "icao24") if name in rows.columns]
-    found: dict[str, list[str]] = {}
-    agreeing_flights = 0
-    for flight in rows.partition_by(names, maintain_order=True):
-        evidence = _evidence(flight)
-        given = as_given(evidence) if evidence is not None else None
-        if evidence is None or given is None:
-            continue
-        agreeing_flights += given.agrees
-        best = [] if given.agrees else agreeing(evidence, given)[:1]
-        if best and not any(reading.off for reading in best[0].readings.values()):
-            found.setdefault(readings_in_words(best[0]), []).append(str(flight.item(0, names[0])))
-    number = sum(map(len, found.values()))
-    if not number or agreeing_flights <= MIXED * (number + agreeing_flights):
-        return ""
-    said = (
-        f"{len(which):,} flights ({', '.join(which[:SHOWN])}{', ...' * (len(which) > SHOWN)}) {words}"
-        for words, which in found.items()
-    )
-    return (
-        f"columns of some flights contradict each other: in {'; in '.join(said)}; the columns of {agreeing_flights:,} "
-        "others agree as given: convert the rows of each source before they are put together"
-    )
+    check_constant_rate(rows.head(RATE_SAMPLE), source)
+    if said := contradicting_flights(rows):
+        warnings.warn(f"{source}: {said}", DescentflowWarning, stacklevel=4)
+    elif (evidence := Evidence.of(rows)) is not None:
+        given = as_given(evidence)
+        if given.agrees:
+            _check_geometric(evidence, source)
+        elif error := _refusal(evidence, given, rows, source):
+            raise error
 
 
 def _check_geometric(evidence: Evidence, source: str) -> None:
@@ -184,29 +150,6 @@ def _is_poor_instrument(evidence: Evidence, given: Solution) -> bool:
         return False
     altitude, ias, mach = (evidence.columns[name] for name in ("altitude", "IAS", "Mach"))
     return float(np.median(np.abs(ias - cas_of_mach_kt(mach, altitude)))) <= CONTRADICTS_KT
-
-
-def _evidence(rows: pl.DataFrame) -> Evidence | None:
-    """Columns that can be compared, of a sample of rows; none if these are too few."""
-    names = [name for name in ("altitude", "IAS", "Mach", "TAS", "groundspeed") if name in rows.columns]
-    if rows["icao24"].n_unique() < MIN_AIRCRAFT:
-        names = [name for name in names if name != "groundspeed"]
-    needed = [name for name in names if name in ("altitude", "IAS", "Mach")]
-    usable = rows.select(names).drop_nulls(needed)
-    usable = usable.filter(pl.col("altitude").is_between(*POSSIBLE["altitude"]) & pl.col("IAS").is_between(1.0, 1000.0))
-    if "Mach" in names:
-        flying = usable.filter(pl.col("Mach").is_between(0.2, 1.0))
-        usable = flying if len(flying) >= MIN_VALUES else usable.filter(pl.col("Mach").is_between(0.2, 1000.0))
-    if len(usable) < MIN_VALUES:
-        return None
-    usable = usable.gather_every(max(len(usable) // SAMPLE, 1))
-    steps = Steps.of(rows.head(RATE_SAMPLE))
-    columns: dict[str, Array] = {
-        name: usable[name].cast(pl.Float64).to_numpy() for name in names if usable[name].count() >= MIN_VALUES
-    }
-    if "TAS" in columns:  # what stands for no value (9999, 0) is no evidence of a unit
-        columns["TAS"] = np.where((columns["TAS"] > 0) & (columns["TAS"] < 2000), columns["TAS"], np.nan)
-    return Evidence(columns, steps)
 
 
 def _check_others(rows: pl.DataFrame, source: str) -> None:

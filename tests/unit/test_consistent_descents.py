@@ -1,0 +1,67 @@
+"""Prepared descents that contradict themselves are refused, or some of their flights are named."""
+
+import json
+import warnings
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.simulation.world import simulate
+from descentflow.surveillance.descents.description import KEY
+from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.surveillance.open_descents import open_descents
+from descentflow.surveillance.prepare import prepare
+
+ODD = pl.col("flight_id").str.slice(-1).cast(pl.Int64) % 2 == 1
+REFUSED = {
+    "constant rates": (pl.lit(-1.0).alias("vertical_rate"), "vertical_rate is -1 in all of"),
+    "rates in m/s": (pl.col("vertical_rate") * 0.00508, "vertical_rate seems to be in m/s"),
+    "sink rates": (-pl.col("vertical_rate"), "sign of a sink rate"),
+    "times halved": (pl.col("time_s") / 2, "vertical_rate seems to be halved"),
+    "IAS in m/s": (pl.col("IAS") * 0.514444, "IAS seems to be in m/s"),
+}
+NAMED = {
+    "half of the rates in m/s": (
+        pl.when(ODD).then(pl.col("vertical_rate") * 0.00508).otherwise("vertical_rate").alias("vertical_rate"),
+        r"in \d+ flights .* vertical_rate seems to be in m/s",
+    ),
+    "rates of no unit": (pl.col("vertical_rate") * 0.0005, "vertical_rate contradicts the other columns"),
+}
+
+
+@pytest.fixture(scope="module")
+def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("descents") / "descents.parquet"
+    prepare(simulate("A320", 30, seed=2).rows, out=path)
+    return path
+
+
+def changed(descents: Path, change: pl.Expr, path: Path) -> Path:
+    about = json.loads(pl.read_parquet_metadata(descents)[KEY])
+    pl.read_parquet(descents).with_columns(change).write_parquet(path, metadata={KEY: json.dumps(about)})
+    return path
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_columns_that_contradict_each_other_are_refused(kind: str, descents: Path, tmp_path: Path) -> None:
+    change, words = REFUSED[kind]
+    path = changed(descents, change, tmp_path / "d.parquet")
+    with pytest.raises(DataError, match=f"{words}.*that `descentflow prepare` wrote"):
+        read_descents(path)
+    with pytest.raises(DataError, match=words):
+        open_descents(pl.read_parquet(path))
+
+
+@pytest.mark.parametrize("kind", NAMED)
+def test_flights_that_contradict_others_are_named(kind: str, descents: Path, tmp_path: Path) -> None:
+    change, words = NAMED[kind]
+    with pytest.warns(DescentflowWarning, match=words):
+        read_descents(changed(descents, change, tmp_path / "d.parquet"))
+
+
+def test_whole_descents_pass_in_silence(descents: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_descents(descents)

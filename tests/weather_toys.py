@@ -73,7 +73,10 @@ def written_as_grib(data: xarray.Dataset, path: Path, **settings: object) -> Pat
         path: To append to.
         settings: Other keys of ecCodes, for instance ``level``.
     """
-    import eccodes
+    import pyproj  # noqa: F401 - before ecCodes, as descentflow has it
+    import pytest
+
+    eccodes = pytest.importorskip("eccodes", reason="cfgrib is an extra of descentflow (wind)")
 
     time, level, latitude, longitude = (data[name].to_numpy() for name in (*NEW, "latitude", "longitude"))
     with path.open("ab") as file:
@@ -90,6 +93,7 @@ def written_as_grib(data: xarray.Dataset, path: Path, **settings: object) -> Pat
                     "longitudeOfLastGridPointInDegrees": longitude[-1] % 360,
                     "iDirectionIncrementInDegrees": abs(longitude[1] - longitude[0]),
                     "jDirectionIncrementInDegrees": abs(latitude[1] - latitude[0]),
+                    "jScansPositively": int(latitude[1] > latitude[0]),
                 }  # fmt: skip
                 for key, value in (keys | settings).items():
                     eccodes.codes_set(handle, key, value)

@@ -46,23 +46,6 @@ class Points(NamedTuple):
         return Points(*(np.broadcast_to(values, self.shape)[mask] for values in self))
 
 
-class Weather(NamedTuple):
-    """At points, of their shape; NaN where it is not known.
-
-    Example:
-        >>> still = np.zeros(3)
-        >>> Weather(still + 10.0, still, still).deviation_k
-        array([10., 10., 10.])
-    """
-
-    deviation_k: Array
-    """Temperature minus that of the standard atmosphere, K."""
-    east_mps: Array
-    """Wind towards east."""
-    north_mps: Array
-    """Wind towards north."""
-
-
 class WeatherField:
     """Files of a weather model as one field, linear in time, flight level, latitude and longitude.
 
@@ -76,7 +59,7 @@ class WeatherField:
         >>> cold = xarray.Dataset({"t": (tuple(axes), np.full((2, 2, 2), 240.0))}, axes)
         >>> field = WeatherField([weather_file_of(cold, "cold.nc")])
         >>> place = Points(0.0, 200.0, np.array([51.0]), np.array([5.0]))
-        >>> field.at(place).deviation_k.round(1), field.wind
+        >>> field.at(place)[0].round(1), field.wind
         (array([-8.5]), False)
     """
 
@@ -133,15 +116,17 @@ class WeatherField:
         ends = ([min(one[0] for one in axis), max(one[-1] for one in axis)] for axis in axes)
         return Points(np.array([step.unix_s for step in steps], dtype=np.float64), *map(np.array, ends))
 
-    def at(self, points: Points) -> Weather:
-        """Temperature deviation and wind; NaN where the field has no value.
+    def at(self, points: Points) -> tuple[Array, Array, Array]:
+        """Temperature minus that of the standard atmosphere (K), and wind towards east and north (m/s).
+
+        NaN where the field has no value.
 
         Raises:
             DataError: If a file is damaged.
         """
         deviation = self.read(TEMPERATURE, points)
-        still = np.zeros_like(deviation)
-        return Weather(deviation, *(self.read(name, points) for name in (EAST, NORTH)) if self.wind else (still, still))
+        east, north = (self.read(name, points) if self.wind else np.zeros_like(deviation) for name in (EAST, NORTH))
+        return deviation, east, north
 
     def read(self, name: str, points: Points, *, blank: bool = False) -> Array:
         """Deviation or wind, by its standard name; NaN where the field has no value.
@@ -190,14 +175,15 @@ class WeatherField:
     def _interpolated(self, name: str, step: "_Step", points: Points, blank: bool) -> Array:
         from scipy.interpolate import RegularGridInterpolator
 
-        file = step.file
+        axes, west = step.file.axes, step.file.axes[2][0]
 
         def grid() -> RegularGridInterpolator:
-            values = np.zeros([len(axis) for axis in file.axes]) if blank else self._values(name, step)
-            return RegularGridInterpolator(file.axes, values, bounds_error=False, fill_value=np.nan)
+            values = np.zeros([len(axis) for axis in axes]) if blank else self._values(name, step)
+            return RegularGridInterpolator(axes, values, bounds_error=False, fill_value=np.nan)
 
-        held = self._grids[name].get(step.unix_s, grid) if not blank else grid()
-        found: Array = held(np.stack([points.level_fl, points.latitude, file.eastwards(points.longitude)], -1))
+        held = grid() if blank else self._grids[name].get(step.unix_s, grid)
+        eastwards = (points.longitude - west) % 360 + west
+        found: Array = held(np.stack([points.level_fl, points.latitude, eastwards], -1))
         return found
 
     def _values(self, name: str, step: "_Step") -> Array:

@@ -3,29 +3,21 @@
 A pressure level is a flight level: both are the pressure altitude of the standard atmosphere.
 """
 
+import atexit
+import os
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import reduce
+from functools import cache, reduce
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO, TypeGuard
 
 import numpy as np
 
-from descentflow.air.weather_layout import (
-    AXES,
-    NAMES,
-    VERSION,
-    Array,
-    Axis,
-    axis_name,
-    place_axis,
-    seconds_of,
-    unusable,
-    values_of,
-    variable_of,
-)
+from descentflow.air import weather_layout as layout
+from descentflow.air.weather_layout import AXES, NAMES, VERSION, Array, Axis
 from descentflow.core.errors import DataError, DescentflowError
 from descentflow.core.tabular import optional_library
 
@@ -84,17 +76,11 @@ class WeatherFile:
                 variable = variable.isel({self._time: number})
             versions = [variable.isel({VERSION: i}) for i in range(variable.sizes.get(VERSION, 0))] or [variable]
             variable = reduce(lambda one, other: one.fillna(other), versions)
-            found = values_of(variable.transpose(*self._places), name, self.path)
+            found = layout.values_of(variable.transpose(*self._places), name, self.path)
         for along, (axis, place) in enumerate(self._places.items()):
             if not same(found.take(place.again, along), found.take(place.first, along)):
-                raise unusable(f"{self.path}: two values of {variable.name} at a place that {axis} has twice")
+                raise layout.unusable(f"{self.path}: two values of {variable.name} at a place that {axis} has twice")
         return found[np.ix_(*(place.order for place in self._places.values()))]
-
-    def eastwards(self, longitude: Array) -> Array:
-        """Longitudes counted as this file's: from its west end on."""
-        west = self.axes[2][0]
-        counted: Array = (longitude - west) % 360 + west
-        return counted
 
 
 @contextmanager
@@ -167,29 +153,29 @@ def weather_file_of(data: Any, path: str) -> WeatherFile:
         >>> weather_file_of(warm, "warm.nc").axes[2]
         array([-10.,  10.])
     """
-    named = {axis: name for axis in AXES if (name := axis_name(data, axis, path)) is not None}
+    named = {axis: name for axis in AXES if (name := layout.axis_name(data, axis, path)) is not None}
     data = data.expand_dims([name for name in named.values() if not data[name].dims])
     time = named.pop("time", None)
     along = None if time is None else str(data[time].dims[0])
     dimensions = {*named.values(), *([] if along is None else [along])}
-    found = {name: variable_of(data, name, dimensions, path) for name in NAMES}
+    found = ((name, layout.variable_of(data, name, dimensions, path)) for name in NAMES)
     return WeatherFile(
         path,
-        None if time is None else seconds_of(data[time], path),
-        {name: variable for name, variable in found.items() if variable is not None},
+        None if time is None else layout.seconds_of(data[time], path),
+        {name: variable for name, variable in found if variable is not None},
         along,
-        {name: place_axis(data[name], axis, path) for axis, name in named.items()},
+        {name: layout.place_axis(data[name], axis, path) for axis, name in named.items()},
     )
 
 
-def names_weather(source: str | Path) -> bool:
+def names_weather(source: object) -> TypeGuard[str | Path]:
     """Whether a word of a command or an argument is the path of such a file, or of a folder.
 
     Example:
         >>> names_weather("era5.nc"), names_weather("training")
         (True, False)
     """
-    return Path(source).suffix.lower() in SUFFIXES or Path(source).is_dir()
+    return isinstance(source, str | Path) and (Path(source).suffix.lower() in SUFFIXES or Path(source).is_dir())
 
 
 def same(one: Array, other: Array) -> bool:
@@ -204,22 +190,27 @@ def same(one: Array, other: Array) -> bool:
 
 def _paths_of(source: str | Path | Sequence[str | Path]) -> list[Path]:
     """The files that a path stands for: itself, or those of a folder, or several."""
-    if not isinstance(source, str | Path):
-        return [path for one in source for path in _paths_of(one)]
-    path = Path(source)
-    if not path.is_dir():
-        return [path]
-    found = sorted(one for one in path.iterdir() if one.suffix.lower() in SUFFIXES)
+    paths = [Path(one) for one in ([source] if isinstance(source, str | Path) else source)]
+    files = (sorted(path.iterdir()) if path.is_dir() else [path] for path in paths)
+    found = [file for file in chain(*files) if file in paths or file.suffix.lower() in SUFFIXES]
     if not found:
-        raise DataError(
-            f"no file of weather in {path}", expected=f"files {', '.join(SUFFIXES)}", mend="name another folder"
-        )
+        raise layout.unusable(f"no file of weather ({', '.join(SUFFIXES)}) in {source}")
     return found
+
+
+@cache
+def _nowhere() -> TextIO:
+    """A file that ecCodes can write to until the end."""
+    file = Path(os.devnull).open("w")  # noqa: SIM115 - ecCodes keeps it
+    atexit.register(file.close)
+    return file
 
 
 def _grib_options(path: Path) -> list[dict[str, Any]]:
     """Options that open each variable of a GRIB file on pressure levels by itself: it may have other levels too."""
     cfgrib = optional_library("cfgrib", extra="wind")
+    # What it finds, it raises too.
+    cfgrib.messages.eccodes.codes_context_set_logging(_nowhere())
     # No index beside the file: it would be left behind. Without "raise", what is damaged would be left out.
     stream = cfgrib.messages.FileStream(str(path), errors="raise")
     whole = cfgrib.dataset.open_fileindex(stream, "", ["shortName", "typeOfLevel"])
@@ -227,6 +218,6 @@ def _grib_options(path: Path) -> list[dict[str, Any]]:
     keys = [{"typeOfLevel": kind, "shortName": name} for kind in there for name, *_ in NAMES.values()]
     keys = [each for each in keys if each["shortName"] in whole.subindex(typeOfLevel=each["typeOfLevel"])["shortName"]]
     if not keys:
-        raise unusable(f"{path}: {', '.join(whole['shortName'])} on levels {', '.join(whole['typeOfLevel'])}")
+        raise layout.unusable(f"{path}: {', '.join(whole['shortName'])} on levels {', '.join(whole['typeOfLevel'])}")
     backend = {"indexpath": "", "errors": "raise"}
     return [{"engine": "cfgrib", "backend_kwargs": {**backend, "filter_by_keys": each}} for each in keys]

@@ -110,8 +110,8 @@ def place_axis(coordinate: Any, axis: str, path: str) -> Axis:
         array([183., 301.])
     """
     unit, values = unit_of(coordinate), np.atleast_1d(coordinate.to_numpy())
-    if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
-        raise unusable(f"{path}: {coordinate.name} with values that are no numbers")
+    if values.dtype.kind not in "fiu" or not values.size or not np.isfinite(values).all():
+        raise unusable(f"{path}: {coordinate.name} with no values, or with some that are no numbers")
     values = values.astype(np.float64)
     shown = f"{path}: {coordinate.name} of {values.min():g} to {values.max():g} {unit or 'without a unit'}"
     if axis == "pressure":
@@ -136,9 +136,9 @@ def seconds_of(time: Any, path: str) -> Array:
         array([3600.])
     """
     stamps = np.atleast_1d(time.to_numpy())
-    if stamps.dtype.kind != "M" or np.isnat(stamps).any():
-        raise unusable(f"{path}: {time.name} with values that are no times of the calendar")
-    return np.asarray(stamps.astype("datetime64[ns]").astype(np.int64) / 1e9)
+    if stamps.dtype.kind != "M" or not stamps.size or np.isnat(stamps).any():
+        raise unusable(f"{path}: {time.name} with no values, or with some that are no times of the calendar")
+    return np.asarray(stamps.astype("datetime64[us]").astype(np.int64) / 1e6)
 
 
 def variable_of(data: Any, standard: str, dimensions: set[str], path: str) -> Any | None:
@@ -152,17 +152,16 @@ def variable_of(data: Any, standard: str, dimensions: set[str], path: str) -> An
         >>> winds = xarray.Dataset({"u": ("level", [7.0], {"units": "furlong"})})
         >>> variable_of(winds, "eastward_wind", {"level"}, "a.nc")
         Traceback (most recent call last):
-        descentflow.core.errors.DataError: a.nc: u in furlong; expected temperature in K ...
+        descentflow.core.errors.DataError: a.nc: eastward_wind as u over level (float64, unit furlong); expected ...
     """
     found = [one for one in data.data_vars.values() if _standard_name(one, path) == standard]
-    whole = [one for one in found if set(one.dims) - {VERSION} == dimensions]
+    whole = [one for one in found if set(one.dims) - {VERSION} == dimensions and one.dtype.kind in "fiu"]
+    whole = [one for one in whole if unit_of(one) in _units(standard)]
     if found and len(whole) != 1:
-        shown = (f"{one.name} over {', '.join(map(str, one.dims)) or 'nothing'}" for one in whole or found)
-        raise unusable(f"{path}: {standard} as {' and '.join(shown)}")
-    if whole and (whole[0].dtype.kind not in "fiu" or unit_of(whole[0]) not in _units(standard)):
-        raise unusable(
-            f"{path}: {whole[0].name} {'in ' * bool(unit_of(whole[0]))}{unit_of(whole[0]) or 'without a unit'}"
+        those = (
+            f"{one.name} over {', '.join(one.dims)} ({one.dtype}, unit {unit_of(one) or 'missing'})" for one in found
         )
+        raise unusable(f"{path}: {standard} as {' and '.join(those)}")
     return whole[0] if whole else None
 
 
@@ -212,10 +211,8 @@ def unusable(got: str) -> DataError:
     """
     return DataError(
         got,
-        expected="temperature in K or degC, or eastward and northward wind in m/s or kt, each value with its unit, by "
-        "pressure level, latitude and longitude in degrees, and time if there are several",
-        mend="set the attribute `units` of each variable, or cut such a file from the analysis: ERA5's t, u and v on "
-        "pressure levels, for instance",
+        expected="temperature (K, degC) or both winds (m/s, kt) with units, by pressure level, latitude and longitude",
+        mend="set the attribute `units` of each variable, or cut such a file from an analysis, as ERA5's t, u and v",
     )
 
 

@@ -54,6 +54,5 @@ def add_source(parser: argparse.ArgumentParser) -> None:
 
 def source_of(args: argparse.Namespace) -> str | list[str] | None:
     """Where the air of given flights is known from; None if it is not said."""
-    if not args.air:
-        return None
-    return str(args.air[0]) if len(args.air) == 1 else [str(word) for word in args.air]
+    words: list[str] | None = args.air
+    return words[0] if words and len(words) == 1 else words

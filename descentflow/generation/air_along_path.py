@@ -87,11 +87,7 @@ class AirAlongPath:
         if plan.wind is not None:
             raise ConfigError("a wind beside a weather field", expected="one of them", mend="leave --wind out")
         if not field.wind:
-            warnings.warn(
-                "the weather field has no wind: descents are flown in still air of its temperature",
-                DescentflowWarning,
-                stacklevel=2,
-            )
+            warnings.warn("a weather field has no wind: still air of its temperature", DescentflowWarning, stacklevel=2)
         self.field, self.path, self.to_go_m = field, plan.path, plan.to_go_nm * NM_M
         self.timed = plan.end_time is not None
         self.end_s = field.only_time if plan.end_time is None else unix_of(plan.end_time)

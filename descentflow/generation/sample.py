@@ -8,6 +8,7 @@ from dataclasses import replace
 import torch
 
 from descentflow.air.weather_field import weather_field
+from descentflow.air.weather_file import names_weather
 from descentflow.core.errors import ConfigError
 from descentflow.core.seeds import checked_count
 from descentflow.core.threads import one_thread_where_they_spin
@@ -21,7 +22,7 @@ from descentflow.generation.given_temperature import (
 )
 from descentflow.generation.origin import origin_of
 from descentflow.generation.rejection import sample_descents
-from descentflow.generation.sample_airs import Airs, airs_of, field_of
+from descentflow.generation.sample_airs import Airs, airs_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
 from descentflow.generation.samples import Samples
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan
@@ -90,7 +91,7 @@ def sample(
     _check_memory(n, len(representation.decoder.levels_fl))
     contexts = context_rows(context, representation.context)
     encoded = None if contexts is None or representation.context is None else representation.context.encode(contexts)
-    given, field = given_deviation_k(representation, encoded), field_of(air)
+    given, field = given_deviation_k(representation, encoded), air if names_weather(air) else None
     airs = None if field is not None else airs_of(air, representation)
     check_one_temperature(given, airs, field=field is not None)
     tell_drawn_airs(representation, air)

@@ -12,8 +12,7 @@ from torch import Tensor
 
 from descentflow.air.kept_air import STRONGEST_MPS, WARMEST_K
 from descentflow.air.level_air import LevelAir
-from descentflow.air.weather_file import names_weather
-from descentflow.core.errors import ConfigError, DataError, DescentflowWarning, nearest
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.core.units import KT_MPS
 from descentflow.representation.context_columns import read_table
 from descentflow.representation.representation import Representation
@@ -87,27 +86,14 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
     )
 
 
-def field_of(asked: Airs | None) -> str | Path | None:
-    """The path of a weather field, if that is what was asked for.
-
-    Example:
-        >>> field_of("era5.nc"), field_of("training")
-        ('era5.nc', None)
-    """
-    return asked if isinstance(asked, str | Path) and names_weather(asked) else None
-
-
 def _of_values(values: Mapping[str, Any], levels_fl: Tensor) -> LevelAir:
-    unknown = [name for name in values if name not in NAMES]
-    numbers: dict[str, float] = {}
-    for name, value in values.items():
-        try:
-            numbers[name] = float(value)
-        except (TypeError, ValueError):
-            unknown.append(f"{name}={value}")
-    if unknown or not numbers:
+    try:
+        numbers = {name: float(value) for name, value in values.items()}
+    except (TypeError, ValueError):
+        numbers = {}
+    if not numbers or not set(numbers) <= set(NAMES):
         raise ConfigError(
-            f"an air with {', '.join(unknown) or 'no value'}",
+            f"an air with {', '.join(f'{name}={value}' for name, value in values.items()) or 'no value'}",
             expected="deviation_k (K from the standard atmosphere) and tailwind_growth (kt for each 1,000 ft)",
             mend="write for instance deviation_k=10 tailwind_growth=1.5",
         )
@@ -160,19 +146,12 @@ def air_of_table(table: pl.DataFrame, levels_fl: Tensor) -> LevelAir:
 
 def _checked_columns(table: pl.DataFrame) -> pl.DataFrame:
     """The table as numbers, by ascending level."""
-    known = (LEVEL, *COLUMNS)
-    unknown = [name for name in table.columns if name not in known]
-    lacking = not {LEVEL, "deviation_k"} <= set(table.columns) or table.is_empty()
-    if unknown or lacking or not all(kind.is_numeric() for kind in table.dtypes):
-        meant = {name: nearest(name.lower(), known) for name in unknown}
-        renamed = [f"{name} {near}" for name, near in meant.items() if near and near not in table.columns]
+    unlike = {LEVEL, *COLUMNS} ^ set(table.columns)
+    if not unlike <= {"tailwind"} or table.is_empty() or not all(kind.is_numeric() for kind in table.dtypes):
         raise DataError(
-            f"a table of air with {', '.join(table.columns)} and {len(table)} rows"
-            + (f", of which {', '.join(unknown)} is not known" if unknown else ""),
+            f"a table of air with {', '.join(table.columns)} and {len(table)} rows",
             expected="for each level numbers: level_fl, deviation_k (K) and, if there is wind, tailwind (kt)",
-            mend=f"call {' and '.join(renamed)}"
-            if renamed
-            else ("leave other columns out" if not lacking else "add the columns"),
+            mend="call columns so, and leave others out",
         )
     kept = table.with_columns(pl.all().cast(pl.Float64)).sort(LEVEL)
     if kept[LEVEL].n_unique() < len(kept):

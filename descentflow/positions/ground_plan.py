@@ -104,7 +104,7 @@ def ground_plan(
 
 
 def _wind(wind: str | Path | Wind | None) -> Wind | None:
-    if isinstance(wind, Path) or (isinstance(wind, str) and names_weather(wind)):
+    if isinstance(wind, Path) or names_weather(wind):
         return read_wind_field(wind)
     return wind_of_text(wind) if isinstance(wind, str) else wind
 

@@ -121,10 +121,19 @@ def test_traffics_adapter_flies_in_the_wind_of_the_samples(checkpoint: Path) -> 
         ({"level_fl": [15_000, 37_000], "deviation_k": [5, 8]}, r"level_fl goes from 15000 to 37000; .* divide feet"),
         ({"level_fl": [0, 37_000], "deviation_k": [5, 8]}, "FL150 to FL350; to mend it, divide feet by 100"),
         ({"level_fl": [10, 100], "deviation_k": [5, 8]}, "from 10 to 100; .* levels of the model's grid"),
-        ({"level_fl": [150, 370], "deviation_k": [5, 8], "wind": [1, 2]}, "wind is not known; .* call wind tailwind"),
-        ({"level_fl": [150, 370], "deviation_k": [5, 8], "note": [1, 2]}, "note is not known; .* leave other columns"),
-        ({"Level_FL": [150, 370], "deviation_k": [5, 8]}, "call Level_FL level_fl"),
-        ({"level_fl": [150, 370]}, "add the columns"),
+        (
+            {"level_fl": [150, 370], "deviation_k": [5, 8], "wind": [1, 2]},
+            "with level_fl, deviation_k, wind and 2 rows; expected .* tailwind",
+        ),
+        (
+            {"level_fl": [150, 370], "deviation_k": [5, 8], "note": [1, 2]},
+            "deviation_k, note and 2 rows; .* leave others out",
+        ),
+        (
+            {"Level_FL": [150, 370], "deviation_k": [5, 8]},
+            "with Level_FL, deviation_k and 2 rows; expected .* level_fl",
+        ),
+        ({"level_fl": [150, 370]}, "with level_fl and 2 rows; expected .* deviation_k"),
         ({"level_fl": [150, 150], "deviation_k": [5, 8]}, "a level twice"),
     ],
 )

@@ -72,7 +72,7 @@ def test_a_rough_field_is_interpolated_as_xarray_does(tmp_path: Path) -> None:
     data = weather(lambda h, *_: np.random.default_rng(0).normal(0, 5, h.shape))
     points, _ = some_points()
     with weather_field(written(data, tmp_path / "era5.nc")) as field:
-        found = field.at(points).deviation_k
+        found = field.at(points)[0]
         assert not field.wind
     # Temperature on flight levels: below the tropopause a linear temperature is a linear deviation.
     by_level = data["t"].assign_coords(pressure_level=levels_fl()).sortby(["pressure_level", "latitude"])
@@ -94,13 +94,13 @@ def test_files_of_other_times_and_variables_are_one_field(tmp_path: Path) -> Non
     written(data[["u", "v"]], tmp_path / "wind.nc")
     points, hours = some_points()
     with weather_field(tmp_path) as field:
-        np.testing.assert_allclose(field.at(points).deviation_k, linear(hours, *points[1:]), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(field.at(points)[0], linear(hours, *points[1:]), rtol=0, atol=1e-9)
         assert field.wind
     # Two days without a file are not interpolated across.
     (tmp_path / "a.nc").unlink()
     written(data[["t"]].isel(valid_time=slice(22, None)), tmp_path / "a.nc")
     with weather_field([tmp_path / "a.nc", tmp_path / "b.nc"]) as field:
-        found = field.at(points).deviation_k
+        found = field.at(points)[0]
     np.testing.assert_array_equal(np.isnan(found), (hours > 13 * 6) & (hours < 22 * 6))
 
 
@@ -117,9 +117,9 @@ def test_a_region_across_a_seam_and_the_globe(west: float, tmp_path: Path) -> No
         # Counted from 0 to 360, in ascending order, as a file that was merged is.
         path = written(weather(wave, longitude=np.sort(longitude % 360)), tmp_path / f"{name}.nc")
         with weather_field(path) as field:
-            np.testing.assert_allclose(field.at(points).deviation_k, expected, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(field.at(points)[0], expected, rtol=0, atol=1e-9)
             beyond = field.at(points._replace(longitude=np.full(3, west + 100)))
-            assert np.isnan(beyond.deviation_k).all() == (name == "region")
+            assert np.isnan(beyond[0]).all() == (name == "region")
 
 
 def test_a_turn_in_a_steady_wind_is_no_growth() -> None:

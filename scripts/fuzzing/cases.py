@@ -14,6 +14,7 @@ import yaml
 from fuzzing.byte_changes import damaged, wrapped
 from fuzzing.table_changes import changed
 from fuzzing.values import NUMBERS, TEXTS, mutate_tree, odd_value
+from fuzzing.weather_changes import write_damaged
 
 SAMPLES = "5"
 COMMANDS = {"predict-descent": 0.7, "evaluate": 0.15, "fit": 0.1, "diagnose": 0.05}
@@ -212,6 +213,17 @@ def _options(rng: random.Random, good: Path, folder: Path) -> Case:
     return Case("options", [name, *words, "--out", str(out), *chosen], out)
 
 
+def _weather(rng: random.Random, good: Path, folder: Path) -> Case:
+    """A field, mostly read at places where its values are known, else by `sample`."""
+    path, exact = write_damaged(folder, rng)
+    if rng.random() < 0.9:
+        return Case("weather", ["call", "weather", str(path), str(rng.randrange(10**6)), "exact" if exact else "any"])
+    out = folder / "out.parquet"
+    where = ["--end", "52,5", "--track", "250", "--time", "2024-03-03T12:00:00", "--out", str(out)]
+    option = rng.choice(("--air", "--wind"))
+    return Case("weather", ["sample", str(good / "plain.ckpt"), "-n", SAMPLES, option, str(path), *where], out)
+
+
 KINDS: dict[str, tuple[Callable[[random.Random, Path, Path], Case], float]] = {
     "source": (_source, 0.43),
     "rows": (_rows, 0.20),
@@ -222,5 +234,6 @@ KINDS: dict[str, tuple[Callable[[random.Random, Path, Path], Case], float]] = {
     "tables": (_table, 0.04),
     "gap": (_gap, 0.07),
     "options": (_options, 0.03),
+    "weather": (_weather, 0.10),
 }
 """Kind of input -> what makes a case of it, and its share."""

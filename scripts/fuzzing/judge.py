@@ -6,6 +6,7 @@ import itertools
 import json
 import os
 import signal
+import tempfile
 import traceback
 import warnings
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from descentflow.cli.entry import main
 from descentflow.core.errors import DescentflowError
 from descentflow.diagnosis.findings.read_gap import read_gap
 from fuzzing.cases import Case
+from fuzzing.weather_changes import wrong_values
 
 SECONDS = 30
 """Of processor time, so that a busy machine makes no defect of a fit."""
@@ -53,7 +55,13 @@ def judged(case: Case, folder: Path) -> Outcome:
     before = {path.name for path in folder.iterdir()}
     out, err = io.StringIO(), io.StringIO()
     try:
-        with _in(folder), _seconds(SECONDS), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        with (
+            _in(folder),
+            _seconds(SECONDS),
+            _terminal() as chatter,
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+        ):
             warnings.simplefilter("ignore")
             status = _run(case.words, err)
     except TooLong:
@@ -62,6 +70,8 @@ def judged(case: Case, folder: Path) -> Outcome:
         return Outcome("memory", traceback.format_exc()[-2000:])
     except BaseException:  # a command never ends in one: this is what is looked for
         return Outcome("traceback", traceback.format_exc()[-3000:])
+    if case.kind == "weather" and ("Traceback" in err.getvalue() or chatter):
+        return Outcome("a library's words on the terminal", (err.getvalue() + "".join(chatter))[-1000:])
     left = {path.name for path in folder.iterdir()} - before
     if status == 0:
         return _accepted(case, folder, left)
@@ -78,6 +88,9 @@ def _run(words: list[str], err: io.StringIO) -> int:
     try:
         if words[1] == "aircraft":
             aircraft(words[2], Path(words[3]))
+        elif words[1] == "weather":
+            wrong = wrong_values(Path(words[2]), int(words[3]))
+            assert not (wrong and words[4] == "exact"), wrong
         else:
             read_gap(words[2])
     except DescentflowError as error:
@@ -132,6 +145,22 @@ def _in(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.chdir(before)
+
+
+@contextlib.contextmanager
+def _terminal() -> Iterator[list[str]]:
+    """What libraries of C write to the terminal meanwhile, known at the end."""
+    written: list[str] = []
+    own = os.dup(2)
+    with tempfile.TemporaryFile() as file:
+        os.dup2(file.fileno(), 2)
+        try:
+            yield written
+        finally:
+            os.dup2(own, 2)
+            os.close(own)
+            file.seek(0)
+            written.extend(filter(None, [file.read().decode(errors="replace")]))
 
 
 @contextlib.contextmanager

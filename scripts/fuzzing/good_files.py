@@ -59,7 +59,9 @@ def _sources(folder: Path) -> None:
     from hostile_toys import SOURCES
 
     folder.mkdir()
-    for name, content in SOURCES.items():
+    snapshots = SOURCES["aircraft-json"].splitlines()
+    arranged = {"snapshots-list": b"[" + b", ".join(snapshots) + b"]", "snapshots-joined": b"".join(snapshots)}
+    for name, content in {**SOURCES, **arranged}.items():
         (folder / name).write_bytes(content)
 
 

@@ -74,6 +74,14 @@ def test_snapshots_in_any_arrangement(form: str, tmp_path: Path) -> None:
         assert notes == {"JSON lines cut at the end of a file": 1}
 
 
+def test_lines_with_nan_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The standard library writes it, and the faster parser does not take it; nothing is read as a whole for it."""
+    monkeypatch.setattr("descentflow.surveillance.unpacking.streams.LARGEST_DOCUMENT", 1000)
+    text = snapshots_of(FLIGHT).decode().replace('"flight"', '"rssi": NaN, "flight"')
+    found, _ = rows_of(written_to(tmp_path / "aircraft", text))
+    assert_same_flight(found)
+
+
 def test_snapshots_of_a_program_without_airspeeds_are_refused_by_their_names(tmp_path: Path) -> None:
     craft = {"hex": "4ca001", "altitude": 34000, "vert_rate": -32, "speed": 450, "seen": 0.1}
     old = written_to(tmp_path / "old.json", json.dumps({"now": 1.7e9, "aircraft": [craft]}))

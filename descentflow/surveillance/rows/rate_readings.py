@@ -21,6 +21,8 @@ LEAST_S, MOST_S = 8.0, 60.0
 ft/min over the least of it, and by 1,500 over 4 s."""
 LEAP_FPM = 20_000.0
 """Change that no aircraft makes: to a value that stands for none, or from one."""
+MOST_FPM = 1e9
+"""Change in no unit of any altitude: what has it is no number of an altitude."""
 OPPOSITE = 99.0
 """Difference of a rate from a change of the other sign: larger than any of units."""
 UNITS = (
@@ -136,10 +138,10 @@ def _steps(rows: pl.DataFrame) -> pl.DataFrame:
     altitude, reported, time_us, flight = (seen[name].to_numpy() for name in seen.columns)
     before = _row_before(time_us, flight)
     seconds = (time_us - time_us[before]) / 1e6
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         change = (altitude - altitude[before]) / seconds * 60
     chosen = (flight == flight[before]) & (seconds >= LEAST_S) & (seconds <= MOST_S) & (change != 0)
-    chosen &= np.isfinite(change) & np.isfinite(reported)
+    chosen &= (np.abs(change) < MOST_FPM) & np.isfinite(reported)
     steps = rows.select(names).with_columns(change=pl.Series(change), reported=pl.Series(reported))
     return steps.filter(pl.Series(chosen, dtype=pl.Boolean))
 

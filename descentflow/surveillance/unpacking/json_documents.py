@@ -33,9 +33,14 @@ def documents(source: Input, report: DropReport) -> Iterator[object]:
         try:
             found = [orjson.loads(line)]
         except orjson.JSONDecodeError:
-            # Either the first line of a document of many, or one that the faster parser does not take.
-            rest = b"" if begun else Input(source.stream, source.label).whole()
-            found = list(_one_after_the_other(line + rest, number, source.label, begun, report))
+            # One that the faster parser does not take, several, or the first line of a document of many.
+            try:
+                found = list(_one_after_the_other(line, number, source.label, begun, report))
+            except DataError as error:
+                if begun or not isinstance(error.__cause__, json.JSONDecodeError):
+                    raise
+                rest = Input(source.stream, source.label).whole()
+                found = list(_one_after_the_other(line + rest, number, source.label, begun, report))
         for document in found:
             yield from document if isinstance(document, list) else [document]
         begun = True

@@ -36,9 +36,9 @@ def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         ("gaussian", set()),
         ("flow", {"normflows"}),
-        ("spline", {"normflows"}),
+        pytest.param("spline", {"normflows"}, marks=pytest.mark.slow),
         ("gmm", {"sklearn", "pyro"}),
-        ("gmm_svi", {"sklearn", "pyro"}),
+        pytest.param("gmm_svi", {"sklearn", "pyro"}, marks=pytest.mark.slow),
     ],
 )
 def test_a_fit_loads_the_libraries_of_its_model_alone(

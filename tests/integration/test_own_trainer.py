@@ -1,5 +1,6 @@
 """Models in a Trainer of the user's own: scores that callbacks can ask for, and true words where a fit goes wrong."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import descentflow as df
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.datamodule import DescentDataModule
-from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
+from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 ENERGY = "val/score/cas_profile/energy"
@@ -68,6 +69,35 @@ def test_epochs_that_are_not_due_and_the_sanity_check_are_not_scored(tmp_path: P
     run = trainer(tmp_path, callbacks=[Scored(every_n_epochs=2, n_samples=50)], max_epochs=5)
     run.fit(MaskedAffineFlow(n_flows=1), data)
     assert epochs == [1, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("made", "equal"), [(lambda: GaussianMixture(n_clusters=2), 1e-6), (lambda: MaskedAffineFlow(n_flows=1), 0.1)]
+)
+def test_two_processes_both_have_the_scores(
+    made: Callable[[], LatentModel[Any]], equal: float, tmp_path: Path, data: DescentDataModule
+) -> None:
+    """The first one computes them, and each keeps checkpoints by them; a flow takes other batches."""
+    found = []
+    for devices, strategy in ((1, "auto"), (2, "ddp_fork")):
+        torch.manual_seed(0)
+        best = ModelCheckpoint(tmp_path / strategy, monitor=ENERGY)
+        callbacks = [best, ScoreCallback(every_n_epochs=1, n_samples=200)]
+        options = {"devices": devices, "strategy": strategy, "callbacks": callbacks, "enable_checkpointing": True}
+        run = trainer(tmp_path, **options)
+        run.fit(made(), data)
+        found.append({name: float(run.callback_metrics[name]) for name in ("val/nll", ENERGY, "val/acceptance")})
+    assert found[1] == pytest.approx(found[0], rel=equal)
+
+
+@pytest.mark.parametrize("made", [lambda: GaussianMixture(n_clusters=2), lambda: SplineFlow(n_flows=1)])
+def test_parameters_are_double_in_64_bits(
+    made: Callable[[], LatentModel[Any]], tmp_path: Path, data: DescentDataModule
+) -> None:
+    model = made()
+    trainer(tmp_path, precision="64-true").fit(model, data)
+    assert {value.dtype for value in model.density.parameters()} == {torch.float64}
+    assert df.sample(model, 20).trajectories.time_s.isfinite().all()
 
 
 @pytest.mark.parametrize("made", [Gaussian, MaskedAffineFlow, GaussianMixture])

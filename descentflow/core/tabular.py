@@ -159,8 +159,16 @@ FORMULA = r"^[=+\-@\t\r]"
 """How a cell begins that spreadsheets execute."""
 
 
-def write_table(table: pl.DataFrame, path: str | Path) -> None:
+def write_table(
+    table: pl.DataFrame, path: str | Path, metadata: Mapping[str, str] | None = None, beside: str = ""
+) -> None:
     """Write a table as Parquet or CSV (safe in spreadsheets), by the file's extension, whole or not at all.
+
+    Args:
+        table: The table.
+        path: The file.
+        metadata: Names and texts that Parquet keeps.
+        beside: Other extensions, which the caller writes: the message names them.
 
     Raises:
         ConfigError: If the extension is neither ``.parquet`` nor ``.csv``.
@@ -174,7 +182,10 @@ def write_table(table: pl.DataFrame, path: str | Path) -> None:
     suffix = Path(path).suffix
     if suffix not in (".parquet", ".csv"):
         raise ConfigError(
-            f"output {Path(path).name}", expected="an extension among .parquet, .csv", mend="rename the output"
+            f"output {Path(path).name}", expected=f"an extension among .parquet, .csv{beside}", mend="rename the output"
         )
     with whole_file(path) as temporary:
-        table.write_parquet(temporary) if suffix == ".parquet" else safe_in_spreadsheets(table).write_csv(temporary)
+        if suffix == ".parquet":
+            table.write_parquet(temporary, metadata=dict(metadata or {}))
+        else:
+            safe_in_spreadsheets(table).write_csv(temporary)

@@ -1,6 +1,6 @@
 """Sampled descents as the long table and the NetCDF file that users read, in field units."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +8,8 @@ import numpy as np
 import polars as pl
 
 from descentflow.air.level_air import LevelAir
-from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
-from descentflow.core.tabular import optional_library, safe_in_spreadsheets
+from descentflow.core.tabular import optional_library, write_table
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
 from descentflow.positions.placing import Positions, place
 from descentflow.representation.decoder.trajectories import Trajectories
@@ -178,17 +177,11 @@ def write_samples(
         >>> pl.read_csv("three.csv")["sample_id"].n_unique()
         3
     """
-    writers: dict[str, Callable[[Path], object]] = {
-        ".parquet": lambda to: to_frame(flown, context, positions, air).write_parquet(to, metadata=dict(origin or {})),
-        ".csv": lambda to: safe_in_spreadsheets(to_frame(flown, context, positions, air)).write_csv(to),
-        ".nc": lambda to: _write_netcdf(flown, to, context, _quantities(flown, positions, air), origin or {}),
-    }
-    if path.suffix not in writers:
-        raise ConfigError(
-            f"output {path.name}", expected=f"an extension among {', '.join(writers)}", mend="rename the output"
-        )
+    if path.suffix != ".nc":
+        write_table(to_frame(flown, context, positions, air), path, origin, beside=", .nc")
+        return
     with whole_file(path) as temporary:
-        writers[path.suffix](temporary)
+        _write_netcdf(flown, temporary, context, _quantities(flown, positions, air), origin or {})
 
 
 def _write_netcdf(

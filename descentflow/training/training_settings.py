@@ -61,8 +61,8 @@ def training_settings(name: str | Path) -> TrainingSettings:
     """Read the settings of a model.
 
     Args:
-        name: ``gaussian``, ``mixture``, ``flow`` or ``spline``; or a YAML file as ``descentflow fit --config`` takes it
-            (:func:`~descentflow.configs.packaged_config.config_file`).
+        name: ``gaussian``, ``mixture``, ``flow`` or ``spline``, or the class's name; or a YAML file as
+            ``descentflow fit --config`` takes it (:func:`~descentflow.configs.packaged_config.config_file`).
 
     Raises:
         ConfigError: If there are no such settings, or they name no model.
@@ -73,12 +73,13 @@ def training_settings(name: str | Path) -> TrainingSettings:
         ('descentflow.training.models.MaskedAffineFlow', 5, 150)
     """
     try:
-        path = config_file(NAMES.get(str(name), name))
+        path = config_file((NAMES | SETTINGS_OF).get(str(name), name))
     except ConfigError as error:
+        near = nearest(str(name).lower(), NAMES)
         raise ConfigError(
             f"a model {str(name)!r}",
             expected=f"{', '.join(NAMES)}, a model such as Gaussian(), or a YAML file of settings",
-            mend=_mend_of_name(str(name)),
+            mend=f"did you mean {near!r}?" if near else "choose one of them",
         ) from error
     found = read_settings(path)
     model = found.get("model")
@@ -96,15 +97,6 @@ def training_settings(name: str | Path) -> TrainingSettings:
         TRAINER_DEFAULTS | trainer,
         tuple((one["class_path"], dict(one.get("init_args") or {})) for one in callbacks),
     )
-
-
-def _mend_of_name(name: str) -> str:
-    """The name in Python of a model that is called as on the command line, by its class or in other letters."""
-    by_class = {kind: next(ours for ours, file in NAMES.items() if file == of) for kind, of in SETTINGS_OF.items()}
-    ours = by_class.get(name) or nearest(name.lower(), NAMES)
-    if name in by_class:
-        return f"pass {ours!r}, or {name}(): {name} is what `descentflow fit --model` takes"
-    return f"did you mean {ours!r}?" if ours else "choose one of them"
 
 
 def settings_of(model: LatentModel[Any]) -> TrainingSettings:

@@ -47,10 +47,6 @@ class ShowProgress(Callback):
             if score is not None:
                 self._stage.text = f"training, val/nll {float(score):.4g}"
 
-    def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Nothing is left to show."""
-        self._end()
-
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Of `validate`; in `fit` it is a part of the epoch."""
         if trainer.state.fn == "validate":
@@ -65,18 +61,12 @@ class ShowProgress(Callback):
         """The likelihood of the held-out flights comes first."""
         self._begin(trainer, "scoring flights")
 
-    def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """What was found has been printed."""
+    on_predict_start = on_test_start
+
+    def on_exception(
+        self, trainer: Trainer, pl_module: LightningModule, exception: BaseException | None = None
+    ) -> None:
+        """What is found or wrong is printed next."""
         self._end()
 
-    def on_predict_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Of `predict`."""
-        self._begin(trainer, "scoring flights")
-
-    def on_predict_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """The table is written next."""
-        self._end()
-
-    def on_exception(self, trainer: Trainer, pl_module: LightningModule, exception: BaseException) -> None:
-        """The message is printed next."""
-        self._end()
+    on_train_end = on_test_epoch_end = on_predict_epoch_end = on_exception

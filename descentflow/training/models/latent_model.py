@@ -108,13 +108,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         if self._density is None:
             self.attach(data_of(self.trainer).representation)
         elif isinstance(data := getattr(self.trainer, "datamodule", None), DescentDataModule):
-            ours, theirs = self.representation, data.representation
-            if (ours.split, ours.decoder.sizes) != (theirs.split, theirs.decoder.sizes):
-                raise ConfigError(
-                    "a model that was fitted to other flights than the DataModule's",
-                    expected="its own DataModule, or one that encodes with the model's checkpoint",
-                    mend="fit a new model, or pass DescentDataModule(..., checkpoint=FILE)",
-                )
+            _check_same_weights(self.representation, data.representation)
         self._seed = torch.initial_seed()
 
     def seed_of_batch(self, batch_index: int) -> int:
@@ -240,21 +234,8 @@ class LatentModel(LightningModule, ABC, Generic[D]):
                 expected="the model of the run that is resumed",
                 mend="use that run's own config.yaml, or start a new fit",
             )
-        if self._density is not None and self.representation.split != saved.representation.split:
-            raise CheckpointError(
-                "a checkpoint that was trained on other flights than those of data.descents",
-                expected="the same prepared descents, filters and seed as in the run that is resumed",
-                mend="use that run's own config.yaml and data, or start a new fit",
-            )
-        if self._density is not None and self.representation.decoder.sizes != saved.representation.decoder.sizes:
-            raise CheckpointError(
-                f"a checkpoint of weights {saved.representation.decoder.sizes}, where the options of data now make "
-                f"{self.representation.decoder.sizes}",
-                expected="the data.speed, data.explained_variance, data.cas_explained_variance and data.fpca of "
-                "the run that is resumed",
-                mend="use that run's own config.yaml, or start a new fit",
-            )
         if self._density is not None:
+            _check_same_weights(saved.representation, self.representation)
             self._resume(checkpoint.get(TRAINING, {}))
         self._density = saved.to(self.device)
 
@@ -269,6 +250,21 @@ class LatentModel(LightningModule, ABC, Generic[D]):
                 DescentflowWarning,
                 stacklevel=2,
             )
+
+
+def _check_same_weights(fitted: Representation, given: Representation) -> None:
+    """Refuse weights of other flights or components than those that a model was fitted to."""
+    if fitted.split != given.split:
+        got = "a model that was trained on other flights than those of data.descents"
+    elif fitted.decoder.sizes != given.decoder.sizes:
+        got = f"a model of weights {fitted.decoder.sizes}, where the options of data make {given.decoder.sizes}"
+    else:
+        return
+    raise ConfigError(
+        got,
+        expected="its descents, seed, data.speed, data.fpca, data.explained_variance and data.cas_explained_variance",
+        mend="use its run's config.yaml, its DataModule or DescentDataModule(..., checkpoint=FILE), or fit a new model",
+    )
 
 
 def check_precision(trainer: Trainer) -> None:

@@ -63,7 +63,8 @@ def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -
         settings: What is diagnosed, and how.
     """
     likelihood, fit = found.likelihood, found.chosen.fit
-    cells, affected = where(likelihood, settings.transition_fl, settings.seed)
+    compared = likelihood.compared
+    cells, affected = where(compared, settings.transition_fl, settings.seed)
     entries = affected if bool(affected.any()) else torch.ones_like(affected)
     measure = GapMeasure(likelihood, entries, settings.seed)
     shifts, spreads = held_out_shifts(likelihood, fit)
@@ -84,10 +85,14 @@ def _refit_report(report: GapReport, found: SharedEffects, settings: Settings) -
         causes=causes,
         # The gap of this report is another one, of what both sides have.
         details=replace(
-            report.details, regime="refit", curves=curves(likelihood, fit.shift), measured_over=[], gap_error=None
+            report.details,
+            regime="refit",
+            curves=curves(compared, compared.y - fit.shift),
+            measured_over=[],
+            gap_error=None,
         ),
         write_corrected=write,
         corrected_file="" if write is None else CHECKPOINT,
-        recipe=recipe_of(causes, settings.catalogue, levels_compared(likelihood.compared)),
+        recipe=recipe_of(causes, settings.catalogue, levels_compared(compared)),
         would_split=not_identifiable(settings, "training flights"),
     )

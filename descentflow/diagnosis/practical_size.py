@@ -110,7 +110,7 @@ def below_rounding(
         >>> from descentflow.diagnosis.inference.where import where
         >>> def found(kelvin):
         ...     likelihood = example_likelihood(EFFECTS["temperature"], [kelvin], n=1500)
-        ...     sides, (cells, _) = likelihood.compared, where(likelihood, 290.0, 0)
+        ...     sides, (cells, _) = likelihood.compared, where(likelihood.compared, 290.0, 0)
         ...     return below_rounding(sides, cells, costs_of(sides, None, 0), profile_of(sides))
         >>> sorted((row.quantity, row.difference < row.rounding) for row in found(0.2)), found(10.0)
         ([('cas', True), ('rate', True), ('tas', True)], [])

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import polars as pl
 import torch
@@ -17,6 +18,7 @@ from descentflow.diagnosis.correction.measured_gap import measured_gap
 from descentflow.diagnosis.correction.previous_round import held_against
 from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.evidence_procedure import EvidenceDiagnosis
 from descentflow.diagnosis.findings.findings import SIGNIFICANT, Details, NullTest, Verdict
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.findings.selection_found import DetectionLimit
@@ -30,6 +32,7 @@ from descentflow.diagnosis.inference.left_over import LeftOver, least_left
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
 from descentflow.diagnosis.inference.naming_rule import least_shifts, named_alone
 from descentflow.diagnosis.inference.permutation import null_test
+from descentflow.diagnosis.inference.search import parameters_of_part
 from descentflow.diagnosis.inference.selection import Chosen
 from descentflow.diagnosis.inference.spread_learnt import SpreadLearnt, select_by_either
 from descentflow.diagnosis.inference.two_sides import Compared, compare
@@ -91,7 +94,8 @@ def _run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) ->
         "simulator_flights": 0 if sides.reference is None else len(sides.reference),
         **dropped,
     }
-    report = Diagnosis(compared, settings, source).report(counts, frame)
+    engine = EvidenceDiagnosis if settings.by_evidence else Diagnosis
+    report = engine(compared, settings, source).report(counts, frame)
     report = replace(report, left_out_channels=left_out_channels(sides.lacked, settings.catalogue))
     report = with_shared_effects(report, real, settings, source)
     if settings.previous is None:
@@ -150,7 +154,7 @@ class Diagnosis:
         give_back()
         progress("asking where it lies")
         likelihood = self.likelihood
-        cells, affected = where(likelihood, settings.transition_fl, settings.seed)
+        cells, affected = where(self.compared, settings.transition_fl, settings.seed)
         verdict = self.verdict(test.p_value, chosen, cells)
         if verdict == "effect" and self._leaves_most(chosen.fit, affected):
             verdict = self._without_all(chosen)
@@ -190,11 +194,18 @@ class Diagnosis:
             stages=stages,
             causes=causes,
             gap_after=gap.after,
-            remaining=remaining_of(likelihood, fit.shift, gap.after - gap.floor, chosen.outside),
-            would_split=hidden if verdict == "none" else would_split(likelihood, causes, chosen.undecided),
+            remaining=remaining_of(
+                self.compared,
+                self.compared.y - fit.shift,
+                gap.after - gap.floor,
+                1.0 - chosen.outside.share_explained,
+            ),
+            would_split=hidden
+            if verdict == "none"
+            else would_split(self.compared, settings.catalogue, causes, chosen.undecided),
             dropped=dict(counts),
             details=details,
-            costs=costs_of(self.compared, shift if causes else None, settings.seed),
+            costs=costs_of(self.compared, self.compared.y - shift if causes else None, settings.seed),
             recipe=recipe_of(causes, settings.catalogue, levels_compared(self.compared)),
             scores=scores,
             write_corrected=made.write,
@@ -232,9 +243,8 @@ class Diagnosis:
         asked = self.settings
         # Effects are put in where they were found: at the coefficients that the simulator's own flights show.
         simulator = replace(asked.simulator, aircraft=self.compared.state.aircraft)
-        return correction_made(
-            simulator, frame, self.likelihood, fit, asked.catalogue, asked.transition_fl, asked.seed, spreads
-        )
+        of_part = partial(parameters_of_part, self.likelihood, fit)
+        return correction_made(simulator, frame, self.compared, fit.theta, of_part, asked, spreads)
 
     def _null_test(self, likelihood: EffectsLikelihood) -> NullTest:
         """Whether there is a gap at all, under a covariance that does not know the sides."""
@@ -321,7 +331,7 @@ class Diagnosis:
             test=test,
             discrepancy=discrepancy_of(chosen.outside),
             singles=singles_of(self.likelihood, chosen),
-            curves=curves(self.likelihood, shift),
+            curves=curves(self.compared, self.compared.y - shift),
             flights=dict(counts),
             labels={name: effect.text for name, effect in settings.catalogue.items()},
             narrow_simulator=self.learnt.narrow,

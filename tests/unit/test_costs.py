@@ -92,7 +92,7 @@ def test_what_a_cause_makes_is_gone_after_it() -> None:
     shift = sides.vector(EFFECTS["temperature"].shift(sides.state, torch.tensor([10.0]).double()))
     shift = torch.where(sides.real[:, None], shift, 0.0)
     plain = by_name(costs_of(example_sides(n=200), None, seed=0))
-    warm = by_name(costs_of(sides, shift, seed=0))
+    warm = by_name(costs_of(sides, sides.y - shift, seed=0))
     for name in ("time", "air_distance", "rate", "tas"):
         assert warm[name].after is not None
         assert warm[name].after.estimate == pytest.approx(plain[name].before.estimate, abs=1e-9)
@@ -108,7 +108,7 @@ def test_slower_flights_cost_time_by_their_speed() -> None:
     shift = torch.zeros_like(sides.y)
     shift[:, sides.columns("cas")] = 20.0
     shift = torch.where(sides.real[:, None], shift, 0.0)
-    found = by_name(costs_of(sides, shift, seed=0))
+    found = by_name(costs_of(sides, sides.y - shift, seed=0))
     assert found["cas"].before.estimate - found["cas"].after.estimate == pytest.approx(20.0)
     assert found["tas"].after is None if "tas" not in found else found["tas"].after.estimate < found["tas"].flights
     # Twenty knots less: a longer descent, by the polar.

@@ -4,25 +4,41 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
+import polars as pl
 import pytest
 import torch
 from scipy import stats
 
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.diagnosis.correction.corrected_sides import corrected_entries
+from descentflow.diagnosis.correction.effects_in_flights import Correction
+from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.evidence.assumptions import Assumptions
 from descentflow.diagnosis.evidence.best_sets import Search
 from descentflow.diagnosis.evidence.candidates import FlightsEffect, Linearised
-from descentflow.diagnosis.evidence.explain import explain
-from descentflow.diagnosis.evidence.flight_mixture import Precisions, WaysOfFlights, fit_mixture, ways_of_flights
+from descentflow.diagnosis.evidence.explain import Explainer, explain
+from descentflow.diagnosis.evidence.flight_mixture import (
+    LearntLaw,
+    Precisions,
+    WaysOfFlights,
+    fit_mixture,
+    ways_of_flights,
+)
+from descentflow.diagnosis.evidence.limits import detection_limits
 from descentflow.diagnosis.evidence.linear_gaussian import posterior
 from descentflow.diagnosis.evidence.moments import Moments, moments, shrunk, sums_over_aircraft
 from descentflow.diagnosis.evidence.naming import name_effects
 from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
+from descentflow.diagnosis.evidence_procedure import EvidenceDiagnosis
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 NONE = np.zeros(0)
+LAW = LearntLaw(EFFECTS["speed_brake"], None, torch.zeros(8), None)  # type: ignore[arg-type]
 
 
 def toy(difference: np.ndarray, sd: float = 0.1) -> Moments:
@@ -37,7 +53,7 @@ def toy(difference: np.ndarray, sd: float = 0.1) -> Moments:
 def column(name: str, shape: np.ndarray, prior_sd: float = 1.0) -> FlightsEffect:
     """A cause of a fixed shape and no misfit, whose size is expected to be one."""
     p = len(shape)
-    return FlightsEffect(name, torch.zeros(1), shape[:, None], 0.0, np.zeros((p, p)), np.array([prior_sd]))
+    return FlightsEffect(name, LAW, shape[:, None], 0.0, np.zeros((p, p)), np.array([prior_sd]))
 
 
 def test_evidence_and_posterior_are_those_of_a_joint_normal_law() -> None:
@@ -183,11 +199,14 @@ def test_a_mixture_finds_the_share_size_and_window_of_brakes() -> None:
     without = fit_mixture(values, seen, spread, [], [], 1)
     assert found.log_likelihood > without.log_likelihood + 500
     assert found.shares["speed_brake"] == pytest.approx(0.4, abs=0.02)
-    _, mean, _ = ways.effect.size(found.laws["speed_brake"])
+    law = found.laws["speed_brake"]
+    _, mean, _ = ways.effect.size(law.theta)
     assert mean == pytest.approx(0.5, rel=0.1)
     assert np.mean((found.normal < 0.5) == has) > 0.98
-    low, high = found.laws["speed_brake"][1:3].tolist()
+    low, high = law.theta[1:3].tolist()
     assert (low, high) == (pytest.approx(210, abs=8), pytest.approx(260, abs=8))
+    # Of all sizes 1.2 times: the mean over all flights of the drag added.
+    assert float(law.at(1.2)[0]) == pytest.approx(1.2 * float(law.at(1.0)[0]), rel=1e-6)
 
 
 def test_a_mixture_finds_nothing_in_normal_flights() -> None:
@@ -226,3 +245,46 @@ def test_no_cause_is_named_between_flights_of_one_population() -> None:
         sides = example_sides(n=n)
         called += explain(bare(sides) if is_bare else sides, EFFECTS).verdict != "none"
     assert called == 0
+
+
+def asked(**other: object) -> Settings:
+    return Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, str, **other)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("name", "theta"), [("temperature", [10.0]), ("drag_polar", [0.15])])
+def test_closure_is_measured_on_simulated_flights_that_have_the_cause(name: str, theta: list[float]) -> None:
+    diagnosis = EvidenceDiagnosis(example_sides(EFFECTS[name], theta, n=200), asked(), "samples")
+    report = diagnosis.report({}, pl.DataFrame())
+    assert report.verdict == "effect"
+    closed = report.causes[0].closure.marginal
+    assert closed.estimate is not None
+    assert closed.estimate > 0.9
+    # The page, gap.json and the corrected flights say the same: what is left of the gap is that share of it.
+    left = (report.gap_after - report.floor) / (report.gap_before - report.floor)
+    assert 1 - left == pytest.approx(closed.estimate)
+    time = next(cost for cost in report.costs if cost.name == "time")
+    assert time.after is not None
+    assert abs(time.after.estimate) < 0.2 * abs(time.before.estimate)
+
+
+def test_effects_in_simulated_entries_are_what_they_are_in_flights() -> None:
+    """Ten kelvin more in the simulator's flights than in the real ones leaves the real ones' ten below zero."""
+    sides = example_sides()
+    warm = Correction(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
+    moved = corrected_entries(sides, warm) - sides.y
+    assert float(moved[sides.real].abs().max()) == 0.0
+    shift = sides.vector(EFFECTS["temperature"].shift(sides.state, torch.tensor([10.0]).double()))
+    at = sides.columns("tas")
+    torch.testing.assert_close(moved[~sides.real][:, at], shift[~sides.real][:, at], atol=1e-9, rtol=1e-6)
+
+
+def test_limits_are_sizes_that_are_named_in_most_cases() -> None:
+    limit = detection_limits(Explainer(example_sides(n=100), {"temperature": EFFECTS["temperature"]}))[0]
+    assert limit.size is not None
+    named = {
+        factor: explain(
+            example_sides(EFFECTS["temperature"], [factor * limit.size], n=100), {"temperature": EFFECTS["temperature"]}
+        ).verdict
+        for factor in (0.2, 1.6)
+    }
+    assert named == {0.2: "none", 1.6: "effect"}

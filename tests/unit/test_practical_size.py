@@ -15,11 +15,9 @@ from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.gap_found import GapCell
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.inclusion import WeightedSet
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.where import where
-from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.diagnosis.practical_size import below_rounding, rounding_of
 from descentflow.diagnosis.procedure import Diagnosis
 from descentflow.diagnosis.report.gap_page import page
@@ -37,8 +35,7 @@ def diagnosed(sides: Compared) -> GapReport:
 
 
 def small_gap(sides: Compared) -> list[str]:
-    weights = whiten(sides.y, sides.real, sides.airframe, sides.nugget(), sides.of_flight())
-    cells, _ = where(EffectsLikelihood(sides, weights, EFFECTS, seed=0), 290.0, 0)
+    cells, _ = where(sides, 290.0, 0)
     return [row.quantity for row in below_rounding(sides, cells, costs_of(sides, None, 0), profile_of(sides))]
 
 

@@ -101,7 +101,7 @@ def test_a_gap_in_two_cells_is_found_and_not_diluted(compared: Compared) -> None
     y[:, gaps] += 1.0 * taken[:, None]
     seconds, number = y[:, level], y[:, gaps]
     late = replace(compared, y=y, scale=_spreads(y, compared))
-    found, affected = where(likelihood(late), TRANSITION_FL, seed=0)
+    found, affected = where(likelihood(late).compared, TRANSITION_FL, seed=0)
     assert {late.entries[i].quantity for i in affected.nonzero()[:, 0].tolist()} == {"level", "level_gaps"}
     rows = {row.quantity: row for row in found[:2]}
     assert rows["level"].difference == pytest.approx(51.0, abs=12.0)

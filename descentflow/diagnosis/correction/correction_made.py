@@ -13,10 +13,10 @@ from descentflow.diagnosis.correction.corrected_simulator import air_of_training
 from descentflow.diagnosis.correction.correction_scores import MOST, NEEDED, Halves, Scoring, descents_of, scoring
 from descentflow.diagnosis.correction.effects_in_flights import Correction, state_of_levels, with_effects
 from descentflow.diagnosis.correction.sampled_descents import sampled_descents
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood, Fit
-from descentflow.diagnosis.inference.search import parameters_of_part
+from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.simulator import Simulator
-from descentflow.effects import EFFECTS, Effect
+from descentflow.effects import EFFECTS
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.generation.rejection import sample_descents
 from descentflow.measurements.level_channels import LevelGrid
@@ -28,6 +28,8 @@ from descentflow.surveillance.descents.prepared_descents import write_descents
 
 CHECKPOINT, FLIGHTS = "corrected.ckpt", "corrected.parquet"
 """Names of the corrected simulator beside `gap.json`."""
+ThetaOfPart = Callable[[Tensor], Mapping[str, Tensor]]
+"""Flights (n,) bool -> parameters of the causes by these alone."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +56,10 @@ class CorrectionMade:
 def correction_made(
     simulator: Simulator,
     frame: pl.DataFrame,
-    likelihood: EffectsLikelihood,
-    fit: Fit,
-    catalogue: Mapping[str, Effect],
-    transition_fl: float,
-    seed: int,
+    compared: Compared,
+    theta: Mapping[str, Tensor],
+    of_part: ThetaOfPart,
+    asked: Settings,
     spreads: Mapping[str, float],
 ) -> CorrectionMade:
     """The simulator with the causes in it: its own flights or its checkpoint, and what that does to all scores.
@@ -66,11 +67,10 @@ def correction_made(
     Args:
         simulator: What was diagnosed.
         frame: Prepared real descents.
-        likelihood: Flights of both sides.
-        fit: The causes.
-        catalogue: Effects by name.
-        transition_fl: Transition level of the type.
-        seed: Of halves, samples and of which flights an effect takes.
+        compared: Flights of both sides.
+        theta: Parameters of the causes.
+        of_part: Parameters of the same causes by some of the flights alone.
+        asked: What is diagnosed, and how.
         spreads: Effect -> how widely its size spreads between flights, in its mean.
 
     Example:
@@ -84,31 +84,29 @@ def correction_made(
         >>> report.corrected_file, Path("gap", report.corrected_file).exists()
         ('corrected.parquet', True)
     """
-    mass_kg = likelihood.compared.state.mass_kg
+    mass_kg, catalogue, seed = compared.state.mass_kg, asked.catalogue, asked.seed
     if simulator.flights is not None:
         cleaning = simulator.cleaning or Cleaning()
-        correction = Correction(catalogue, fit.theta, mass_kg, cleaning, seed, spreads)
+        correction = Correction(catalogue, theta, mass_kg, cleaning, seed, spreads)
         return CorrectionMade(
             FLIGHTS,
             _writer(simulator, simulator.flights, correction),
-            _scoring_of_flights(simulator, simulator.flights, frame, likelihood, fit, correction, transition_fl),
+            _scoring_of_flights(
+                simulator, simulator.flights, frame, compared, of_part, correction, asked.transition_fl
+            ),
         )
-    write = corrected(simulator, mass_kg, catalogue, fit.theta, spreads=spreads)
+    write = corrected(simulator, mass_kg, catalogue, theta, spreads=spreads)
     parts = simulator.representation
-    if (
-        simulator.sampler is None
-        or parts is None
-        or any(catalogue[name] is not EFFECTS.get(name) for name in fit.theta)
-    ):
+    if simulator.sampler is None or parts is None or any(catalogue[name] is not EFFECTS.get(name) for name in theta):
         return CorrectionMade(CHECKPOINT if write is not None else "", write)
     flown, moved = _samples(simulator, frame, mass_kg, seed, spreads)
-    asked = _scoring_of_samples(simulator, frame, likelihood, fit, flown, moved, transition_fl, seed)
+    made = _scoring_of_samples(simulator, frame, compared, of_part, flown, moved, asked.transition_fl, seed)
     settings = None if parts.cleaning is None else asdict(parts.cleaning)
 
     def write_flights(path: Path) -> None:
-        write_descents(sampled_descents(moved(fit.theta), simulator.aircraft.typecode, settings), path)
+        write_descents(sampled_descents(moved(theta), simulator.aircraft.typecode, settings), path)
 
-    return CorrectionMade(CHECKPOINT if write is not None else "", write, asked, write_flights)
+    return CorrectionMade(CHECKPOINT if write is not None else "", write, made, write_flights)
 
 
 def _writer(simulator: Simulator, flights: pl.DataFrame, correction: Correction) -> Callable[[Path], None]:
@@ -122,8 +120,8 @@ def _scoring_of_flights(
     simulator: Simulator,
     flights: pl.DataFrame,
     frame: pl.DataFrame,
-    likelihood: EffectsLikelihood,
-    fit: Fit,
+    compared: Compared,
+    of_part: ThetaOfPart,
     correction: Correction,
     transition_fl: float,
 ) -> Scoring:
@@ -134,7 +132,7 @@ def _scoring_of_flights(
     own = LevelGrid.of_frame(
         flights.filter(pl.col("flight_id").is_in(some.implode())), low, high, [c for c in CHANNELS if c in flights]
     )
-    halves = _halves(frame, low, high, likelihood, fit, correction.seed)
+    halves = _halves(frame, low, high, compared, of_part, correction.seed)
     if own is None or halves is None:
         return Scoring()
 
@@ -172,15 +170,15 @@ def _samples(
 def _scoring_of_samples(
     simulator: Simulator,
     frame: pl.DataFrame,
-    likelihood: EffectsLikelihood,
-    fit: Fit,
+    compared: Compared,
+    of_part: ThetaOfPart,
     flown: Trajectories,
     moved: Callable[[Mapping[str, Tensor]], Trajectories],
     transition_fl: float,
     seed: int,
 ) -> Scoring:
     """The same of samples."""
-    halves = _halves(frame, *simulator.levels(frame), likelihood, fit, seed)
+    halves = _halves(frame, *simulator.levels(frame), compared, of_part, seed)
     if halves is None:
         return Scoring()
     before = DescentSet.of_trajectories(flown)
@@ -192,13 +190,12 @@ def _scoring_of_samples(
 
 
 def _halves(
-    frame: pl.DataFrame, low: float, high: float, likelihood: EffectsLikelihood, fit: Fit, seed: int
+    frame: pl.DataFrame, low: float, high: float, compared: Compared, of_part: ThetaOfPart, seed: int
 ) -> Halves | None:
     """Real flights in two halves of whole aircraft, with the parameters that each gives."""
     grid = LevelGrid.of_frame(frame, low, high, NEEDED)
     if grid is None:
         return None
-    compared = likelihood.compared
     # Aircraft of the real flights are numbered after those of the simulator's.
     first = int(compared.airframe[~compared.real].max()) + 1 if bool((~compared.real).any()) else 0
     count = int(grid.airframe.max()) + 1
@@ -209,5 +206,5 @@ def _halves(
         chosen = torch.nonzero(dealt[grid.airframe] == half)[:, 0]
         chosen = chosen[torch.randperm(len(chosen), generator=torch.Generator().manual_seed(seed))[:MOST]]
         flights.append(descents_of(grid).subset(chosen))
-        theta.append(parameters_of_part(likelihood, fit, ~compared.real | (mine == half)))
+        theta.append(of_part(~compared.real | (mine == half)))
     return Halves((flights[0], flights[1]), (theta[0], theta[1]))

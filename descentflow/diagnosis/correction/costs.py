@@ -49,12 +49,13 @@ OF_FLIGHT = ("level", "slow")
 """Costs with one number for each flight."""
 
 
-def costs_of(compared: Compared, shift: Tensor | None, seed: int) -> list[Cost]:
+def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
     """What the gap costs over all levels that are compared, and over the lower, middle and upper third of them.
 
     Args:
         compared: Flights of both sides.
-        shift: (n, p) what the named causes make of each real flight; None where none is named.
+        left: (n, p) entries of all flights once the causes are in the simulator's, or off the real ones; None where
+            none is named.
         seed: Of the fleets.
 
     Returns:
@@ -71,7 +72,7 @@ def costs_of(compared: Compared, shift: Tensor | None, seed: int) -> list[Cost]:
     bands = sorted(e.band for e in compared.entries if e.quantity == "rate")
     if not bands:
         return []
-    sides = _Sides(compared, shift, seed)
+    sides = _Sides(compared, left, seed)
     parts = [bands, *_thirds(bands)]
     found = []
     for chosen in parts if len(bands) >= PARTS else parts[:1]:
@@ -114,20 +115,25 @@ class _Tables:
 
     simulator: dict[str, Tensor]
     flights: dict[str, Tensor]
-    corrected: dict[str, Tensor] | None
+    left: tuple[dict[str, Tensor], dict[str, Tensor]] | None
+    """The simulator's and the real flights once the causes are in the one or off the other."""
 
 
 class _Sides:
     """Both sides' tables, and fleets of whole aircraft drawn from each."""
 
-    def __init__(self, compared: Compared, shift: Tensor | None, seed: int) -> None:
+    def __init__(self, compared: Compared, left: Tensor | None, seed: int) -> None:
         c, real = compared, compared.real
         self.has_reference = bool((~real).any())
         every = flown(c, c.y)
         # Nominal BADA flies each flight's own speed at the polar's rate: a rate of zero beyond the polar.
         simulator = {k: v[~real] for k, v in every.items()} if self.has_reference else flown(c, 0.0 * c.y)
-        corrected = None if shift is None else {k: v[real] for k, v in flown(c, c.y - shift).items()}
-        self.all = _Tables(simulator, {name: table[real] for name, table in every.items()}, corrected)
+        after = None
+        if left is not None:
+            both = flown(c, left)
+            own = {k: v[~real] for k, v in both.items()} if self.has_reference else simulator
+            after = own, {k: v[real] for k, v in both.items()}
+        self.all = _Tables(simulator, {name: table[real] for name, table in every.items()}, after)
         self.tables = [name for name in every if bool(simulator[name].isfinite().any())]
         generator = torch.Generator().manual_seed(seed)
         self.owner_real, self.weights_real = _fleets(c.airframe[real], generator)
@@ -141,8 +147,10 @@ class _Sides:
         flights = self._over(name, bands, self.all.flights, self.owner_real, self.weights_real)
         before, after = flights - simulator, None
         last = before
-        if self.all.corrected is not None:
-            last = self._over(name, bands, self.all.corrected, self.owner_real, self.weights_real) - simulator
+        if self.all.left is not None:
+            own, real = self.all.left
+            last = self._over(name, bands, real, self.owner_real, self.weights_real)
+            last = last - self._over(name, bands, own, self.owner_own, self.weights_own)
             after = _measured(last)
         label, unit = LABELS[name]
         floor = float((last[1:] - last[0]).abs().quantile(CONFIDENCE[1] - CONFIDENCE[0]))

@@ -86,7 +86,7 @@ def with_effects(
         1.021
     """
     state = state_of_levels(grid, aircraft, correction) if state is None else state
-    flown, reported = _sums(state, correction)
+    flown, reported = changes_of(state, correction)
     moved = _flown(grid, state, flown)
     moved = with_gaps(moved, GapChange.of(flown), DrawNumbers(correction.seed), correction.cleaning)
     moved = _reported(moved, reported, correction.seed)
@@ -147,8 +147,22 @@ def filled(values: Tensor) -> Tensor:
     return torch.from_numpy(np.stack(rows))
 
 
-def _sums(state: FlightState, correction: Correction) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
-    """Changes that are flown, and that are reported alone, of all effects together, in the flights that each takes."""
+def changes_of(state: FlightState, correction: Correction) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+    """Changes that are flown, and that are reported alone, of all effects together, in the flights that each takes.
+
+    Args:
+        state: The simulator's flights, which do not have the effects.
+        correction: What is put in.
+
+    Example:
+        >>> from dataclasses import replace
+        >>> from descentflow.effects import EFFECTS
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> warm = Correction(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
+        >>> flown, reported = changes_of(replace(example_flights(), affected=False), warm)
+        >>> round(float(flown["tas"].mean()), 3), float(reported["rate"].abs().max())
+        (0.021, 0.0)
+    """
     flown, reported = ({name: torch.zeros_like(state.cas_mps) for name in BY_LEVEL} for _ in range(2))
     held, begun = torch.zeros(len(state.cas_mps), dtype=torch.bool), 0.0
     rate_held = torch.zeros_like(state.cas_mps)

@@ -5,8 +5,10 @@ from typing import Protocol
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
+from descentflow.diagnosis.evidence.flight_mixture import LearntLaw
 from descentflow.diagnosis.evidence.linear_gaussian import Array
 from descentflow.diagnosis.evidence.signatures import Signature, Signatures
 from descentflow.effects import Effect
@@ -47,6 +49,12 @@ class Candidate(Protocol):
     def plausible(self, sizes: Array) -> bool:
         """Whether these sizes can be what the effect says."""
 
+    def theta(self, sizes: Array) -> Tensor:
+        """All parameters of the effect at sizes (k,)."""
+
+    def theta_errors(self, errors: Array) -> Tensor:
+        """Standard errors of all parameters by those of sizes (k,); zero where nothing says them."""
+
 
 class MeanEffect:
     """An effect that shows in the means: its sizes are those of its parameters that a mean can tell.
@@ -77,11 +85,18 @@ class MeanEffect:
         self.start = self.prior_mean = np.array([parameter.start for parameter in free])
         self.prior_sd = np.array([assumed.prior_scales * parameter.scale for parameter in free])
 
-    def theta(self, sizes: Array) -> torch.Tensor:
-        """All parameters (k,) of the effect."""
+    def theta(self, sizes: Array) -> Tensor:
+        """All parameters of the effect."""
         theta = self.effect.start().double()
         theta[self._free] = torch.from_numpy(np.asarray(sizes, dtype=float))
         return theta
+
+    def theta_errors(self, errors: Array) -> Tensor:
+        """Standard errors of all parameters, zero where nothing that is compared answers to one."""
+        answers = np.abs(self.at(self.start).jacobian).max(0) > 0.0
+        found = torch.zeros(len(self.effect.parameters), dtype=torch.float64)
+        found[self._free] = torch.from_numpy(np.where(answers, errors, 0.0))
+        return found
 
     def shows(self) -> bool:
         """Whether anything that is compared answers to it."""
@@ -108,20 +123,22 @@ class FlightsEffect:
 
     Attributes:
         name: Of the effect.
-        law: Parameters (k,) of how flights have it.
+        law: Law by which flights have it.
         parts: (p, c) of the mean shift: what goes with the sizes of flights, and what does not.
         log_gain: Nats that the shapes gain by it.
         misfit: (p, p) what its equation misses at factors of one.
         prior_sd: (c,) of the factors about one.
 
     Example:
-        >>> brakes = FlightsEffect("speed_brake", torch.zeros(3), np.ones((2, 1)), 30.0, np.eye(2), np.array([0.2]))
+        >>> from descentflow.effects import EFFECTS
+        >>> law = LearntLaw(EFFECTS["speed_brake"], None, torch.zeros(8), None)
+        >>> brakes = FlightsEffect("speed_brake", law, np.ones((2, 1)), 30.0, np.eye(2), np.array([0.2]))
         >>> brakes.at(np.array([2.0])).shift
         array([2., 2.])
     """
 
     name: str
-    law: torch.Tensor
+    law: LearntLaw
     parts: Array
     log_gain: float
     misfit: Array
@@ -149,12 +166,22 @@ class FlightsEffect:
         """Asked of the law already."""
         return True
 
+    def theta(self, sizes: Array) -> Tensor:
+        """The law, with the sizes of flights as the means show them."""
+        return self.law.at(float(sizes[0]))
+
+    def theta_errors(self, errors: Array) -> Tensor:
+        """Standard errors of the law's parameters, the mean size's by that of its factor."""
+        return self.law.errors(float(errors[0]))
+
 
 class Linearised:
     """A candidate about given sizes: its shift is linear in them, and its misfit goes with the square of the shift.
 
     Example:
-        >>> brakes = FlightsEffect("speed_brake", torch.zeros(3), np.ones((2, 1)), 0.0, np.eye(2), np.array([0.2]))
+        >>> from descentflow.effects import EFFECTS
+        >>> law = LearntLaw(EFFECTS["speed_brake"], None, torch.zeros(8), None)
+        >>> brakes = FlightsEffect("speed_brake", law, np.ones((2, 1)), 0.0, np.eye(2), np.array([0.2]))
         >>> Linearised(brakes, np.array([1.0])).at(np.array([0.5])).misfit[0, 0]
         np.float64(0.25)
     """
@@ -169,6 +196,7 @@ class Linearised:
         self.name, self.log_gain, self.start = candidate.name, candidate.log_gain, sizes
         self.prior_mean, self.prior_sd = candidate.prior_mean, candidate.prior_sd
         self.clamp, self.plausible = candidate.clamp, candidate.plausible
+        self.theta, self.theta_errors = candidate.theta, candidate.theta_errors
         self._about = candidate.at(sizes)
 
     def at(self, sizes: Array) -> Signature:

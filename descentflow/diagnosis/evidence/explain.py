@@ -1,9 +1,11 @@
 """Explanation of the difference of two sides: causes with sizes, what stands beside them, and what is unknown."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
+from torch import Tensor
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
 from descentflow.diagnosis.evidence.best_sets import Search
@@ -11,10 +13,11 @@ from descentflow.diagnosis.evidence.candidates import Candidate, FlightsEffect, 
 from descentflow.diagnosis.evidence.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.evidence.moments import Moments, moments
 from descentflow.diagnosis.evidence.naming import Named, name_effects, verdict_of
-from descentflow.diagnosis.evidence.nuisances import Lack, lacks, set_apart
-from descentflow.diagnosis.evidence.set_fit import SetFit
+from descentflow.diagnosis.evidence.nuisances import lacks, set_apart
+from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
 from descentflow.diagnosis.evidence.signatures import Signatures
 from descentflow.diagnosis.findings.findings import Verdict
+from descentflow.diagnosis.findings.gap_found import Lack
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect
 
@@ -26,27 +29,97 @@ class Explanation:
     Attributes:
         verdict: See :data:`descentflow.diagnosis.findings.findings.Verdict`.
         named: Effects with their groups and probabilities.
-        best: The heaviest set with all that is named.
+        best: The set of the named effects, with an unknown cause where one is probable.
         sets: All that were fitted, heaviest first.
-        shapes: By effect that some flights have: its law.
+        theta: By effect of ``best``: its parameters (k,).
+        errors: Standard errors of these.
         lacks: What the simulator lacks besides.
-        known: Moments of both sides.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> from descentflow.effects import EFFECTS
         >>> found = explain(example_sides(EFFECTS["temperature"], [10.0]), EFFECTS)
-        >>> found.verdict, list(found.named.groups), found.best.sizes["temperature"].round()
-        ('effect', ['temperature'], array([10.]))
+        >>> found.verdict, list(found.named.groups), found.theta["temperature"].round()
+        ('effect', ['temperature'], tensor([10.], dtype=torch.float64))
     """
 
     verdict: Verdict
     named: Named
     best: SetFit
     sets: Sequence[SetFit]
-    shapes: Mapping[str, FlightsEffect]
+    theta: Mapping[str, Tensor]
+    errors: Mapping[str, Tensor]
     lacks: Sequence[Lack]
-    known: Moments
+
+
+class Explainer:
+    """The steps from flights of two sides to an explanation.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> explainer = Explainer(sides, {"temperature": EFFECTS["temperature"]})
+        >>> half = explainer.theta_of_part(explainer.explanation().best, torch.arange(160) % 2 == 0)
+        >>> half["temperature"].round()
+        tensor([10.], dtype=torch.float64)
+    """
+
+    def __init__(self, compared: Compared, catalogue: Mapping[str, Effect], assumed: Assumptions | None = None) -> None:
+        """Take the moments and the shapes of single flights.
+
+        Args:
+            compared: Flights of both sides.
+            catalogue: Effects that may be named.
+            assumed: Constants; the usual ones if absent.
+        """
+        self.assumed = assumed or Assumptions()
+        apart = set_apart(compared)
+        self._aside, self.within = (compared.only(torch.nonzero(part)[:, 0]) for part in (apart, ~apart))
+        self.known, self.catalogue = moments(self.within, self.assumed), catalogue
+        signatures = Signatures(self.within, self.known, self.assumed)
+        by_flight = differing(catalogue) if "rate" in self.within.quantities() else []
+        shapes = FlightShapes(self.within, self.known, by_flight, self.assumed) if by_flight else None
+        self._shapes = [] if shapes is None else shapes.candidates(signatures)
+        self.groups = list({group.members: None for e in catalogue.values() if (group := e.scale_group) is not None})
+        self.search = Search(self.known, self._candidates(signatures), self.assumed, exclusive=self.groups)
+
+    def explanation(self) -> Explanation:
+        """Weigh the sets and name what they say."""
+        fits, sets = self.search.fits, self.search.sets()
+        named = name_effects(sets, self.assumed, alike=self.groups)
+        heaviest = next((one for one in sets if set(named.groups) <= set(one.names)), sets[0])
+        verdict = verdict_of(named, heaviest, self.known, fits)
+        has_cause = verdict in ("effect", "partial")
+        names = tuple(named.groups) if has_cause else ()
+        unknown = heaviest.unknown if verdict in ("partial", "unknown") else {}
+        best = fits.fit(names, unknown, heaviest.sizes)
+        return Explanation(
+            verdict,
+            named,
+            best,
+            sets,
+            {name: fits.candidates[name].theta(best.sizes[name]) for name in names},
+            {name: fits.candidates[name].theta_errors(best.errors[name]) for name in names},
+            lacks(self._aside, self.assumed, has_cause=has_cause),
+        )
+
+    def theta_of_part(self, fit: SetFit, chosen: Tensor) -> dict[str, Tensor]:
+        """Parameters of a set by some flights (n,) alone; the ways of single flights stay as they are."""
+        part = replace(self.within, y=torch.where(chosen[:, None], self.within.y, torch.nan))
+        known = moments(part, self.assumed)
+        if not np.isfinite(known.difference).all():
+            # Entries that these flights do not show are known by none of them.
+            known = _without_unseen(known, self.known)
+        fits = SetFits(known, self._candidates(Signatures(part, known, self.assumed)), self.assumed)
+        again = fits.fit(fit.names, fit.unknown, fit.sizes)
+        return {name: fits.candidates[name].theta(again.sizes[name]) for name in fit.names}
+
+    def _candidates(self, signatures: Signatures) -> list[Candidate]:
+        by_flight = differing(self.catalogue)
+        means = [MeanEffect(e, signatures, self.assumed) for e in self.catalogue.values() if e not in by_flight]
+        shapes: list[FlightsEffect] = self._shapes
+        return [*(one for one in means if one.shows()), *shapes]
 
 
 def explain(compared: Compared, catalogue: Mapping[str, Effect], assumed: Assumptions | None = None) -> Explanation:
@@ -56,29 +129,19 @@ def explain(compared: Compared, catalogue: Mapping[str, Effect], assumed: Assump
         compared: Flights of both sides.
         catalogue: Effects that may be named.
         assumed: Constants; the usual ones if absent.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> explain(example_sides(), EFFECTS).verdict
+        'none'
     """
-    assumed = assumed or Assumptions()
-    apart = set_apart(compared)
-    aside, within = (compared.only(torch.nonzero(part)[:, 0]) for part in (apart, ~apart))
-    known = moments(within, assumed)
-    signatures = Signatures(within, known, assumed)
-    by_flight = differing(catalogue)
-    shapes = FlightShapes(within, known, by_flight, assumed).candidates(signatures) if by_flight else []
-    means = [MeanEffect(effect, signatures, assumed) for effect in catalogue.values() if effect not in by_flight]
-    candidates: list[Candidate] = [*(one for one in means if one.shows()), *shapes]
-    groups = list({group.members: None for e in catalogue.values() if (group := e.scale_group) is not None})
-    search = Search(known, candidates, assumed, exclusive=groups)
-    sets = search.sets()
-    named = name_effects(sets, assumed, alike=groups)
-    best = next((one for one in sets if set(named.groups) <= set(one.names)), sets[0])
-    verdict = verdict_of(named, best, known, search.fits)
-    has_cause = verdict in ("effect", "partial")
-    return Explanation(
-        verdict,
-        named,
-        best,
-        sets,
-        {one.name: one for one in shapes},
-        lacks(aside, assumed, has_cause=has_cause),
-        known,
-    )
+    return Explainer(compared, catalogue, assumed).explanation()
+
+
+def _without_unseen(part: Moments, whole: Moments) -> Moments:
+    """Moments of some flights, with entries that none of them shows as unknown as they could be."""
+    unseen = ~np.isfinite(part.difference)
+    covariance = np.where(unseen[:, None] | unseen, 0.0, part.covariance)
+    covariance[unseen, unseen] = 1e6 * whole.covariance[unseen, unseen]
+    return replace(part, difference=np.where(unseen, 0.0, part.difference), covariance=covariance)

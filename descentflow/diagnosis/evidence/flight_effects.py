@@ -103,7 +103,9 @@ class FlightShapes:
         chosen: tuple[str, ...] = ()
         while rest := [name for name in self.effects if name not in chosen]:
             best = max(rest, key=lambda name: self._gain((*chosen, name)))
-            if self._gain((*chosen, best)) <= self._gain(chosen) or not self._is_shared((*chosen, best), best):
+            larger = (*chosen, best)
+            possible = self._is_shared(larger, best) and self._is_plausible(larger, best)
+            if self._gain(larger) <= self._gain(chosen) or not possible:
                 break
             chosen = (*chosen, best)
         found = []
@@ -135,15 +137,21 @@ class FlightShapes:
         ways = [side.ways[name] for name in names]
         none = (0.0,) * len(self.spread.shapes)
         wide = self.spread.likeliest(side.values, side.seen, np.ones(len(side.index)), none)
-        tried: dict[tuple[float, ...], float] = {}
+        tried: dict[tuple[float, ...], MixtureFit] = {}
         for start in (wide, none):
             sizes: tuple[float, ...] = tuple(start)
             while sizes not in tried:
                 short = self._mixture(side, ways, sizes, SHORT_ROUNDS)
-                tried[sizes] = short.log_likelihood
+                tried[sizes] = short
                 values = side.values + short.offset * side.seen
                 sizes = tuple(self.spread.likeliest(values, side.seen, short.normal, sizes))
-        return self._mixture(side, ways, max(tried, key=lambda one: tried[one]), ROUNDS)
+        best = max(tried, key=lambda one: tried[one].log_likelihood)
+        about = [self._about(side, name, tried[best].laws[name].theta) for name in names]
+        return self._mixture(side, about, best, ROUNDS)
+
+    def _about(self, side: Side, name: str, law: torch.Tensor) -> WaysOfFlights:
+        """Ways about the sizes of a law: a shift is not linear in them."""
+        return ways_of_flights(self.effects[name], side.ways[name].state, self.rates.bands, side.seen, law)
 
     def _mixture(self, side: Side, ways: Sequence[WaysOfFlights], sizes: tuple[float, ...], rounds: int) -> MixtureFit:
         odd = [size**2 * shape for shape in self.spread.shapes[2:] for size in self.assumed.odd]
@@ -166,13 +174,19 @@ class FlightShapes:
         real, simulated = (self.fit(side, names).shares[name] for side in (self.real, self.simulated))
         return real - simulated > LEAST_SHARE
 
+    def _is_plausible(self, names: tuple[str, ...], name: str) -> bool:
+        """Whether its law can be what the effect says, and is none of another effect."""
+        theta, state = self.fit(self.real, names).laws[name].theta, self.real.ways[name].state
+        effect = self.effects[name]
+        return effect.plausible(state, theta) and not effect.may_be(state, theta)
+
     def _mean_shift(self, side: Side, names: tuple[str, ...], name: str) -> Array:
         """Mean shift (p, c) of what is compared, late reports included; c is two where a part has no size."""
         fit, mine = self.fit(side, names), side.ways[name]
-        effect, start = mine.effect.coarser(mine.start), mine.start
+        effect, law = mine.effect.coarser(mine.start), fit.laws[name].theta
         beyond = torch.zeros_like(mine.state.cas_mps) + mine.state.beyond_polar
         state = replace(mine.state, report_delay_s=self.compared.state.report_delay_s)
-        ways = effect.ways(state, start, beyond)
+        ways = effect.ways(state, law, beyond)
         weights = (ways.table[ways.upper] - ways.table[ways.lower]).numpy()
         taken, sized = fit.taken[name], fit.taken[name] * fit.sizes[name]
         shown = [(sized @ weights) * ways.shape.numpy(), taken.sum(1)[:, None] * ways.offset.numpy()]

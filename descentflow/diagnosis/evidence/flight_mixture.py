@@ -25,6 +25,10 @@ SHUT = -1e6
 """Log probability of a way that a flight could not show."""
 FIRST_ODD, FIRST_SHARE = 0.05, 0.2
 """Shares of each kind of odd flights, and of the flights with an effect, from which EM starts."""
+STEP = 0.01
+"""Of a factor, for derivatives."""
+GRID_ERROR_FL = 2.9
+"""Standard error of a window's end by a grid of ten levels: its step over the root of 12."""
 BEFORE = 2.0
 """Flights' worth of the law from which EM starts, in each step of it."""
 
@@ -67,7 +71,13 @@ class WaysOfFlights:
         )
 
 
-def ways_of_flights(effect: DiffersByFlight, state: FlightState, bands: np.ndarray, seen: np.ndarray) -> WaysOfFlights:
+def ways_of_flights(
+    effect: DiffersByFlight,
+    state: FlightState,
+    bands: np.ndarray,
+    seen: np.ndarray,
+    law: torch.Tensor | None = None,
+) -> WaysOfFlights:
     """Take the ways of an effect in the rate by altitude over time.
 
     Args:
@@ -75,8 +85,9 @@ def ways_of_flights(effect: DiffersByFlight, state: FlightState, bands: np.ndarr
         state: Flights (n).
         bands: (m,) of the rates.
         seen: (n, m).
+        law: About whose mean size shifts are linear in it, and from which EM starts; a wide one if absent.
     """
-    start = effect.law_starts(state, _about_the_middle(effect, state))[-1]
+    start = effect.law_starts(state, _about_the_middle(effect, state))[-1] if law is None else law
     beyond = torch.zeros_like(state.cas_mps) + state.beyond_polar
     ways = effect.coarser(start).ways(state, start, beyond)
     slots = [ways.slots.index(("rate", int(band))) for band in bands]
@@ -143,12 +154,66 @@ class Precisions:
 
 
 @dataclass(frozen=True)
+class LearntLaw:
+    """How flights have an effect, as the mixture learnt it.
+
+    Attributes:
+        effect: Whose law it is.
+        state: The flights.
+        theta: Its parameters (k,).
+        learnt: Sums over the flights by way; None before any were seen.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> LearntLaw(EFFECTS["speed_brake"], None, torch.zeros(8), None).at(1.0).shape
+        torch.Size([8])
+    """
+
+    effect: DiffersByFlight
+    state: FlightState | None
+    theta: torch.Tensor
+    learnt: Learnt | None
+
+    def at(self, factor: float) -> torch.Tensor:
+        """Parameters (k,) with the sizes of all flights times a factor."""
+        if self.state is None or self.learnt is None:
+            return self.theta
+        sums = self.learnt
+        moved = Learnt(sums.taken, sums.size * factor, sums.squared * factor**2, sums.flights)
+        return self.effect.learn(self.state, self.theta, moved)
+
+    def errors(self, factor_error: float) -> torch.Tensor:
+        """Standard errors (k,): of the mean size by that of the factor, of a window's ends by their spread.
+
+        A share is known as a count of flights, and what the grid of windows leaves open is uniform.
+        """
+        found = torch.zeros_like(self.theta)
+        if self.learnt is None:
+            return found
+        number = max(float(self.learnt.taken.sum()), 1.0)
+        sized = (self.at(1.0 + STEP) - self.at(1.0 - STEP)) / (2.0 * STEP)
+        found = sized.abs() * factor_error
+        for place, parameter in enumerate(self.effect.parameters):
+            if parameter.is_spread or parameter.from_heterogeneity or parameter.shown_as == "flights":
+                found[place] = 0.0
+        if isinstance(self.effect, WindowedEffect):
+            wide = [
+                float(v)
+                for v, p in zip(self.theta, self.effect.parameters, strict=True)
+                if p.is_spread and p.unit == "FL"
+            ]
+            own = sum(one**2 for one in wide) / number
+            found[list(self.effect.ends)] = math.sqrt(own + GRID_ERROR_FL**2)
+        return found
+
+
+@dataclass(frozen=True)
 class MixtureFit:
     """The mixture at its likeliest.
 
     Attributes:
         log_likelihood: Of all flights.
-        laws: By effect: its parameters (k,).
+        laws: By effect.
         shares: By effect: of the flights that could show it.
         taken: By effect: (n, W) probability that a flight has it in each way.
         sizes: By effect: (n, W) expected size in each way.
@@ -161,7 +226,7 @@ class MixtureFit:
     """
 
     log_likelihood: float
-    laws: Mapping[str, torch.Tensor]
+    laws: Mapping[str, LearntLaw]
     shares: Mapping[str, float]
     taken: Mapping[str, Array]
     sizes: Mapping[str, Array]
@@ -211,7 +276,7 @@ def fit_mixture(
             model.maximise(mine, seen)
     return MixtureFit(
         float(whole.sum()),
-        {model.name: model.law for model in models},
+        {model.name: LearntLaw(model.coarse, model.ways.state, model.law, model.learnt) for model in models},
         {model.name: model.share for model in models},
         {model.name: model.taken for model in models},
         {model.name: model.size for model in models},
@@ -225,7 +290,7 @@ class _Ways:
 
     def __init__(self, ways: WaysOfFlights, plain: Precisions) -> None:
         self.ways, self.plain, self.law, self.name = ways, plain, ways.start, ways.effect.name
-        self._coarse = ways.effect.coarser(ways.start)
+        self.coarse = ways.effect.coarser(ways.start)
         # (n, W, m) shapes are not kept: only their products with the precision, of which there are W a flight.
         self._square = np.empty(ways.open.shape)
         self._with_offset = np.empty(ways.open.shape)
@@ -237,10 +302,11 @@ class _Ways:
         self._offset_square = (plain.times(ways.offset) * ways.offset).sum(1)
         self.taken = self.size = self._variance = np.zeros(ways.open.shape)
         self.share, self.offset_of_mean = 0.0, np.zeros(ways.weights.shape[1])
+        self.learnt: Learnt | None = None
 
     def expect(self, x: Array) -> Array:
         """Log ratio (n,) of the density with the effect to that without, summed over ways."""
-        _, mean, sd = self._coarse.size(self.law)
+        _, mean, sd = self.coarse.size(self.law)
         carried = self.plain.times(x)
         precision = self._square + sd**-2.0
         towards = (carried * self.ways.shape) @ self.ways.weights.T - self._with_offset + mean / sd**2
@@ -251,7 +317,7 @@ class _Ways:
             - mean**2 / (2.0 * sd**2)
             - 0.5 * np.log(sd**2 * precision)
             + np.where(self.ways.open, 0.0, SHUT)
-            + self._coarse.log_prior(self.ways.state, self.law).numpy()
+            + self.coarse.log_prior(self.ways.state, self.law).numpy()
         )
         # Sizes are positive: the law is cut off at zero, before and after the flight is seen.
         root = np.sqrt(precision)
@@ -266,17 +332,17 @@ class _Ways:
     def maximise(self, mine: Array, seen: np.ndarray) -> None:
         """Learn the law from flights that have the effect with probabilities (n,)."""
         self.taken = self.taken * mine[:, None]
-        often = np.exp(self._coarse.log_prior(self.ways.state, self.law).numpy())
+        often = np.exp(self.coarse.log_prior(self.ways.state, self.law).numpy())
         could = self.ways.open @ (often / often.sum())
-        _, mean, sd = self._coarse.size(self.ways.start)
+        _, mean, sd = self.coarse.size(self.ways.start)
         before = BEFORE * often / often.sum()
-        learnt = Learnt(
+        self.learnt = Learnt(
             torch.from_numpy(self.taken.sum(0) + before),
             torch.from_numpy((self.taken * self.size).sum(0) + before * mean),
             torch.from_numpy((self.taken * (self.size**2 + self._variance)).sum(0) + before * (mean**2 + sd**2)),
             max(round(float(could.sum() + BEFORE)), 1),
         )
-        self.law = self._coarse.learn(self.ways.state, self.law, learnt)
+        self.law = self.coarse.learn(self.ways.state, self.law, self.learnt)
         self.share = float(self.taken.sum() / max(could.sum(), 1.0))
         shown = ((self.taken * self.size) @ self.ways.weights) * self.ways.shape
         shown = shown + self.taken.sum(1)[:, None] * self.ways.offset

@@ -7,7 +7,8 @@ With :math:`\bar y_r, \bar y_s` the means by entry (a quantity in a band, gaps l
    u_a = \pm\sum_{f \in a} \frac{y_f - \bar y}{n},
 
 summed over the aircraft :math:`a` of both sides: each side has a spread of its own, so weather, masses and crews that
-differ between real flights and not between simulated ones need no term. Correlations are shrunk by the weight of Ledoit
+differ between real flights and not between simulated ones need no term. Where physics takes the simulator's place, it
+claims zero. Correlations are shrunk by the weight of Ledoit
 and Wolf (2004, Journal of Multivariate Analysis 88). :math:`\nu` is the negligible shift of each entry. :math:`E` holds
 what all flights of a side share: one error of rounding where they hardly differ, and half of what a wider spread of
 speeds does to the mean CAS, which is the lower of two schedules.
@@ -75,7 +76,7 @@ def moments(compared: Compared, assumed: Assumptions) -> Moments:
     error = np.diag(negligible**2) + np.outer(bend, bend) / 4.0
     step = np.array([assumed.rounding.get(name, 0.0) for name in quantity])
     difference, departures, sums = -bend, np.full_like(y, np.nan), []
-    for side, sign in ((real, 1.0), (~real, -1.0)):
+    for side, sign in ((real, 1.0), (~real, -1.0)) if compared.has_reference else ((real, 1.0),):
         mean = np.nanmean(y[side], 0)
         difference = difference + sign * mean
         departures[side] = y[side] - mean
@@ -154,6 +155,8 @@ def spread_of_speeds(compared: Compared, quantity: np.ndarray) -> Array:
         >>> bool(abs(spread_of_speeds(sides, names)).max() < 1.0)  # both spread alike
         True
     """
+    if not compared.has_reference:
+        return np.zeros(len(quantity))
     state, plan = compared.state, compared.state.schedule
     sides = []
     for side in (~compared.real, compared.real):

@@ -1,7 +1,6 @@
 """What a simulator lacks and no diagnosis is about: noise of reports, and level-offs where its flights have none."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -9,6 +8,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
 from descentflow.diagnosis.evidence.moments import moments
+from descentflow.diagnosis.findings.gap_found import Lack
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.measurements.quantity_registry import QUANTITIES
 
@@ -19,25 +19,6 @@ USUAL = 15.0
 """Prior size of a lack of level-offs, in negligible shifts."""
 
 
-@dataclass(frozen=True)
-class Lack:
-    """Something that the simulator has too little of, or below zero too much.
-
-    Attributes:
-        quantity: Name.
-        size: Difference of the means, in the quantity's unit; of noise the logarithm of the ratio.
-        error: Standard error.
-
-    Example:
-        >>> Lack("noise_rate", 1.1, 0.05).size
-        1.1
-    """
-
-    quantity: str
-    size: float
-    error: float
-
-
 def set_apart(compared: Compared) -> Tensor:
     """Entries (p,) that are free in every set of effects.
 
@@ -46,7 +27,8 @@ def set_apart(compared: Compared) -> Tensor:
         >>> bool(set_apart(example_sides()).any())  # rates and speeds alone
         False
     """
-    alike = np.nanstd(compared.y[~compared.real].numpy(), 0) == 0.0
+    own = compared.y[~compared.real].numpy()
+    alike = np.nanstd(own, 0) == 0.0 if compared.has_reference else np.zeros(len(compared.entries), dtype=bool)
     flags = [
         QUANTITIES[entry.quantity].is_noise or (entry.quantity in OF_LEVEL_OFFS and bool(same))
         for entry, same in zip(compared.entries, alike, strict=True)

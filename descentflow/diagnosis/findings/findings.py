@@ -6,7 +6,7 @@ from typing import Literal
 from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep, Score
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
-from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell, Remaining, Stage, WouldSplit
+from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell, Lack, Remaining, Stage, WouldSplit
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel, Provenance
 from descentflow.diagnosis.findings.measured_entry import MeasuredEntry
 from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
@@ -135,6 +135,7 @@ class Details:
             next round judges the flights, and the noise of their reports apart.
         narrow_simulator: Whether the simulator's flights scatter so much less than the real ones that how flights
             differ was learnt from these.
+        lacks: What the simulator's flights lack beside any cause: noise of reports, level-offs.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -165,6 +166,7 @@ class Details:
     gap_error: float | None = None
     closure_of_flights: ClosedShare | None = None
     narrow_simulator: bool = False
+    lacks: list[Lack] = field(default_factory=list)
 
     def label(self, effect: str) -> str:
         """What readers call an effect of the catalogue; ``unknown`` is the one outside it."""

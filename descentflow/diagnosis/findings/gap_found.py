@@ -150,3 +150,22 @@ class WouldSplit:
     between: list[str]
     channels: list[str]
     why: str
+
+
+@dataclass(frozen=True)
+class Lack:
+    """Something that a simulator has too little of beside any cause, or below zero too much.
+
+    Attributes:
+        quantity: Name, see :data:`descentflow.measurements.quantity_registry.QUANTITIES`.
+        size: Difference of the means, in the quantity's unit; of noise the logarithm of the ratio.
+        error: Standard error.
+
+    Example:
+        >>> Lack("noise_rate", 1.1, 0.05).size
+        1.1
+    """
+
+    quantity: str
+    size: float
+    error: float

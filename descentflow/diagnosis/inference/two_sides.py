@@ -91,6 +91,11 @@ class Compared:
     names: tuple[str, ...] = ()
     """Identifiers of the real flights, in their order; empty where they are not known."""
 
+    @property
+    def has_reference(self) -> bool:
+        """Whether the simulator has flights of its own; else physics claims what is normal."""
+        return not bool(self.real.all())
+
     def nugget(self) -> Tensor:
         """Variance (p,) by which a flight may be off for the means to be off by what is negligible."""
         n_real, n_before = float(self.real.sum()), float((~self.real).sum())

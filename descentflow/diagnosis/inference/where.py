@@ -9,7 +9,6 @@ from descentflow.diagnosis.findings.gap_found import Block, GapCell
 from descentflow.diagnosis.inference.cells import Cell, cell_scores, cells
 from descentflow.diagnosis.inference.gap_distances import distances, noise_floor
 from descentflow.diagnosis.inference.labellings import Labellings, labellings_of
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.step_down import step_down
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.measurements.quantity_registry import QUANTITIES
@@ -43,21 +42,19 @@ class Slice:
     cells: list[Cell]
 
 
-def where(likelihood: EffectsLikelihood, transition_fl: float, seed: int) -> tuple[list[GapCell], Tensor]:
+def where(compared: Compared, transition_fl: float, seed: int) -> tuple[list[GapCell], Tensor]:
     """Distances, noise floors and corrected p-values of every cell, largest share first; and entries (p,) that differ.
 
     Labels are permuted by whole aircraft. Slices: all flights, and the slower and faster half (by the flight's mean
     CAS) for the rate.
 
     Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> found, affected = where(likelihood, transition_fl=290.0, seed=0)
+        >>> found, affected = where(example_sides(EFFECTS["temperature"], [10.0]), transition_fl=290.0, seed=0)
         >>> found[0].quantity, bool(affected.any())
         ('tas', True)
     """
-    compared = likelihood.compared
     dealt = labellings_of(compared, PERMUTATIONS, seed)
     slices = _slices(compared, transition_fl)
     p_values = step_down(torch.cat([cell_scores(part.y, dealt, part.cells) for part in slices], 1)).tolist()
@@ -125,27 +122,25 @@ def _difference(y: Tensor, real: Tensor) -> float:
     return float(mean.nanmean().nan_to_num(0.0))
 
 
-def strongest_block(likelihood: EffectsLikelihood, residual: Tensor) -> Block | None:
+def strongest_block(compared: Compared, residual: Tensor) -> Block | None:
     """The contiguous block of bands whose mean rate differs most, by a scan over all blocks.
 
     Args:
-        likelihood: Flights.
+        compared: Flights of both sides.
         residual: (n, p) what is left of each flight.
 
     Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
-        >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> strongest_block(likelihood, likelihood.compared.y).quantity
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> sides = example_sides()
+        >>> strongest_block(sides, sides.y).quantity
         'rate'
     """
-    compared = likelihood.compared
     at = compared.columns("rate")
     if not len(at):
         return None
-    y, real = residual[:, at], likelihood.real
+    y, real = residual[:, at], compared.real
     mean = y[real].nanmean(0)
-    if likelihood.has_reference:
+    if compared.has_reference:
         mean = mean - y[~real].nanmean(0)
     middle = mean - mean.nanmedian()
     best: tuple[float, int, int] = (0.0, 0, 0)

@@ -11,6 +11,7 @@ from descentflow.diagnosis.findings.gap_found import WouldSplit
 from descentflow.diagnosis.inference.heterogeneity import together
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.selection import Chosen
+from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.uncertainty import covariance
 from descentflow.diagnosis.report.both_sides import BothSides, on_both_sides, told_of_both
 from descentflow.diagnosis.report.sizes import NINETY, known_errors, share_of, sizes_of
@@ -127,23 +128,26 @@ def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> di
 
 
 def would_split(
-    likelihood: EffectsLikelihood, causes: Sequence[Cause], undecided: Sequence[Sequence[str]] = ()
+    compared: Compared,
+    catalogue: Mapping[str, Effect],
+    causes: Sequence[Cause],
+    undecided: Sequence[Sequence[str]] = (),
 ) -> list[WouldSplit]:
     """Channels that are not there and would separate a cause from its group, or help an unknown one to a name.
 
     Args:
-        likelihood: Flights and catalogue.
+        compared: Flights of both sides.
+        catalogue: Effects by name.
         causes: That were named.
         undecided: Effects that would be named, each with those that it may be as well for lack of their channels.
 
     Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> [row.channels for row in would_split(likelihood, [])]  # of an unknown cause
+        >>> [row.channels for row in would_split(example_sides(), EFFECTS, [])]  # of an unknown cause
         [['geoaltitude'], ['groundspeed'], ['Mach']]
     """
-    there, catalogue = set(likelihood.compared.quantities()), likelihood.catalogue
+    there = set(compared.quantities())
     found = []
     for alike in undecided:
         needed = list(dict.fromkeys(channel for name in alike for channel in catalogue[name].needs))

@@ -1,6 +1,5 @@
 """What figures and careful readers need besides the answer."""
 
-import torch
 from torch import Tensor
 
 from descentflow.diagnosis.findings.costs_found import Measured
@@ -9,6 +8,7 @@ from descentflow.diagnosis.findings.gap_found import LargestDifference, Remainin
 from descentflow.diagnosis.findings.selection_found import Subset
 from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.selection import Chosen, Outside
+from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.where import strongest_block
 from descentflow.diagnosis.report.sizes import told_text
 from descentflow.effects import UNKNOWN
@@ -86,61 +86,62 @@ def subsets_of(chosen: Chosen) -> list[Subset]:
     return [Subset([*one.effects, *([UNKNOWN] if one.discrepancy else [])], one.weight) for one in chosen.sets[:SHOWN]]
 
 
-def remaining_of(likelihood: EffectsLikelihood, shift: Tensor, gap: float, outside: Outside) -> Remaining:
+def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained: float) -> Remaining:
     """What is left once the causes are in the simulator, and where the most of it lies.
 
     Args:
-        likelihood: Flights of both sides.
-        shift: (n, p) of the causes.
+        compared: Flights of both sides.
+        left: (n, p) the same once the causes are in the simulator, or off the flights.
         gap: Left above the noise floor, in spreads.
-        outside: What a free discrepancy explains.
+        share_unexplained: Of what effects and a free discrepancy explain together.
 
     Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> outside = Outside(explained=300.0, rest=0.0, error=20.0, named=False)
-        >>> remaining_of(likelihood, torch.zeros_like(likelihood.y), 0.5, outside).largest.quantity
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> remaining_of(sides, sides.y, 0.5, 0.0).largest.quantity
         'tas'
     """
-    compared = likelihood.compared
-    left = compared.y - shift
-    mean = left[likelihood.real].nanmean(0)
-    if likelihood.has_reference:
-        mean = mean - left[~likelihood.real].nanmean(0)
+    mean = left[compared.real].nanmean(0)
+    if compared.has_reference:
+        mean = mean - left[~compared.real].nanmean(0)
     standing = (mean.abs() / compared.negligible()).nan_to_num(0.0)
     most = int(standing.argmax())
     entry = compared.entries[most]
     low, high = compared.level_range(entry)
     largest = LargestDifference(entry.quantity, low, high, float(mean[most]), float(standing[most]))
-    return Remaining(max(gap, 0.0), 1.0 - outside.share_explained, largest, strongest_block(likelihood, left))
+    return Remaining(max(gap, 0.0), share_unexplained, largest, strongest_block(compared, left))
 
 
-def curves(likelihood: EffectsLikelihood, shift: Tensor) -> dict[str, Curve]:
+def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
     """Mean difference by band with its error, before and after, for the figures.
 
+    Args:
+        compared: Flights of both sides.
+        left: (n, p) the same once the causes are in the simulator, or off the flights.
+
     Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
-        >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> curve = curves(likelihood, torch.zeros_like(likelihood.y))["tas"]
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> sides = example_sides()
+        >>> curve = curves(sides, sides.y)["tas"]
         >>> curve.before == curve.after, len(curve.level_fl)
         (True, 11)
     """
-    compared, real = likelihood.compared, likelihood.real
-    levels = compared.middles_fl()
+    real, levels = compared.real, compared.middles_fl()
+
+    def apart(y: Tensor) -> Tensor:
+        mean = y[real].nanmean(0)
+        return mean - y[~real].nanmean(0).nan_to_num(0.0) if compared.has_reference else mean
+
+    count = 1 / real.sum().double()
+    if compared.has_reference:
+        count = count + 1 / (~real).sum().double()
     found: dict[str, Curve] = {}
     for quantity in compared.quantities():
         at = compared.columns(quantity)
-        y, left = compared.y[:, at], (compared.y - shift)[:, at]
-        before, after = y[real].nanmean(0), left[real].nanmean(0)
-        count = real.sum().double()
-        size: Tensor = compared.scale[at] / count.sqrt()
-        if likelihood.has_reference:
-            other = torch.nan_to_num(y[~real].nanmean(0), 0.0)
-            before, after = before - other, after - other
-            size = compared.scale[at] * (1 / count + 1 / (~real).sum().double()).sqrt()
+        size: Tensor = compared.scale[at] * count.sqrt()
         bands = [compared.entries[i].band for i in at.tolist()]
         middles = [levels[b] if b >= 0 else None for b in bands]
+        before, after = apart(compared.y[:, at]), apart(left[:, at])
         found[quantity] = Curve(middles, before.tolist(), after.tolist(), size.tolist())
     return found

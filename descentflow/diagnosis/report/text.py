@@ -41,9 +41,20 @@ def sentences(found: Findings) -> list[str]:
     """
     if found.verdict == "none":
         rest = ": pass the simulator's own flights." if same_flights(found) else ", and nothing need be changed."
-        return [_no_gap(found), f"{_alike(found)}.", f"No effect is named{rest}", *_seen(found)]
+        return [_no_gap(found), f"{_alike(found)}.", f"No effect is named{rest}", *_lacks(found), *_seen(found)]
     closing = {"effect": _shrinks, "partial": _remains, "unknown": _unexplained}[found.verdict]
-    return [f"{_differ(found)}: {_cost(found)}.", _why(found), closing(found), *_seen(found)]
+    return [f"{_differ(found)}: {_cost(found)}.", _why(found), closing(found), *_lacks(found), *_seen(found)]
+
+
+def _lacks(found: Findings) -> list[str]:
+    """What the simulator has too little or too much of beside any cause: noise of reports, level-offs."""
+    parts = []
+    for lack in found.details.lacks:
+        value, unit = in_trade(lack.quantity, lack.size, 0.0, 0.0, [])
+        size = f"x {value:.2g}" if unit == "factor" else trade_number(value, unit, signed=True)
+        parts.append(f"{label_of(lack.quantity)} ({size})")
+    name = simulator_name(found)
+    return [f"{name} lacks, beside any cause: {spoken(parts)}, real flights against its own."] if parts else []
 
 
 def _seen(found: Findings) -> list[str]:

@@ -1,0 +1,276 @@
+"""The diagnosis by evidence: from flights of both sides to a report, measured on the corrected simulator."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import polars as pl
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.correction.corrected_sides import MeasuredClosure, corrected_entries
+from descentflow.diagnosis.correction.correction_made import CorrectionMade, correction_made
+from descentflow.diagnosis.correction.costs import costs_of, profile_of
+from descentflow.diagnosis.correction.effects_in_flights import Correction
+from descentflow.diagnosis.correction.measured_gap import measured_gap
+from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
+from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.evidence.explain import Explainer, Explanation
+from descentflow.diagnosis.evidence.limits import detection_limits
+from descentflow.diagnosis.evidence.nuisances import set_apart
+from descentflow.diagnosis.evidence.set_fit import SetFit
+from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare, Closure, Heterogeneity, ScoreGain
+from descentflow.diagnosis.findings.costs_found import Cost
+from descentflow.diagnosis.findings.findings import SIGNIFICANT, Details, Discrepancy, NullTest, SingleEffect, Verdict
+from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
+from descentflow.diagnosis.findings.selection_found import Subset
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.inference.where import PERMUTATIONS, where
+from descentflow.diagnosis.not_identifiable import not_identifiable
+from descentflow.diagnosis.practical_size import below_rounding
+from descentflow.diagnosis.report.both_sides import on_both_sides, told_of_both
+from descentflow.diagnosis.report.causes import parameters, would_split
+from descentflow.diagnosis.report.details import SHOWN, curves, remaining_of
+from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.diagnosis.report.sizes import share_of, sizes_of
+from descentflow.diagnosis.stages import stages_of
+from descentflow.effects import UNKNOWN
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+
+SURELY = 3.0
+"""Standard errors from which a mean counts among those that a gap is measured over."""
+
+
+class EvidenceDiagnosis:
+    """The steps of one diagnosis, in their order.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.diagnosis.inference.example_sides import EFFECTS, example_sides
+        >>> from descentflow.diagnosis.simulator import Simulator
+        >>> asked = Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, str)
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> EvidenceDiagnosis(sides, asked, "training flights").report({}, pl.DataFrame()).causes[0].effect
+        'temperature'
+    """
+
+    def __init__(self, compared: Compared, settings: Settings, source: str) -> None:
+        """Take the flights.
+
+        Args:
+            compared: Flights of both sides.
+            settings: What is diagnosed, and how.
+            source: Where the simulator's side comes from.
+        """
+        self.compared, self.settings, self.source = compared, settings, source
+        settings.progress("measuring means and shapes of flights")
+        self.explainer = Explainer(compared, settings.catalogue)
+
+    def report(self, counts: Mapping[str, int], frame: pl.DataFrame) -> GapReport:
+        """Run the steps and put the answer together.
+
+        Args:
+            counts: Of flights and rows.
+            frame: Prepared descents, for the stages and the corrected simulator.
+        """
+        asked, compared, progress = self.settings, self.compared, self.settings.progress
+        progress("weighing sets of effects")
+        found = self.explainer.explanation()
+        progress("asking where the gap lies")
+        cells, _ = where(compared, asked.transition_fl, asked.seed)
+        p_value = min((cell.p_value for cell in cells), default=1.0)
+        verdict, small = self._verdict(found, cells, p_value)
+        theta = dict(found.theta) if verdict in ("effect", "partial") else {}
+        progress("putting the causes into the simulator's flights")
+        left = self._left(theta)
+        entries = self._measured_over()
+        closure = MeasuredClosure(compared, entries, asked.seed)
+        costs = costs_of(compared, left if theta else None, asked.seed)
+        causes = self._causes(found, theta, closure, costs, left)
+        made = self._made(found, theta, frame)
+        progress("asking at which stage the simulator loses most")
+        floor, after = closure.floor(left), closure.after(left)
+        hidden = not_identifiable(asked, self.source)
+        return GapReport(
+            verdict=verdict,
+            p_value=p_value,
+            global_p=p_value,
+            floor=floor,
+            gap_before=closure.before,
+            where=cells,
+            stages=stages_of(asked.simulator, frame, asked.seed),
+            causes=causes,
+            gap_after=after,
+            remaining=remaining_of(compared, left, after - floor, found.named.unknown),
+            would_split=hidden if verdict == "none" else would_split(compared, asked.catalogue, causes),
+            dropped=dict(counts),
+            details=self._details(found, p_value, left, entries, counts),
+            costs=costs,
+            recipe=recipe_of(causes, asked.catalogue, levels_compared(compared)),
+            scores=made.scoring.rows([call() for call in made.scoring.calls]),
+            write_corrected=made.write,
+            corrected_file=made.file_name,
+            write_flights=made.write_flights,
+            below_rounding=small,
+        )
+
+    def _verdict(self, found: Explanation, cells: list[GapCell], p_value: float) -> tuple[Verdict, list[BelowRounding]]:
+        """What the weights say, unless chance or the rounding of one report explains it."""
+        compared = self.compared
+        if found.verdict == "none" or p_value > SIGNIFICANT:
+            return "none", []
+        small = below_rounding(compared, cells, costs_of(compared, None, self.settings.seed), profile_of(compared))
+        return ("none" if small else found.verdict), small
+
+    def _left(self, theta: Mapping[str, Tensor]) -> Tensor:
+        """Entries (n, p) once the simulator has the causes."""
+        if not self.compared.has_reference:
+            # Nominal descents have no flights of their own: the causes are taken off the real ones.
+            left = self.compared.y.clone()
+            for name, value in theta.items():
+                left = left - self.compared.vector(self.settings.catalogue[name].shift(self.compared.state, value))
+            return left
+        return corrected_entries(self.compared, self._correction(theta))
+
+    def _correction(self, theta: Mapping[str, Tensor]) -> Correction:
+        cleaning = self.settings.simulator.cleaning or Cleaning()
+        mass_kg = self.compared.state.mass_kg
+        return Correction(self.settings.catalogue, theta, mass_kg, cleaning, self.settings.seed)
+
+    def _measured_over(self) -> Tensor:
+        """Entries (p,) whose means surely differ, all where none does; what a simulator lacks besides is no gap."""
+        known = self.explainer.known
+        standing = np.abs(known.difference) / np.sqrt(known.covariance.diagonal())
+        differs = torch.from_numpy(standing > SURELY)
+        within = torch.nonzero(~set_apart(self.compared))[:, 0]
+        chosen = torch.zeros(len(self.compared.entries), dtype=torch.bool)
+        chosen[within[differs] if bool(differs.any()) else within] = True
+        return chosen
+
+    def _causes(
+        self,
+        found: Explanation,
+        theta: Mapping[str, Tensor],
+        closure: MeasuredClosure,
+        costs: list[Cost],
+        left: Tensor,
+    ) -> list[Cause]:
+        """Every cause, the one that takes most of the time away first."""
+        whole = closure.share(left) if theta else ClosedShare(None, None, None)
+        causes = [self._cause(found, name, theta, closure, whole) for name in theta]
+        saved = {name: self._time_without(name, theta, costs) for name in theta}
+        return sorted(causes, key=lambda cause: -saved[cause.effect])
+
+    def _time_without(self, name: str, theta: Mapping[str, Tensor], costs: list[Cost]) -> float:
+        """How much more of the time is left (s) without one of the causes."""
+        with_all = next((cost for cost in costs if cost.name == "time" and cost.after is not None), None)
+        if with_all is None or with_all.after is None:
+            return 0.0
+        left = self._left({other: value for other, value in theta.items() if other != name})
+        without = next(cost for cost in costs_of(self.compared, left, self.settings.seed) if cost.name == "time")
+        return 0.0 if without.after is None else abs(without.after.estimate - with_all.after.estimate)
+
+    def _cause(
+        self,
+        found: Explanation,
+        name: str,
+        theta: Mapping[str, Tensor],
+        closure: MeasuredClosure,
+        whole: ClosedShare,
+    ) -> Cause:
+        effect, value, error = self.settings.catalogue[name], theta[name], found.errors[name]
+        flights = int(self.compared.real.sum())
+        sizes = parameters(effect, value, error, flights)
+        first = next(iter(sizes.values()), None)
+        both = on_both_sides(self.compared, effect)
+        gain = self._gain(found.best, name)
+        group = found.named.groups[name]
+        inclusion = sum(
+            weight
+            for weight, one in zip(found.named.weights.tolist(), found.sets, strict=True)
+            if {name, *group} & set(one.names)
+        )
+        own = whole if len(theta) == 1 else closure.share(self._left({name: value}))
+        return Cause(
+            effect=name,
+            group=list(group),
+            probability=found.named.probability[name],
+            parameters=sizes,
+            score_gain=ScoreGain(gain, gain, gain),
+            heterogeneity=Heterogeneity(effect.heterogeneity, 0.0),
+            closure=Closure(whole, whole, ClosedShare(None, None, None)),
+            rivals=[],
+            label=effect.text,
+            text=effect.in_words(None if first is None else first.estimate, has_some=both.has_some),
+            inclusion=inclusion,
+            share_of_flights=share_of(effect, value, error, flights),
+            own_closure=own,
+            sizes=told_of_both(effect, sizes_of(effect, value, error, flights), both),
+            on_both_sides=both.measured,
+        )
+
+    def _gain(self, best: SetFit, name: str) -> float:
+        """Nats that a set gains by one of its effects."""
+        without = tuple(other for other in best.names if other != name)
+        return best.log_weight - self.explainer.search.fits.fit(without, best.unknown, best.sizes).log_weight
+
+    def _made(self, found: Explanation, theta: Mapping[str, Tensor], frame: pl.DataFrame) -> CorrectionMade:
+        """The simulator with the causes in it, and its scores."""
+        if not theta:
+            return CorrectionMade()
+        asked = self.settings
+        # Effects are put in where they were found: at the coefficients that the simulator's own flights show.
+        simulator = replace(asked.simulator, aircraft=self.compared.state.aircraft)
+        of_part = partial(self.explainer.theta_of_part, found.best)
+        return correction_made(simulator, frame, self.compared, theta, of_part, asked, {})
+
+    def _details(
+        self, found: Explanation, p_value: float, left: Tensor, entries: Tensor, counts: Mapping[str, int]
+    ) -> Details:
+        asked, compared = self.settings, self.compared
+        gap = measured_gap(compared, entries, asked.seed)
+        weights = zip(found.sets, found.named.weights.tolist(), strict=True)
+        return Details(
+            simulator=asked.simulator.name,
+            regime="anchored",
+            typecode=asked.simulator.aircraft.typecode,
+            normal_from=self.source,
+            seed=asked.seed,
+            quantities=list(compared.quantities()),
+            transition_fl=asked.transition_fl,
+            mass_kg=compared.state.mass_kg,
+            test=NullTest(p_value, 0.0, 0.0, PERMUTATIONS),
+            discrepancy=self._discrepancy(found),
+            singles=self._singles(found),
+            curves=curves(compared, left),
+            flights=dict(counts),
+            labels={name: effect.text for name, effect in asked.catalogue.items()},
+            subsets=[Subset([*one.names, *([UNKNOWN] if one.unknown else [])], w) for one, w in weights][:SHOWN],
+            profile=profile_of(compared),
+            detection_limits=detection_limits(self.explainer),
+            measured_over=gap.entries,
+            gap_error=gap.error,
+            lacks=list(found.lacks),
+        )
+
+    def _discrepancy(self, found: Explanation) -> Discrepancy:
+        """What an unknown cause explains beyond the named effects, in nats of evidence."""
+        fits, best = self.explainer.search.fits, found.best
+        alone = fits.fit(best.names, None, best.sizes)
+        explained = alone.log_weight - fits.fit(()).log_weight
+        rest = max((one.log_weight for one in found.sets if one.names == best.names and one.unknown), default=None)
+        gained = 0.0 if rest is None else max(rest - alone.log_weight, 0.0)
+        return Discrepancy(explained, gained, 0.0, 1.0 - found.named.unknown, found.named.unknown > 0.5)
+
+    def _singles(self, found: Explanation) -> list[SingleEffect]:
+        """Every effect alone, best first."""
+        fits = self.explainer.search.fits
+        null, rows = fits.fit(()).log_weight, []
+        for name, candidate in fits.candidates.items():
+            fit = fits.fit((name,))
+            theta = candidate.theta(fit.sizes[name]).tolist()
+            sizes = {p.name: v for p, v in zip(self.settings.catalogue[name].parameters, theta, strict=True)}
+            refused = "" if candidate.plausible(fit.sizes[name]) else "it fits best with sizes that it cannot have"
+            rows.append(SingleEffect(name, fit.log_weight - null, 0.0, sizes, refused))
+        return sorted(rows, key=lambda row: -row.score_gain)

@@ -6,7 +6,7 @@ from typing import Any
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
-from descentflow.exports.bluebird_merge import KINDS, Tables, merged
+from descentflow.exports.bluebird_merge import KINDS, Tables, merged, read_tables
 from descentflow.exports.bluebird_tables import tables
 from descentflow.exports.export_request import ExportRequest
 from descentflow.exports.plugin import write_plugin
@@ -41,7 +41,7 @@ def write(request: ExportRequest, *others: ExportRequest) -> list[Path]:
             f"{same.pop()}, which would be written over", expected="tables beside yours", mend="choose another output"
         )
     made = tables_of_models(request, *others)
-    made = merged(made, request.into) if request.into else made
+    made = merged(made, read_tables(request.into)) if request.into else made
     for path, kind in zip(paths, KINDS, strict=True):
         with whole_file(path) as temporary:
             temporary.write_text(json.dumps(made[kind], indent=1), encoding="utf-8")

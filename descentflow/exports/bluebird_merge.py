@@ -16,25 +16,29 @@ KINDS = ("profile", "uncertainty", "mapping")
 CLIMB = ("rocd_cl", "cas_cl")
 
 
-def merged(own: Tables, files: Sequence[Path]) -> Tables:
-    """Tables with all that the files have, and the descents of our types.
+def merged(own: Tables, known: Tables) -> Tables:
+    """Tables with all that others have, and the descents of our types.
 
     A type keeps climb, cruise, and descent below our lowest level of its entry there, or of the one that it is mapped
     to.
 
     Args:
         own: ``profile``, ``uncertainty`` and ``mapping`` as :func:`~.bluebird_export.tables_of_models` makes them.
-        files: The same three of bluebird-dt.
+        known: Those of bluebird-dt.
 
     Raises:
-        ConfigError: If they are not three.
-        DataError: If a file is not such a table, or has no climbs of a type.
+        DataError: If there are no climbs of a type.
+
+    Example:
+        >>> climbs = {"flight_level": [0, 400], "rocd_cl": 2000, "cas_cl": [250, 300], "rocd_des": [1500, 2500]}
+        >>> known = {"profile": {"aircraft": {"MEDIUM": climbs}}, "uncertainty": {"aircraft": {}}}
+        >>> ours = {"flight_level": [150, 350], "rocd_des": [1800, 2200]}
+        >>> own = {"profile": {"aircraft": {"A320": ours}}, "uncertainty": {"aircraft": {"A320": {}}}}
+        >>> both = merged(own | {"mapping": {"A320": "A320"}}, known | {"mapping": {"A320": "MEDIUM"}})
+        >>> made = both["profile"]["aircraft"]["A320"]
+        >>> made["flight_level"], made["rocd_des"], made["rocd_cl"]
+        ([0, 149, 150, 350, 400], [1500.0, 1872.5, 1800.0, 2200.0, 2200.0], 2000)
     """
-    if len(files) != len(KINDS):
-        raise ConfigError(
-            f"{len(files)} files to put descents into", expected=f"three: {', '.join(KINDS)}", mend="give all of them"
-        )
-    known = dict(zip(KINDS, map(_read, files, KINDS), strict=True))
     found: Tables = {
         "profile": {"aircraft": dict(known["profile"]["aircraft"])},
         "uncertainty": {"aircraft": dict(known["uncertainty"]["aircraft"])},
@@ -45,14 +49,28 @@ def merged(own: Tables, files: Sequence[Path]) -> Tables:
         theirs = known["profile"]["aircraft"].get(key, {})
         if not all(name in theirs for name in ("flight_level", *CLIMB)):
             raise DataError(
-                f"no climbs of {key} in {files[0]}",
+                f"no climbs of {key} in the profile",
                 expected=f"an entry with flight_level, {' and '.join(CLIMB)}",
-                mend=f"add one, or map {typecode} to an entry that has them in {files[2]}",
+                mend=f"add one, or map {typecode} to an entry that has them",
             )
         found["profile"]["aircraft"][typecode] = _profile(theirs, ours)
         spread = known["uncertainty"]["aircraft"].get(key, {})
         found["uncertainty"]["aircraft"][typecode] = spread | _descent(own["uncertainty"]["aircraft"][typecode])
     return found
+
+
+def read_tables(files: Sequence[Path]) -> Tables:
+    """Profile, uncertainty and mapping of bluebird-dt.
+
+    Raises:
+        ConfigError: If they are not three files.
+        DataError: If one is not such a table.
+    """
+    if len(files) != len(KINDS):
+        raise ConfigError(
+            f"{len(files)} files to put descents into", expected=f"three: {', '.join(KINDS)}", mend="give all of them"
+        )
+    return dict(zip(KINDS, map(_read, files, KINDS), strict=True))
 
 
 def _read(path: Path, kind: str) -> dict[str, Any]:

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 from descentflow.core.errors import ConfigError
 
-TYPE = re.compile(r"[A-Z][A-Z0-9]{1,3}")
+TYPE = re.compile(r"[A-Z][A-Z0-9]+")
+"""An ICAO designator, or a class of types that a program has in its place."""
 
 
 def flown_types(said: Sequence[str], typecodes: Sequence[str]) -> list[tuple[str, ...]]:
@@ -36,7 +37,7 @@ def flown_types(said: Sequence[str], typecodes: Sequence[str]) -> list[tuple[str
     every = [word for types in found for word in types]
     for word in every:
         if not TYPE.fullmatch(word):
-            raise ConfigError(f"type {word!r}", expected="an ICAO type designator", mend="write for instance A320")
+            raise ConfigError(f"type {word!r}", expected="letters and digits", mend="write for instance A320")
         if every.count(word) > 1:
             raise ConfigError(
                 f"{word} twice",

@@ -10,7 +10,6 @@ import orjson
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
 from descentflow.core.version import __version__
-from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export_request import ExportRequest
 
 FLOWN = ("level_fl", "vertical_rate", "CAS")
@@ -55,7 +54,7 @@ def write_plugin(template: str, request: ExportRequest, *others: ExportRequest) 
 
 
 def document(*requests: ExportRequest) -> dict[str, Any]:
-    """Units, and for each model the types that it flies and its samples: levels, rates and speeds from the top down."""
+    """For each model the types that it flies and its samples, from the top down: FL, ft/min and kt."""
     fleet = []
     for request in requests:
         table = request.samples.to_polars()
@@ -63,5 +62,4 @@ def document(*requests: ExportRequest) -> dict[str, Any]:
         parts = [np.split(table[name].to_numpy().round(4), starts) for name in FLOWN]
         samples = [dict(zip(FLOWN, columns, strict=True)) for columns in zip(*parts, strict=True)]
         fleet.append({"types": request.types, "seed": request.seed, "samples": samples})
-    units = {name: COLUMNS[name].unit for name in FLOWN}
-    return {"made_by": f"descentflow {__version__}", "units": units, "fleet": fleet}
+    return {"made_by": f"descentflow {__version__}", "fleet": fleet}

@@ -232,7 +232,7 @@ def test_tables_put_into_others_keep_their_climbs_and_fly_our_descents(
     [
         ("profile", r"no profile of bluebird-dt.*expected a JSON object with 'aircraft'"),
         ("mapping", "no mapping of bluebird-dt"),
-        ("climbs", "no climbs of MEDIUM in"),
+        ("climbs", "no climbs of MEDIUM in the profile"),
         ("number", "2 files to put descents into"),
         ("same", "would be written over"),
         ("predictor", "for a predictor"),

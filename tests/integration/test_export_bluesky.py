@@ -256,7 +256,7 @@ def test_several_types_fly_in_one_simulation(a320: Path, a321: Path, tmp_path: P
     [
         (2, "d.py", {}, "A320 twice; expected each type once"),
         (1, "d.py", {"fly_as": ["A319", "A320"]}, "types A319 A320 of 1 model; expected"),
-        (1, "d.py", {"fly_as": "A319,Airbus"}, "type 'AIRBUS'"),
+        (1, "d.py", {"fly_as": "A319 A320"}, "type 'A319 A320'; expected letters and digits"),
         (1, "d.scn", {"prefix": "K L"}, "callsigns that begin 'K L'"),
         (1, "my-descents.py", {}, r"my-descents.py, which Python cannot import"),
         (0, "d.py", {}, "no model"),

@@ -10,7 +10,7 @@ from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.drag_scale import DragScale
-from descentflow.representation.few_flights import moved_outward, outward
+from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
 from descentflow.representation.profiles import Profiles
 
 Bounds = Literal["expected", "paper"]
@@ -31,6 +31,8 @@ RULES = (
     "drag_changes_too_fast",
 )
 """Reasons to reject a draw, in the order in which reports list them."""
+MANY = 3000
+"""Flights from which on extremes are taken as they are: what a type has in the paper, of 41,011 flights of 13 types."""
 
 
 class Plausibility(nn.Module):
@@ -84,7 +86,7 @@ class Plausibility(nn.Module):
             profiles: Training flights; every level must be observed by at least one.
             margin: Share of each extreme by which its bound lies outside it, above zero; 0.05 in the paper.
             bounds: ``expected`` moves extremes of fewer than 3,000 flights to where those of 3,000 are expected
-                (:mod:`~descentflow.representation.few_flights`) and bounds changes between neighbouring levels by the
+                (:mod:`~descentflow.representation.plausibility`) and bounds changes between neighbouring levels by the
                 99.9 % quantile of the flights' and 40 %; ``paper`` takes extremes as they are, and no changes.
             drag_scale: On which extremes of drag are moved; newtons if absent.
 
@@ -240,3 +242,48 @@ def _largest_changes(profiles: Profiles) -> tuple[Tensor, Tensor]:
         (1 + CHANGE_MARGIN) * one[both].abs().kthvalue(rank).values for one in (change, profiles.drag_n.diff(dim=1))
     )
     return first, second
+
+
+def outward(n: Tensor) -> Tensor:
+    """Factor (...) by which extremes of n flights are moved away from the mean: to where those of 3,000 are expected.
+
+    For a normal distribution, whose expected extremes are Blom's (1958); 1 from 3,000 flights on.
+
+    Args:
+        n: (...) flights, at least one.
+
+    Example:
+        >>> outward(torch.tensor([2, 20, 100, 3000, 4000])).round(decimals=2)
+        tensor([5.9900, 1.8900, 1.4100, 1.0000, 1.0000], dtype=torch.float64)
+    """
+    # One flight alone says nothing of a spread: it counts as two.
+    return _expected_extreme(torch.tensor(MANY)) / _expected_extreme(n.clamp(min=2, max=MANY))
+
+
+def moved_outward(extreme: Tensor, mean: Tensor, n: Tensor) -> Tensor:
+    """Extremes (L,) of n (L,) flights with a mean (L,), where those of at least 3,000 would be expected.
+
+    Of fewer flights they lie as far from the mean as those of the levels about them, at the least.
+
+    Args:
+        extreme: (L,) all of them below the mean, or all above.
+        mean: (L,).
+        n: (L,) flights that show each level.
+
+    Example:
+        >>> mean, n = torch.full((3,), 140.0), torch.tensor([20, 20, 20])
+        >>> moved_outward(torch.tensor([150.0, 150.0, 150.0]), mean, n).round(decimals=1)
+        tensor([158.9000, 158.9000, 158.9000], dtype=torch.float64)
+        >>> moved_outward(torch.tensor([150.0, 141.0, 150.0]), mean, n).round(decimals=1)  # neighbours tell
+        tensor([158.9000, 153.2000, 158.9000], dtype=torch.float64)
+    """
+    far = outward(n) * (extreme - mean)
+    about = smoother(n.to(far), SPREAD_WEIGHT) @ far
+    further = (about * far.sign() > far.abs()) & (n < MANY)
+    return mean + torch.where(further, about, far)
+
+
+def _expected_extreme(n: Tensor) -> Tensor:
+    n = n.to(torch.float64)
+    found: Tensor = torch.special.ndtri((n - 0.375) / (n + 0.25))
+    return found

@@ -6,9 +6,9 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
 from descentflow.evaluation.metrics.bootstrap import score_intervals
+from descentflow.evaluation.metrics.comparison import resampled_distances
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.level_distances import level_distances
-from descentflow.evaluation.metrics.resampled import resampled_distances
 from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.scores import score
 

@@ -14,18 +14,19 @@ from descentflow.densities.em import fit_mixture
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.generation.rejection import sample_descents
 from descentflow.physics.airspeed import cas_to_tas_mps
-from descentflow.representation.few_flights import MANY, outward
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.fpca.judged_by_others import roughness_and_length
 from descentflow.representation.fpca.roughness import smoothed, smoother
 from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.plausibility import (
+    MANY,
     RULES,
     Plausibility,
     acceleration_mps2,
     expected_bounds,
     level_bounds,
+    outward,
 )
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Split, fit_representation

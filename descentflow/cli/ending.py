@@ -1,4 +1,4 @@
-"""How a command ends that is interrupted, or to which the system refuses something: in order and with a line."""
+"""End of a command that is interrupted, or to which the system refuses something: in order and with a line."""
 
 import os
 import signal

@@ -81,7 +81,7 @@ descentflow sample --help, which has every option
         raise SystemExit(2)
 
     def told(self, message: str) -> str:
-        """What argparse says as every message here: what was got, what was expected, how to mend it."""
+        """Messages of argparse in one line: what was got, what was expected, how to mend it."""
         got, expected, words, parts = message, f"what {self.prog} --help says", "", dict[str, str]()
         for pattern, of_got, of_expected in SAID:
             if found := pattern.fullmatch(message):

@@ -1,4 +1,4 @@
-"""What options take, in plain words: kinds of values by the names that types have in sources and in parser errors."""
+"""Kinds of values that options take, in plain words, by the names of types in sources and in parser errors."""
 
 import re
 from collections.abc import Sequence
@@ -69,7 +69,7 @@ def choices(kind: str) -> list[str]:
 
 
 def how_to_write(option: str, value: str, kinds: Sequence[str]) -> str:
-    """How a value is written that an option of these kinds takes.
+    """Example of a value that an option of these kinds takes.
 
     Args:
         option: With its dashes.
@@ -110,7 +110,7 @@ def number_of(value: str) -> float | None:
 
 
 def is_wrong(value: str, kinds: Sequence[str]) -> bool:
-    """Whether a value is surely none of these kinds; what is not known here is left to the full parser.
+    """True where a value is surely none of these kinds; what is not known here is left to the full parser.
 
     Example:
         >>> is_wrong("hour", ["list[str]", "NoneType"]), is_wrong("[hour]", ["list[str]", "NoneType"])

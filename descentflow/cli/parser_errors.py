@@ -1,4 +1,4 @@
-"""What the full parser says of a value, as every message here: the option, what was got, what is expected, the mend."""
+"""Messages of the full parser in one line: the option, what was got, what is expected, the mend."""
 
 import re
 
@@ -34,7 +34,7 @@ def config_error(text: str) -> ConfigError:
 
 
 def _as_it_is(text: str) -> ConfigError:
-    """What is none of the usual errors: the parser's own words in a line."""
+    """Message of an unusual error: the parser's own words in a line."""
     missing = NO_FILE.search(text)
     if missing is not None:
         return ConfigError(f"no file {missing[1]}", expected="a file that is there", mend="correct its name")
@@ -46,7 +46,7 @@ def _as_it_is(text: str) -> ConfigError:
 
 
 def _kinds_and_value(text: str) -> tuple[list[str], str | None]:
-    """What is expected, by name, and what was given; of a model's own option that one's."""
+    """Expected kind, by name, and what was given; of a model's own option that one's."""
     nested = NESTED.search(text)
     for pattern in (RESTRICTED, NO_NUMBER):
         found = pattern.search(text)

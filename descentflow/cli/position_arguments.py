@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def plan_of(args: argparse.Namespace) -> "GroundPlan":
-    """What the arguments say.
+    """Values of the arguments.
 
     Raises:
         ConfigError: If they contradict each other.

@@ -1,4 +1,4 @@
-"""Whether a fit goes on with the model of the run that it resumes; Lightning would take that run's without a word."""
+"""Check that a fit goes on with the model of the run that it resumes; Lightning would take that run's silently."""
 
 from pathlib import Path
 from typing import Any

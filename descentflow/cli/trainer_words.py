@@ -124,7 +124,7 @@ def _named(words: Sequence[str], position: int) -> tuple[str, str]:
 
 
 def _in_file(file: Path) -> list[tuple[str, str]]:
-    """What a file of settings holds, as if it stood on the command line; the model by its class's name."""
+    """Options of a file of settings, as if it stood on the command line; the model by its class's name."""
     found = []
     for section, content in read_settings(file).items():
         _check_section(file, str(section), content)
@@ -141,7 +141,7 @@ def _in_file(file: Path) -> list[tuple[str, str]]:
 
 
 def _value(section: str, name: Any, value: Any) -> str:
-    """What a settings file says, as far as it is looked at here: nothing, and which descents."""
+    """Descents that a settings file names, and nothing else of it."""
     if value is None:
         return NOTHING
     return value if section == "data" and name in DESCENTS and isinstance(value, str) else ""

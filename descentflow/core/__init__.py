@@ -1,4 +1,4 @@
-"""What every other package uses and none of it knows of aircraft or flights.
+"""Base of every other package, which knows nothing of aircraft or flights.
 
 Reading order: :mod:`~descentflow.core.errors`, :mod:`~descentflow.core.units`, :mod:`~descentflow.core.constants` (of
 the standard atmosphere), :mod:`~descentflow.core.tensors`, :mod:`~descentflow.core.files` (written whole or not at

@@ -13,7 +13,7 @@ SEEDS = 1 << 64
 
 
 class DrawNumbers(NamedTuple):
-    """Which draws of a seed a batch holds: ``first``, ``first + 1`` and so on.
+    """Draws of a seed that a batch holds: ``first``, ``first + 1`` and so on.
 
     A negative seed is the one 2^64 above it, as for torch's generators.
     """

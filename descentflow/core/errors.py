@@ -62,7 +62,7 @@ def _made_again(kind: "type[DescentflowError]", message: str) -> "DescentflowErr
 
 
 class DescentflowWarning(UserWarning):
-    """What a user should know although the work goes on; the command line prints it in one line.
+    """Warning that a user should see although the work goes on; the command line prints it in one line.
 
     Example:
         >>> import warnings

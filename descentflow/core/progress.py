@@ -1,4 +1,4 @@
-"""What a long call is doing, on stderr: a line that updates on a terminal, elsewhere plain lines now and then.
+"""Progress of a long call, on stderr: a line that updates on a terminal, elsewhere plain lines now and then.
 
 Nothing is shown in the first two seconds. A command opens one :func:`display`; whatever takes long, there or in the
 library, says what it does with :func:`stage`. Standard output is never written to.
@@ -24,7 +24,7 @@ CLEARED = "\r\x1b[2K"
 
 @dataclass
 class Stage:
-    """What is being done, and how much of it.
+    """Stage of a long call, and its share done.
 
     Attributes:
         text: In a few words.

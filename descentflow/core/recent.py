@@ -1,4 +1,4 @@
-"""What was worked out last, by what it was worked out from."""
+"""Cache of the results of the last calls, by their arguments."""
 
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar

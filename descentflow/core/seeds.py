@@ -47,7 +47,7 @@ def seed_of(seed: int, name: str) -> int:
 
 
 def checked_count(n: int, of: str) -> int:
-    """How many are wanted, if that is a number of things.
+    """Count that was asked for, if it is a number of things.
 
     Args:
         n: The number.

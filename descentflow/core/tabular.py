@@ -42,7 +42,7 @@ asked for; to mend it, pip install 'rs1090<0.8,>=0.7'
 
 
 def _requirements(extra: str) -> list[str]:
-    """What pip is asked for an extra: its libraries, which an index has, where it has no descentflow."""
+    """Libraries of an extra, which pip finds on an index that has no descentflow."""
     try:
         every = requires("descentflow") or []
     except PackageNotFoundError:
@@ -73,7 +73,7 @@ def _pandas_column(column: pl.Series, pandas: Any) -> Any:
 
 
 def is_pandas(table: Any) -> bool:
-    """Whether something is a `pandas.DataFrame`; pandas is not imported to find out.
+    """True for a `pandas.DataFrame`; pandas is not imported to find out.
 
     Example:
         >>> is_pandas(pl.DataFrame())

@@ -1,4 +1,4 @@
-"""How many threads torch may use in commands that work flight by flight or batch by batch."""
+"""Number of torch's threads in commands that work flight by flight or batch by batch."""
 
 import os
 from collections.abc import Iterator

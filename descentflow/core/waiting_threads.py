@@ -1,4 +1,4 @@
-"""How threads of OpenMP wait for work: settled when torch is first loaded, so before that wherever possible."""
+"""Waiting of OpenMP's threads: set before torch is first loaded, wherever possible."""
 
 import os
 import sys

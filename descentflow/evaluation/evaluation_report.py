@@ -1,4 +1,4 @@
-"""What an evaluation returns: scores beside their noise floor, what was rejected, and figures."""
+"""Result of an evaluation: scores beside their noise floor, rejections, and figures."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -70,7 +70,7 @@ class Evaluation:
 
     @cached_property
     def classifier(self) -> Detection:
-        """How well a classifier tells the samples from the flights, and what it looks at."""
+        """AUC of a classifier of samples and flights, and the quantities that it uses."""
         return detect(self.samples, self.real)
 
     def figures(self) -> dict[str, Figure]:

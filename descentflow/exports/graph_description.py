@@ -1,4 +1,4 @@
-"""What a user of an exported sampler has to know: inputs, outputs, units, bounds, and how entry levels are drawn."""
+"""Description of an exported sampler for its user: inputs, outputs, units, bounds, and the draw of entry levels."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -87,7 +87,7 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
 
 
 def _redraw(sampler: SamplerGraph) -> str:
-    """What a draw that is not accepted is drawn again with."""
+    """Parts of a draw that are drawn again where it is not accepted."""
     if isinstance(sampler.draw, DrawByEntry):
         return "noise, with the same entry_fl"
     gated = isinstance(sampler.draw, MixtureDraw) and sampler.draw.edges is not None
@@ -95,7 +95,7 @@ def _redraw(sampler: SamplerGraph) -> str:
 
 
 def decoder_inputs(sampler: SamplerGraph, n: int) -> dict[str, Tensor]:
-    """What the decoder takes for the descents of :meth:`SamplerGraph.example_inputs`, weights in place of noise.
+    """Inputs of the decoder for the descents of :meth:`SamplerGraph.example_inputs`, weights in place of noise.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model

@@ -1,4 +1,4 @@
-"""What rejection sampling asks of a density: weights, for contexts or of components, and what lies beyond them."""
+"""Protocols of densities in rejection sampling: weights, for contexts or of components, and their residual."""
 
 from typing import Protocol, runtime_checkable
 

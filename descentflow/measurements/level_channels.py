@@ -168,7 +168,7 @@ class Bands:
         return by_report.clamp(min=0.5), torch.where(enough, count * FL_M / elapsed.clamp(min=1e-3), torch.nan)
 
     def depth_m(self) -> Tensor:
-        """How far each band's middle lies below the highest level seen of each flight (n, K)."""
+        """Height (n, K) of each flight's highest level above each band's middle."""
         n_levels = self.grid.mask.shape[1]
         top = n_levels - 1 - self.grid.mask.flip(1).to(torch.int8).argmax(1)
         return (self.grid.altitude_m[top][:, None] - self.altitude_m).clamp(min=0.0)

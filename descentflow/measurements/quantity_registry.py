@@ -112,7 +112,7 @@ CHANNELS = ("IAS", "Mach", "vertical_rate", "TAS", "groundspeed", "track", "head
 
 
 def label_of(name: str) -> str:
-    """What readers call a quantity; its name where it is not among ours.
+    """Name of a quantity for readers; its own name where it is not among ours.
 
     Example:
         >>> label_of("tas")

@@ -1,4 +1,4 @@
-"""How much flights turn: the induced drag that a bank adds, from the change of heading over time."""
+"""Turning of flights: the induced drag that a bank adds, from the change of heading over time."""
 
 import math
 

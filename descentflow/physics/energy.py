@@ -137,7 +137,7 @@ def energy_share_factor_local(
 
 @dataclass(frozen=True)
 class ShareTerms:
-    """What the energy share factor of a CAS profile takes from its speeds alone, in whatever air they are flown.
+    """Terms of the energy share factor of a CAS profile that depend on its speeds alone, in whatever air.
 
     Attributes:
         altitude_m: Pressure altitude.

@@ -1,4 +1,4 @@
-"""What a user says of the ground under descents: where they end, which way they come, and the wind."""
+"""Ground under descents, as a user gives it: end point, route and wind."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -105,7 +105,7 @@ def place(
 
 
 class _Air(NamedTuple):
-    """What is flown through the air: horizontal airspeed (n, L), times of legs (n, L - 1), at and below the entry."""
+    """Motion through the air: horizontal airspeed (n, L), times of legs (n, L - 1), at and below the entry."""
 
     levels_fl: Array
     flying: NDArray[np.bool_]

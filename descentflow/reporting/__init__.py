@@ -1,4 +1,4 @@
-"""How results are shown everywhere: one style of figures, one builder of HTML pages.
+"""Style of figures and builder of HTML pages, for results everywhere.
 
 Read :mod:`~descentflow.reporting.html_page` first (a page and its sections), then
 :mod:`~descentflow.reporting.html_elements` (what a section holds: paragraphs, lists, tables) and

@@ -1,4 +1,4 @@
-"""What an HTML page is made of: paragraphs, lists, boxes, tables.
+"""Elements of an HTML page: paragraphs, lists, boxes, tables.
 
 Every function takes text and returns :class:`Html`. A plain ``str`` is always text and is escaped, so that the name
 of a flight or of a column can never become markup; only what is :class:`Html` is taken as it is.

@@ -1,4 +1,4 @@
-"""Whether a checkpoint is where it is said to be: asked before anything heavy is imported."""
+"""Check that a checkpoint is where it should be, before anything heavy is imported."""
 
 from pathlib import Path
 

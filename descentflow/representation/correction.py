@@ -120,7 +120,7 @@ class Correction:
         return flies, reports
 
     def _sums(self, state: "FlightState", draws: DrawNumbers | None) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
-        """What the effects change, flown and reported, in the flights that each of them takes (all without draws)."""
+        """Changes by effects, flown and reported, in the flights that each of them takes (all without draws)."""
         # Here and not above: a plain decoder must not pay for the catalogue.
         from descentflow.effects import EFFECTS
         from descentflow.effects.flight_law import DiffersByFlight
@@ -157,7 +157,7 @@ class Correction:
         return {**flies, "rate": torch.where(held, rate_held, flies["rate"]), "tas": tas}, reports
 
     def _air_of_training(self, state: "FlightState") -> Tensor:
-        """What the air of the training flights adds to ln TAS (n, L), beside what the effects change of it."""
+        """Part of ln TAS (n, L) by the air of the training flights, beside the effects' change of it."""
         from descentflow.effects import EFFECTS
 
         found = torch.zeros_like(state.cas_mps)

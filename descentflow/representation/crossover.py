@@ -151,7 +151,7 @@ def _moments(zero: Tensor, one: Tensor, two: Tensor) -> tuple[Tensor, Tensor, Te
 
 
 def _apart(n_c: Tensor, mean_c: Tensor, weight_m: Tensor, mean_m: Tensor, altitude_m: Tensor) -> Tensor:
-    """What joining both costs (n, L + 1): nothing where one of them has no level."""
+    """Cost (n, L + 1) of joining both: nothing where one of them has no level."""
     step = altitude_m.diff().mean()
     edges = torch.cat([altitude_m - step / 2, altitude_m[-1:] + step / 2])
     both = (n_c > 0.5) & (weight_m > 0.5)

@@ -1,4 +1,4 @@
-"""What the observed levels of flights say of their weights: the evidence that every density is fitted to and scored by.
+"""Evidence of observed levels on flights' weights, which every density is fitted to and scored by.
 
 A flight shows some levels only. It does not have weights, then, but a likelihood of them, which is Gaussian because
 profiles are linear in the weights (paper, equation 4); :mod:`~descentflow.representation.linear_curves` computes it.
@@ -91,7 +91,7 @@ class Evidence:
 
     @property
     def known(self) -> bool:
-        """Whether the points are the weights themselves."""
+        """True where the points are the weights themselves."""
         return len(self.precisions) == 0
 
     def __len__(self) -> int:

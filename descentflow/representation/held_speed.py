@@ -1,4 +1,4 @@
-"""How the speed of flights is held: as asked for, or as the training flights show it."""
+"""Kind of speed that flights hold: as asked for, or as the training flights show it."""
 
 from collections.abc import Callable
 from typing import Literal, TypeVar
@@ -13,7 +13,7 @@ HeldSpeed = Literal["auto", "cas", "mach_cas"]
 
 
 def shows_both(train: Profiles) -> bool:
-    """Whether enough training flights show a Mach number above, and enough a CAS below, to fit both.
+    """True where enough training flights show a Mach number above, and enough a CAS below, to fit both.
 
     Flights that all hold one and the same Mach number, as some simulators fly, leave nothing to fit.
 

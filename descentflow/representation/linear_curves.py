@@ -100,7 +100,7 @@ class LinearCurves:
         return self.loadings.shape[1] - self.n_weights
 
     def information(self, observed: Observed) -> Information:
-        """What observed levels say of u.
+        """Evidence of observed levels on u.
 
         Args:
             observed: Of n flights; masked values are ignored.
@@ -171,7 +171,7 @@ def linear_curves(decoder: DescentDecoder) -> LinearCurves:
 
 
 def has_noise_model(decoder: DescentDecoder) -> bool:
-    """Whether the components come with a model of what they leave out; those of the paper's iteration do not.
+    """True where the components come with a model of their residual; those of the paper's iteration do not.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
@@ -182,7 +182,7 @@ def has_noise_model(decoder: DescentDecoder) -> bool:
 
 
 def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "marginal") -> Evidence:
-    """What flights say of their weights.
+    """Evidence of flights on their weights.
 
     Args:
         decoder: Whose components the weights are of.
@@ -210,7 +210,7 @@ def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "margin
 
 
 def residual_profiles(decoder: DescentDecoder) -> Tensor:
-    """Which profile (R,) each residual number of :func:`linear_curves` is of, in the order of the decoder's bases.
+    """Profile (R,) that each residual number of :func:`linear_curves` is of, in the order of the decoder's bases.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation

@@ -1,4 +1,4 @@
-"""What flights show of the profiles that their weights explain: the one place that says which they are."""
+"""Observed profiles of flights, which their weights explain: the one place that names them."""
 
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ class Observed(NamedTuple):
 
 
 def observed_channels(flights: Profiles, speed: Speed, drag_scale: DragScale | None = None) -> Observed:
-    """What flights show of each profile, in the order of the weights.
+    """Observed values of each profile, in the order of the weights.
 
     Args:
         flights: With crossovers where speed is held as Mach and CAS, and without where it is one CAS profile.

@@ -1,4 +1,4 @@
-"""What the kept components leave of the training flights: it comes back in samples, with its own variance."""
+"""Residual of the kept components in the training flights, which samples have with its own variance."""
 
 import torch
 from torch import Tensor

@@ -130,7 +130,7 @@ class SeenFlights:
         return first, last
 
     def training_aircraft(self) -> int | None:
-        """How many aircraft flew the training flights; None where no flight is known."""
+        """Number of aircraft that flew the training flights; None where no flight is known."""
         return len(set(self.address[self.part == 0].tolist())) or None
 
     def to_state(self) -> dict[str, Tensor]:

@@ -194,7 +194,7 @@ def _kept_n(injected: Injected, state: Motion, pilot: Pilot, needed_n: Tensor) -
 
 
 def labels(pilot: Pilot, drag_n: Tensor, injected: Injected | None = None) -> Tensor:
-    """What the flights are doing, as codes of :data:`LABELS`.
+    """Phases of flight, as codes of :data:`LABELS`.
 
     Args:
         pilot: Memory of the autopilot, n flights.

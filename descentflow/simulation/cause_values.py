@@ -41,7 +41,7 @@ def _none(values: Values) -> None:
 
 @dataclass(frozen=True)
 class Plantable:
-    """What a cause is, and its values.
+    """Causes and their values.
 
     Example:
         >>> from descentflow.simulation.plantable import PLANTABLE

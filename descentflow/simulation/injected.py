@@ -1,4 +1,4 @@
-"""What injected effects do in flight and to the instruments, flight by flight; neutral values change nothing."""
+"""Changes by injected effects in flight and in the instruments, flight by flight; neutral values change nothing."""
 
 from dataclasses import dataclass, fields
 

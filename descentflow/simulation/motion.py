@@ -45,7 +45,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Controls:
-    """What the autopilot sets for one period, (n,): path angle (rad), thrust above idle (N), their rates (per s).
+    """Commands of the autopilot for one period, (n,): path angle (rad), thrust above idle (N), their rates (per s).
 
     Example:
         >>> none = torch.zeros(2)

@@ -1,4 +1,4 @@
-"""What a radar would report of flights: Mode S reports with jitter, losses, sensor noise and quantised fields."""
+"""Reports of a radar on flights: Mode S with jitter, losses, sensor noise and quantised fields."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

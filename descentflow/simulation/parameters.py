@@ -33,7 +33,7 @@ _THOUSAND_FT_M = 1000 * FT_M
 
 @dataclass(frozen=True)
 class FlightParameters:
-    """What the flights are, one entry per flight; all float64 of shape (n,) unless said otherwise.
+    """Parameters of the flights, one entry per flight; all float64 of shape (n,) unless said otherwise.
 
     Example:
         >>> from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What can be planted in flights: every cause of a world, with its values, their units, defaults and bounds.
+"""Causes that can be planted in flights, with their values, units, defaults and bounds.
 
 It stands apart from what the causes do, for a command's help lists it without loading what flies.
 """

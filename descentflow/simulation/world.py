@@ -63,7 +63,7 @@ class World:
         )
 
     def _planted(self) -> str:
-        """What was planted, in the words of the command line."""
+        """Planted causes, in the words of the command line."""
         words = [
             f"{name} ({', '.join(f'{value}={number:g}' for value, number in values.items())})"
             for name, values in self.planted.items()

@@ -1,4 +1,4 @@
-"""What a world is made of: its operators and the spreads from which every flight is drawn."""
+"""Settings of a world: its operators and the spreads from which every flight is drawn."""
 
 import math
 from dataclasses import dataclass, fields

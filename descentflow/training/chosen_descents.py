@@ -1,4 +1,4 @@
-"""Which of the prepared descents a model is fitted to, whose coefficients fly them, and how they were cleaned."""
+"""Choice of the prepared descents a model is fitted to, of whose coefficients fly them, and of their cleaning."""
 
 import warnings
 from dataclasses import replace

@@ -185,7 +185,7 @@ class DescentDataModule(LightningDataModule):
 
     @property
     def representation(self) -> Representation:
-        """What was fitted on the train part."""
+        """Representation fitted on the train part."""
         if self._representation is None:
             raise ConfigError("a DataModule before setup", expected="setup() first", mend="call data.setup()")
         return self._representation
@@ -204,7 +204,7 @@ class DescentDataModule(LightningDataModule):
         return self.flights(part).weights
 
     def evidence(self, part: Part) -> Evidence:
-        """What the flights of a part say of their weights: what densities are fitted to and scored by."""
+        """Evidence of a part's flights on their weights: what densities are fitted to and scored by."""
         if part not in self._evidence:
             self._evidence[part] = evidence_of(self.representation.decoder, self.profiles(part), self.gaps)
         return self._evidence[part]
@@ -348,7 +348,7 @@ def data_of(trainer: Trainer) -> DescentDataModule:
 
 @dataclass(frozen=True)
 class _Read:
-    """What a fit takes of the rows: flights and their split, context, type, and what a checkpoint keeps of them."""
+    """Input of a fit: flights and their split, context, type, and what a checkpoint keeps of them."""
 
     profiles: Profiles
     split: Split

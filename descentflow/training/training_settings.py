@@ -1,4 +1,4 @@
-"""How a model is trained: the settings of its YAML file, over the defaults that the command line has too."""
+"""Training settings of a model: its YAML file, over the defaults of the command line."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ TRAINER_DEFAULTS = {"max_epochs": 200, "num_sanity_val_steps": 0, "log_every_n_s
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """What a settings file says of a model and of its training.
+    """Settings of a model and of its training in a file.
 
     Attributes:
         class_path: Where the model's class is.

@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class GlobalParameters:
-    """What a descent needs of section 5 of the manual; the defaults are the manual's values for civil flights.
+    """Parameters of section 5 of the manual for a descent; the defaults are the manual's for civil flights.
 
     A directory's own BADA.GPF is read by :func:`descentflow.aircraft_types.bada3.bada_directory.read_gpf`.
 

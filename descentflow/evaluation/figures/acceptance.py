@@ -1,4 +1,4 @@
-"""What became of the draws of a latent model."""
+"""Figure of a latent model's draws: accepted, or rejected by which rule."""
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

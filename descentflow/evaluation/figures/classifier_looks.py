@@ -1,4 +1,4 @@
-"""What a classifier looks at when it tells samples from flights: loss of its AUC by quantity and band of levels."""
+"""Figure of the classifier's use of quantities: loss of its AUC by quantity and band of levels."""
 
 from matplotlib.figure import Figure
 

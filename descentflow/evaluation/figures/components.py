@@ -110,7 +110,7 @@ def _draw_component(
 
 
 def _change(basis: FunctionalBasis, k: int) -> tuple[Tensor, str]:
-    """What is added to and taken from the mean, and its name."""
+    """Curves added to and taken from the mean, and their names."""
     deviations = weight_deviations(basis)
     component = basis.components[k]
     if deviations is not None:

@@ -1,4 +1,4 @@
-"""How far the scores depend on which flights were held out: bootstrap intervals over flights."""
+"""Bootstrap intervals of scores over held-out flights."""
 
 from dataclasses import dataclass
 

@@ -40,7 +40,7 @@ _Columns = tuple[tuple[str, float, float], NDArray[np.intp]]
 
 @dataclass(frozen=True)
 class Importance:
-    """What the AUC loses when a quantity of some levels is exchanged at random between each flight and its sample.
+    """Loss of AUC when a quantity of some levels is exchanged at random between each flight and its sample.
 
     Example:
         >>> print(Importance("rate", 310.0, 335.0, loss=0.0512))
@@ -59,7 +59,7 @@ class Importance:
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """How well a classifier tells samples from flights.
+    """AUC of a classifier of samples and flights.
 
     Attributes:
         by_flight: (m,) contributions of the flights, each with its sample; their mean is the AUC, and they vary as
@@ -242,7 +242,7 @@ class _Trained:
 
 
 def contributions(real: Array, fake: Array) -> tuple[Array, float]:
-    """What each pair (n,) adds to the AUC, and the AUC, their mean: DeLong's placements of both, minus their mean.
+    """Part (n,) of each pair in the AUC, and the AUC, their mean: DeLong's placements of both, minus their mean.
 
     Args:
         real: (n,) how much each flight looks like a flight.

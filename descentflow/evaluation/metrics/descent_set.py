@@ -1,4 +1,4 @@
-"""What is compared: a set of descents on one grid, real or sampled."""
+"""Set of descents on one grid, real or sampled, to be compared."""
 
 from dataclasses import dataclass, fields, replace
 

@@ -1,4 +1,4 @@
-"""What a quantity, a statistic of each kind, and a part of the grid are; the entries are in the score registry."""
+"""Kinds of quantities, statistics and parts of the grid; the entries are in the score registry."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from descentflow.evaluation.metrics.proper import energy_scores
 
 @dataclass(frozen=True)
 class Quantity:
-    """What is compared: values and mask of a set of descents, in the units of the field.
+    """Compared values and mask of a set of descents, in the units of the field.
 
     Attributes:
         name: In files and code.
@@ -42,7 +42,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Statistic:
-    """How far samples are from real flights: what all kinds of statistic have in common.
+    """Base of all kinds of statistic: a distance of samples from real flights.
 
     Attributes:
         name: In files and code.
@@ -81,7 +81,7 @@ class Statistic:
         return quantity.unit if self.unit is None else self.unit
 
     def excess(self, distance: float, floor: float, spread: float) -> float:
-        """What a distance has above its noise floor, both at one size.
+        """Excess of a distance over its noise floor, both at one size.
 
         ``sqrt(max(d^2 - f^2, 0))`` of a distance d beside its floor f, as independent errors add up; ``d - f`` of an
         additive statistic, which may fall below zero by chance. In spreads, except for a statistic without a unit.
@@ -176,7 +176,7 @@ class Part:
     side: str = ""
 
     def levels(self, levels_fl: Tensor, transition_fl: float) -> Tensor:
-        """Which of the quantity's K values belong to it (K,)."""
+        """Mask (K,) of the quantity's values that belong to the part."""
         if not self.quantity.by_level:
             return torch.ones(1, dtype=torch.bool, device=levels_fl.device)
         above = levels_fl > transition_fl

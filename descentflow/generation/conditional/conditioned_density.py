@@ -1,4 +1,4 @@
-"""What a request's descents are drawn from: the density conditioned on it."""
+"""Density conditioned on a request, from which its descents are drawn."""
 
 from dataclasses import replace
 

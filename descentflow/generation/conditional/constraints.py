@@ -1,4 +1,4 @@
-"""What can be asked of a descent: speeds at levels, a time or a distance at a level; each exact or within a band."""
+"""Conditions on a descent: speeds at levels, a time or a distance at a level; each exact or within a band."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

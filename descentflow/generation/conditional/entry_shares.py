@@ -1,4 +1,4 @@
-"""How probable levels of entry and components are among samples, so that conditioned draws have the same law.
+"""Shares of entry levels and components among samples, so that conditioned draws have the same law.
 
 Samples of a density with a gate have the gate's shares of components among *plausible* flights: a rejected draw is
 drawn again of its component (:mod:`descentflow.generation.rejection`). Conditioned draws are rejected whole, so that a
@@ -93,6 +93,6 @@ def plausible_shares(density: Density, parts: Representation, n_components: int)
 
 
 def _scale_probs(density: Density) -> torch.Tensor:
-    """How probable (J,) the scales are at which flights stray from their components; one where that is not known."""
+    """Probability (J,) of the scales at which flights stray from their components; one where that is not known."""
     law = density.residual_law
     return torch.ones(1, dtype=torch.float64) if law is None else law.scale_probs / law.scale_probs.sum()

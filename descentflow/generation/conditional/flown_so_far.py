@@ -1,4 +1,4 @@
-"""What a flight has flown so far, from a table of its levels."""
+"""Flown part of a flight, from a table of its levels."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a generator returns: samples, what they were asked to meet, and how many effective proposals each rests on."""
+"""Result of a generator: samples, the request that they meet, and the effective proposals behind each."""
 
 from dataclasses import dataclass, field
 

@@ -18,7 +18,7 @@ Judge = Callable[[Drawn, np.ndarray], np.ndarray]
 
 
 class DrawnDescents:
-    """What draws on a grid are as descents of a representation.
+    """Draws on a grid as descents of a representation.
 
     Example:
         >>> import numpy as np
@@ -52,7 +52,7 @@ class DrawnDescents:
         return concatenate(parts)
 
     def broken(self, drawn: Drawn, which: np.ndarray) -> np.ndarray:
-        """Which rules (n, r) draws break."""
+        """Mask (n, r) of the rules that draws break."""
         found: np.ndarray = self.bounds.broken_rules(self.of(drawn, which)).numpy()
         return found
 

@@ -64,7 +64,7 @@ class Drawn:
 
 
 class Target(Protocol):
-    """What draws are made of: uniform numbers (n, ``width``) in (0, 1) make n draws.
+    """Latent draws: uniform numbers (n, ``width``) in (0, 1) make n draws.
 
     Example:
         >>> class Normal:
@@ -138,7 +138,7 @@ class ConditionedTarget:
 
     @property
     def in_closed_form(self) -> bool:
-        """Whether every draw has the same weight."""
+        """True where every draw has the same weight."""
         return self.speeds.in_closed_form and self.point is None and self.parts.prior is None
 
     def draw(self, uniform: Array) -> Drawn:

@@ -1,4 +1,4 @@
-"""What is said where no descent meets a request: the nearest value among draws that meet the rest of it."""
+"""Message where no descent meets a request: the nearest value among draws that meet the rest of it."""
 
 from dataclasses import replace
 from math import ceil, floor

@@ -1,4 +1,4 @@
-"""How much noise a generator takes what was flown to have."""
+"""Scale of the observation noise assumed for the flown part."""
 
 from descentflow.core.errors import ConfigError
 

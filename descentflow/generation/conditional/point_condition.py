@@ -139,7 +139,7 @@ class PointCondition:
 
     @property
     def is_level_band(self) -> bool:
-        """Whether a value is asked within a band of levels."""
+        """True where a value is asked within a band of levels."""
         return bool(self.levels[0] < self.levels[1])
 
     def meet(self, cell: np.ndarray, u: Array, uniform: Array) -> tuple[Array, Flown, Array]:

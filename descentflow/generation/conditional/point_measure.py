@@ -9,7 +9,7 @@ from descentflow.generation.conditional.flown_profiles import Array
 
 @dataclass(frozen=True)
 class Measure:
-    """What a time or a distance is met by: its reciprocal, or minus its logarithm. Both fall as it grows.
+    """Transform T of a time or a distance: its reciprocal, or minus its logarithm. Both fall as it grows.
 
     Example:
         >>> ten = np.array([10.0])
@@ -35,5 +35,5 @@ class Measure:
         return found
 
     def share(self, measured: Array) -> Array:
-        """What T changes by where the value changes by as much as it is."""
+        """Change of T where the value changes by as much as it is."""
         return np.ones_like(measured) if self.logarithm else measured

@@ -1,4 +1,4 @@
-"""What one call asks, checked against the model's grid, and put in words."""
+"""Request of one call, checked against the model's grid, and put in words."""
 
 from dataclasses import dataclass
 
@@ -37,7 +37,7 @@ class Request:
 
     @property
     def is_free(self) -> bool:
-        """Whether nothing but entry and context is asked."""
+        """True where nothing but entry and context is asked."""
         return not self.speeds and self.point is None and self.flown is None
 
     def words(self, levels_fl: list[float]) -> tuple[str, ...]:

@@ -167,7 +167,7 @@ def _row(line: LinearProfile, means: Array, level: np.ndarray, unit: Array, low:
 def _either_way(
     cas: LinearProfile, mach: LinearProfile, means: Array, level: np.ndarray, altitude: Tensor, low: Array, high: Array
 ) -> list[tuple[_Row, ...]]:
-    """What is held and what is not, where the CAS is held and where the Mach number is."""
+    """Split into held and free, where the CAS is held and where the Mach number is."""
     about = np.where(np.isfinite(high), np.minimum(high, NEVER), np.where(np.isfinite(low), low, 100.0))
     at = cas_to_mach(torch.from_numpy(about), altitude)
     faster, slower = (mach_to_cas_mps(at + step, altitude) for step in (STEP_MACH, -STEP_MACH))

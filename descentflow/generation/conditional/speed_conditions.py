@@ -72,7 +72,7 @@ class Conditions:
 
     @property
     def in_closed_form(self) -> bool:
-        """Whether every draw that meets the rows has the same weight."""
+        """True where every draw that meets the rows has the same weight."""
         return sum(self.is_band) <= 1
 
     def values(self, cell: np.ndarray, uniform: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-r"""How far apart the continuations of a prediction should lie for its 90 % intervals to hold nine times in ten.
+r"""Spread of the continuations of a prediction at which its 90 % intervals hold nine times in ten.
 
 A density learnt from a thousand flights knows the rest of a flight too well: its means and covariances are nearest to
 the flights that it was fitted to, and flights stray further than normals do. Of the level just below the last observed
@@ -98,7 +98,7 @@ def depths(n_levels: int) -> Tensor:
 
 
 def misses(drawn_s: Tensor, flown_s: Tensor) -> Tensor:
-    """How far from the median times (k,) lay, in distances from the median to the end of the interval on their side.
+    """Distance of times (k,) from the median, in distances from the median to the end of the interval on their side.
 
     Args:
         drawn_s: (n, k) of n continuations, to each of k levels.

@@ -151,7 +151,7 @@ class Prediction:
         write_table(self._intervals, path)
 
     def figure(self) -> "Figure":
-        """What is predicted and what was flown, see :func:`~.predicted_profiles.prediction_figure`."""
+        """Figure of the prediction and of what was flown, see :func:`~.predicted_profiles.prediction_figure`."""
         from descentflow.generation.prediction.predicted_profiles import prediction_figure
 
         return prediction_figure(self.flights, self.observed, self.from_fl)

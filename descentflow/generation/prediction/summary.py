@@ -1,4 +1,4 @@
-"""What controllers' tools ask of a prediction: intervals of the time to each level, and the occupancy of levels."""
+"""Summary of a prediction for controllers' tools: intervals of the time to each level, and occupancy of levels."""
 
 from collections.abc import Sequence
 
@@ -139,7 +139,7 @@ def level_occupancy(flown: Trajectories, times_s: Tensor) -> Tensor:
 
 
 def actual_times(predictions: Sequence[Continuations], flights: Profiles) -> pl.DataFrame:
-    """What came after the last observed level, for flights with every level below it.
+    """Rest of flights below the last observed level, for those with every level below it.
 
     A flight with levels missing below may have been held level or at a selected rate there, which is no free descent.
 

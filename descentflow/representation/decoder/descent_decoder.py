@@ -99,7 +99,7 @@ class DescentDecoder(nn.Module):
         self.grid(self.levels_fl)
 
     def grid(self, like: Tensor) -> FlightGrid | None:
-        """What flying the own levels needs, at the own mass and no temperature deviation.
+        """Tables for flying the own levels, at the own mass and no temperature deviation.
 
         Computed once for each precision and device (float64 at construction), and again should ``aircraft`` be another
         one; None where coefficients are tensors of several flights or with gradients.
@@ -123,7 +123,7 @@ class DescentDecoder(nn.Module):
 
     @property
     def speed(self) -> Speed:
-        """How the speed of a flight is held."""
+        """Kind of speed that flights hold."""
         return "cas" if self.mach_basis is None else "mach_cas"
 
     @property
@@ -155,7 +155,7 @@ class DescentDecoder(nn.Module):
         self.register_buffer("speed_residual", speed.to(torch.float64), persistent=False)
 
     def observed(self, flights: Profiles) -> Observed:
-        """What flights show of each profile: of Mach and CAS only where it is known which of them they held.
+        """Observed values of each profile: of Mach and CAS only where it is known which of them flights held.
 
         Raises:
             ConfigError: If the drag of the flights was inferred in other regimes than this decoder flies.
@@ -202,7 +202,7 @@ class DescentDecoder(nn.Module):
         return values
 
     def flown(self, *values: Tensor) -> FlownCurves:
-        """What is flown of profiles (n, L) in the order of the weights."""
+        """Profiles (n, L) as they are flown, in the order of the weights."""
         linear, *speeds = values
         drag = linear if self.drag_scale is None else self.drag_scale.drag_n(linear)
         if self.mach_basis is None:

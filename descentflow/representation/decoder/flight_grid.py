@@ -1,4 +1,4 @@
-"""What flying a grid of levels needs and no descent changes: level tables and jumps of the rate, computed once."""
+"""Tables of a grid of levels that no descent changes: level tables and jumps of the rate, computed once."""
 
 from typing import NamedTuple
 

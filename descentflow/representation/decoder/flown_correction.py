@@ -1,4 +1,4 @@
-"""What may change descents after they were flown."""
+"""Protocol of changes to descents after they were flown."""
 
 from typing import Any, Protocol
 

@@ -20,7 +20,7 @@ Kernel = Callable[[LevelTable, Tensor, Tensor, tuple[Tensor, ...]], None]
 
 
 def is_plain(*values: object) -> bool:
-    """Whether no value requires a gradient and no coefficient varies by flight.
+    """True where no value requires a gradient and no coefficient varies by flight.
 
     Args:
         *values: Two profiles (n, L), then coefficients.

@@ -13,7 +13,7 @@ from descentflow.physics.airspeed import mach_to_cas_mps
 
 
 class LowerSpeed(NamedTuple):
-    """What n flights fly on L levels.
+    """Drag and speed of n flights on L levels.
 
     Attributes:
         cas_mps: (n, L) calibrated airspeed.
@@ -36,7 +36,7 @@ class LowerSpeed(NamedTuple):
 
 
 class FlownCurves(NamedTuple):
-    """What n descents fly on L levels: drag (N), and CAS (m/s) with each flight's own crossover where it has one.
+    """Drag (N) of n descents on L levels, and CAS (m/s) with each flight's own crossover where it has one.
 
     Attributes:
         drag_n: (n, L).

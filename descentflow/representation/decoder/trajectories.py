@@ -148,7 +148,7 @@ def integrate(
 
 
 class Slopes(NamedTuple):
-    """What the energy share factor depends on: slopes (1/s) of wind, and of CAS if it is exact, and the own regime.
+    """Arguments of the energy share factor: slopes (1/s) of wind, and of CAS if it is exact, and the own regime.
 
     Example:
         >>> Slopes(wind=-0.002).cas is None  # the energy share factor is BADA's

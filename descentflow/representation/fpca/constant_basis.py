@@ -126,7 +126,7 @@ def fit_constant(
 
 
 def can_be_fitted(values: Tensor, mask: Tensor) -> bool:
-    """Whether :func:`fit_constant` takes profiles: enough flights show enough levels, and do not all fly alike.
+    """True where :func:`fit_constant` takes profiles: enough flights show enough levels, and do not all fly alike.
 
     Args:
         values: (n, L); masked values are ignored.
@@ -169,7 +169,7 @@ def _mean_and_spread(values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _is_nothing(spread: Tensor, mean: Tensor) -> bool:
-    """Whether a spread is no more than rounding."""
+    """True where a spread is no more than rounding."""
     return float(spread) <= SAME * float(mean.abs().max())
 
 

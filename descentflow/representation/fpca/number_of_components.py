@@ -1,4 +1,4 @@
-"""How many principal components are kept: as few as explain the share of the variance that is asked for."""
+"""Number of principal components: as few as explain the share of the variance that is asked for."""
 
 from torch import Tensor
 

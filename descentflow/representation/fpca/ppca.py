@@ -145,7 +145,7 @@ def _square(pairs: Tensor, q: int) -> Tensor:
 def posterior_given(
     projected: Tensor, groups: MaskGroups, grams: Tensor, noise: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """What :func:`posterior` returns, from ``centred @ loadings`` (n, q) and :func:`level_products`.
+    """Result of :func:`posterior`, from ``centred @ loadings`` (n, q) and :func:`level_products`.
 
     Example:
         >>> groups, one = group_masks(torch.ones(1, 2, dtype=torch.bool)), torch.tensor(1.0).double()

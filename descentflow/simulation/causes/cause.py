@@ -1,4 +1,4 @@
-"""What a cause is: how a study draws its values, and how it changes flights."""
+"""Base of a cause: its draw of values in a study, and its change of flights."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -47,7 +47,7 @@ class Fleet:
         return normal(self.uniform)
 
     def chosen(self, share: float) -> Tensor:
-        """Which flights the cause takes, (n,); the last random number decides."""
+        """Mask (n,) of the flights that the cause takes; the last random number decides."""
         return self.uniform[:, -1] < share
 
     def about(self, middle: float, half_width: float, index: int) -> Tensor:
@@ -114,7 +114,7 @@ def sign(generator: np.random.Generator) -> float:
 
 
 def only(chosen: Tensor, **own: Tensor | float) -> dict[str, Tensor]:
-    """What each flight has of a cause; NaN where it is not taken.
+    """Value of a cause in each flight; NaN where it is not taken.
 
     Args:
         chosen: (n,) which flights are taken.

@@ -92,7 +92,7 @@ class RemoveFailedRun(Callback):
             self._remove()
 
     def _is_alone(self, folder: Path) -> bool:
-        """Whether no other run has claimed the folder: one that began at the same moment may have."""
+        """True where no other run has claimed the folder: one that began at the same moment may have."""
         if self._lock is not None or not folder.is_dir():
             return folder.is_dir()
         self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)

@@ -1,4 +1,4 @@
-"""How a trained density learns in what way its training flights differ by their entry level."""
+"""Learning of how training flights differ by their entry level, for a trained density."""
 
 from typing import Any
 

@@ -32,7 +32,7 @@ VALIDATION_DRAWS = 32
 
 
 class _Flow(LatentModel[F], ABC):
-    """What training of every flow shares.
+    """Training that all flows share.
 
     A whitened flow is its Gaussian in the first epoch, which trains nothing, so that the best epoch may be that one.
     The best epoch is chosen by ``val/bound``: the NLL of the validation flights plus ``caution`` standard

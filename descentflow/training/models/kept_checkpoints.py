@@ -1,4 +1,4 @@
-"""What a model learns with its density held, in the checkpoints that a fit has kept: once, when training has ended.
+"""Learning with the density held, in the checkpoints that a fit has kept: once, when training has ended.
 
 How flights differ by their entry level, and what the components of a mixture leave out, are no part of what an epoch
 trains, and take as long to learn as one. So checkpoints of a fit that is going on say that they lack them.

@@ -153,7 +153,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         self.eval()
 
     def __repr__(self) -> str:
-        """What is trained and on what, in two lines; not the tree of modules."""
+        """Model and data in two lines; not the tree of modules."""
         if self._density is None or self._density._representation is None:
             return f"{type(self).__name__}, not fitted yet"
         parts, decoder = self.representation, self.representation.decoder
@@ -287,7 +287,7 @@ def check_precision(trainer: Trainer) -> None:
 
 
 def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor | None]:
-    """What was observed of all training flights, and their context if the density takes one, on the model's device.
+    """Evidence of all training flights, and their context if the density takes one, on the model's device.
 
     Example:
         >>> from lightning.pytorch import Trainer

@@ -124,7 +124,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         return None
 
     def _pairs(self, flights: Evidence, context: Tensor | None) -> bool:
-        """Whether components are pairs of clusters."""
+        """True where components are pairs of clusters."""
         few = len(flights) <= MOST_PAIRED and self.training_method == "em" and context is None
         return self.crossed and few and self._n_drag < self.density.dimension
 

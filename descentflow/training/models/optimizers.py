@@ -1,4 +1,4 @@
-"""How parameters are set: by a closed form, or by Adam with a cosine schedule."""
+"""Optimisers: a closed form, or Adam with a cosine schedule."""
 
 from collections.abc import Callable, Iterable
 from math import cos, pi

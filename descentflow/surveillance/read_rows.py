@@ -1,5 +1,6 @@
 """From paths, or tables in memory, to blocks of rows in one schema: a row's way through reading, stage by stage."""
 
+import gc
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -14,7 +15,6 @@ from descentflow.surveillance.formats.file_format import Part
 from descentflow.surveillance.formats.known_formats import ACCEPTED, check_format
 from descentflow.surveillance.formats.recognition import held_parts, recognised
 from descentflow.surveillance.formats.small_parts import SourceTable, put_together
-from descentflow.surveillance.rows.blocks import even_blocks, without_cycle_search
 from descentflow.surveillance.rows.column_names import note_unused, row_names
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.named_columns import (
@@ -86,7 +86,7 @@ def row_blocks(
         parts = _parts(opened_sources, report, unreadable, format, block_rows, named)
         tables = put_together(parts, report, block_rows)
         rows = _normalised(tables, report, columns or {})
-        for block in without_cycle_search(even_blocks(rows, block_rows)):
+        for block in _without_cycle_search(_even_blocks(rows, block_rows)):
             empty = False
             yield block
     if empty:
@@ -227,3 +227,36 @@ def _normalised(
             times.check(rows, table.label, table.first)
         computes = "Mach" not in rows.columns or reported < MACH_MISSING
         yield with_mach(rows, report) if computes else rows
+
+
+def _even_blocks(tables: Iterator[pl.DataFrame], block_rows: int) -> Iterator[pl.DataFrame]:
+    """Tables joined where they are small and divided where they are large."""
+    waiting: list[pl.DataFrame] = []
+    count = 0
+    for table in tables:
+        for piece in table.iter_slices(block_rows):
+            if count and count + len(piece) > block_rows:
+                yield pl.concat(waiting, how="diagonal")
+                waiting, count = [], 0
+            waiting.append(piece)
+            count += len(piece)
+    if count:
+        yield pl.concat(waiting, how="diagonal")
+
+
+def _without_cycle_search(blocks: Iterator[pl.DataFrame]) -> Iterator[pl.DataFrame]:
+    """The same blocks; while one is made, Python does not look for cycles of references.
+
+    JSON makes many objects and no cycles among them, and the search would take as long as the reading.
+    """
+    while True:
+        before = gc.isenabled()
+        gc.disable()
+        try:
+            block = next(blocks, None)
+        finally:
+            if before:
+                gc.enable()
+        if block is None:
+            return
+        yield block

@@ -4,6 +4,5 @@ Reading order: :mod:`~descentflow.surveillance.out_of_core.resumable_run` (the w
 :mod:`~descentflow.surveillance.out_of_core.intake` (reading, group by group),
 :mod:`~descentflow.surveillance.out_of_core.held_rows` (rows that fit in memory after all),
 :mod:`~descentflow.surveillance.out_of_core.spill` and :mod:`~descentflow.surveillance.out_of_core.partitions` (rows
-that do not), :mod:`~descentflow.surveillance.out_of_core.job` (the folder of work, and how a run is resumed),
-:mod:`~descentflow.surveillance.out_of_core.finished_store`.
+that do not), :mod:`~descentflow.surveillance.out_of_core.job` (the folder of work, and how a run is resumed).
 """

@@ -14,7 +14,6 @@ from descentflow.surveillance.cleaning.drop_reasons import some_flights
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.surveillance.nothing_left import nothing_left
-from descentflow.surveillance.out_of_core.finished_store import finished
 from descentflow.surveillance.out_of_core.held_rows import clean_held
 from descentflow.surveillance.out_of_core.intake import Intake, read_groups, take_in
 from descentflow.surveillance.out_of_core.job import fingerprint, job_folder, remove_work, work_folder
@@ -62,7 +61,7 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
     progress("hashing inputs")
     facts = request.facts(files)
     is_store = out.suffix != ".parquet"
-    if is_store and (before := finished(out, facts)):
+    if is_store and (before := _finished(out, facts)):
         if request.shown:
             raise ConfigError(
                 f"{out} is finished, and flights are shown while they are cleaned",
@@ -91,6 +90,32 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
         raise DataError(
             f"{out}: {error}", expected="room and permission to write", mend="free or choose a disk"
         ) from error
+
+
+def _finished(out: Path, facts: dict[str, Any]) -> Descents | None:
+    """The descents of a store that an earlier run has finished with the same inputs and settings, if there is one.
+
+    Raises:
+        ConfigError: If the folder is something else, or a store of other inputs or settings.
+    """
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return None
+    if not out.is_dir() or not (out / store.MANIFEST).is_file():
+        raise ConfigError(
+            f"output {out} exists and is no prepared store",
+            expected="a name of its own for the store's folder, or a file that ends in .parquet",
+            mend="choose another --out",
+        )
+    found = store.read_manifest(out)
+    if found.get("fingerprint") != fingerprint(facts):
+        raise ConfigError(
+            f"{out} is a store of other inputs or settings",
+            expected="those of its manifest, or a folder of its own",
+            mend="delete it, or choose another --out",
+        )
+    flights = {file["typecode"]: file["flights_of_type"] for file in found["files"] if "flights_of_type" in file}
+    described = {key: value for key, value in found.items() if key not in ("files", "columns")}
+    return Descents(lambda: read_descents(out).frame, described, flights=flights)
 
 
 def _check_ending(out: Path) -> None:

@@ -1,4 +1,4 @@
-"""A reported vertical rate beside what the altitude does between neighbouring rows."""
+"""Readings of a column, and those of a vertical rate beside what the altitude does between neighbouring rows."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from descentflow.core.units import FPM_MPS
 from descentflow.surveillance.rows.air_data import Array
-from descentflow.surveillance.rows.reading import AS_GIVEN, OFF, Reading
 from descentflow.surveillance.rows.schema import FILLS, POSSIBLE
 
+OFF_COST = 6.0
+"""A column that no unit explains counts as much as so many that are in another unit."""
 MIN_STEPS = 20
 """Steps below which nothing is said."""
 SLOWEST_FPM, FASTEST_FPM = 800.0, 6000.0
@@ -25,6 +26,35 @@ MOST_FPM = 1e9
 """Change in no unit of any altitude: what has it is no number of an altitude."""
 OPPOSITE = 99.0
 """Difference of a rate from a change of the other sign: larger than any of units."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the values of a column are read.
+
+    Attributes:
+        words: What a message says of it; empty for the expected unit.
+        factor: To the expected unit.
+        meaning: The quantity that it is instead, `TAS` or `IAS`, or `unsigned`; empty for the one that it should be.
+        off: Whether no unit is assumed: the column is left out of all comparisons.
+
+    Example:
+        >>> Reading("in km/h", 0.5).factor * 500
+        250.0
+    """
+
+    words: str
+    factor: float = 1.0
+    meaning: str = ""
+    off: bool = False
+
+    @property
+    def cost(self) -> float:
+        """What it counts among the changes that make columns agree."""
+        return OFF_COST if self.off else float(bool(self.words))
+
+
+AS_GIVEN, OFF = Reading(""), Reading("wrong", off=True)
 UNITS = (
     ("in m/s", 1 / FPM_MPS),
     ("in hundreds of ft/min", 100.0),

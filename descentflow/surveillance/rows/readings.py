@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
-from descentflow.surveillance.rows.rate_readings import RATE_READINGS, Steps
-from descentflow.surveillance.rows.reading import AS_GIVEN, OFF, Reading
+from descentflow.surveillance.rows.rate_readings import AS_GIVEN, OFF, RATE_READINGS, Reading, Steps
 from descentflow.surveillance.rows.schema import POSSIBLE
 
 MIN_VALUES = 20

@@ -5,8 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.rows.rate_readings import OPPOSITE
-from descentflow.surveillance.rows.reading import AS_GIVEN
+from descentflow.surveillance.rows.rate_readings import AS_GIVEN, OPPOSITE
 from descentflow.surveillance.rows.readings import Solution
 
 EXPECTED = {

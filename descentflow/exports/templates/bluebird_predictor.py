@@ -17,12 +17,14 @@ from bluebird_dt.utility.convert import KT_TO_MPS, cas_to_tas
 CHOSEN = "descentflow_sample"
 """Where a flight keeps its sample and the speeds instructed then: bluebird copies it along with every prediction."""
 FLOWN = ("level_fl", "vertical_rate", "CAS")
+NEAREST = 50
+"""One in so many samples is near to an instructed speed, and one at least."""
 
 
 class SampledDescents(LinearPredictor):  # type: ignore[misc]
     """Descents of the types by samples; all else, and what a controller instructs, as LinearPredictor flies it.
 
-    A flight at an instructed speed descends at the rates of the sample whose speed at its level is nearest.
+    A flight at an instructed speed descends at the rates of a sample among the nearest in speed at its level.
     """
 
     def __init__(self, *positional: Any, **settings: Any) -> None:
@@ -44,18 +46,20 @@ class SampledDescents(LinearPredictor):  # type: ignore[misc]
             among = [i for i, sample in enumerate(samples) if sample[0][-1] >= aircraft.fl]
             if not among:
                 return None
-            number = self.chosen(aircraft, samples, among) if any(instructed) else among[drawn(aircraft, len(among))]
+            if any(instructed):
+                among = self.nearest(aircraft, samples, among)
+            number = among[drawn(aircraft, len(among))]
             aircraft.predictor_params[CHOSEN] = instructed, number
         return samples[number] if aircraft.fl > samples[number][0][0] else None
 
-    def chosen(self, aircraft: Aircraft, samples: list[Any], among: list[int]) -> int:
-        """The sample whose speed at the flight's level is nearest to the flight's, which a controller instructed."""
+    def nearest(self, aircraft: Aircraft, samples: list[Any], among: list[int]) -> list[int]:
+        """Samples whose speed at the flight's level is nearest to the flight's, which a controller instructed."""
 
         def off_mps(number: int) -> float:
             cas_mps = KT_TO_MPS * np.interp(aircraft.fl, samples[number][0], samples[number][2])
             return float(abs(cas_to_tas(aircraft.fl, cas_mps, self.delta_T) - KT_TO_MPS * aircraft.speed_tas))
 
-        return min(among, key=off_mps)
+        return sorted(among, key=off_mps)[: len(among) // NEAREST + 1]
 
     def update_vertical_speeds(self, aircraft: Aircraft) -> None:
         """Rate of descent (ft/min, negative): what is instructed, or the sample's."""

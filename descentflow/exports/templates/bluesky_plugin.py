@@ -22,6 +22,8 @@ SLOWEST_MPS = 0.1
 """BlueSky takes slower selected rates for none."""
 FASTEST_MACH = 2.0
 """Selected speeds below are Mach numbers."""
+NEAREST = 50
+"""One in so many samples is near to a commanded speed, and one at least."""
 
 
 class Samples:
@@ -76,8 +78,8 @@ def init_plugin() -> Any:
 class Descents(core.Entity):  # type: ignore[misc]
     """What each flight descends by; BlueSky adds, removes and resets it with the aircraft.
 
-    A speed that is commanded in a descent (SPD) is kept, and the rate becomes that of the sample whose speed at the
-    flight's level is nearest. A rate that is commanded (VS, or ALT with one) is kept, and VS 0 gives it back.
+    A speed that is commanded in a descent (SPD) is kept, and the rate becomes that of a sample among the nearest in
+    speed at the flight's level. A rate that is commanded (VS, or ALT with one) is kept, and VS 0 gives it back.
     DFSAMPLE gives both back. A flight that has levelled off begins its next descent afresh, with the same sample.
     """
 
@@ -140,7 +142,7 @@ class Descents(core.Entity):  # type: ignore[misc]
         if self.number[i] - 1 not in among:
             if self.set[i] or not among:
                 return False
-            self.number[i] = 1 + among[zlib.crc32(traf.id[i].encode()) % len(among)]
+            self.number[i] = 1 + picked(among, traf.id[i])
         self.active[i], self.own_speed[i] = True, False
         self.own_rate[i] = traf.selvs[i] < -SLOWEST_MPS
         self.final_m[i] = self.altitude_m[i] = traf.selalt[i]
@@ -158,8 +160,8 @@ class Descents(core.Entity):  # type: ignore[misc]
             said, altitude_m = traf.selspd[i], traf.alt[i]
             cas = mach2cas(said, altitude_m) if said < FASTEST_MACH else said
             among = samples.within(altitude_m) or [self.number[i] - 1]
-            nearest = min(among, key=lambda k: abs(samples.cas(k, altitude_m) - cas))
-            self.number[i], self.set[i] = 1 + nearest, False
+            nearest = sorted(among, key=lambda k: abs(samples.cas(k, altitude_m) - cas))
+            self.number[i], self.set[i] = 1 + picked(nearest[: len(among) // NEAREST + 1], traf.id[i]), False
 
     def end(self, i: int) -> None:
         """Give the flight back to BlueSky, with the altitude that was selected."""
@@ -168,3 +170,8 @@ class Descents(core.Entity):  # type: ignore[misc]
         if traf.selvs[i] == self.rate[i] and not self.own_rate[i]:
             traf.selvs[i] = 0.0
         self.active[i] = False
+
+
+def picked(among: list[int], callsign: str) -> int:
+    """One of some samples, by callsign."""
+    return among[zlib.crc32(callsign.encode()) % len(among)]

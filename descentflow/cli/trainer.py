@@ -12,7 +12,6 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
 from descentflow.cli.parser_errors import config_error
-from descentflow.cli.resumed_model import check_resumed_model
 from descentflow.cli.trainer_words import MODELS, models_named
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
@@ -82,9 +81,6 @@ class DescentCLI(LightningCLI):
         """Remember which options were given: what is chosen by default steps back behind them."""
         self.words = list(args)
         super().parse_arguments(parser, args)
-        resumed = self.config.get("fit.ckpt_path")
-        if resumed is not None and Path(resumed).is_file():
-            check_resumed_model(Path(resumed), self.config.fit.model)
 
     def _parse_ckpt_path(self) -> None:
         """Take no class from a checkpoint: Lightning would import whatever module it names."""

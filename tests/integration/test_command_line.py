@@ -178,8 +178,8 @@ def test_resuming_on_other_flights_is_refused(run: Path, tmp_path: Path, capsys)
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        (["--model", "SplineFlow"], "is of a Gaussian, where the options ask for a SplineFlow"),
-        (["--config", "gmm"], "is of a Gaussian, where the options ask for a GaussianMixture"),
+        (["--model", "SplineFlow"], "a checkpoint of a Gaussian, where the options ask for a SplineFlow"),
+        (["--config", "gmm"], "a checkpoint of a Gaussian, where the options ask for a GaussianMixture"),
         (["--config", "gaussian", "--model.jitter", "0.5"], r"jitter 1e-06 \(the options: 0.5\)"),
     ],
 )

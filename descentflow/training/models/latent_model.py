@@ -228,21 +228,34 @@ class LatentModel(LightningModule, ABC, Generic[D]):
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Restore density and representation; refuse one of another model or other flights when a fit resumes."""
         saved: D = density_of(checkpoint[SECTION])  # type: ignore[assignment]
-        if self._density is not None and type(self._density) is not type(saved):
-            raise CheckpointError(
-                f"a checkpoint of a {type(saved).__name__}, to be gone on with as a {type(self._density).__name__}",
-                expected="the model of the run that is resumed",
-                mend="use that run's own config.yaml, or start a new fit",
-            )
         if self._density is not None:
+            self._check_same_model(saved, checkpoint.get("hyper_parameters") or {})
             _check_same_weights(saved.representation, self.representation)
             self._resume(checkpoint.get(TRAINING, {}))
         self._density = saved.to(self.device)
 
+    @property
+    def _fits(self) -> bool:
+        return self._trainer is not None and self.trainer.state.fn == "fit"
+
+    def _check_same_model(self, saved: D, settings: dict[str, Any]) -> None:
+        """Refuse a checkpoint of another model, or to go on fitting with other settings; Lightning would take them."""
+        before, now = (type(one).__name__.removesuffix("Density") for one in (saved, self.density))
+        given = {name: value for name, value in self.hparams.items() if name in settings and name[0] != "_"}
+        other = [f"{n} {settings[n]} (the options: {value})" for n, value in given.items() if settings[n] != value]
+        if before != now or (self._fits and other):
+            raise CheckpointError(
+                f"a checkpoint of a {before}, where the options ask for a {now}"
+                if before != now
+                else f"a checkpoint of a {before} of other settings: {', '.join(other)}",
+                expected="the model of the run that is resumed, with its settings",
+                mend="use that run's own config.yaml, or leave --ckpt_path out and start a new fit",
+            )
+
     def _resume(self, before: dict[str, Any]) -> None:
         """Take up what the fit had come to; say so if what is drawn from now on is not what it would have drawn."""
         self._had_stopped = bool(before.get("stopped"))
-        if self._trainer is not None and self.trainer.state.fn == "fit" and before.get("seed") != self._seed:
+        if self._fits and before.get("seed") != self._seed:
             seed = before.get("seed", "that was not kept")
             warnings.warn(
                 f"a fit of seed {seed} is resumed with seed {self._seed}: it does not end with what the other "

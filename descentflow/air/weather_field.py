@@ -27,8 +27,8 @@ class Points(NamedTuple):
 
     Example:
         >>> across = Points(0.0, 300.0, np.full(2, 52.0), np.array([4.0, 5.0]))
-        >>> across.shape, across.rows(np.array([False, True])).longitude
-        ((2,), array([5.]))
+        >>> across.rows(np.array([False, True])).level_fl
+        array([300.])
     """
 
     unix_s: Array | float
@@ -36,14 +36,9 @@ class Points(NamedTuple):
     latitude: Array
     longitude: Array
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of all four together."""
-        return np.broadcast_shapes(*map(np.shape, self))
-
     def rows(self, mask: NDArray[np.bool_]) -> "Points":
         """The points, (m,), where a mask is true."""
-        return Points(*(np.broadcast_to(values, self.shape)[mask] for values in self))
+        return Points(*(values[mask] for values in np.broadcast_arrays(*self)))
 
 
 class WeatherField:
@@ -139,9 +134,9 @@ class WeatherField:
         Raises:
             DataError: If a file is damaged.
         """
-        steps, found = self._steps[name], np.full(points.shape, np.nan)
+        steps, (unix_s, *_) = self._steps[name], np.broadcast_arrays(*points)
+        found = np.full(unix_s.shape, np.nan)
         times, last = np.array([step.unix_s or 0.0 for step in steps]), len(steps) - 1
-        unix_s = np.broadcast_to(points.unix_s, points.shape)
         before = np.searchsorted(times, unix_s, side="right").clip(1, max(last, 1)) - 1
         gap = times[(before + 1).clip(max=last)] - times[before]
         near = gap <= WIDEST_GAP * (np.median(np.diff(times)) if last else 0.0)

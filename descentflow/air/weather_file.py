@@ -4,6 +4,7 @@ A pressure level is a flight level: both are the pressure altitude of the standa
 """
 
 import atexit
+import logging
 import os
 import warnings
 from collections.abc import Iterator, Sequence
@@ -209,15 +210,16 @@ def _nowhere() -> TextIO:
 def _grib_options(path: Path) -> list[dict[str, Any]]:
     """Options that open each variable of a GRIB file on pressure levels by itself: it may have other levels too."""
     cfgrib = optional_library("cfgrib", extra="wind")
-    # What it finds, it raises too.
+    # What both say, they raise too, if it matters.
+    logging.getLogger("cfgrib").addHandler(logging.NullHandler())
     cfgrib.messages.eccodes.codes_context_set_logging(_nowhere())
     # No index beside the file: it would be left behind. Without "raise", what is damaged would be left out.
     stream = cfgrib.messages.FileStream(str(path), errors="raise")
     whole = cfgrib.dataset.open_fileindex(stream, "", ["shortName", "typeOfLevel"])
-    there = [kind for kind in ("isobaricInhPa", "isobaricInPa") if kind in whole["typeOfLevel"]][:1]
-    keys = [{"typeOfLevel": kind, "shortName": name} for kind in there for name, *_ in NAMES.values()]
-    keys = [each for each in keys if each["shortName"] in whole.subindex(typeOfLevel=each["typeOfLevel"])["shortName"]]
-    if not keys:
+    kind = next((kind for kind in ("isobaricInhPa", "isobaricInPa") if kind in whole["typeOfLevel"]), None)
+    there = [name for name, *_ in NAMES.values() if kind and name in whole.subindex(typeOfLevel=kind)["shortName"]]
+    if not there:
         raise layout.unusable(f"{path}: {', '.join(whole['shortName'])} on levels {', '.join(whole['typeOfLevel'])}")
+    keys = ({"typeOfLevel": kind, "shortName": name} for name in there)
     backend = {"indexpath": "", "errors": "raise"}
     return [{"engine": "cfgrib", "backend_kwargs": {**backend, "filter_by_keys": each}} for each in keys]

@@ -189,6 +189,8 @@ def test_a_time_in_two_files_must_be_the_same(tmp_path: Path) -> None:
 
 @pytest.fixture
 def grib(tmp_path: Path) -> Path:
+    import pyproj  # noqa: F401 - before ecCodes, as descentflow has it
+
     return tmp_path / "era5.grib2"
 
 
@@ -208,6 +210,28 @@ def test_a_forecast_counts_by_the_time_that_it_is_for(grib: Path) -> None:
     written_as_grib(whole().isel(valid_time=[0]), grib, forecastTime=6)
     with weather_field(grib) as field:
         assert field.times == [START.astype(float) + 6 * 3600]
+
+
+@pytest.mark.parametrize(
+    ("sample", "message"),
+    [
+        ("sh_pl_grib2", "without a coordinate latitude"),
+        ("reduced_gg_pl_32_grib2", "t over valid_time, isobaricInhPa, values"),
+        ("rotated_ll_pl_grib2", "latitude over y, x"),
+    ],
+)
+def test_grib_on_other_grids_is_refused_quietly(
+    sample: str, message: str, grib: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    eccodes = pytest.importorskip("eccodes")
+    handle = eccodes.codes_grib_new_from_samples(sample)
+    eccodes.codes_set(handle, "shortName", "t")
+    with grib.open("wb") as file:
+        eccodes.codes_write(handle, file)
+    eccodes.codes_release(handle)
+    with pytest.raises(DataError, match=message):
+        read(grib)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_grib_that_is_no_such_field_is_refused_quietly(grib: Path, capfd: pytest.CaptureFixture[str]) -> None:

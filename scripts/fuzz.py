@@ -3,6 +3,7 @@
 python scripts/fuzz.py FOLDER --cases 100000             # resumable: what is in FOLDER/outcomes.jsonl is not run again
 python scripts/fuzz.py FOLDER --cases 100000 --minutes 60
 python scripts/fuzz.py FOLDER --cases 100000 --again     # after a mend: run what was a defect once more
+python scripts/fuzz.py FOLDER --cases 1000 --kind weather  # one kind of input alone
 python scripts/fuzz.py FOLDER --show 4711                # write case 4711 into FOLDER/case-4711 and run it
 
 Each case is known by its number and the seed. It ends as accepted (every row kept or counted), refused (one message:
@@ -29,6 +30,9 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--minutes", type=float, help="begin no case after this time")
     parser.add_argument("--again", action="store_true", help="run once more what was a defect")
+    parser.add_argument(
+        "--kind", help="of input, see KINDS of fuzzing/cases.py; all of them, each by its share, if absent"
+    )
     parser.add_argument("--show", type=int, metavar="CASE", help="write and run one case")
     args = parser.parse_args()
     # Workers are many: one thread each. Read when torch is loaded.
@@ -39,7 +43,7 @@ def main() -> int:
     good = args.folder / "good"
     make(good)
     if args.show is not None:
-        return show(args.folder, good, args.seed, args.show)
+        return show(args.folder, good, args.seed, args.show, args.kind)
     outcomes = run(args.folder, good, args)
     return report(outcomes)
 
@@ -48,7 +52,7 @@ def run(folder: Path, good: Path, args: argparse.Namespace) -> list[dict]:
     """Outcomes of all cases, those of earlier calls with the same seed among them."""
     from fuzzing import workers
 
-    path = folder / f"outcomes-{args.seed}.jsonl"
+    path = folder / f"outcomes-{args.seed}{f'-{args.kind}' if args.kind else ''}.jsonl"
     known = [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
     if args.again:
         known = [one for one in known if one["verdict"] in FINE]
@@ -59,7 +63,7 @@ def run(folder: Path, good: Path, args: argparse.Namespace) -> list[dict]:
     left = [number for number in range(args.cases) if number not in done]
     until = None if args.minutes is None else time.time() + 60 * args.minutes
     with path.open("a") as file:
-        for found in workers.run(left, args.seed, good, args.processes, until):
+        for found in workers.run(left, args.seed, good, args.processes, until, args.kind):
             file.write(json.dumps(found) + "\n")
             file.flush()
             known.append(found)
@@ -83,14 +87,14 @@ def report(outcomes: list[dict]) -> int:
     return 1 if defects else 0
 
 
-def show(folder: Path, good: Path, seed: int, number: int) -> int:
+def show(folder: Path, good: Path, seed: int, number: int, kind: str | None) -> int:
     """Write one case's files where they can be looked at, and run it."""
     from fuzzing.cases import build
     from fuzzing.judge import judged
 
     place = folder / f"case-{number}"
     place.mkdir(exist_ok=True)
-    case = build(number, seed, good, place)
+    case = build(number, seed, good, place, kind)
     print(f"{case.kind}: descentflow {' '.join(word[:200] for word in case.words)}")
     found = judged(case, place)
     print(f"{found.verdict}\n{found.words}")

@@ -41,7 +41,7 @@ class Case:
     rows: int | None = None
 
 
-def build(number: int, seed: int, good: Path, folder: Path) -> Case:
+def build(number: int, seed: int, good: Path, folder: Path, kind: str | None = None) -> Case:
     """Write the damaged file of a case into a folder and say what is to be run.
 
     Args:
@@ -49,10 +49,11 @@ def build(number: int, seed: int, good: Path, folder: Path) -> Case:
         seed: Of the whole run.
         good: Folder of whole files.
         folder: Empty folder for the case's own.
+        kind: Of input, one of :data:`KINDS`; by their shares if absent.
     """
     rng = random.Random(f"{seed}-{number}")
-    kind = rng.choices(list(KINDS), [weight for _, weight in KINDS.values()])[0]
-    return KINDS[kind][0](rng, good, folder)
+    chosen = rng.choices(list(KINDS), [weight for _, weight in KINDS.values()])[0]
+    return KINDS[kind or chosen][0](rng, good, folder)
 
 
 def _source(rng: random.Random, good: Path, folder: Path) -> Case:

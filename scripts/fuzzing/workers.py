@@ -20,7 +20,9 @@ CASES_EACH = 300
 """Cases after which a worker is replaced, so that what one leaves behind is not another's."""
 
 
-def run(numbers: Iterable[int], seed: int, good: Path, processes: int, until: float | None) -> Iterator[dict[str, Any]]:
+def run(
+    numbers: Iterable[int], seed: int, good: Path, processes: int, until: float | None, kind: str | None
+) -> Iterator[dict[str, Any]]:
     """Outcomes of cases as they come in.
 
     Args:
@@ -29,9 +31,10 @@ def run(numbers: Iterable[int], seed: int, good: Path, processes: int, until: fl
         good: Folder of whole files.
         processes: Workers at once.
         until: Time after which no case is begun.
+        kind: Of input; all if absent.
     """
     waiting = iter(numbers)
-    workers = [_Worker(seed, good) for _ in range(processes)]
+    workers = [_Worker(seed, good, kind) for _ in range(processes)]
     try:
         for worker in workers:
             worker.give(waiting, until)
@@ -49,15 +52,15 @@ def run(numbers: Iterable[int], seed: int, good: Path, processes: int, until: fl
 class _Worker:
     """A process, and the case that it has."""
 
-    def __init__(self, seed: int, good: Path) -> None:
-        self.seed, self.good = seed, good
+    def __init__(self, seed: int, good: Path, kind: str | None) -> None:
+        self.known = seed, good, kind
         self.number: int | None = None
         self.begin()
 
     def begin(self) -> None:
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_work, args=(theirs, self.seed, self.good), daemon=True)
+        self.process = context.Process(target=_work, args=(theirs, *self.known), daemon=True)
         self.process.start()
         theirs.close()
         self.left = CASES_EACH
@@ -101,7 +104,7 @@ class _Worker:
         self.pipe.close()
 
 
-def _work(pipe: Connection, seed: int, good: Path) -> None:
+def _work(pipe: Connection, seed: int, good: Path, kind: str | None) -> None:
     """Run the cases whose numbers come through the pipe."""
     from fuzzing.cases import build
     from fuzzing.judge import judged
@@ -116,7 +119,7 @@ def _work(pipe: Connection, seed: int, good: Path) -> None:
             return
         folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
         try:
-            case = build(number, seed, good, folder)
+            case = build(number, seed, good, folder, kind)
             found = judged(case, folder)
             verdict, words = found.verdict, found.words
             used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

@@ -104,7 +104,6 @@ def run(args: argparse.Namespace) -> None:
             prefix=args.prefix,
             fly_as=args.fly_as,
             into=args.into,
-            report=print,
         )
     for path in written:
         print(f"wrote {path}")

@@ -44,7 +44,6 @@ def export(
     prefix: str = "DF",
     fly_as: str | Sequence[str] = (),
     into: Sequence[str | Path] = (),
-    report: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write a model's samples, or the model, in the format of another program.
 
@@ -70,7 +69,6 @@ def export(
         prefix: Of the callsigns: two exports that fly in one simulation need two.
         fly_as: Types that a model's samples are flown as, as "A319,A320,A321"; one such text for each model.
         into: Profile, uncertainty and mapping of bluebird-dt, whose climbs and cruises the tables keep.
-        report: Called with a line on size and speed for each sampler that was exported itself.
 
     Returns:
         The files that were written.
@@ -114,7 +112,6 @@ def export(
         fly_as=tuple(said),
         into=tuple(map(Path, into)),
         apart=len(densities),
-        report=report,
     )
     requests = [replace(first, density=one, first=i) for i, one in enumerate(densities)]
     target.check(to, *requests)

@@ -41,7 +41,6 @@ class ExportRequest:
         into: Files of the other program that the output has beside its own.
         first: Number of the first flight, where flights of several models are counted on.
         apart: From the number of a flight to the next one's.
-        report: Called with a line of figures on what was written, where a target has some.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -66,7 +65,6 @@ class ExportRequest:
     into: tuple[Path, ...] = ()
     first: int = 0
     apart: int = 1
-    report: Callable[[str], None] | None = None
 
     @cached_property
     def samples(self) -> Samples:

@@ -1,7 +1,6 @@
 """The exported sampler gives our descents in onnxruntime, in either precision, for each density."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -94,21 +93,11 @@ def test_float64_gives_our_descents(kind: str) -> None:
     compare(kind, "float64")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [kind if kind == "gaussian" else pytest.param(kind, marks=pytest.mark.slow) for kind in KINDS]
+)
 def test_float32_gives_our_descents(kind: str) -> None:
-    """Each of them; a Gaussian's difference is also what the command says of the one that it writes, below."""
     compare(kind, "float32")
-
-
-def test_the_command_says_size_speed_and_difference(sampler: tuple[Path, str]) -> None:
-    path, said = sampler
-    for beside in ("a320.onnx", "a320_decoder.onnx", "a320.json", "a320.mjs"):
-        assert f"wrote {path.with_name(beside)}" in said
-    found = re.search(r"a320.onnx: (\d+) kB; 1 descent in .* ms, 100 in .*within (\S+) s of ours", said)
-    assert found is not None
-    assert int(found[1]) == round(path.stat().st_size / 1000)
-    assert float(found[2]) < OURS["float32"]
 
 
 def test_decoder_and_sampler_give_the_same_and_say_what_they_take(sampler: tuple[Path, str]) -> None:

@@ -34,7 +34,7 @@ def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("settings", "needed"),
     [
-        ("gaussian", set()),
+        pytest.param("gaussian", set(), marks=pytest.mark.slow),
         ("flow", {"normflows"}),
         pytest.param("spline", {"normflows"}, marks=pytest.mark.slow),
         ("gmm", {"sklearn", "pyro"}),

@@ -81,7 +81,7 @@ def test_each_takes_what_the_last_returns_or_a_path_of_it(folder: Path, monkeypa
     assert drawn[0].equals(drawn[2])
 
     scored = [
-        df.evaluate(model, real, n=100).to_polars()
+        df.evaluate(model, real, n=100, n_splits=2).to_polars()
         for model, real in (
             (fitted, in_memory),
             (loaded, world),
@@ -112,7 +112,7 @@ def test_tabular_results_convert(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.chdir(folder)
     descents = df.prepare("rows.parquet")
     model = df.fit(descents, "gaussian")
-    samples, found = df.sample(model, 20), df.evaluate(model, descents, n=100)
+    samples, found = df.sample(model, 20), df.evaluate(model, descents, n=100, n_splits=2)
     ahead = df.predict(model, descents, from_fl=290, n=60)
     for result in (descents, samples, found, ahead):
         table = result.to_polars()

@@ -111,9 +111,9 @@ def export(
         prefix=prefix,
         fly_as=tuple(said),
         into=tuple(map(Path, into)),
-        apart=len(densities),
+        models=len(densities),
     )
     requests = [replace(first, density=one, first=i) for i, one in enumerate(densities)]
-    target.check(to, *requests)
+    target.check(to, first)
     types = flown_types(said, [one.typecode for one in requests])
     return target.writer(to)(*(replace(one, fly_as=own) for one, own in zip(requests, types, strict=True)))

@@ -40,7 +40,7 @@ class ExportRequest:
         fly_as: Types that the samples are flown as, in turn; the model's own if empty.
         into: Files of the other program that the output has beside its own.
         first: Number of the first flight, where flights of several models are counted on.
-        apart: From the number of a flight to the next one's.
+        models: How many there are; so far apart are the numbers of this one's flights.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -64,7 +64,7 @@ class ExportRequest:
     fly_as: tuple[str, ...] = ()
     into: tuple[Path, ...] = ()
     first: int = 0
-    apart: int = 1
+    models: int = 1
 
     @cached_property
     def samples(self) -> Samples:
@@ -111,7 +111,7 @@ class ExportRequest:
     @property
     def numbers(self) -> range:
         """Of the flights, among those of all models."""
-        return range(self.first, self.first + self.n * self.apart, self.apart)
+        return range(self.first, self.first + self.n * self.models, self.models)
 
     def callsign(self, number: int) -> str:
         """Invented callsign of a flight.

@@ -28,30 +28,24 @@ class Target:
     """One target: what it is for, the extensions that its output may have, and what must be known of the ground.
 
     Example:
-        >>> TARGETS["traffic"].suffixes, TARGETS["traffic"].places
+        >>> TARGETS["traffic"].suffixes, TARGETS["traffic"].placed
         (('.parquet',), True)
     """
 
     purpose: str
     suffixes: tuple[str, ...]
-    places: bool = False
-    """Whether it needs an end point and a track, or a route."""
-    times: bool = False
-    """Whether it needs the time of arrival."""
+    placed: bool = False
+    """Whether it needs a time of arrival, and an end point and a track, or a route."""
     options: tuple[str, ...] = ()
     """What of :data:`DEFAULTS` it can be asked for."""
     step_s: float | None = None
     """Seconds from row to row where no other step is asked for; a row for each level if None."""
 
-    several: bool = False
-    """Whether it takes several models."""
-
-    def check(self, name: str, request: "ExportRequest", *others: "ExportRequest") -> None:
+    def check(self, name: str, request: "ExportRequest") -> None:
         """Refuse a request that the target cannot serve.
 
         Raises:
-            ConfigError: If the extension is another, the place or time is missing, it lacks an option, or it takes a
-                single model.
+            ConfigError: If the extension is another, the place or time is missing, or it lacks an option.
         """
         if request.path.suffix not in self.suffixes:
             raise ConfigError(
@@ -64,23 +58,17 @@ class Target:
             if value != default and option not in self.options:
                 having = [other for other, target in TARGETS.items() if option in target.options]
                 raise ConfigError(
-                    f"{option} {value} for {name}",
+                    f"{option} = {value} for {name}",
                     expected=f"{' or '.join(having)}, which can be asked for it",
                     mend="leave it out",
                 )
-        if others and not self.several:
-            raise ConfigError(
-                f"{1 + len(others)} models for {name}",
-                expected=f"one; {' and '.join(n for n, t in TARGETS.items() if t.several)} take several",
-                mend="export them one after the other",
-            )
-        if self.places and request.plan.path is None:
+        if self.placed and request.plan.path is None:
             raise ConfigError(
                 f"{name} without places",
                 expected="an end point and a track, or a route",
                 mend="give --end and --track, or --route",
             )
-        if self.times and request.plan.end_time is None:
+        if self.placed and request.plan.end_time is None:
             raise ConfigError(
                 f"{name} without a time",
                 expected="when the first flight passes the lowest level",
@@ -93,28 +81,24 @@ class Target:
         return found
 
 
-DEFAULTS = {"precision": "float64", "step_s": None, "prefix": "DF", "fly_as": (), "into": ()}
+DEFAULTS = {"models": 1, "precision": "float64", "step_s": None, "prefix": "DF", "fly_as": (), "into": ()}
 """Options that some targets have and others refuse, with what they are where nobody asked."""
-ROWS = ("step_s", "prefix")
+ROWS, FLEET = ("step_s", "prefix"), ("models", "fly_as")
 TARGETS = {
     "parquet": Target(
         "the table of samples with unit and meaning in each field's metadata", (".parquet",), options=ROWS
     ),
-    "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), True, True, ROWS),
-    "traffic": Target(
-        "flights for the library traffic (Traffic.from_file)", (".parquet",), True, True, ROWS, step_s=1.0
-    ),
+    "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), True, ROWS),
+    "traffic": Target("flights for the library traffic (Traffic.from_file)", (".parquet",), True, ROWS, step_s=1.0),
     "bluesky": Target(
         "a scenario for BlueSky (.scn), or a plugin that flies samples (.py)",
         (".scn", ".py"),
-        options=("prefix", "fly_as"),
-        several=True,
+        options=("prefix", *FLEET),
     ),
     "bluebird": Target(
         "tables for bluebird-dt (.json), or a predictor that flies samples (.py)",
         (".json", ".py"),
-        options=("fly_as", "into"),
-        several=True,
+        options=("into", *FLEET),
     ),
     "onnx": Target(
         "the sampler itself, for onnxruntime in any language: random numbers in, descents out",

@@ -94,8 +94,13 @@ def test_a_cf_file_that_lacks_something_fails_the_checker(a320: Path, tmp_path: 
         ("cf", "s.nc", {}, "cf without places"),
         ("cf", "s.nc", {"end": (52.0, 4.0), "track": 90.0}, "cf without a time"),
         ("parquet", "s.parquet", {"n": 0}, "0 samples"),
-        ("bluesky", "s.scn", {"step_s": 1.0}, r"step_s 1\.0 for bluesky; expected parquet or cf or traffic, which can"),
-        ("cf", "s.nc", {"precision": "float32"}, "float32 for cf; expected onnx"),
+        (
+            "bluesky",
+            "s.scn",
+            {"step_s": 1.0},
+            r"step_s = 1\.0 for bluesky; expected parquet or cf or traffic, which can",
+        ),
+        ("cf", "s.nc", {"precision": "float32"}, "precision = float32 for cf; expected onnx"),
     ],
 )
 def test_what_a_target_cannot_serve_is_refused(

@@ -1,4 +1,4 @@
-"""Where samples come from, as files of them say it."""
+"""Origin of samples, for the metadata of files."""
 
 from datetime import UTC, datetime
 

@@ -72,7 +72,7 @@ class ScoreCallback(Callback):
             return
         found = None
         try:
-            found = self._evaluate(trainer, pl_module, "validation", self.n_samples, n_splits=FEW_SPLITS, costly=False)
+            found = self._evaluate(trainer, pl_module, "validation", self.n_samples, FEW_SPLITS)
         except SamplingError as error:
             # An untrained density may propose nothing plausible; the fit goes on.
             rank_zero_warn(f"epoch {trainer.current_epoch}: not scored, {error}")
@@ -80,7 +80,7 @@ class ScoreCallback(Callback):
 
     def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Score against the test flights, write the files and print the table."""
-        found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, n_splits=N_SPLITS, costly=True)
+        found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, N_SPLITS)
         self._log(trainer, pl_module, found, "test")
         if found is not None:
             folder = folder_of(trainer)
@@ -94,25 +94,24 @@ class ScoreCallback(Callback):
         return last or (self.every_n_epochs > 0 and epoch % self.every_n_epochs == 0)
 
     def _evaluate(
-        self, trainer: Trainer, module: LightningModule, part: Part, n: int, *, n_splits: int, costly: bool
+        self, trainer: Trainer, module: LightningModule, part: Part, n: int, n_splits: int
     ) -> Evaluation | None:
         """The scores in the first process; None in the others."""
         if not trainer.is_global_zero:
             return None
         assert isinstance(module, LatentModel)
-        real, context = data_of(trainer).profiles(part), data_of(trainer).contexts(part)
-        name, parts = type(module).__name__, module.representation
+        flights = data_of(trainer).flights(part)
         with stage("scoring samples") as shown:
             return evaluate_profiles(
                 module.density,
-                parts,
-                real,
-                context=context,
+                module.representation,
+                flights.profiles,
+                context=flights.context,
                 n=n,
                 seed=self.seed,
-                name=name,
+                name=type(module).__name__,
                 n_splits=n_splits,
-                costly=costly,
+                costly=part == "test",
                 progress=shown.part("drawing descents", n, "descents"),
                 score_progress=shown.part("scoring samples", n_comparisons(n_splits), "comparisons"),
             )

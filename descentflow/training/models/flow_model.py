@@ -39,14 +39,6 @@ class _Flow(LatentModel[F], ABC):
     errors of its difference from the Gaussian's. With few flights a gain must be larger to be believed.
     """
 
-    learning_rate: float
-    weight_decay: float
-    shrinkage: float
-    caution: float
-    n_draws: int
-    by_entry: bool
-    max_steps: int | None
-
     def __init__(self) -> None:
         super().__init__()
         self._restored = False
@@ -66,7 +58,7 @@ class _Flow(LatentModel[F], ABC):
             loss = self.nll(batch)
         else:
             seed = self.seed_of_batch(batch_index)
-            proposals = propose(self._proposing(), evidence, self.n_draws, context, seed)
+            proposals = propose(self._proposing(), evidence, int(self.hparams["n_draws"]), context, seed)
             found = estimate(self.density.log_prob, proposals, context)
             loss = -found.log_prob.mean()
             self.log(
@@ -124,7 +116,7 @@ class _Flow(LatentModel[F], ABC):
         log_prob, base = torch.cat(self._by_flight, 1)
         self._by_flight = []
         error = (log_prob - base).std() / len(base) ** 0.5 if self.density.whitened and len(base) > 1 else 0.0
-        bound = -log_prob.mean() + self.caution * error
+        bound = -log_prob.mean() + self.hparams["caution"] * error
         self.log("val/bound", bound, sync_dist=True, batch_size=len(base))
         counts = self.trainer.state.fn == "fit" and not self.trainer.sanity_checking
         if counts and (self._best is None or float(bound) < self._best[0]):
@@ -142,7 +134,7 @@ class _Flow(LatentModel[F], ABC):
     def _learn_by_entry(self) -> None:
         """With the flow held: it is trained as the density of all flights."""
         self.density.entry_law = None
-        if self.by_entry:
+        if self.hparams["by_entry"]:
             self.density.entry_law = entry_law_of(self)
 
     def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
@@ -150,7 +142,7 @@ class _Flow(LatentModel[F], ABC):
         evidence, context = training_flights(self)
         # Of a checkpoint from which training goes on: it is learnt with the flow held, when training ends.
         self.density.entry_law = None
-        self._law_due = self.by_entry and context is None
+        self._law_due = self.hparams["by_entry"] and context is None
         if self.density.whitened and not self._restored:
             if evidence.known:
                 given = evidence.points[:, :0] if context is None else context
@@ -160,14 +152,15 @@ class _Flow(LatentModel[F], ABC):
                 slope = evidence.points.new_zeros(self.density.dimension, 0) if one.slopes is None else one.slopes[0]
                 start = one.locs[0], slope, one.scale_trils[0]
             self.density.whiten(*start)
-        decay = self.weight_decay
-        if self.shrinkage > 0:
-            decay += self.shrinkage / len(evidence)
+        # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
+        decay = float(self.hparams["weight_decay"] + self.hparams["shrinkage"] / len(evidence))
         few = self.density.whitened and len(evidence) < FEWEST_FLIGHTS * self.density.dimension
         if few:
             self._stay(len(evidence))
-        rate = 0.0 if few else self.learning_rate
-        return adam_with_cosine(self, rate, decay, still_first=self.density.whitened, max_steps=self.max_steps)
+        rate = 0.0 if few else float(self.hparams["learning_rate"])
+        return adam_with_cosine(
+            self, rate, decay, still_first=self.density.whitened, max_steps=self.hparams["max_steps"]
+        )
 
     def _stay(self, n_flights: int) -> None:
         """End the fit with the Gaussian, and say why."""
@@ -239,24 +232,12 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         """
         super().__init__()
         self.save_hyperparameters()
-        self.n_flows, self.hidden_per_weight = int(n_flows), int(hidden_per_weight)
-        self.whitened, self.linear, self.turned_round = whitened, linear, turned_round
-        # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
-        self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
-        self.shrinkage, self.caution, self.n_draws = float(shrinkage), float(caution), int(n_draws)
-        self.by_entry, self.max_steps = by_entry, max_steps
 
     def make(self, dimension: int, n_context: int = 0) -> MaskedAffineFlowDensity:
         """Flows that start at the identity or its neighbourhood."""
-        return MaskedAffineFlowDensity(
-            dimension,
-            self.n_flows,
-            self.hidden_per_weight,
-            n_context,
-            whitened=self.whitened,
-            linear=self.linear,
-            turned_round=self.turned_round,
-        )
+        options = {name: self.hparams[name] for name in ("whitened", "linear", "turned_round")}
+        sizes = int(self.hparams["n_flows"]), int(self.hparams["hidden_per_weight"])
+        return MaskedAffineFlowDensity(dimension, *sizes, n_context, **options)
 
 
 class SplineFlow(_Flow[SplineFlowDensity]):
@@ -302,12 +283,8 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         """
         super().__init__()
         self.save_hyperparameters()
-        self.n_flows, self.hidden, self.n_bins = int(n_flows), int(hidden), int(n_bins)
-        self.learning_rate, self.weight_decay = float(learning_rate), float(weight_decay)
-        self.whitened, self.shrinkage, self.caution = whitened, float(shrinkage), float(caution)
-        self.n_draws = int(n_draws)
-        self.by_entry, self.max_steps = by_entry, max_steps
 
     def make(self, dimension: int, n_context: int = 0) -> SplineFlowDensity:
         """Flows that start at the identity."""
-        return SplineFlowDensity(dimension, self.n_flows, self.hidden, self.n_bins, n_context, whitened=self.whitened)
+        n_flows, hidden, n_bins = (int(self.hparams[name]) for name in ("n_flows", "hidden", "n_bins"))
+        return SplineFlowDensity(dimension, n_flows, hidden, n_bins, n_context, whitened=self.hparams["whitened"])

@@ -177,7 +177,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
 
     @contextmanager
     def converging(self) -> Iterator[None]:
-        """Inside it, a matrix that is none in floating point any more is told as training that diverged."""
+        """Report a matrix that has lost its rank in floating point as training that diverged."""
         try:
             yield
         except torch.linalg.LinAlgError:  # type: ignore[attr-defined]  # torch documents it; its stubs lack it

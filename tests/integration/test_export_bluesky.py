@@ -16,7 +16,7 @@ from pyproj import Geod
 
 import descentflow as df
 from descentflow.core.errors import ConfigError
-from descentflow.exports.bluesky_rates import STEEPEST_FPM, STEP_S, commanded_rates
+from descentflow.exports.bluesky_export import STEEPEST_FPM, STEP_S, commanded_rates
 from descentflow.exports.export import export
 
 N = 40

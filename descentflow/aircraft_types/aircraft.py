@@ -6,6 +6,7 @@ from typing import Any, Literal, get_args
 
 from torch import Tensor
 
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import AircraftError
 from descentflow.core.tensors import Number
 
@@ -107,6 +108,7 @@ class Aircraft:
                 mend="correct the engine field of the OPF file",
             )
 
+    @checked_arguments
     def with_factors(self, *, parasitic: Number = 1.0, induced: Number = 1.0, idle: Number = 1.0) -> "Aircraft":
         """The clean aircraft with other CD0, CD2 and idle thrust, as factors of its own.
 

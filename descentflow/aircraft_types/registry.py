@@ -5,8 +5,10 @@ from pathlib import Path
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.bada3.bada_directory import load_aircraft
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.arguments import checked_arguments
 
 
+@checked_arguments
 def aircraft(typecode: str, bada_dir: str | Path | None = None) -> Aircraft:
     """Return the aircraft of a type.
 

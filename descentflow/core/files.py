@@ -269,14 +269,29 @@ def check_folder(path: str | Path, *names: str) -> Path:
 
 
 def _check_name(target: Path) -> None:
-    text = str(target)
     try:
-        text.encode()
+        str(target).encode()
     except UnicodeEncodeError:
-        raise DataError(f"output {text!a}", expected="a name in UTF-8", mend="choose a name of letters") from None
-    if "\0" in text or any(len(os.fsencode(part)) > LONGEST_NAME for part in target.parts):
         raise DataError(
-            f"output {text[:40]!r}...",
+            f"output {str(target)!a}", expected="a name in UTF-8", mend="choose a name of letters"
+        ) from None
+    if not is_name(target):
+        raise DataError(
+            f"output {str(target)[:40]!r}...",
             expected=f"a name of at most {LONGEST_NAME} bytes without zero bytes",
             mend="choose another name",
         )
+
+
+def is_name(path: str | os.PathLike[str]) -> bool:
+    """Whether the usual file systems can have a file of this name.
+
+    Example:
+        >>> is_name("rows.parquet"), is_name("x" * 256)
+        (True, False)
+    """
+    try:
+        parts = [os.fsencode(part) for part in Path(path).parts]
+    except (TypeError, UnicodeEncodeError):
+        return False
+    return not any(b"\0" in part or len(part) > LONGEST_NAME for part in parts)

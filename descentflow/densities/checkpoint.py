@@ -9,6 +9,7 @@ from typing import Any
 import torch
 
 from descentflow import densities
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
 from descentflow.core.version import __version__
 from descentflow.densities import MODULES
@@ -24,6 +25,7 @@ UNFINISHED = "unfinished"
 _BUILDING = Lock()
 
 
+@checked_arguments
 def load_model(path: str | Path) -> Density:
     """Load a latent density with its representation, ready to sample; no trainer is imported.
 
@@ -92,7 +94,7 @@ def as_density(model: object) -> Density:
         raise ConfigError(
             f"a model of type {type(model).__name__}",
             expected="the path of a checkpoint, a Density, or a fitted model such as descentflow.training.fit returns",
-            mend="pass one of these" + (" first, and the number after it" if isinstance(model, int | float) else ""),
+            mend="pass one of these",
         )
     density.representation  # noqa: B018 - raises where there is none
     return density

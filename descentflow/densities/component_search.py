@@ -7,7 +7,6 @@ from typing import Literal, TypeVar
 
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError
 from descentflow.densities.em import STARTING_FLIGHTS, fit_steps, steps_of
 from descentflow.densities.grown_mixtures import grow_mixture
 from descentflow.densities.mixture_parameters import Mixture, n_parameters
@@ -97,16 +96,12 @@ def select_mixture(
     Returns:
         The best mixture; ``cap_binds`` says that the largest number allowed won, so that more might win yet.
 
-    Raises:
-        ConfigError: If there is no such criterion.
-
     Example:
         >>> weights = torch.randn(200, 4)
         >>> weights[:100] += 8
         >>> select_mixture(weights, seed=0, n_restarts=2).mixture.n_components
         2
     """
-    check_criterion(criterion)
     steps, evidence = steps_of(flights, context, prior_flights), as_evidence(flights)
     stop = tolerance if evidence.known else max(tolerance, OBSERVED_TOLERANCE)
     n, dimension = evidence.points.shape
@@ -132,19 +127,6 @@ def select_mixture(
     else:
         found, values = best_number(fit, count, n, price, most, furthest if extend else most, progress)
     return Selection(found, values, cap_binds=min(values, key=values.__getitem__) == max(values))
-
-
-def check_criterion(criterion: str) -> None:
-    """Refuse a criterion that is none.
-
-    Raises:
-        ConfigError: If it is neither ``aic`` nor ``bic``.
-
-    Example:
-        >>> check_criterion("aic")
-    """
-    if criterion not in ("aic", "bic"):
-        raise ConfigError(f"criterion {criterion!r}", expected="'aic' or 'bic'", mend="choose one of them")
 
 
 def best_number(

@@ -12,7 +12,7 @@ from math import log
 import torch
 from torch import Tensor
 
-from descentflow.densities.component_search import MIN_FLIGHTS_PER_PARAMETER, Criterion, check_criterion
+from descentflow.densities.component_search import MIN_FLIGHTS_PER_PARAMETER, Criterion
 from descentflow.densities.crossed_clusters import CrossedClusters
 from descentflow.densities.em import fit_from, steps_of
 from descentflow.densities.em_steps import Steps
@@ -70,9 +70,6 @@ def select_crossed(
         prior_flights: Flights by which covariances are shrunk.
         progress: Called after each pair of numbers with how many will be tried at least.
 
-    Raises:
-        ConfigError: If there is no such criterion.
-
     Example:
         >>> drag, speed = torch.randn(400, 1), torch.randn(400, 1)
         >>> drag[::2] += 8
@@ -80,7 +77,6 @@ def select_crossed(
         >>> select_crossed(torch.cat([drag, speed], 1), 1, seed=0, criterion="bic", prior_flights=5.0).clusters
         CrossedClusters(n_speed=2, n_drag=2, n_drag_weights=1)
     """
-    check_criterion(criterion)
     steps = steps_of(flights, None, prior_flights)
     points = steps.points_to_group(seed)
     n, dimension = points.shape

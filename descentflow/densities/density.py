@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor, nn
 
+from descentflow.core.arguments import NotNegativeInt, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.densities.importance import Estimate, estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
@@ -78,8 +79,9 @@ class Density(nn.Module, ABC):
         """Primitive arguments that, after the dimension, make the constructor give parameters of the same shapes."""
         return {}
 
+    @checked_arguments
     @torch.no_grad()
-    def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
+    def sample(self, n: NotNegativeInt, seed: int, context: Tensor | None = None) -> Tensor:
         """Draw (n, d) standardised weights, the same for the same seed whatever other threads draw meanwhile.
 
         Torch's global generator is neither used nor changed.
@@ -215,6 +217,22 @@ class Density(nn.Module, ABC):
     def _log_density(self, weights: Tensor, context: Tensor | None) -> Tensor:
         return self.log_prob(weights) if context is None else self.log_prob(weights, context)
 
+    @checked_arguments
+    def n_flights(self, weights: Tensor) -> int:
+        """How many flights these weights (n, d) are of.
+
+        Raises:
+            ConfigError: If they have another shape.
+        """
+        if weights.shape[1:] != (self.dimension,):
+            raise ConfigError(
+                f"weights of shape {tuple(weights.shape)}",
+                expected=f"(flights, {self.dimension})",
+                mend="pass those of this density's representation",
+            )
+        return len(weights)
+
+    @checked_arguments
     def rows_of_context(self, context: Tensor | None, n: int) -> Tensor | None:
         """The context (n, c) of n flights, checked; None for a density without context.
 

@@ -164,7 +164,8 @@ class GaussianMixtureDensity(Density):
 
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         """Log density (n,) of weights (n, d) at context (n, c): the program's, the component summed out."""
-        weights, rows = weights.to(torch.float64), _double(self.rows_of_context(context, len(weights)))
+        rows = _double(self.rows_of_context(context, self.n_flights(weights)))
+        weights = weights.to(torch.float64)
         enumerated = poutine.enum(self.program, first_available_dim=-2)
         trace = poutine.trace(enumerated).get_trace(len(weights), weights, rows)
         trace.compute_log_prob()

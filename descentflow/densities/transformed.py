@@ -63,7 +63,7 @@ class TransformedDensity(Density):
 
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         """Log density (n,) of standardised weights (n, d), in nats, at context (n, c) if it takes one."""
-        white, log_det = self.to_white(weights, self.rows_of_context(context, len(weights)))
+        white, log_det = self.to_white(weights, self.rows_of_context(context, self.n_flights(weights)))
         return self._log_normals(white) + log_det
 
     def log_prob_entering(self, weights: Tensor, entry: Tensor) -> Tensor:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder
 from descentflow.core.threads import one_thread
@@ -21,13 +22,14 @@ from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.representation.own_air import AirSource
 
 
+@checked_arguments
 def diagnose(
     real: Any,
     simulator: Any = None,
     *,
     typecode: str | None = None,
     nearest_type: bool = False,
-    bada_dir: Path | None = None,
+    bada_dir: str | Path | None = None,
     channels: Sequence[str] | None = None,
     catalogue: Mapping[str, Effect] | str | Path | None = None,
     previous: str | Path | None = None,

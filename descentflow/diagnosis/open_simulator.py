@@ -12,7 +12,7 @@ from descentflow.diagnosis.simulator_kind import is_designator
 from descentflow.representation.read_checkpoint import read_checkpoint
 
 
-def open_simulator(simulator: object, bada_dir: Path | None = None) -> Simulator:
+def open_simulator(simulator: object, bada_dir: str | Path | None = None) -> Simulator:
     """The simulator that is diagnosed, where it is not given by its flights.
 
     Args:

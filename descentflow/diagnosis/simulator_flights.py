@@ -28,7 +28,7 @@ class SignatureSource:
     """
 
     typecode: str | None = None
-    bada_dir: Path | None = None
+    bada_dir: str | Path | None = None
     nearest: bool = False
 
     def coefficients(self, of_flights: list[str]) -> tuple[Aircraft, CoefficientsUsed]:

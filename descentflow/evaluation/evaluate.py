@@ -7,8 +7,8 @@ from pathlib import Path
 import polars as pl
 from torch import Tensor
 
+from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import DataError
-from descentflow.core.seeds import checked_count
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.evaluation.evaluation_report import Evaluation
@@ -27,17 +27,18 @@ N_SPLITS = 100
 """Random splits behind each noise floor."""
 
 
+@checked_arguments
 @one_thread_where_they_spin()
 def evaluate(
     model: object,
     real: object,
     *,
-    n: int = 10_000,
+    n: Count = 10_000,
     seed: int = 0,
-    context_table: Path | pl.DataFrame | None = None,
+    context_table: str | Path | pl.DataFrame | None = None,
     air: AirSource | None = None,
-    n_splits: int = N_SPLITS,
-    draw_budget: int | None = None,
+    n_splits: Count = N_SPLITS,
+    draw_budget: Count | None = None,
     progress: Callable[[int], None] | None = None,
     score_progress: Callable[[int], None] | None = None,
 ) -> Evaluation:
@@ -75,7 +76,6 @@ def evaluate(
         500 samples from ... draws (...)
         quantity ...
     """
-    n = checked_count(n, "samples")
     density = as_density(model)
     representation = density.representation
     notes: list[str] = []

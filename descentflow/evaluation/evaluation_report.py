@@ -10,6 +10,7 @@ from typing import Any
 import polars as pl
 from matplotlib.figure import Figure
 
+from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.files import check_folder, whole_file
 from descentflow.core.tabular import to_pandas
 from descentflow.evaluation.figures.acceptance import acceptance_figure
@@ -108,7 +109,8 @@ class Evaluation:
         inside = float(levels[0]) < transition < float(levels[-1])
         return transition if inside else float(levels[len(levels) // 2])
 
-    def intervals(self, n_resamples: int = 50, seed: int = 0) -> pl.DataFrame:
+    @checked_arguments
+    def intervals(self, n_resamples: Count = 50, seed: int = 0) -> pl.DataFrame:
         """90 % bootstrap intervals of the scores over held-out flights: columns ``quantity statistic low high``.
 
         Args:
@@ -134,6 +136,7 @@ class Evaluation:
         """
         return to_pandas(self.scores.frame())
 
+    @checked_arguments
     def write(self, folder: str | Path, *, figures: bool = True) -> None:
         """Write `scores.csv`, `classifier.csv`, `rejections.json` and, unless they are not wanted, figures as PNG."""
         folder = check_folder(folder, *FILES)

@@ -5,12 +5,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Literal
 
+from descentflow.core.arguments import Count, NotNegativeFloat, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output
-from descentflow.core.seeds import checked_count
 from descentflow.densities.checkpoint import as_density
+from descentflow.exports.descent_graph import Precision
 from descentflow.exports.export_request import ExportRequest
 from descentflow.exports.flown_types import flown_types
 from descentflow.exports.targets import target_of
@@ -22,12 +22,13 @@ from descentflow.positions.wind_by_level import Wind
 PREFIX = re.compile(r"[A-Z]+[0-9]*")
 
 
+@checked_arguments
 def export(
     model: object | Sequence[object],
     to: str,
     path: str | Path,
     *,
-    n: int = 1000,
+    n: Count = 1000,
     seed: int = 0,
     context: Contexts | None = None,
     end: Point | None = None,
@@ -36,10 +37,10 @@ def export(
     wind: str | Path | Wind | None = None,
     to_go_nm: float = 0.0,
     end_time: datetime | str | None = None,
-    every_s: float = 120.0,
-    draw_budget: int | None = None,
+    every_s: NotNegativeFloat = 120.0,
+    draw_budget: Count | None = None,
     progress: Callable[[int], None] | None = None,
-    precision: Literal["float64", "float32"] = "float64",
+    precision: Precision = "float64",
     step_s: float | None = None,
     prefix: str = "DF",
     fly_as: str | Sequence[str] = (),
@@ -85,9 +86,6 @@ def export(
     """
     target = target_of(to)
     plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
-    n = checked_count(n, "samples")
-    if every_s < 0:
-        raise ConfigError(f"samples {every_s:g} s apart", expected="0 s or more", mend="pass for instance 120 s")
     if not PREFIX.fullmatch(prefix):
         raise ConfigError(
             f"callsigns that begin {prefix!r}", expected="capital letters, then digits or none", mend="pass KLM"

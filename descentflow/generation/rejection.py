@@ -12,7 +12,6 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.core.counter_random import DrawNumbers, seed_of
 from descentflow.core.errors import SamplingError
-from descentflow.core.seeds import checked_count, checked_seed
 from descentflow.generation.draw_owners import (
     Interchangeable,
     OfContexts,
@@ -70,7 +69,7 @@ def sample_descents(
 
     Raises:
         SamplingError: If the budget is spent first; the message names the rules that rejected most.
-        ConfigError: If the density does not take such a context, or the budget is no number of draws.
+        ConfigError: If the density does not take such a context.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -80,8 +79,8 @@ def sample_descents(
         >>> samples.report.accepted, samples.weights.shape[0]
         (100, 100)
     """
-    budget = max(100 * n, 10_000) if draw_budget is None else checked_count(draw_budget, "draws at most")
-    generator = torch.Generator().manual_seed(checked_seed(seed))
+    budget = draw_budget or max(100 * n, 10_000)
+    generator = torch.Generator().manual_seed(seed)
     draws: Interchangeable | OfContexts | OfEntries | OfSamples
     own = None if air is None else OwnAir(air, n, seed, context, entry)
     if context is not None:

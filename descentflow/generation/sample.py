@@ -9,8 +9,8 @@ import torch
 
 from descentflow.air.weather_field import weather_field
 from descentflow.air.weather_file import names_weather
+from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import ConfigError
-from descentflow.core.seeds import checked_count
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.generation.air_along_path import AirAlongPath
@@ -31,17 +31,18 @@ QUANTITIES = 6
 """Of each descent at each level: time, CAS, Mach number, TAS, rate and drag."""
 
 
+@checked_arguments
 @one_thread_where_they_spin()
 def sample(
     model: object,
-    n: int = 10_000,
+    n: Count = 10_000,
     *,
     seed: int = 0,
     context: Contexts | None = None,
     entry_fl: float | Sequence[float] | None = None,
     air: Airs | None = None,
     plan: GroundPlan = NOWHERE,
-    draw_budget: int | None = None,
+    draw_budget: Count | None = None,
     compiled: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Samples:
@@ -86,7 +87,6 @@ def sample(
         levels FL150 to FL...; entry FL330 (FL330 to FL330); time to the lowest level ... min (...)
     """
     density = as_density(model)
-    n = checked_count(n, "descents")
     representation = density.representation
     _check_memory(n, len(representation.decoder.levels_fl))
     contexts = context_rows(context, representation.context)

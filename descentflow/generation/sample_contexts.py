@@ -102,7 +102,7 @@ def entry_levels(
     if entry_fl is None:
         wanted = None if own is None else own.cast(pl.Float64, strict=False)
         return None if wanted is None or wanted.null_count() else _nearest(levels, wanted.to_list())
-    asked = _numbers(entry_fl)
+    asked = [float(one) for one in np.atleast_1d(entry_fl)]
     # At the lowest level nothing is left to descend.
     wrong = [one for one in asked if not float(levels[0] + levels[1]) / 2 < one <= float(levels[-1])]
     n_contexts = None if contexts is None else len(contexts)
@@ -114,18 +114,6 @@ def entry_levels(
             mend="leave entry_fl to the context" if own is not None else "choose levels of the model's grid",
         )
     return _nearest(levels, asked if n_contexts is None or len(asked) > 1 else asked * n_contexts)
-
-
-def _numbers(entry_fl: float | Sequence[float]) -> list[float]:
-    """One level or several; a text is a sequence, too: of letters."""
-    try:
-        if isinstance(entry_fl, str | bytes):
-            raise TypeError
-        return [float(one) for one in np.atleast_1d(entry_fl)]
-    except (TypeError, ValueError):
-        raise ConfigError(
-            f"entry_fl {entry_fl!r:.80}", expected="a flight level, or several", mend="pass numbers such as 330"
-        ) from None
 
 
 def _nearest(levels_fl: Tensor, wanted: list[float]) -> Tensor:

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.tabular import to_pandas
 from descentflow.generation.sample_tables import to_dataset, to_frame, write_samples
@@ -168,6 +169,7 @@ class Samples:
         """
         return to_dataset(self.trajectories, self.context, self.positions, self.air).assign_attrs(self.origin)
 
+    @checked_arguments
     def write(self, path: str | Path) -> None:
         """Write a table (``.parquet``, ``.csv``) or a NetCDF file (``.nc``), whole or not at all.
 
@@ -179,6 +181,7 @@ class Samples:
         """
         write_samples(self.trajectories, Path(path), self.context, self.positions, self.air, self.origin)
 
+    @checked_arguments
     def figure(self, *, title: str = "") -> "Figure":
         """CAS, vertical rate and time left against flight level, see :func:`~.figures.sampled_profiles.samples_figure`.
 

@@ -1,4 +1,4 @@
-"""Minimum and maximum speed and altitude (BADA 3 user manual, sections 3.5 and 3.6.2)."""
+"""Minimum speed and maximum altitude (BADA 3 user manual, sections 3.5 and 3.6.2)."""
 
 import torch
 from torch import Tensor
@@ -7,8 +7,8 @@ from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.bada3.global_parameters import STANDARD, GlobalParameters
 from descentflow.core.constants import G0_MPS2, KAPPA
 from descentflow.core.tensors import Number, as_tensors, safe_sqrt
-from descentflow.core.units import FT_M, KT_MPS
-from descentflow.physics.airspeed import crossover_altitude_m, mach_to_cas_mps
+from descentflow.core.units import FT_M
+from descentflow.physics.airspeed import mach_to_cas_mps
 from descentflow.physics.altitude_limits import is_below
 from descentflow.physics.atmosphere import pressure_pa
 from descentflow.physics.configuration import Configuration, stall_cas_mps
@@ -17,27 +17,6 @@ BUFFET_FLOOR_M = 15000 * FT_M
 """The low-speed buffet limits jets and turboprops from this altitude up."""
 BUFFET_LOAD_FACTOR = 1.2
 """The manual's 0.2 g margin: 0.583 in its buffet equation is kappa / 2 / 1.2."""
-
-
-def maximum_cas_mps(aircraft: Aircraft, altitude_m: Number) -> Tensor:
-    """Maximum operating speed: V_MO, and the CAS of M_MO above their crossover (manual 3.5.1).
-
-    Args:
-        aircraft: Coefficients of the type.
-        altitude_m: Pressure altitude.
-
-    Returns:
-        Calibrated airspeed in m/s, broadcast shape.
-
-    Example:
-        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> vmo, high = maximum_cas_mps(open_aircraft("A320"), torch.tensor([3000.0, 12000.0]))
-        >>> bool(high < vmo)
-        True
-    """
-    altitude, vmo, mmo = as_tensors(altitude_m, aircraft.vmo_kt, aircraft.mmo)
-    vmo = vmo * KT_MPS
-    return torch.where(altitude >= crossover_altitude_m(vmo, mmo), mach_to_cas_mps(mmo, altitude), vmo)
 
 
 def minimum_cas_mps(

@@ -8,6 +8,7 @@ from pathlib import Path
 from torch import Tensor
 
 from descentflow.air.weather_file import names_weather
+from descentflow.core.arguments import NotNegativeFloat, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M
 from descentflow.positions.ground_path import GroundPath, Point, path_along, path_to
@@ -51,13 +52,14 @@ NOWHERE = GroundPlan()
 """Still air, and no place."""
 
 
+@checked_arguments
 def ground_plan(
     *,
     end: Point | None = None,
     track: float | None = None,
     route: Sequence[Point] | None = None,
     wind: str | Path | Wind | None = None,
-    to_go_nm: float = 0.0,
+    to_go_nm: NotNegativeFloat = 0.0,
     end_time: datetime | str | None = None,
 ) -> GroundPlan:
     """Put together where descents are flown.
@@ -87,8 +89,6 @@ def ground_plan(
         raise ConfigError(f"{only} without {other}", expected="both, or a route", mend=f"give {other} too")
     if end is not None and route is not None:
         raise ConfigError("an end point and a route", expected="one of them", mend="leave one of them out")
-    if to_go_nm < 0:
-        raise ConfigError(f"{to_go_nm:g} NM left to the end point", expected="0 or more", mend="pass for instance 45")
     path = None
     if route is not None:
         path = path_along(route)

@@ -17,7 +17,7 @@ DERIVED = {
 """Names that need no column of their own."""
 
 
-def read_context_table(path: Path | pl.DataFrame | None) -> pl.DataFrame | None:
+def read_context_table(path: str | Path | pl.DataFrame | None) -> pl.DataFrame | None:
     """Read a table of context with one row for each flight, CSV or Parquet; a table in memory is only checked.
 
     Raises:

@@ -51,7 +51,7 @@ class EncodedFlights:
 def encode_flights(
     descents: pl.DataFrame,
     representation: Representation,
-    context_table: Path | pl.DataFrame | None = None,
+    context_table: str | Path | pl.DataFrame | None = None,
     *,
     air: AirSource | None = None,
     say: Say = lambda _: None,
@@ -165,7 +165,7 @@ def encode_parts(
 
 
 def context_of(
-    descents: pl.DataFrame, names: list[str], context_table: Path | pl.DataFrame | None
+    descents: pl.DataFrame, names: list[str], context_table: str | Path | pl.DataFrame | None
 ) -> pl.DataFrame | None:
     """Context of every flight before encoding: ``flight_id`` and the named columns; None if none is named.
 

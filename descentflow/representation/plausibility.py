@@ -5,7 +5,6 @@ from typing import Any, Literal
 import torch
 from torch import Tensor, nn
 
-from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.representation.decoder.trajectories import Trajectories
@@ -89,16 +88,7 @@ class Plausibility(nn.Module):
                 (:mod:`~descentflow.representation.plausibility`) and bounds changes between neighbouring levels by the
                 99.9 % quantile of the flights' and 40 %; ``paper`` takes extremes as they are, and no changes.
             drag_scale: On which extremes of drag are moved; newtons if absent.
-
-        Raises:
-            ConfigError: If the margin is not positive, or there are no such bounds.
         """
-        if bounds not in ("expected", "paper"):
-            raise ConfigError(f"bounds {bounds!r}", expected="'expected' or 'paper'", mend="choose one of them")
-        if not margin > 0:
-            raise ConfigError(
-                f"a margin of {margin:g} about the training flights", expected="a share above 0", mend="try 0.05"
-            )
         if bounds == "paper":
             drag_low, drag_high = level_bounds(profiles.drag_n, profiles.mask, margin)
             cas_low, cas_high = level_bounds(profiles.cas_mps, profiles.mask, margin)

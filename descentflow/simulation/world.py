@@ -9,8 +9,7 @@ import polars as pl
 
 from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
-from descentflow.core.errors import ConfigError
-from descentflow.core.seeds import checked_count, checked_seed
+from descentflow.core.arguments import Count, NotNegativeInt, checked_arguments
 from descentflow.core.tabular import to_pandas
 from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.injection import Injection
@@ -86,6 +85,7 @@ class World:
         """
         return to_pandas(self.rows)
 
+    @checked_arguments
     def write(self, out: str | Path, truth: str | Path | None = None) -> WorldFiles:
         """Write rows, truth and flights as Parquet, each file whole or not at all.
 
@@ -104,10 +104,11 @@ class World:
         return files
 
 
+@checked_arguments
 def simulate(
     aircraft: Aircraft | str,
-    n_flights: int,
-    seed: int = 0,
+    n_flights: Count,
+    seed: NotNegativeInt = 0,
     scenario: str | Path | WorldConfig | None = None,
     *,
     bada_dir: str | Path | None = None,
@@ -115,7 +116,7 @@ def simulate(
     inject: Callable[[FlightParameters], FlightParameters] | None = None,
     out: str | Path | None = None,
     truth_out: str | Path | None = None,
-    chunk: int = CHUNK,
+    chunk: Count = CHUNK,
     progress: Callable[[int], object] | None = None,
 ) -> World:
     """Fly descents of one aircraft type by the full equation of motion, and observe them as Mode S does.
@@ -160,9 +161,6 @@ def simulate(
     files = None if out is None else WorldFiles.named(out, truth_out)
     kind = find_aircraft(aircraft, bada_dir) if isinstance(aircraft, str) else aircraft
     config = scenario if isinstance(scenario, WorldConfig) else scenario_settings(str(scenario or PLAIN), kind)
-    n_flights, chunk = checked_count(n_flights, "flights"), checked_count(chunk, "flights in a chunk")
-    if checked_seed(seed) < 0:
-        raise ConfigError(f"a seed of {seed}", expected="0 or more", mend="pass a positive number")
     planting = Injection(kind, plant or {}, seed)
 
     def change(parameters: FlightParameters) -> FlightParameters:

@@ -8,6 +8,7 @@ from typing import Any
 
 import polars as pl
 
+from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.workers import Engine, LocalEngine
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -24,6 +25,7 @@ __all__ = ["MEMORY_BYTES", "Cleaning", "prepare"]
 MEMORY_BYTES = 2_000_000_000
 
 
+@checked_arguments
 def prepare(
     rows: Any,
     *,
@@ -34,7 +36,7 @@ def prepare(
     out: str | Path | None = None,
     format: str | None = None,
     columns: Mapping[str, str] | None = None,
-    memory_bytes: int = MEMORY_BYTES,
+    memory_bytes: Count = MEMORY_BYTES,
     engine: Engine | None = None,
     shown: int = 0,
     progress: Callable[[str], None] | None = None,

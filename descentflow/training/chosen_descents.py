@@ -13,6 +13,9 @@ from descentflow.surveillance.cleaning.absent_types import tell_absent_types
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 
+OF_REFERENCE = (0.3, 3.0)
+"""Least and greatest mass, of the reference mass of the type: what lies beyond is of another unit."""
+
 
 def name_of(descents: list[Path] | Path | Descents) -> str:
     """The descents' file in messages and checkpoints.
@@ -23,7 +26,7 @@ def name_of(descents: list[Path] | Path | Descents) -> str:
     """
     if isinstance(descents, str | Path):
         return Path(descents).name
-    return ", ".join(Path(one).name for one in descents) if isinstance(descents, list) else "in memory"
+    return ", ".join(Path(one).name for one in descents) if isinstance(descents, list | tuple) else "in memory"
 
 
 def of_typecodes(source: Descents, typecodes: list[str] | str | None, name: str) -> pl.DataFrame:
@@ -109,11 +112,23 @@ def bottom_of(source: Descents, frame: pl.DataFrame, asked_fl: int | None) -> in
 def at_mass(aircraft: Aircraft, mass_kg: float | None) -> Aircraft:
     """The aircraft at the mass that infers its drag; at the reference mass if None.
 
+    Raises:
+        ConfigError: If it is no mass of the type in kg.
+
     Example:
         >>> at_mass(find_aircraft("A320"), 60_000.0).mass_reference_kg
         60000.0
     """
-    return aircraft if mass_kg is None else replace(aircraft, mass_reference_kg=mass_kg)
+    if mass_kg is None:
+        return aircraft
+    least, most = (float(aircraft.mass_reference_kg) * share for share in OF_REFERENCE)
+    if not least <= mass_kg <= most:
+        raise ConfigError(
+            f"a mass of {mass_kg:g} kg for the {aircraft.typecode}",
+            expected=f"{least:,.0f} kg to {most:,.0f} kg",
+            mend="check the unit: kg",
+        )
+    return replace(aircraft, mass_reference_kg=mass_kg)
 
 
 def cleaning_told(source: Descents) -> Cleaning | None:

@@ -14,6 +14,7 @@ from torch.utils.data import DataLoader
 from descentflow.air.kept_air import KeptAir
 from descentflow.air.standard_air import in_standard_air
 from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.core.arguments import NotNegativeInt, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.progress import Stage
 from descentflow.core.progress import stage as progress_stage
@@ -65,6 +66,7 @@ class DescentDataModule(LightningDataModule):
         tensor([1.], dtype=torch.float64)
     """
 
+    @checked_arguments
     def __init__(
         self,
         descents: list[Path] | Path | Descents,
@@ -76,7 +78,7 @@ class DescentDataModule(LightningDataModule):
         test_fraction: OpenUnitInterval = 0.2,
         validation_fraction: ClosedUnitInterval = 0.1,
         split_by: SplitBy = "flight",
-        seed: int = 0,
+        seed: NotNegativeInt = 0,
         explained_variance: OpenUnitInterval = 0.8,
         cas_explained_variance: OpenUnitInterval | None = None,
         fpca: Method = "ppca",
@@ -140,8 +142,6 @@ class DescentDataModule(LightningDataModule):
                 known from, if not as its training flights' was.
         """
         super().__init__()
-        if seed < 0:
-            raise ConfigError(f"a seed of {seed}", expected="0 or more", mend="pass another number")
         self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
         self.bottom_fl, self.mass_kg = bottom_fl, mass_kg
         self.test_fraction, self.validation_fraction = test_fraction, validation_fraction
@@ -190,6 +190,7 @@ class DescentDataModule(LightningDataModule):
             raise ConfigError("a DataModule before setup", expected="setup() first", mend="call data.setup()")
         return self._representation
 
+    @checked_arguments
     def flights(self, part: Part) -> EncodedFlights:
         """Profiles, weights and context of a part."""
         self.representation  # noqa: B018 - raises before setup

@@ -13,6 +13,7 @@ from lightning.pytorch import Trainer, seed_everything
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.utilities.seed import isolate_rng
 
+from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import ConfigError, nearest
 from descentflow.core.files import check_output
 from descentflow.core.threads import one_thread_unless_told
@@ -30,13 +31,14 @@ _ONE_AT_A_TIME = RLock()
 """Held while a model is trained: random numbers and the number of threads belong to the whole process."""
 
 
+@checked_arguments
 def fit(
     descents: str | Path | Sequence[str | Path] | Descents | DescentDataModule,
     model: str | LatentModel[Any] = "flow",
     *,
     out: str | Path | None = None,
     seed: int = 0,
-    max_epochs: int | None = None,
+    max_epochs: Count | None = None,
     aircraft: str | None = None,
     context: Sequence[str] | None = None,
     progress_bar: bool = False,
@@ -78,8 +80,6 @@ def fit(
         Gaussian of ... weights (... of drag, ... of CAS) on FL150-..., A320
         86 flights trained it, 10 validated it: val/nll ... in epoch 1
     """
-    if max_epochs is not None and max_epochs < 1:
-        raise ConfigError(f"max_epochs {max_epochs}", expected="1 or more", mend="pass another number")
     if out is not None:
         check_output(out)
     quiet()

@@ -93,7 +93,7 @@ def test_a_cf_file_that_lacks_something_fails_the_checker(a320: Path, tmp_path: 
         ("parquet", "s.txt", {}, r"output s\.txt for parquet"),
         ("cf", "s.nc", {}, "cf without places"),
         ("cf", "s.nc", {"end": (52.0, 4.0), "track": 90.0}, "cf without a time"),
-        ("parquet", "s.parquet", {"n": 0}, "0 samples"),
+        ("parquet", "s.parquet", {"n": 0}, "n = 0"),
         (
             "bluesky",
             "s.scn",

@@ -153,7 +153,7 @@ def test_what_cannot_be_fitted_is_refused(descents: Path, tmp_path: Path) -> Non
         fit(descents, "gaussian", epochs=3)
     with pytest.raises(ConfigError, match=r"an option n_clusters of fit; .*as Gaussian\(ridge=2\)"):
         fit(descents, "mixture", n_clusters=3)
-    with pytest.raises(ConfigError, match="max_epochs 0"):
+    with pytest.raises(ConfigError, match="max_epochs = 0"):
         fit(descents, "gaussian", max_epochs=0)
     with pytest.raises(ConfigError, match="a DataModule and split_by"):
         fit(DescentDataModule(descents), "gaussian", split_by="aircraft")

@@ -16,7 +16,7 @@ from descentflow.physics.airspeed import cas_to_tas_mps, crossover_altitude_m
 from descentflow.physics.configuration import NAMES, descent_configuration, stall_cas_mps
 from descentflow.physics.descent_speeds import descent_cas_mps
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor
-from descentflow.physics.envelope import maximum_altitude_m, maximum_cas_mps, minimum_cas_mps
+from descentflow.physics.envelope import maximum_altitude_m, minimum_cas_mps
 from descentflow.physics.forces import descent_thrust_n, drag_n, max_climb_thrust_n
 from descentflow.physics.fuel import descent_fuel_flow_kg_s
 from descentflow.physics.transition import transition_altitude_m
@@ -104,9 +104,6 @@ def test_true_airspeed(side):
 
 
 def test_envelope(side):
-    agree(
-        maximum_cas_mps(side.ours, side.altitude), side.each(lambda h, m, d, *_: side.theirs.flightEnvelope.VMax(h, d))
-    )
     envelope = side.theirs.flightEnvelope
     for name in ("CR", "AP", "LD"):
         agree(stall_cas_mps(side.ours, side.mass, name), side.each(lambda h, m, d, *_, n=name: envelope.VStall(m, n)))

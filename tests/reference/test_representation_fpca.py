@@ -5,7 +5,7 @@ import pytest
 import torch
 from sklearn.decomposition import PCA, FactorAnalysis
 
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import DataError
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
 
@@ -170,13 +170,6 @@ def test_latent_dimension_grows_until_the_share_is_explained() -> None:
 def test_useless_profiles_are_refused(values: torch.Tensor, mask: torch.Tensor, words: str) -> None:
     with pytest.raises(DataError, match=words):
         GappyFPCA().fit(values, mask, SPACING_M)
-
-
-def test_bad_options_are_refused() -> None:
-    with pytest.raises(ConfigError, match="share between 0 and 1"):
-        GappyFPCA(1.5)
-    with pytest.raises(ConfigError, match="'ppca' or 'iterative'"):
-        GappyFPCA(method="magic")  # type: ignore[arg-type]
 
 
 def test_factor_analysis_agrees_on_isotropic_noise() -> None:

@@ -8,7 +8,6 @@ import toys
 from torch import Tensor
 
 from descentflow.core.constants import G0_MPS2
-from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.mixture import GaussianMixtureDensity
@@ -81,11 +80,6 @@ def test_a_perfect_density_of_few_flights_is_mostly_inside(n: int) -> None:
         draws = flights(1000)
         outside.append(float(((draws < low) | (draws > high)).any(1).double().mean()))
     assert sum(outside) / 20 < 0.1
-
-
-def test_bounds_are_one_of_two_kinds() -> None:
-    with pytest.raises(ConfigError, match="'expected' or 'paper'"):
-        Plausibility.from_profiles(toys.flights(40), bounds="wide")  # type: ignore[arg-type]
 
 
 def test_a_smooth_curve_is_the_least_of_misfit_and_roughness() -> None:

@@ -63,7 +63,7 @@ def test_entry_levels_are_those_asked_for(model: Gaussian) -> None:
     assert set(flown.levels_fl[flown.entry].tolist()) == {250.0, 300.0}
     with pytest.raises(ConfigError, match="entry_fl 500"):
         sample(model, 5, entry_fl=500)
-    with pytest.raises(ConfigError, match="0 descents"):
+    with pytest.raises(ConfigError, match="n = 0"):
         sample(model, 0)
 
 

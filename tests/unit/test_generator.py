@@ -149,10 +149,10 @@ def test_what_no_descent_meets_is_an_error_that_names_the_nearest(asked: dict[st
         ({"level": 300}, "either time_s or distance_nm"),
         ({"time_s": 100}, "a level, and either"),
         ({"time_s": 100, "distance_nm": 10, "level": 300}, "time_s and distance_nm.*leave one of them out"),
-        ({"number": 1.5}, "a draw numbered 1.5"),
-        ({"number": -1}, "a draw numbered -1"),
-        ({"number": 2**70}, "a draw numbered 118"),
-        ({"number": "KLM204"}, "zlib.crc32"),
+        ({"number": 1.5}, "number = 1.5; expected a whole number, from 0"),
+        ({"number": -1}, "number = -1; expected"),
+        ({"number": 2**70}, "number = 118"),
+        ({"number": "KLM204"}, "number = 'KLM204'; expected a whole number"),
         ({"time_s": (90, 100), "level": (300, 310)}, "let one of the two be a value"),
         ({"time_s": 100, "level": 360}, "below where the descent begins, FL350"),
         ({"time_s": 100, "level": 200}, "FL270"),
@@ -163,9 +163,9 @@ def test_what_no_descent_meets_is_an_error_that_names_the_nearest(asked: dict[st
         ({"time_s": 100, "level": (310, 290)}, r"put the least first, level=\(290, 310\)"),
         ({"cas_kt": -5}, "a number of knots, or a pair"),
         ({"mach": 280}, "a Mach number up to 1.5, or a pair of the least .* for instance mach=0.78"),
-        ({"mach": float("nan")}, "mach nan; expected a Mach number up to 1.5"),
-        ({"mach": "0.78"}, "mach '0.78'; expected a Mach number up to 1.5"),
-        ({"cas_kt": "fast"}, "a number of knots"),
+        ({"mach": float("nan")}, "mach = nan; expected a number, or a pair of the least"),
+        ({"mach": "0.78"}, "mach = '0.78'; expected a number, or a pair of the least"),
+        ({"cas_kt": "fast"}, "a number, or a pair of the least"),
         ({"cas_kt": (None, None)}, "a number of knots"),
         ({"cas_kt": {300: 280, 300.2: 290}}, "cas_kt twice at FL300, the nearest to level 300.2"),
         ({"context": {"wind": 3}}, "knows no context"),
@@ -179,7 +179,7 @@ def test_what_cannot_be_asked_is_said(asked: dict[str, object], message: str) ->
 def test_a_time_needs_a_level_of_entry() -> None:
     with pytest.raises(ConfigError, match="from where time and distance count"):
         generator().next(time_s=100, level=300)
-    with pytest.raises(ConfigError, match="at least one"):
+    with pytest.raises(ConfigError, match="n = 0; expected a whole number, 1 or more"):
         generator().next_batch(0)
     with pytest.raises(ConfigError, match="flight levels above 270, up to 370"):
         generator().next(entry_fl=450)
@@ -248,7 +248,7 @@ def test_what_was_flown_may_be_a_sample_of_ours() -> None:
         generator().next(flown=drawn.drop("vertical_rate"))
     with pytest.raises(ConfigError, match="leave entry_fl out"):
         generator().next(flown=drawn, entry_fl=350)
-    with pytest.raises(DataError, match="type GeneratedSamples"):
+    with pytest.raises(ConfigError, match="expected a table of levels, or its columns by name"):
         generator().next(flown=ahead)
     with pytest.raises(DataError, match="come twice, FL320"):
         generator().next(flown=pl.concat([drawn, drawn]))
@@ -270,7 +270,7 @@ def test_what_was_flown_may_be_a_sample_of_ours() -> None:
 
 @pytest.mark.parametrize("multiple", [-1, 0, float("nan"), 1e9, "much"])
 def test_a_multiple_of_the_noise_that_is_none_is_refused_at_once(multiple: object) -> None:
-    with pytest.raises(ConfigError, match=f"a noise multiple of '?{multiple}"):
+    with pytest.raises(ConfigError, match=f"noise_multiple = '?{multiple}.*from 0.0001 to 10,000"):
         df.Generator(toy.mixture(), noise_multiple=multiple)
 
 

@@ -9,7 +9,6 @@ import toys
 
 import descentflow as df
 from descentflow.core.errors import ConfigError
-from descentflow.core.seeds import checked_count, checked_seed
 from descentflow.densities import GaussianDensity
 from descentflow.densities.density import Density
 
@@ -33,20 +32,18 @@ def model() -> Density:
 @pytest.mark.parametrize("function", DRAWS)
 @pytest.mark.parametrize("n", [0, -3, 1.5, "10", None])
 def test_what_is_no_number_of_things_is_refused(function: str, n: object, model: Density, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="expected a whole number of them, at least one"):
+    with pytest.raises(ConfigError, match="expected a whole number, 1 or more"):
         DRAWS[function](model, tmp_path, n)
 
 
 def test_a_number_in_the_models_place_is_told_in_a_line(model: Density) -> None:
-    with pytest.raises(ConfigError, match=r"a model of type int; .* first, and the number after it"):
-        df.sample(100, model)
     with pytest.raises(ConfigError, match=r"^[^\n]*whole number[^\n]*$"):
         df.sample(model, model)
 
 
 @pytest.mark.parametrize("budget", [0, -1, 2.5])
 def test_a_budget_of_no_draw_is_refused(budget: object, model: Density) -> None:
-    with pytest.raises(ConfigError, match=f"{budget} draws at most; expected a whole number"):
+    with pytest.raises(ConfigError, match=f"draw_budget = {budget}; expected a whole number, 1 or more"):
         df.sample(model, 5, draw_budget=budget)
 
 
@@ -60,23 +57,23 @@ def test_plausible_draws_beyond_the_number_asked_for_are_told(model: Density) ->
 @pytest.mark.parametrize("seed", [0.5, "1", None, 1 << 64])
 def test_what_is_no_seed_is_refused(seed: object, model: Density) -> None:
     for call in (df.sample, lambda path, _, seed: df.Generator(path, seed=seed)):
-        with pytest.raises(ConfigError, match=r"a seed of .* expected a whole number from"):
+        with pytest.raises(ConfigError, match=r"seed = .*expected a whole number of 64 bits"):
             call(model, 3, seed=seed)
 
 
-def test_numbers_of_numpy_count() -> None:
-    assert checked_count(np.int32(7), "flights") == 7
-    assert checked_seed(np.int64(-7)) == -7
+def test_numbers_of_numpy_count(model: Density) -> None:
+    samples = df.sample(model, np.int32(7), seed=np.int64(-7))
+    assert samples.to_polars().equals(df.sample(model, 7, seed=-7).to_polars())
 
 
 @pytest.mark.parametrize("entry", ["FL350", "350", [None], {"fl": 350}])
 def test_entry_levels_are_numbers(entry: object, model: Density) -> None:
-    with pytest.raises(ConfigError, match=r"entry_fl .* expected a flight level"):
+    with pytest.raises(ConfigError, match=r"entry_fl = .* expected a number or several, each a number"):
         df.sample(model, 3, entry_fl=entry)
 
 
 def test_a_generator_takes_one_level_of_entry(model: Density) -> None:
-    with pytest.raises(ConfigError, match="expected one for a call"):
+    with pytest.raises(ConfigError, match=r"entry_fl = .*expected a number or None"):
         df.Generator(model).next(entry_fl=[300, 310])
 
 
@@ -93,5 +90,5 @@ def test_the_lowest_level_is_none_of_entry(entry: float, model: Density) -> None
 
 
 def test_an_air_that_is_none(model: Density) -> None:
-    with pytest.raises(ConfigError, match="the air '10'"):
+    with pytest.raises(ConfigError, match="air = 10; expected a path or"):
         df.sample(model, 3, air=10)

@@ -5,9 +5,8 @@ import torch
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FT_M, KT_MPS
-from descentflow.physics.airspeed import cas_to_mach, crossover_altitude_m
 from descentflow.physics.atmosphere import pressure_pa
-from descentflow.physics.envelope import buffet_mach, maximum_altitude_m, maximum_cas_mps, minimum_cas_mps
+from descentflow.physics.envelope import buffet_mach, maximum_altitude_m, minimum_cas_mps
 from descentflow.physics.fuel import (
     descent_fuel_flow_kg_s,
     minimum_fuel_flow_kg_s,
@@ -32,13 +31,6 @@ JET = replace(
     cf3=14.0,
     cf4=52000.0,
 )
-
-
-def test_maximum_speed_turns_from_vmo_to_mmo_at_their_crossover():
-    crossover = crossover_altitude_m(350 * KT_MPS, 0.82)
-    low, high = maximum_cas_mps(JET, torch.stack([crossover - 100, crossover + 100]))
-    assert low.item() == pytest.approx(350 * KT_MPS)
-    assert cas_to_mach(high, crossover + 100).item() == pytest.approx(0.82, rel=1e-12)
 
 
 def test_buffet_root_solves_its_cubic_and_is_the_smallest_positive_one():

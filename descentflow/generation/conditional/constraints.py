@@ -2,16 +2,21 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, isfinite, isnan, nan
+from math import inf, isfinite
+from typing import Annotated
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, KT_MPS, NM_M
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
 
-Band = float | tuple[float | None, float | None]
+Band = Annotated[
+    float | tuple[float | None, float | None],
+    "a number, or a pair of the least and the greatest, None for an open side",
+]
 """A value, or the least and the greatest allowed; None leaves a side open."""
 BySpeed = Band | Mapping[float, Band]
 """A speed at the level meant by default, or speeds by flight level."""
+SPEEDS = ("cas_kt", "mach")
 KINDS = {
     "cas_kt": "a number of knots",
     "mach": "a Mach number up to 1.5",
@@ -141,7 +146,7 @@ def speeds_asked(name: str, asked: BySpeed | None, default: int, levels_fl: "lis
         return [SpeedAsked(name, default, *_band(name, asked))]
     found: list[SpeedAsked] = []
     for level, band in asked.items():
-        if not (isinstance(level, int | float) and levels_fl[0] <= level <= levels_fl[-1]):
+        if not levels_fl[0] <= level <= levels_fl[-1]:
             raise ConfigError(
                 f"{name} at level {level!r}",
                 expected=f"flight levels from {levels_fl[0]:g} to {levels_fl[-1]:g}",
@@ -192,23 +197,15 @@ def point_asked(time_s: Band | None, distance_nm: Band | None, level: Band | Non
 
 
 def _band(name: str, asked: Band) -> tuple[float, float]:
-    values = asked if isinstance(asked, tuple | list) else (asked, asked)
-    try:
-        if len(values) != 2 or values[0] is values[1] is None or any(isinstance(one, str | bytes) for one in values):
-            raise ValueError
-        low = -inf if values[0] is None else float(values[0])
-        high = inf if values[1] is None else float(values[1])
-    except (TypeError, ValueError):
-        low = high = nan
+    least, greatest = (asked, asked) if isinstance(asked, int | float) else asked
+    low, high = -inf if least is None else float(least), inf if greatest is None else float(greatest)
     kind, most = KINDS[name], 1.5 if name == "mach" else inf
-    turned = isfinite(low) and isfinite(high) and low > high
-    wrong = isnan(low) or isnan(high) or low > high or low == inf or high == -inf
-    if wrong or (name in ("cas_kt", "mach") and high <= 0) or max(low, 0) > most:
+    if low > high or (low, high) == (-inf, inf) or (name in SPEEDS and high <= 0) or max(low, 0) > most:
         raise ConfigError(
             f"{name} {asked!r:.80}",
             expected=f"{kind}, or a pair of the least and the greatest, None for an open side",
             mend=f"put the least first, {name}=({high:g}, {low:g})"
-            if turned
+            if low > high
             else f"write for instance {EXAMPLES[name]}",
         )
     return low, high

@@ -1,7 +1,7 @@
 """Flown part of a flight, from a table of its levels."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import numpy as np
 import polars as pl
@@ -13,7 +13,7 @@ from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles, observed_profiles
 
-FlownSoFar = pl.DataFrame | Mapping[str, Sequence[float]]
+FlownSoFar = Annotated[pl.DataFrame | Mapping[str, Any], "a table of levels, or its columns by name"]
 """Columns ``level_fl``, ``CAS`` (kt; or ``IAS``) and ``vertical_rate`` (ft/min, negative), a row for each level."""
 
 
@@ -37,12 +37,6 @@ def flown_so_far(decoder: DescentDecoder, flown: FlownSoFar, bounds: Plausibilit
         >>> int(one.mask.sum()), int(one.entry_level)
         (5, 180)
     """
-    if not isinstance(flown, pl.DataFrame | Mapping):
-        raise DataError(
-            f"flown as an object of type {type(flown).__name__}",
-            expected="a table of levels, or its columns by name",
-            mend="pass the rows of one flight, for instance samples.to_polars().filter(sample_id=0)",
-        )
     names = flown.columns if isinstance(flown, pl.DataFrame) else list(flown)
     speed = "CAS" if "CAS" in names else "IAS"
     absent = [name for name in ("level_fl", speed, "vertical_rate") if name not in names]

@@ -5,14 +5,14 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import replace
-from typing import Any, TypedDict, Unpack
+from typing import Annotated, Any, TypedDict, Unpack
 
 import numpy as np
 import polars as pl
 import torch
 
+from descentflow.core.arguments import Count, Numbered, Within, checked_arguments
 from descentflow.core.errors import ConfigError
-from descentflow.core.seeds import checked_count, checked_number, checked_seed
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
@@ -27,7 +27,6 @@ from descentflow.generation.conditional.judged_draws import DrawnDescents
 from descentflow.generation.conditional.latent_draws import ConditionedTarget, Drawn, Numbers
 from descentflow.generation.conditional.latent_parts import LatentParts, parts_after, parts_of, sample_profiles
 from descentflow.generation.conditional.nearest_plausible import implausible
-from descentflow.generation.conditional.noise_multiple import checked_multiple
 from descentflow.generation.conditional.requests import Request
 from descentflow.generation.conditional.speed_cells import NothingPlausible
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
@@ -38,6 +37,8 @@ from descentflow.generation.samples import RejectionReport
 from descentflow.representation.linear_curves import linear_curves
 from descentflow.representation.own_air import check_standard_air
 
+NoiseMultiple = Annotated[float, Within(1e-4, 1e4)]
+"""Of a variance: a hundredth of the noise, to a hundred times it."""
 KEPT_REQUESTS = 256
 """Requests whose conditioned density is kept: what several flights are asked alike is conditioned once."""
 
@@ -91,7 +92,10 @@ class Generator:
         (280.0, 10)
     """
 
-    def __init__(self, model: object, *, seed: int = 0, first: int = 0, noise_multiple: float = 1.0) -> None:
+    @checked_arguments
+    def __init__(
+        self, model: object, *, seed: int = 0, first: Numbered = 0, noise_multiple: NoiseMultiple = 1.0
+    ) -> None:
         """Compute once what no draw changes."""
         density = as_density(model)
         check_standard_air(density.representation, "a generator of single descents")
@@ -100,14 +104,14 @@ class Generator:
             density.attach(deepcopy(density.representation).cpu())
         self.density: Density = density
         self.representation = density.representation
-        self.seed, self.noise_multiple = checked_seed(seed), checked_multiple(noise_multiple)
+        self.seed, self.noise_multiple = seed, noise_multiple
         self.decoder, self.bounds = self.representation.decoder, self.representation.plausibility
         self.grid = FlownProfiles(self.decoder)
         self.levels_fl: list[float] = self.decoder.levels_fl.cpu().tolist()
         self.transition_fl = self.decoder.transition_fl
         self._descents = DrawnDescents(self.representation, self.grid, self.seed)
         self._shares = EntryShares(density)
-        self._next = checked_number(first)
+        self._next = first
         self._parts: dict[tuple[tuple[str, str], ...], LatentParts] = {}
         self._targets: OrderedDict[tuple[Any, ...], ConditionedTarget | FreeTarget] = OrderedDict()
         self._lock = threading.RLock()
@@ -121,10 +125,11 @@ class Generator:
         """One descent: :meth:`next_batch` of one, which says what can be asked."""
         return self.next_batch(1, **asked)
 
+    @checked_arguments
     @one_thread_where_they_spin()
     def next_batch(
         self,
-        n: int,
+        n: Count,
         *,
         entry_fl: float | None = None,
         cas_kt: BySpeed | None = None,
@@ -134,7 +139,7 @@ class Generator:
         level: Band | None = None,
         context: Mapping[str, Any] | pl.DataFrame | None = None,
         flown: FlownSoFar | None = None,
-        number: int | None = None,
+        number: Numbered | None = None,
     ) -> GeneratedSamples:
         """``n`` descents of the same constraints: those of n calls of :meth:`next`, to the bit but for flows.
 
@@ -168,7 +173,6 @@ class Generator:
             >>> torch.equal(torch.cat(apart), together.next_batch(3, entry_fl=300, mach=0.76).trajectories.time_s)
             True
         """
-        n = checked_count(n, "descents")
         request, contexts = self._request(entry_fl, context, flown)
         request = replace(
             request,
@@ -192,7 +196,7 @@ class Generator:
                 mend="draw more and keep those that meet the constraints, or take the checkpoint before correction",
             )
         with self._lock:
-            first = self._next if number is None else checked_number(number)
+            first = self._next if number is None else number
             self._next += n if number is None else 0
         found = self._accepted(request, n, Numbers(self.seed, first))
         descents = self._descents.of(found.drawn, first + np.arange(n))
@@ -238,8 +242,6 @@ class Generator:
                     mend="give the levels of an earlier moment",
                 )
             return replace(request, flown=so_far, entry=int(so_far.mask[0].to(torch.int8).argmax())), contexts
-        if entry_fl is not None and np.size(entry_fl) > 1:
-            raise ConfigError(f"entry_fl {entry_fl}", expected="one for a call", mend="call once for each level")
         entry = entry_levels(self.representation, contexts, entry_fl)
         return request if entry is None else replace(request, entry=int(entry[0])), contexts
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.core.tabular import to_dataset, to_pandas, write_table
 from descentflow.core.threads import one_thread_where_they_spin
@@ -121,6 +122,7 @@ class Prediction:
         """Every continuation in the columns of samples, see :func:`~.summary.continuations_table`."""
         return continuations_table(self.flights, self.plan)
 
+    @checked_arguments
     def occupancy(self, step_s: float = 10.0) -> pl.DataFrame:
         """Probability of being at each level over time, see :func:`~.summary.occupancy_table`.
 
@@ -141,6 +143,7 @@ class Prediction:
         """
         return coverage(self._intervals, actual_times(self.flights, self.observed))
 
+    @checked_arguments
     def write(self, path: str | Path) -> None:
         """Write the intervals as Parquet or CSV, whole or not at all.
 
@@ -180,6 +183,7 @@ class Prediction:
         return str(self)
 
 
+@checked_arguments
 @one_thread_where_they_spin()
 def predict(
     model: object,
@@ -189,7 +193,7 @@ def predict(
     n: int = 500,
     seed: int = 0,
     flights: Sequence[str] | None = None,
-    context_table: Path | pl.DataFrame | None = None,
+    context_table: str | Path | pl.DataFrame | None = None,
     progress: Callable[[int], None] | None = None,
     total: Callable[[int], None] | None = None,
 ) -> Prediction:
@@ -259,7 +263,7 @@ def predict(
             expected=f"flights with levels at and above FL{from_fl:.0f}",
             mend="predict from another level, or other flights",
         )
-    seen = 0 if flights else len(parts["train"]) + len(parts["validation"])
+    seen = 0 if chosen is not parts["test"] else len(parts["train"]) + len(parts["validation"])
     return Prediction(tuple(predicted), chosen.profiles, from_fl, calibration, tuple(reasons), n_seen=seen)
 
 
@@ -277,7 +281,7 @@ def _calibrated(
 
 
 def _chosen(held_out: EncodedFlights, names: Sequence[str] | None) -> EncodedFlights:
-    if not names:
+    if names is None or len(names) == 0:
         return held_out
     flight_ids = held_out.profiles.flight_ids
     position = {name: i for i, name in enumerate(flight_ids)}

@@ -7,7 +7,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.core.threads import one_thread
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.basis import FunctionalBasis
@@ -112,12 +112,6 @@ class GappyFPCA:
                 from flights left out (:mod:`~descentflow.representation.fpca.judged_by_others`); without, levels are
                 taken as they are, and one by one. Of complete profiles the components are the same.
         """
-        if not 0 < explained_variance < 1:
-            raise ConfigError(
-                f"explained_variance {explained_variance}", expected="a share between 0 and 1", mend="try 0.8"
-            )
-        if method not in ("ppca", "iterative"):
-            raise ConfigError(f"fPCA method {method!r}", expected="'ppca' or 'iterative'", mend="choose one of them")
         self.explained_variance = explained_variance
         self.method = method
         self.latent_dimension = latent_dimension

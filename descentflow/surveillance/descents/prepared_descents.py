@@ -7,6 +7,7 @@ from typing import Any
 
 import polars as pl
 
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
 from descentflow.core.parquet_pages import check_pages
@@ -228,6 +229,7 @@ def write_descents(descents: Descents, path: Path) -> None:
         descents.frame.write_parquet(temporary, metadata={KEY: json.dumps(descents.metadata)})
 
 
+@checked_arguments
 def read_descents(path: str | Path) -> Descents:
     """Read prepared descents from one file, or from a store (a folder of Parquet files by type).
 

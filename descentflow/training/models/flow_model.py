@@ -9,6 +9,7 @@ from jsonargparse.typing import NonNegativeFloat, PositiveFloat, PositiveInt
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.densities.checkpoint import UNFINISHED
 from descentflow.densities.evidence_steps import EvidenceSteps
@@ -196,6 +197,7 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         2
     """
 
+    @checked_arguments
     def __init__(
         self,
         n_flows: PositiveInt = 5,
@@ -249,6 +251,7 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         2
     """
 
+    @checked_arguments
     def __init__(
         self,
         n_flows: PositiveInt = 3,

@@ -3,6 +3,7 @@
 import torch
 from jsonargparse.typing import ClosedUnitInterval, NonNegativeFloat
 
+from descentflow.core.arguments import checked_arguments
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
@@ -27,6 +28,7 @@ class Gaussian(LatentModel[GaussianDensity]):
         True
     """
 
+    @checked_arguments
     def __init__(
         self, jitter: ClosedUnitInterval = 1e-6, ridge: NonNegativeFloat = RIDGE, by_entry: bool = True
     ) -> None:

@@ -13,6 +13,7 @@ from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import Timer
 from torch import Tensor
 
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.counter_random import seed_of
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
 from descentflow.core.files import whole_file
@@ -126,6 +127,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
                 stacklevel=2,
             )
 
+    @checked_arguments
     def save(self, path: str | Path) -> None:
         """Write a checkpoint, whole or not at all; :func:`descentflow.densities.checkpoint.load_model` reads it.
 

@@ -9,10 +9,10 @@ from jsonargparse.typing import NonNegativeFloat, PositiveFloat, PositiveInt
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.progress import stage
 from descentflow.densities.checkpoint import UNFINISHED
-from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, check_criterion, select_mixture
+from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, select_mixture
 from descentflow.densities.crossed_search import MOST_FLIGHTS as MOST_PAIRED
 from descentflow.densities.crossed_search import select_crossed
 from descentflow.densities.em import best_start, fit_mixture, steps_of
@@ -48,6 +48,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         2
     """
 
+    @checked_arguments
     def __init__(
         self,
         n_clusters: PositiveInt | None = None,
@@ -85,9 +86,6 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         """
         super().__init__()
         self.save_hyperparameters()
-        if training not in ("em", "svi"):
-            raise ConfigError(f"training {training!r}", expected="'em' or 'svi'", mend="choose one of them")
-        check_criterion(criterion)
         self.training_method = training
         self.automatic_optimization = training == "svi"
         self.n_clusters, self.n_restarts, self.tolerance = n_clusters, n_restarts, tolerance

@@ -1,0 +1,212 @@
+"""Arguments of public functions, held against their annotations before anything is done with them."""
+
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from inspect import Parameter, signature
+from math import inf
+from numbers import Integral, Real
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, Union, get_args, get_origin
+
+from descentflow.core.errors import ConfigError
+from descentflow.core.files import is_name
+from descentflow.core.seeds import MOST
+
+P = ParamSpec("P")
+R = TypeVar("R")
+LONGEST_SHOWN = 60
+"""Characters of a wrong value that are shown."""
+BITS = " of 64 bits"
+
+
+class Within(NamedTuple):
+    """Least and greatest value of a number, in its annotation.
+
+    Example:
+        >>> Within(1).words, Within(0, 1).words
+        ('1 or more', 'from 0 to 1')
+    """
+
+    low: float
+    high: float = inf
+
+    @property
+    def words(self) -> str:
+        """Both in words."""
+        return f"{self.low:,} or more" if self.high == inf else f"from {self.low:,} to {self.high:,}"
+
+
+Count = Annotated[int, Within(1)]
+"""How many are wanted."""
+NotNegativeInt = Annotated[int, Within(0)]
+Numbered = Annotated[int, Within(0, 1 << 53)]
+"""A number of a draw, which float64 and every counter hold exactly."""
+NotNegativeFloat = Annotated[float, Within(0)]
+
+
+class Kind(NamedTuple):
+    """What an annotation takes: in words, and whether a value is of it."""
+
+    words: str
+    takes: Callable[[Any], bool]
+
+
+def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a function refuse arguments that are not of the annotated kinds.
+
+    Numbers of NumPy and torch are passed on as Python's own; a text is a path too; a list, a tuple, an array and a
+    column are all sequences. Missing and unknown names remain Python's own `TypeError`.
+
+    Example:
+        >>> @checked_arguments
+        ... def first(names: Sequence[str], n: Count = 1) -> list[str]:
+        ...     return list(names[:n])
+        >>> first(["a", "b"])
+        ['a']
+        >>> first(["a", "b"], n=0)
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.ConfigError: n = 0; expected a whole number, 1 or more; to mend it, see help(first)
+    """
+    parameters = signature(function)
+    kinds = {name: kind_of(one.annotation) for name, one in parameters.parameters.items() if _is_checked(one)}
+
+    @wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            bound = parameters.bind(*args, **kwargs)
+        except TypeError:
+            return function(*args, **kwargs)  # this raises, with the function's name
+        for name, kind in kinds.items():
+            if name in bound.arguments:
+                value = bound.arguments[name] = _plain(bound.arguments[name])
+                if not kind.takes(value):
+                    place = function.__qualname__.removesuffix(".__init__")
+                    raise ConfigError(f"{name} = {_shown(value)}", expected=kind.words, mend=f"see help({place})")
+        return function(*bound.args, **bound.kwargs)
+
+    return checked
+
+
+def kind_of(hint: Any) -> Kind:
+    """What an annotation takes; an `Annotated` one may have limits (:class:`Within`) or words of its own.
+
+    Example:
+        >>> kind = kind_of(Sequence[str | Path] | Literal["all"] | None)
+        >>> kind.words
+        "several, each a path, or 'all' or None"
+        >>> kind.takes(["a.nc", Path("b.nc")]), kind.takes("every"), kind.takes(float("nan"))
+        (True, False, False)
+    """
+    origin, inside = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        plain, more = kind_of(inside[0]), inside[1]
+        if isinstance(more, str):
+            return Kind(more, plain.takes)
+        words = f"{plain.words.removesuffix(BITS)}, {more.words}"
+        return Kind(words, lambda value: plain.takes(value) and more.low <= value <= more.high)
+    if origin in (Union, UnionType):
+        kinds = [kind_of(one) for one in inside if not (one is str and Path in inside)]
+        return Kind(" or ".join(one.words for one in kinds), lambda value: any(one.takes(value) for one in kinds))
+    if origin is Literal:
+        return Kind(" or ".join(map(repr, inside)), lambda value: isinstance(value, str) and value in inside)
+    if origin is Callable:
+        return Kind(f"a function of {len(inside[0])} argument", lambda value: _can_be_called(value, inside[0]))
+    if origin is tuple:
+        parts = [kind_of(one) for one in inside]
+        words = f"({', '.join(one.words for one in parts)})"
+        return Kind(words, lambda value: _is_sequence(value) and len(value) == len(parts) and _all_of(value, parts))
+    if origin is list:
+        each = kind_of(inside[0])
+        words = f"a list, each {each.words},"
+        return Kind(words, lambda value: isinstance(value, list | tuple) and all(map(each.takes, value)))
+    if origin is Sequence:
+        each = kind_of(inside[0])
+        words = f"several, each {each.words},"
+        return Kind(words, lambda value: _is_sequence(value) and _all_of(value, [each] * len(value)))
+    if origin is Mapping:
+        key, held = map(kind_of, inside)
+        words = f"a dictionary of {key.words} to {held.words}"
+        return Kind(
+            words,
+            lambda value: isinstance(value, Mapping) and all(key.takes(k) and held.takes(v) for k, v in value.items()),
+        )
+    return _kind_of_one(origin or hint)
+
+
+def _kind_of_one(hint: Any) -> Kind:
+    """Of a class, or anything at all."""
+    if hint in (Any, object) or not isinstance(hint, type):
+        # A text among anything is a path or a designator.
+        return Kind("a name that files can have", lambda value: not isinstance(value, str | Path) or is_name(value))
+    if hint is Path:
+        return Kind("a path", lambda value: isinstance(value, str | os.PathLike) and is_name(value))
+    if hint is str:
+        return Kind("a text", lambda value: isinstance(value, str) and _is_text(value))
+    if hint in (NoneType, bool):
+        return Kind("None" if hint is NoneType else "True or False", lambda value: isinstance(value, hint))
+    if issubclass(hint, int | float):
+        words, number = (f"a whole number{BITS}", Integral) if issubclass(hint, int) else ("a number", Real)
+        bounds = (hint.__doc__ or "").partition("restricted to be")[2]  # of jsonargparse's own numbers
+        return Kind(words + bounds, lambda value: _is_number(number, value) and _can_be_made(hint, value))
+    return Kind(f"a {hint.__name__} of {hint.__module__.partition('.')[0]}", lambda value: isinstance(value, hint))
+
+
+def _is_checked(parameter: Parameter) -> bool:
+    return parameter.kind is not Parameter.VAR_KEYWORD and parameter.annotation is not Parameter.empty
+
+
+def _is_sequence(value: object) -> bool:
+    """Arrays and columns are no `Sequence`; a text is one, of letters, and a table looks like one, of columns."""
+    whole = hasattr(value, "__len__") and hasattr(value, "__getitem__") and not hasattr(value, "columns")
+    return whole and not isinstance(value, str | bytes | Mapping)
+
+
+def _all_of(values: Any, kinds: Sequence[Kind]) -> bool:
+    return all(kind.takes(_plain(value)) for kind, value in zip(kinds, values, strict=False))
+
+
+def _is_text(value: str) -> bool:
+    try:
+        return b"\0" not in value.encode()
+    except UnicodeEncodeError:
+        return False
+
+
+def _is_number(kind: Any, value: Any) -> bool:
+    """Whether a finite number is of a kind, a whole one of 64 bits; Python takes `True` for a number."""
+    if not isinstance(value, kind) or isinstance(value, bool):
+        return False
+    return bool(abs(value) <= (MOST if isinstance(value, Integral) else sys.float_info.max))
+
+
+def _can_be_made(hint: type, value: Any) -> bool:
+    try:
+        hint(value)
+    except (ValueError, OverflowError):
+        return False
+    return True
+
+
+def _can_be_called(value: Any, arguments: Sequence[Any]) -> bool:
+    """Whether with so many arguments; some that are built in do not say it."""
+    try:
+        return callable(value) and signature(value).bind(*arguments) is not None
+    except ValueError:
+        return True
+    except TypeError:
+        return False
+
+
+def _plain(value: Any) -> Any:
+    """A number of NumPy or torch as Python's own; anything else as it is."""
+    return value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
+
+
+def _shown(value: object) -> str:
+    """A value as Python shows it, in a few letters of one line."""
+    text = " ".join(ascii(value).split())
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."

@@ -10,7 +10,8 @@ which begins a new interpreter, they fall on imports too.
 
 After a kill nothing may lie under a final name that is not whole; after the same command again (`fit` also resumed from
 its last checkpoint) the content must be that of an undisturbed run to the bit, and no temporary file may be left. Of
-"study, a Dask worker" a process that the study began is killed, and the study must end well by itself. Exit status 1 if
+"prepare, a Dask worker", "study, a process" and "study, a Dask worker" a process that the command began is killed: it
+must end well by itself, or with an error in a line after which the same command gives the same. Exit status 1 if
 something else was found.
 """
 

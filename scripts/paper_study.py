@@ -22,12 +22,13 @@ with ended_in_order("paper_study"):  # while the large libraries are loaded, too
 
     from descentflow.aircraft_types.registry import aircraft
     from descentflow.core.errors import DescentflowError
-    from descentflow.core.workers import DaskEngine, Engine, ProcessEngine
+    from descentflow.core.workers import DaskEngine, Engine
     from descentflow.simulation.scenarios import scenario_settings
     from studies.paper.study_plan import MODELS, PAPER_FLIGHTS, RECIPES, StudyPlan, begin, paper_plan
     from studies.paper.study_report import write_report
     from studies.paper.study_run import costs, run_study
     from studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
+    from studies.process_engine import ProcessEngine
 
 _SPENT = (pl.col("cpu_s").sum(), pl.col("peak_mb").max())
 

@@ -14,10 +14,10 @@ import polars as pl
 
 from descentflow.core.files import whole_file
 from descentflow.core.threads import one_thread
-from descentflow.core.workers import ProcessEngine
 from studies.paper.fidelity_goals import judged, of_types
 from studies.paper.fidelity_measures import measure
 from studies.paper.study_plan import StudyPlan, begun
+from studies.process_engine import ProcessEngine
 
 
 def main() -> None:

@@ -1,14 +1,10 @@
-"""Where tasks run: in this process, in processes of this machine, or on a Dask cluster; the code is the same."""
+"""Where tasks run: in this process, or on a Dask cluster; the code is the same."""
 
-import os
-import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context, parent_process
-from multiprocessing.connection import wait
 from typing import Any, TypeVar
 
 import polars as pl
@@ -38,10 +34,15 @@ class Engine(ABC):
         """Yield once per finished task; the first error ends the run."""
 
 
-def _each(
+def each_of(
     pool: Executor, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object
 ) -> Iterator[None]:
-    """Yield as tasks finish; tasks that have not begun are cancelled when one fails or the caller stops."""
+    """Yield as tasks finish; tasks that have not begun are cancelled when one fails or the caller stops.
+
+    Example:
+        >>> [None for _ in each_of(ThreadPoolExecutor(2), lambda task, common: None, [1, 2], None)]
+        [None, None]
+    """
     with pool:
         waiting = [pool.submit(function, task, common) for task in tasks]
         try:
@@ -50,6 +51,20 @@ def _each(
                 yield
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def killed() -> DataError:
+    """The error of a run whose worker was killed.
+
+    Example:
+        >>> print(killed())
+        a worker was killed, which the system does where memory runs out; expected ...
+    """
+    return DataError(
+        "a worker was killed, which the system does where memory runs out",
+        expected="workers that run to their end",
+        mend="start it again, which goes on with what is not done yet; with fewer --workers if it happens again",
+    )
 
 
 @dataclass
@@ -68,52 +83,7 @@ class LocalEngine(Engine):
 
     def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
         """See :class:`Engine`."""
-        yield from _each(ThreadPoolExecutor(self.workers), function, tasks, common)
-
-
-@dataclass
-class ProcessEngine(Engine):
-    """Processes of this machine, begun afresh; with one worker this process itself, one task after another.
-
-    For work that draws, trains or prints, which threads of one process cannot do at the same time.
-
-    Example:
-        >>> done = []
-        >>> for _ in ProcessEngine(workers=1).run(lambda task, common: done.append(task), ["a", "b"], None):
-        ...     pass
-        >>> done
-        ['a', 'b']
-    """
-
-    workers: int
-
-    def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
-        """See :class:`Engine`; the function and the tasks must be importable by a new process."""
-        if self.workers == 1 or len(tasks) <= 1:
-            for task in tasks:
-                function(task, common)
-                yield
-            return
-        pool = ProcessPoolExecutor(
-            min(self.workers, len(tasks)), mp_context=get_context("spawn"), initializer=end_with_parent
-        )
-        yield from _each(pool, function, tasks, common)
-
-
-def end_with_parent() -> None:
-    """Let this process end when the one that began it is killed; it would go on, and wait for work for ever.
-
-    Example:
-        >>> pool = ProcessPoolExecutor(2, initializer=end_with_parent)
-    """
-
-    def watch() -> None:
-        parent = parent_process()
-        if parent is not None:
-            wait([parent.sentinel])
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+        yield from each_of(ThreadPoolExecutor(self.workers), function, tasks, common)
 
 
 @dataclass
@@ -153,6 +123,8 @@ class DaskEngine(Engine):
                 if future.status != "finished":
                     future.result()
                 yield
+        except distributed.KilledWorker as error:
+            raise killed() from error
         finally:
             client.close()
             if not isinstance(cluster, str):

@@ -18,7 +18,8 @@ class Job:
         words: What is run, in a folder of its own.
         products: Patterns of the files that it writes and that must be the same.
         again: Words with which it is run again after it was killed, of the folder; the same words if absent.
-        spares_parent: Whether a process that the command began is killed in its place; it must end well by itself then.
+        spares_parent: Whether a process that the command began is killed in its place; it must end well by itself then,
+            or with a message, after which it is run again.
         always_anew: Whether it begins processes that import what it is, so that it may not be forked.
     """
 
@@ -68,6 +69,9 @@ def jobs(inputs: Path) -> dict[str, Job]:
     return {
         "prepare, a file": Job(_prepared(rows, "out.parquet"), ("out.parquet",)),
         "prepare, a store": Job(_prepared(rows, "out"), ("out/**/*",)),
+        "prepare, a Dask worker": Job(
+            _prepared(rows, "out", "DaskEngine(2)"), ("out/**/*",), spares_parent=True, always_anew=True
+        ),
         **fits,
         **resumed,
         "sample": Job((*command, "sample", model, "-n", "3000", "--out", "out.csv"), ("out.csv",)),
@@ -76,6 +80,7 @@ def jobs(inputs: Path) -> dict[str, Job]:
         **exports,
         "study": Job(study, STUDY),
         "study, two processes": Job((*study, "--workers", "2"), STUDY, always_anew=True),
+        "study, a process": Job((*study, "--workers", "2"), STUDY, spares_parent=True, always_anew=True),
         "study, a Dask worker": Job(
             (*study, "--engine", "dask", "--workers", "2"), STUDY, spares_parent=True, always_anew=True
         ),
@@ -91,12 +96,13 @@ def _without_figures(name: str) -> tuple[str, ...]:
     return logger, "lightning.pytorch.loggers.CSVLogger", f"{logger}.save_dir", "runs", f"{logger}.name", name
 
 
-def _prepared(rows: str, out: str) -> tuple[str, ...]:
+def _prepared(rows: str, out: str, engine: str = "None") -> tuple[str, ...]:
     code = (
         "from descentflow.cli.ending import ended_in_order\n"
         "with ended_in_order('prepare'):\n"
         "    import descentflow as df\n"
-        f"    df.prepare({rows!r}, out={out!r}, memory_bytes={FLIGHTS_BYTES})"
+        "    from descentflow.core.workers import DaskEngine\n"
+        f"    df.prepare({rows!r}, out={out!r}, memory_bytes={FLIGHTS_BYTES}, engine={engine})"
     )
     return sys.executable, "-c", code
 

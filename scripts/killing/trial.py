@@ -88,10 +88,10 @@ def trial(
     for rng in rngs:
         instant = rng.uniform(0.0, whole.seconds)
         wrong, ended = _killed(job, whole, sent, folder, instant, rng, warm)
-        done.append((wrong or ("ended before" if ended else "same"), instant))
+        done.append((wrong or ("ended before" if ended and not job.spares_parent else "same"), instant))
         if wrong:
             return done
-        if ended or job.spares_parent:
+        if ended:
             shutil.rmtree(folder)
             folder.mkdir()
     if any(folder.iterdir()):
@@ -120,9 +120,11 @@ def _killed(
     status, said = _finished(process, folder)
     if _is_traceback(said) and not job.spares_parent:
         return f"traceback: {said[said.index('Traceback') :][:4000]}", ended
+    if job.spares_parent and _is_message(said):
+        return _half_written(job, whole, folder), False
     if ended or job.spares_parent:
         found = f"status {status}: {said[-500:]}" if status != 0 else _compared(job, whole, folder)
-        return "" if found == "same" else found, ended
+        return "" if found == "same" else found, True
     return _half_written(job, whole, folder), ended
 
 
@@ -137,6 +139,11 @@ def _is_traceback(said: str) -> bool:
     own = [place for place in OWN_FILE.findall(said) if not BEFORE.search(place)]
     begun = any(", in main" in line and "<frozen site>" not in line for line in said.splitlines())
     return bool(own) or begun or "KeyboardInterrupt" not in said
+
+
+def _is_message(said: str) -> bool:
+    """Whether the last line is an error of the package's: what was got, what was expected, and the mend."""
+    return all(part in said.strip().rpartition("\n")[2] for part in ("; expected ", "; to mend it, "))
 
 
 def _half_written(job: Job, whole: Whole, folder: Path) -> str:
@@ -184,8 +191,10 @@ def _send(process: subprocess.Popen[str] | Forked, sent: signal.Signals, to_a_ch
         os.killpg(process.pid, sent)
     elif not to_a_child:
         process.send_signal(sent)
-    elif working := [child for child in _children(process.pid) if not _children(child)]:
-        os.kill(rng.choice(working), sent)
+    while to_a_child and process.poll() is None:
+        if working := [child for child in _children(process.pid) if not _children(child)]:
+            return os.kill(rng.choice(working), sent)
+        time.sleep(0.01)
 
 
 def _children(process: int) -> list[int]:

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.core.workers import DaskEngine, ProcessEngine
+from descentflow.core.workers import DaskEngine
 from descentflow.densities.checkpoint import load_model
 from descentflow.training.datamodule import DescentDataModule
 from studies.paper.fidelity_tables import summary, whole_descents
@@ -18,6 +18,7 @@ from studies.paper.study_run import costs, run_study
 from studies.paper.study_tables import all_scores, means, table, with_best
 from studies.paper.sweep_report import sweep_sections
 from studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
+from studies.process_engine import ProcessEngine
 
 PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "gmm"), n_samples=300, max_epochs=2)
 

@@ -1,17 +1,23 @@
 """What a worker raises must reach the process that waits for it: an error that cannot be sent breaks the pool."""
 
+import os
 import pickle
+import signal
 
 import pytest
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowError, ImplausibleError
-from descentflow.core.workers import ProcessEngine
+from studies.process_engine import ProcessEngine
 
 PARTS = {"expected": "a number", "mend": "correct it"}
 
 
 def refuse(task: int, common: object) -> None:
     raise DataError(f"task {task}", **PARTS)
+
+
+def be_killed(task: int, common: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 @pytest.mark.parametrize(
@@ -30,3 +36,8 @@ def test_an_error_is_the_same_after_it_was_sent(error: DescentflowError) -> None
 def test_an_engine_of_processes_raises_what_its_worker_raised() -> None:
     with pytest.raises(DataError, match=r"task [12]; expected a number; to mend it, correct it"):
         list(ProcessEngine(workers=2).run(refuse, [1, 2], None))
+
+
+def test_a_worker_that_is_killed_is_said_in_a_line() -> None:
+    with pytest.raises(DataError, match=r"a worker was killed, .*; to mend it, start it again"):
+        list(ProcessEngine(workers=2).run(be_killed, [1, 2], None))

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from typing import Any
 
-from descentflow.core.workers import end_with_parent
+from studies.process_engine import end_with_parent
 
 TASKS_PER_PROCESS = 25
 """After which processes are replaced by fresh ones: what a diagnosis leaves in memory does not add up."""

@@ -14,7 +14,6 @@ import torch
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
-from descentflow.core.workers import end_with_parent
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.simulation.autopilot import LABELS
 from descentflow.simulation.injected import Injected, neutral
@@ -26,6 +25,7 @@ from studies.jsbsim_world.model_aircraft import FlightFailed
 from studies.jsbsim_world.model_effects import inject
 from studies.jsbsim_world.model_files import jsbsim
 from studies.jsbsim_world.model_flight import COLUMNS, ModelFleet, Record
+from studies.process_engine import end_with_parent
 
 _INSTRUMENTS = ("cas_bias_mps", "cas_bias_slope_mps", "rate_lag_s", "noise_factor")
 

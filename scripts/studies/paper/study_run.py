@@ -59,7 +59,7 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, progress: Progress)
         DescentflowError: If a step fails; its log in the type's folder has the message too.
 
     Example:
-        >>> from descentflow.core.workers import ProcessEngine
+        >>> from studies.process_engine import ProcessEngine
         >>> plan, folder = StudyPlan({"A320": 120}, models=("gaussian",), store="descents.parquet"), Path("study_run")
         >>> (folder / "A320" / "gaussian").mkdir(parents=True)
         >>> for name in ("gaussian/done", LAST):  # as if a run had left all but the descents

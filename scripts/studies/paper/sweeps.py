@@ -118,7 +118,7 @@ def run_sweeps(
         ConfigError: If a name is not among them, or the folder holds sweeps of another plan.
 
     Example:
-        >>> from descentflow.core.workers import ProcessEngine
+        >>> from studies.process_engine import ProcessEngine
         >>> run_sweeps(StudyPlan({"A320": 120}), SweepPlan(), Path("."), ("depth",), ProcessEngine(1), print)
         Traceback (most recent call last):
             ...

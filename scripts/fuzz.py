@@ -5,6 +5,7 @@ python scripts/fuzz.py FOLDER --cases 100000 --minutes 60
 python scripts/fuzz.py FOLDER --cases 100000 --again     # after a mend: run what was a defect once more
 python scripts/fuzz.py FOLDER --cases 1000 --kind weather  # one kind of input alone
 python scripts/fuzz.py FOLDER --show 4711                # write case 4711 into FOLDER/case-4711 and run it
+python scripts/fuzz.py FOLDER --arguments                # every wrong value of every argument of the public calls
 
 Each case is known by its number and the seed. It ends as accepted (every row kept or counted), refused (one message:
 what was got, what was expected, how to mend it; no file left), or it is a defect: a traceback, a signal, over 30 s,
@@ -33,15 +34,20 @@ def main() -> int:
     parser.add_argument(
         "--kind", help="of input, see KINDS of fuzzing/cases.py; all of them, each by its share, if absent"
     )
+    parser.add_argument("--arguments", action="store_true", help="all public calls with one wrong argument")
     parser.add_argument("--show", type=int, metavar="CASE", help="write and run one case")
     args = parser.parse_args()
     # Workers are many: one thread each. Read when torch is loaded.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    from fuzzing.cases import ARGUMENTS
     from fuzzing.good_files import make
+    from fuzzing.wrong_arguments import every_pair
 
     args.folder = args.folder.resolve()
     good = args.folder / "good"
     make(good)
+    if args.arguments:
+        args.seed, args.cases = ARGUMENTS, len(every_pair(good))
     if args.show is not None:
         return show(args.folder, good, args.seed, args.show, args.kind)
     outcomes = run(args.folder, good, args)
@@ -87,7 +93,7 @@ def report(outcomes: list[dict]) -> int:
     return 1 if defects else 0
 
 
-def show(folder: Path, good: Path, seed: int, number: int, kind: str | None) -> int:
+def show(folder: Path, good: Path, seed: int | str, number: int, kind: str | None) -> int:
     """Write one case's files where they can be looked at, and run it."""
     from fuzzing.cases import build
     from fuzzing.judge import judged

@@ -11,6 +11,7 @@ import polars as pl
 import torch
 import yaml
 
+from fuzzing import loggers, wrong_arguments
 from fuzzing.byte_changes import damaged, wrapped
 from fuzzing.table_changes import changed
 from fuzzing.values import NUMBERS, TEXTS, mutate_tree, odd_value
@@ -21,6 +22,7 @@ COMMANDS = {"predict-descent": 0.7, "evaluate": 0.15, "fit": 0.1, "diagnose": 0.
 """Shares of what damaged descents are given to: a fit or an evaluation takes two seconds, a diagnosis ten."""
 
 
+ARGUMENTS = "arguments"
 MANY = 1000.0
 
 
@@ -30,27 +32,33 @@ class Case:
 
     Attributes:
         kind: Of input.
-        words: Of the command line; or the name of a function and its arguments where no short command reads the input.
+        words: Of the command line; or the name of a function and its arguments where no short command reads the input;
+            or a public call and its wrong arguments.
         out: What the command writes.
         rows: Rows of the input, where they are known.
+        others: Files in the case's folder that are not its own, each with its name in it.
     """
 
     kind: str
     words: list[str]
     out: Path | None = None
     rows: int | None = None
+    others: tuple[str, ...] = ()
 
 
-def build(number: int, seed: int, good: Path, folder: Path, kind: str | None = None) -> Case:
+def build(number: int, seed: int | str, good: Path, folder: Path, kind: str | None = None) -> Case:
     """Write the damaged file of a case into a folder and say what is to be run.
 
     Args:
         number: Of the case.
-        seed: Of the whole run.
+        seed: Of the whole run; or ``arguments`` for every wrong value of every argument, one after the other.
         good: Folder of whole files.
         folder: Empty folder for the case's own.
         kind: Of input, one of :data:`KINDS`; by their shares if absent.
     """
+    if seed == ARGUMENTS:
+        name, *pair = wrong_arguments.every_pair(good)[number]
+        return _call(good, name.replace(" ", "-"), name, *pair)
     rng = random.Random(f"{seed}-{number}")
     chosen = rng.choices(list(KINDS), [weight for _, weight in KINDS.values()])[0]
     return KINDS[kind or chosen][0](rng, good, folder)
@@ -225,6 +233,23 @@ def _weather(rng: random.Random, good: Path, folder: Path) -> Case:
     return Case("weather", ["sample", str(good / "plain.ckpt"), "-n", SAMPLES, option, str(path), *where], out)
 
 
+def _logger(rng: random.Random, good: Path, folder: Path) -> Case:
+    for name in loggers.OTHERS:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(name)
+    return Case("loggers", loggers.words_of_fit(rng, good / "descents.parquet"), others=loggers.OTHERS)
+
+
+def _arguments(rng: random.Random, good: Path, folder: Path) -> Case:
+    """A call of the package with several wrong arguments."""
+    return _call(good, ARGUMENTS, *wrong_arguments.some_pairs(rng, good))
+
+
+def _call(good: Path, kind: str, *words: str) -> Case:
+    return Case(f"{kind} {' '.join(words[1:])}", ["argument", str(good), *words])
+
+
 KINDS: dict[str, tuple[Callable[[random.Random, Path, Path], Case], float]] = {
     "source": (_source, 0.43),
     "rows": (_rows, 0.20),
@@ -236,5 +261,7 @@ KINDS: dict[str, tuple[Callable[[random.Random, Path, Path], Case], float]] = {
     "gap": (_gap, 0.07),
     "options": (_options, 0.03),
     "weather": (_weather, 0.10),
+    "arguments": (_arguments, 0.03),
+    "loggers": (_logger, 0.01),
 }
 """Kind of input -> what makes a case of it, and its share."""

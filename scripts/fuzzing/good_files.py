@@ -7,7 +7,7 @@ from pathlib import Path
 
 import descentflow as df
 
-TESTS = Path(__file__).resolve().parents[2] / "tests"
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 FLIGHTS = 150
 TYPE = "A320"
 SETTINGS = {
@@ -55,7 +55,6 @@ def _flights_and_models(folder: Path) -> None:
 
 def _sources(folder: Path) -> None:
     """The small files that the tests damage by hand, one of each source."""
-    sys.path.insert(0, str(TESTS))
     from hostile_toys import SOURCES
 
     folder.mkdir()

@@ -18,6 +18,7 @@ from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli.entry import main
 from descentflow.core.errors import DescentflowError
 from descentflow.diagnosis.findings.read_gap import read_gap
+from fuzzing import loggers, wrong_arguments
 from fuzzing.cases import Case
 from fuzzing.weather_changes import wrong_values
 
@@ -72,7 +73,12 @@ def judged(case: Case, folder: Path) -> Outcome:
         return Outcome("traceback", traceback.format_exc()[-3000:])
     if case.kind == "weather" and ("Traceback" in err.getvalue() or chatter):
         return Outcome("a library's words on the terminal", (err.getvalue() + "".join(chatter))[-1000:])
+    if touched := [name for name in case.others if not _is_as_it_was(folder / name, name)]:
+        return Outcome("file of others lost", ", ".join(touched))
     left = {path.name for path in folder.iterdir()} - before
+    if case.others:
+        left = {path.name for path in folder.rglob("*") if path.is_file()} - {Path(name).name for name in case.others}
+        left -= {loggers.STORE} if status else left
     if status == 0:
         return _accepted(case, folder, left)
     return _refused(case, err.getvalue(), left)
@@ -80,13 +86,15 @@ def judged(case: Case, folder: Path) -> Outcome:
 
 def _run(words: list[str], err: io.StringIO) -> int:
     """Exit status of a command, or of a function that a command calls after minutes of other work."""
-    if words[0] != "call":
+    if words[0] not in ("call", "argument"):
         try:
             return main(words)
         except SystemExit as end:  # argparse's own way
             return int(end.code or 0)
     try:
-        if words[1] == "aircraft":
+        if words[0] == "argument":
+            wrong_arguments.run(Path(words[1]), *words[2:])
+        elif words[1] == "aircraft":
             aircraft(words[2], Path(words[3]))
         elif words[1] == "weather":
             wrong = wrong_values(Path(words[2]), int(words[3]))
@@ -131,6 +139,10 @@ def _refused(case: Case, said: str, left: set[str]) -> Outcome:
     if len(said) > 20_000:
         return Outcome("message of pages", f"{len(said)} characters")
     return Outcome("refused", own[-1][:300])
+
+
+def _is_as_it_was(path: Path, name: str) -> bool:
+    return path.is_file() and path.read_text() == name
 
 
 def _temporary(names: set[str]) -> list[str]:

@@ -21,7 +21,7 @@ CASES_EACH = 300
 
 
 def run(
-    numbers: Iterable[int], seed: int, good: Path, processes: int, until: float | None, kind: str | None
+    numbers: Iterable[int], seed: int | str, good: Path, processes: int, until: float | None, kind: str | None
 ) -> Iterator[dict[str, Any]]:
     """Outcomes of cases as they come in.
 
@@ -52,7 +52,7 @@ def run(
 class _Worker:
     """A process, and the case that it has."""
 
-    def __init__(self, seed: int, good: Path, kind: str | None) -> None:
+    def __init__(self, seed: int | str, good: Path, kind: str | None) -> None:
         self.known = seed, good, kind
         self.number: int | None = None
         self.begin()
@@ -104,7 +104,7 @@ class _Worker:
         self.pipe.close()
 
 
-def _work(pipe: Connection, seed: int, good: Path, kind: str | None) -> None:
+def _work(pipe: Connection, seed: int | str, good: Path, kind: str | None) -> None:
     """Run the cases whose numbers come through the pipe."""
     from fuzzing.cases import build
     from fuzzing.judge import judged

@@ -12,8 +12,8 @@ TAIL = 8
 COUNTS_OF_A_PAGE = {5: (1,), 7: (1,), 8: (1, 2, 3, 5, 6)}
 """Kind of page by its field in the page header (data, dictionary, data of version 2) -> its fields that count."""
 SIZES_OF_A_PAGE = (2, 3)
-TRUE, FALSE, BYTE, SHORT, INT, LONG, DOUBLE, BINARY, LIST, SET, MAP, STRUCT = range(1, 13)
-"""Types of Thrift's compact protocol, in which Parquet writes what describes its data."""
+TRUE, FALSE, BYTE, SHORT, INT, LONG, DOUBLE, BINARY, LIST, SET, _, STRUCT = range(1, 13)
+"""Types of Thrift's compact protocol, in which Parquet describes its data; it has no maps."""
 DEEPEST = 32
 """Structures and lists inside each other; Parquet's own are six deep."""
 
@@ -47,8 +47,12 @@ def check_pages(source: Path | bytes) -> None:
             raise DamagedParquetError("Parquet without its end")
         footer = len(content) - TAIL - int.from_bytes(content[-TAIL : -len(MAGIC)], "little")
         try:
-            for column in _columns(content, footer):
-                _check_column(content, column)
+            if footer < len(MAGIC):
+                raise DamagedParquetError("a footer longer than the file")
+            for group in _Thrift(content, footer).struct()[4]:
+                for chunk in group[1]:
+                    if 3 in chunk:
+                        _check_column(content, chunk[3])
         except (LookupError, TypeError, ValueError, AttributeError) as error:
             raise DamagedParquetError("a part of it that describes its pages cannot be read") from error
 
@@ -76,17 +80,6 @@ def _content(source: Path | bytes) -> Iterator[Bytes]:
             yield content
 
 
-def _columns(content: Bytes, footer: int) -> Iterator[Fields]:
-    """Description of each column of each group of rows."""
-    if footer < len(MAGIC):
-        raise DamagedParquetError("a footer longer than the file")
-    about, _ = _struct(content, footer)
-    for group in about[4]:
-        for chunk in group[1]:
-            if 3 in chunk:
-                yield chunk[3]
-
-
 def _check_column(content: Bytes, column: Fields) -> None:
     """Go from page to page until all values of the column have been seen."""
     values, size = column[5], column[7]
@@ -96,77 +89,71 @@ def _check_column(content: Bytes, column: Fields) -> None:
     place = min(places)
     end, seen = place + size, 0
     while seen < values and place < end:
-        header, behind = _struct(content, place)
+        reader = _Thrift(content, place)
+        header = reader.struct()
         counts = [
-            (header[kind][field]) for kind, fields in COUNTS_OF_A_PAGE.items() if kind in header for field in fields
+            header[kind][field] for kind, fields in COUNTS_OF_A_PAGE.items() if kind in header for field in fields
         ]
         if min((*counts, *(header[field] for field in SIZES_OF_A_PAGE))) < 0:
             raise DamagedParquetError(f"the page at byte {place} has a negative number of values or bytes")
         seen += sum(header[kind][1] for kind in (5, 8) if kind in header)
-        place = behind + header[3]
+        place = reader.place + header[3]
 
 
-def _struct(content: Bytes, place: int, depth: int = 0) -> tuple[Fields, int]:
-    """Fields of a structure by their numbers, and the place behind it."""
-    fields: Fields = {}
-    number = 0
-    while head := content[place]:
-        place += 1
-        kind = head & 15
-        if head >> 4:
-            number += head >> 4
-        else:
-            number, place = _integer(content, place)
-        if kind in (TRUE, FALSE):
-            fields[number] = kind == TRUE
-        else:
-            fields[number], place = _value(content, place, kind, depth)
-    return fields, place + 1
+class _Thrift:
+    """Reader of Thrift's compact protocol, from a place in the content on."""
 
+    def __init__(self, content: Bytes, place: int) -> None:
+        self.content, self.place = content, place
 
-def _value(content: Bytes, place: int, kind: int, depth: int) -> tuple[Any, int]:
-    if depth > DEEPEST:
-        raise ValueError
-    if kind in (SHORT, INT, LONG):
-        return _integer(content, place)
-    if kind == BINARY:  # names and statistics: of no interest here
-        length, place = _varint(content, place)
-        return None, place + length
-    if kind in (LIST, SET):
-        return _list(content, place, depth + 1)
-    if kind == STRUCT:
-        return _struct(content, place, depth + 1)
-    if kind in (TRUE, FALSE, BYTE):  # elements of lists; a field that is true or false has no value
-        return None, place + 1
-    if kind == DOUBLE:
-        return None, place + 8
-    raise ValueError  # Parquet has no maps
+    def struct(self, depth: int = 0) -> Fields:
+        """Fields of a structure by their numbers."""
+        fields: Fields = {}
+        number = 0
+        while head := self._byte():
+            kind = head & 15
+            number = number + (head >> 4) if head >> 4 else self._integer()
+            fields[number] = kind == TRUE if kind in (TRUE, FALSE) else self._value(kind, depth)
+        return fields
 
-
-def _list(content: Bytes, place: int, depth: int) -> tuple[list[Any], int]:
-    head = content[place]
-    length, place = (head >> 4, place + 1) if head >> 4 < 15 else _varint(content, place + 1)
-    found = []
-    for _ in range(length):
-        if place >= len(content):
-            raise IndexError
-        value, place = _value(content, place, head & 15, depth)
-        found.append(value)
-    return found, place
-
-
-def _varint(content: Bytes, place: int) -> tuple[int, int]:
-    value = shift = 0
-    while (byte := content[place]) & 128:
-        value |= (byte & 127) << shift
-        shift += 7
-        place += 1
-        if shift > 63:
+    def _value(self, kind: int, depth: int) -> Any:
+        if depth > DEEPEST:
             raise ValueError
-    return value | byte << shift, place + 1
+        if kind in (SHORT, INT, LONG):
+            return self._integer()
+        if kind in (LIST, SET):
+            return self._list(depth + 1)
+        if kind == STRUCT:
+            return self.struct(depth + 1)
+        # Names, statistics and flags are of no interest here.
+        length = self._varint() if kind == BINARY else {TRUE: 1, FALSE: 1, BYTE: 1, DOUBLE: 8}[kind]
+        self.place += length
+        return None
 
+    def _list(self, depth: int) -> list[Any]:
+        head = self._byte()
+        length = head >> 4 if head >> 4 < 15 else self._varint()
+        found = []
+        for _ in range(length):
+            if self.place >= len(self.content):
+                raise IndexError
+            found.append(self._value(head & 15, depth))
+        return found
 
-def _integer(content: Bytes, place: int) -> tuple[int, int]:
-    """A signed number, written as 0, -1, 1, -2, ..."""
-    value, place = _varint(content, place)
-    return (value >> 1) ^ -(value & 1), place
+    def _varint(self) -> int:
+        value = shift = 0
+        while (byte := self._byte()) & 128:
+            value |= (byte & 127) << shift
+            shift += 7
+            if shift > 63:
+                raise ValueError
+        return value | byte << shift
+
+    def _integer(self) -> int:
+        """A signed number, written as 0, -1, 1, -2, ..."""
+        value = self._varint()
+        return (value >> 1) ^ -(value & 1)
+
+    def _byte(self) -> int:
+        self.place += 1
+        return self.content[self.place - 1]

@@ -227,12 +227,10 @@ class DescentDataModule(LightningDataModule):
         return self._loader("validation" if len(self.profiles("validation")) else "train")
 
     def test_dataloader(self) -> DataLoader[Any]:
-        """Test flights."""
+        """Test flights, of which `predict` takes the log-likelihood one by one."""
         return self._loader("test")
 
-    def predict_dataloader(self) -> DataLoader[Any]:
-        """Test flights, for their log-likelihood one by one."""
-        return self._loader("test")
+    predict_dataloader = test_dataloader
 
     def _loader(self, part: Part, *, shuffle: bool = False) -> DataLoader[Any]:
         evidence = self.evidence(part)

@@ -21,7 +21,6 @@ def quiet() -> None:
         ".*The number of training batches.*",  # a closed form has few
         ".*LightningCLI's args parameter.*",  # descentflow's own command line calls it
         ".*treespec, LeafSpec.*",
-        ".*isinstance.treespec.*",
         ".*The dirpath has changed.*",  # test and predict write into a folder of their own
     ):
         warnings.filterwarnings("ignore", message=advice)

@@ -17,9 +17,8 @@ from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, Spl
 from descentflow.densities.importance import estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import regression
-from descentflow.training.models.by_entry import entry_law_of
 from descentflow.training.models.kept_checkpoints import complete_kept
-from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
+from descentflow.training.models.latent_model import Batch, LatentModel, entry_law_of, training_flights
 from descentflow.training.models.optimizers import adam_with_cosine
 
 F = TypeVar("F", bound=FlowDensity)

@@ -8,8 +8,7 @@ from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import RIDGE, regression
-from descentflow.training.models.by_entry import entry_law_of
-from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
+from descentflow.training.models.latent_model import Batch, LatentModel, entry_law_of, training_flights
 from descentflow.training.models.optimizers import ClosedForm
 
 

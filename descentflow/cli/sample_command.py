@@ -31,12 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--draw-budget", type=int, help="most draws before giving up (default: 100 for each descent wanted)"
     )
-    parser.add_argument(
-        "--compile",
-        action="store_true",
-        help="let torch.compile fuse the decoder's arithmetic: needs a C++ compiler and some ten seconds, and pays "
-        "from millions of descents",
-    )
 
 
 def run(args: argparse.Namespace) -> None:
@@ -59,7 +53,6 @@ def run(args: argparse.Namespace) -> None:
             air=air_arguments.air_of(args),
             plan=plan,
             draw_budget=args.draw_budget,
-            compiled=args.compile,
             progress=drawn.advance,
         )
     with stage(f"writing {args.out}"):

@@ -39,7 +39,6 @@ def sample_descents(
     entry: Tensor | None = None,
     air: LevelAir | AirWhereFlown | None = None,
     draw_budget: int | None = None,
-    compiled: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Samples:
     """Draw, decode and keep plausible descents until there are ``n`` (paper, section 2.4).
@@ -64,7 +63,6 @@ def sample_descents(
             entry level where there are as many airs as entry levels, else drawn. Or an air that depends on where they
             are flown; the samples then do not hold theirs.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
-        compiled: Decode by compiled arithmetic, see :func:`descentflow.representation.decoder.trajectories.integrate`.
         progress: Progress callback: called with the number of descents newly accepted.
 
     Raises:
@@ -105,7 +103,7 @@ def sample_descents(
         white = torch.randn(size, decoder.n_white, generator=generator, dtype=torch.float64).to(tries)
         white = draws.residual(model, wanted, tries, white, seed_of(seed, drawn))
         numbers = DrawNumbers(seed, drawn)
-        flown = decoder(tries, entries, out=reused, compiled=compiled, draws=numbers, white=white)
+        flown = decoder(tries, entries, out=reused, draws=numbers, white=white)
         if own is not None:
             flown = own.fly(decoder.aircraft, flown, wanted)
         rules = plausibility.broken_rules(flown)

@@ -43,7 +43,6 @@ def sample(
     air: Airs | None = None,
     plan: GroundPlan = NOWHERE,
     draw_budget: Count | None = None,
-    compiled: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Samples:
     """Draw ``n`` descents that keep the bounds of the training flights (paper, section 2.4).
@@ -65,7 +64,6 @@ def sample(
         plan: Where they are flown, see :func:`descentflow.positions.ground_plan.ground_plan`; with a weather field it
             needs a path, and the time of its end where the field has several.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
-        compiled: Decode by compiled arithmetic: pays from millions of descents.
         progress: Progress callback: called with the number of descents newly accepted.
 
     Returns:
@@ -107,7 +105,6 @@ def sample(
             entry=entry_levels(representation, contexts, entry_fl),
             air=airs if along is None else along,
             draw_budget=draw_budget,
-            compiled=compiled,
             progress=progress,
         )
         if along is not None:

@@ -74,7 +74,6 @@ print(warm.to_polars().head())
 # %%
 # Loops over many batches are faster with arrays than with tables: the decoder flies a batch of weights at once, and with
 # ``out=`` writes into the arrays of the last batch. These are draws before rejection, with the TAS of standard air.
-# ``compiled=True`` (``descentflow sample --compile``) compiles the arithmetic, which pays from millions of descents on and needs a C++ compiler;
 # ``python scripts/benchmark.py decode`` prints the speed on your machine.
 
 density = df.load(folder / "a320.ckpt")

@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -30,14 +29,13 @@ def run(args: argparse.Namespace) -> None:
     """Print the tables."""
     peer = pybada_descent_s()
     print(f"decoding {N_DESCENTS:,} descents of {N_LEVELS} levels, best of 7 runs, into arrays of an earlier batch")
-    head = ["precision", "threads", "plain ms", "decoder ms", "compiled ms", "pow ms", "copy ms"]
+    head = ["precision", "threads", "plain ms", "decoder ms", "pow ms", "copy ms"]
     print_row([*head, "descents/s", "of pow", "of pyBADA"])
     for threads in sorted({1, min(2, os.cpu_count() or 1)}):
         torch.set_num_threads(threads)
         for dtype in (torch.float64, torch.float32):
             _cpu_row(dtype, threads, peer)
-    print("'plain' makes new arrays; 'copy' moves as many values as the decoder reads and writes; rates are of the")
-    print("fastest of decoder and compiled")
+    print("'plain' makes new arrays; 'copy' moves as many values as the decoder reads and writes")
     if peer is None:
         print("pyBADA is not installed: no ratio to it")
     else:
@@ -90,17 +88,13 @@ def _cpu_row(dtype: torch.dtype, threads: int, peer: float | None) -> None:
     with torch.no_grad():
         plain = best_of(lambda: integrate_plain(*arguments))
         eager = best_of(lambda: integrate(*arguments, out=earlier))
-        compiled = float("nan")
-        if any(map(shutil.which, ("g++", "c++", "clang++"))):
-            compiled = best_of(lambda: integrate(*arguments, out=earlier, compiled=True))
         power = best_of(lambda: torch.pow(cas, 3.5, out=out))
         # The decoder reads two arrays and writes four.
         copy = 3 * best_of(lambda: out.copy_(cas))
-    fastest = eager if compiled != compiled else min(eager, compiled)
-    rate = N_DESCENTS / fastest
+    rate = N_DESCENTS / eager
     cells = [str(dtype).split(".")[1], str(threads)]
-    cells += [f"{1000 * seconds:.1f}" for seconds in (plain, eager, compiled, power, copy)]
-    print_row([*cells, f"{rate:,.0f}", f"{fastest / power:.2f}", "-" if peer is None else f"{rate * peer:,.0f}"])
+    cells += [f"{1000 * seconds:.1f}" for seconds in (plain, eager, power, copy)]
+    print_row([*cells, f"{rate:,.0f}", f"{eager / power:.2f}", "-" if peer is None else f"{rate * peer:,.0f}"])
 
 
 _CHUNKED = """
@@ -157,7 +151,7 @@ def _small_model(folder: Path) -> Path:
 def _gpu() -> None:
     """Up to ten million descents in chunks, beside the time that the memory's bandwidth needs for their values."""
     print(f"{torch.cuda.get_device_name()}: chunks of {GPU_CHUNK:,} descents, input made once")
-    print_row(["precision", "descents", "decoder s", "compiled s", "copy s", "descents/s", "of copy", "peak GiB"])
+    print_row(["precision", "descents", "decoder s", "copy s", "descents/s", "of copy", "peak GiB"])
     for dtype in (torch.float64, torch.float32):
         arguments = (aircraft("A320"), *profiles(dtype, GPU_CHUNK, "cuda"))
         for n in (GPU_DESCENTS // 10, GPU_DESCENTS):
@@ -178,11 +172,8 @@ def _gpu_row(arguments: tuple[object, ...], n: int) -> None:
 
         return best_of(all_chunks, repeats=3)
 
-    def decode(compiled: bool) -> float:
-        return chunks(lambda: integrate(*arguments, out=flown, compiled=compiled))  # type: ignore[arg-type]
-
-    eager, compiled, copy = decode(False), decode(True), 3 * chunks(lambda: copied.copy_(cas))
-    fastest = min(eager, compiled)
-    cells = [str(cas.dtype).split(".")[1], f"{n:,}", f"{eager:.3f}", f"{compiled:.3f}", f"{copy:.3f}"]
+    eager = chunks(lambda: integrate(*arguments, out=flown))  # type: ignore[arg-type]
+    copy = 3 * chunks(lambda: copied.copy_(cas))
+    cells = [str(cas.dtype).split(".")[1], f"{n:,}", f"{eager:.3f}", f"{copy:.3f}"]
     peak = torch.cuda.max_memory_allocated() / 2**30
-    print_row([*cells, f"{n / fastest:,.0f}", f"{fastest / copy:.2f}", f"{peak:.1f}"])
+    print_row([*cells, f"{n / eager:,.0f}", f"{eager / copy:.2f}", f"{peak:.1f}"])

@@ -1,6 +1,5 @@
-"""The decoder's options: wind, exact energy share, reuse of memory, compiled arithmetic, chunks."""
+"""The decoder's options: wind, exact energy share, reuse of memory, chunks."""
 
-import shutil
 from dataclasses import replace
 
 import pytest
@@ -186,14 +185,6 @@ def test_reused_arrays_take_the_result() -> None:
     flown = integrate(*arguments, out=earlier)
     assert flown.time_s.data_ptr() == earlier.time_s.data_ptr()
     assert_same(flown, integrate_plain(*arguments))
-
-
-@pytest.mark.filterwarnings("ignore:.torch.jit:DeprecationWarning")
-@pytest.mark.skipif(not any(map(shutil.which, ("g++", "c++", "clang++"))), reason="torch.compile needs a C++ compiler")
-def test_compiled_arithmetic_gives_the_plain_numbers() -> None:
-    real = toys.flights(300)
-    arguments = (toys.AIRCRAFT, LEVELS, ALTITUDE_M, real.drag_n, real.cas_mps, real.entry_level)
-    assert_same(integrate(*arguments, compiled=True), integrate_plain(*arguments))
 
 
 class LargeArrays(TorchDispatchMode):

@@ -222,7 +222,6 @@ class DescentDecoder(nn.Module):
         wind_mps: Tensor | None = None,
         exact_energy_share: bool = False,
         out: Trajectories | None = None,
-        compiled: bool = False,
         draws: DrawNumbers = FIRST_DRAWS,
         white: Tensor | None = None,
     ) -> Trajectories:
@@ -238,7 +237,6 @@ class DescentDecoder(nn.Module):
             exact_energy_share: Use the energy share factor of the CAS profile itself instead of BADA's; see
                 :func:`descentflow.representation.decoder.trajectories.integrate`.
             out: Descents of the same shape whose arrays may take the result.
-            compiled: Fuse the arithmetic by ``torch.compile``: pays from millions of descents on.
             draws: Seed and numbers of these draws, which determine the flights that a partial effect changes.
             white: (n, r + s) standard normals for what lies beyond the components, see :attr:`n_white`; without them
                 the components fly alone.
@@ -263,7 +261,6 @@ class DescentDecoder(nn.Module):
             wind_mps=wind_mps,
             exact_energy_share=exact_energy_share,
             out=out,
-            compiled=compiled,
             grid=grid,
         )
         return found if self.correction is None else self.correction.apply(self.aircraft, found, draws)

@@ -1,8 +1,6 @@
 """The decoder without gradients: fused arithmetic in chunks that the processor's caches hold."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 
 import torch
 from torch import Tensor
@@ -15,8 +13,6 @@ CHUNK_VALUES = 1 << 17
 """Values of a quantity in one chunk for each thread of the CPU: the handful of arrays in use stay in the caches."""
 GPU_CHUNK_VALUES = 1 << 26
 """The same for a GPU: enough to fill it, while the arrays between the steps stay below 2 GiB."""
-
-Kernel = Callable[[LevelTable, Tensor, Tensor, tuple[Tensor, ...]], None]
 
 
 def is_plain(*values: object) -> bool:
@@ -35,13 +31,6 @@ def is_plain(*values: object) -> bool:
     )
 
 
-@cache
-def _compiled_kernel() -> Kernel:
-    """The arithmetic alone: a compiled cumulative sum is slower than torch's own."""
-    kernel: Kernel = torch.compile(fused_rate, dynamic=True)
-    return kernel
-
-
 def integrate_fast(
     grid: FlightGrid,
     drag_n: Tensor,
@@ -50,7 +39,6 @@ def integrate_fast(
     *,
     ahead_mps: Tensor | None = None,
     out: tuple[Tensor, ...] | None = None,
-    compiled: bool = False,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Time, Mach, TAS and rate, each (n, L): the numbers of the plain path to rounding.
 
@@ -63,7 +51,6 @@ def integrate_fast(
             :class:`~descentflow.representation.decoder.lower_speed.LowerSpeed`; the type's transition if absent.
         out: Arrays for the result, in its order; new ones if absent. On the CPU the system may take longer to hand
             out new memory than the descents take to compute.
-        compiled: Fuse the arithmetic by ``torch.compile``.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -76,7 +63,6 @@ def integrate_fast(
     """
     time_s, mach, tas_mps, rate_mps = out or (torch.empty_like(drag_n) for _ in range(4))
     values = GPU_CHUNK_VALUES if drag_n.is_cuda else CHUNK_VALUES * torch.get_num_threads()
-    kernel = _compiled_kernel() if compiled else fused_rate
     size = max(values // drag_n.shape[1], 1)
     with torch.no_grad():
         extra = _extra_slowness(grid, drag_n, cas_mps, ahead_mps)
@@ -84,7 +70,7 @@ def integrate_fast(
             part = slice(start, start + size)
             here = (mach[part], tas_mps[part], rate_mps[part], time_s[part])
             ahead = None if ahead_mps is None else ahead_mps[part]
-            kernel(_own_regime(grid.levels, ahead), drag_n[part], cas_mps[part], here)
+            fused_rate(_own_regime(grid.levels, ahead), drag_n[part], cas_mps[part], here)
             # Seconds gained on the way up are negative here: the rate is.
             legs = grid.breaks.leg_times(here[3], extra[part], grid.half_step_m)
             if ahead is not None:

@@ -82,7 +82,6 @@ def integrate(
     wind_mps: Tensor | None = None,
     exact_energy_share: bool = False,
     out: Trajectories | None = None,
-    compiled: bool = False,
     grid: FlightGrid | None = None,
     ahead_mps: Tensor | None = None,
 ) -> Trajectories:
@@ -109,9 +108,6 @@ def integrate(
         exact_energy_share: Take the slope of the CAS itself for the energy share factor.
         out: Descents of the same shape, no longer needed, whose arrays may be reused for the result: on the CPU
             allocating memory can take longer than the computation.
-        compiled: Let ``torch.compile`` fuse the arithmetic: about half the time for some ten seconds at the first
-            call, and a C++ compiler (on a GPU, Triton) is needed. Without effect where gradients, wind or the exact
-            energy share are asked for.
         grid: What was tabulated of the levels for the same coefficients, mass and deviation, in the profiles'
             precision; computed here if absent.
         ahead_mps: (n, L) where each flight holds a Mach number of its own, see
@@ -135,9 +131,7 @@ def integrate(
     if is_plain(drag_n, cas_mps, *parameters) and wind_mps is None and not exact_energy_share:
         known = grid or flight_grid(aircraft, altitude_m, mass_kg, deviation_k, at_transition=ahead_mps is None)
         arrays = None if out is None else (out.time_s, out.mach, out.tas_mps, out.rate_mps)
-        time_s, mach, tas_mps, rate_mps = integrate_fast(
-            known, drag_n, cas_mps, entry, ahead_mps=ahead_mps, out=arrays, compiled=compiled
-        )
+        time_s, mach, tas_mps, rate_mps = integrate_fast(known, drag_n, cas_mps, entry, ahead_mps=ahead_mps, out=arrays)
         return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
     slopes = Slopes(
         0.0 if wind_mps is None else slope_per_m(wind_mps, altitude_m),

@@ -107,8 +107,8 @@ def settings_of(model: LatentModel[Any]) -> TrainingSettings:
         >>> settings_of(Gaussian()).trainer["max_epochs"]
         1
     """
-    name = SETTINGS_OF.get(type(model).__name__)
-    return TrainingSettings() if name is None else training_settings(name)
+    name = type(model).__name__
+    return training_settings(name) if name in SETTINGS_OF else TrainingSettings()
 
 
 def accelerator() -> str:

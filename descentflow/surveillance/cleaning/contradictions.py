@@ -1,4 +1,4 @@
-"""What the report of all rows must not hide: most rows gone by a contradiction, and runs that were taken for copies."""
+"""Checks of the whole drop report: contradicting columns, other clocks, rows of one address and time."""
 
 import re
 import warnings

@@ -1,4 +1,4 @@
-"""Whether a table can be prepared descents: types of columns, values that flight has, one row per flight and level."""
+"""Checks of prepared descents: types, possible values, columns that agree, one row for each flight and level."""
 
 import numpy as np
 import polars as pl

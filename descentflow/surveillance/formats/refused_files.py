@@ -10,7 +10,7 @@ PACKED = "unpack it, or pack it with gzip"
 CAPTURE = ("a capture of network packets", "take the payloads out of the packets first")
 BEAST = ("Beast binary", "write it as lines of time and frame, or as JSON with jet1090")
 EXCEL = ("a workbook of Excel", "save the sheet as CSV in UTF-8, with commas and decimal points")
-POINTS_MEND = "times between levels alone can be compared: docs, Times from so6 and ALL_FT+"
+POINTS_MEND = "compare times between levels by the recipe of the docs (Times from so6 and ALL_FT+)"
 BINARY = {
     rb"\x80[\x02-\x05]": PICKLE,
     rb"PK\x03\x04.*data\.pkl": (

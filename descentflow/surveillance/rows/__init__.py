@@ -1,4 +1,4 @@
-"""What a surveillance row is: its schema, units and names, and the report of dropped rows.
+"""Schema, units and names of surveillance rows, checks of their columns, and the report of dropped rows.
 
 Reading order: :mod:`~descentflow.surveillance.rows.schema`, :mod:`~descentflow.surveillance.rows.normalise` (a table
 of any source in that schema), :mod:`~descentflow.surveillance.rows.units_check` (with

@@ -1,4 +1,4 @@
-"""Ways in which a column is met, by unit and by meaning, and the one in which all columns agree with each other."""
+"""Units and meanings of columns, and the reading in which all columns agree with each other."""
 
 import itertools
 from collections.abc import Iterator

@@ -41,12 +41,8 @@ LOWEST_TOP_FT, TAXI_KT = 700.0, 150.0
 """Rows of which none is above this, at more than this speed, are of flight levels that are taken for feet."""
 LOWEST_READ_FT = 10_000.0
 """Rows whose altitude is read in another unit reach this: what is below has no descents."""
-BETTER, MUCH_BETTER = 0.45, 0.25
-"""What another reading leaves of the differences between columns, at most; the second where several are in others."""
-TIGHT = 0.035
-"""Difference of IAS and the CAS of Mach that another unit leaves, at most: half as much again as in any real source."""
-HALF, WORSE = 0.5, 0.05
-"""The same of an IAS that is a groundspeed, and what it may add to differences of columns that agree as given."""
+CLOSELY = 0.55
+"""Share of the allowed difference that another unit leaves where columns contradict each other as given, at most."""
 
 SPEEDS = (Reading("in m/s", 1 / KT_MPS), Reading("in km/h", 1 / 1.852), Reading("in miles per hour", 1 / 1.15078))
 READINGS: dict[str, tuple[Reading, ...]] = {
@@ -146,17 +142,15 @@ class Solution:
         return sum(one.cost for one in self.readings.values()), -len(self.misfits), sum(self.misfits.values())
 
     def mends(self, given: "Solution") -> bool:
-        """Whether columns that contradict each other as given agree far better so."""
-        left = MUCH_BETTER if len(self.changed) > 1 else BETTER
-        tight = TIGHT
-        if self.readings["IAS"].meaning:
-            left, tight = HALF, WIND
-        for pair, difference in self.differences.items():
-            before = abs(given.differences.get(pair, np.inf))
-            most = left * before if given.misfits.get(pair, 0.0) > 1 else before + WORSE
-            if abs(difference) > (min(most, tight) if pair == "IAS and Mach" and most < before else most):
-                return False
-        return True
+        """Whether what contradicted as given is compared and agrees closely, where no wind lies between."""
+        off = [name for name, reading in self.readings.items() if reading.off]
+        windy = bool(self.readings["IAS"].meaning)
+        return all(
+            self.misfits.get(pair, np.inf) <= (1.0 if windy or "groundspeed" in pair else CLOSELY)
+            or any(name in pair for name in off)
+            for pair, misfit in given.misfits.items()
+            if misfit > 1
+        )
 
 
 def as_given(evidence: Evidence) -> Solution:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import descentflow as df
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
+TESTS = Path(__file__).resolve().parents[2] / "tests"
+sys.path.insert(0, str(TESTS))
 FLIGHTS = 150
 TYPE = "A320"
 SETTINGS = {

@@ -197,22 +197,19 @@ class Correction:
             cleaning: Settings with which the simulator's own flights were cleaned; the defaults if unknown.
 
         Raises:
-            KeyError: If it names an effect that this version does not have.
+            KeyError: If it names an effect that this version does not have, or a part is missing.
         """
         from descentflow.effects import EFFECTS
 
         strange = [name for name in state["effects"] if name not in EFFECTS]
         if strange:
             raise KeyError(f"effect {strange[0]}")
-        effects = {}
-        for name, theta in state["effects"].items():
-            # A checkpoint of before flights could differ lacks the spreads, which come last and are zero there.
-            start = EFFECTS[name].start().tolist()
-            effects[name] = [float(v) for v in theta] + start[len(theta) :]
-        # Nor does it say how widely sizes spread, or what air its flights flew in.
-        spreads = dict(state.get("spreads", {}))
-        of_training = {name: [float(v) for v in had] for name, had in state.get("of_training", {}).items()}
-        return cls(effects, state["mass_kg"], state["inherited"], cleaning or Cleaning(), spreads, of_training)
+        effects, of_training = (
+            {name: [float(v) for v in theta] for name, theta in state[part].items()}
+            for part in ("effects", "of_training")
+        )
+        given = cleaning or Cleaning()
+        return cls(effects, state["mass_kg"], state["inherited"], given, dict(state["spreads"]), of_training)
 
 
 def _state(

@@ -180,11 +180,6 @@ def test_sizes_spread_between_flights_as_is_said(flown: Trajectories) -> None:
     torch.testing.assert_close(part.tas_mps, found.tas_mps[1000:1100])
 
 
-def test_a_checkpoint_of_before_flights_could_differ_is_read() -> None:
-    state = {"effects": {"speed_brake": [0.3, 200.0, 250.0, 0.6, 0.0]}, "mass_kg": 57e3, "inherited": False}
-    assert Correction.from_state(state).effects["speed_brake"] == [0.3, 200.0, 250.0, 0.6, 0.0, 0.0, 0.0, 0.0]
-
-
 def test_a_decoder_is_not_rebuilt_without_its_correction() -> None:
     plain = toys.representation(60).decoder.to_state()
     with pytest.raises(CheckpointError, match="without its correction"):

@@ -1,4 +1,4 @@
-"""Whether a catalogue of effects can be used: names, words, channels and parameters."""
+"""Checks of a catalogue of effects: names, words, channels and parameters."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""What an effect is: its words, parameters and channels, the shift it makes in what is measured, and its correction."""
+"""Base of an effect: words, parameters and channels, the shift of what is measured, and its correction."""
 
 import math
 from abc import ABC, abstractmethod
@@ -79,7 +79,7 @@ class Parameter:
 
     @property
     def text(self) -> str:
-        """What readers call it."""
+        """Name for readers."""
         return self.label or self.name.replace("_", " ")
 
     @property
@@ -100,7 +100,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class FlightChange:
-    """What an effect changes in the flights of a simulator, as :data:`Shift` of some of :data:`FLOWN`.
+    """Change of a simulator's flights, as :data:`Shift` of some of :data:`FLOWN`.
 
     Attributes:
         flown: Change of the flight itself: ``rate`` (ln of the rate), ``cas`` (kt), ``tas`` (ln of the TAS), ``wind``
@@ -185,7 +185,7 @@ class Effect(ABC):
         return self.label or self.name.replace("_", " ")
 
     def in_words(self, size: float | None, *, has_some: bool = False) -> str:
-        """What it is, with the direction that the first parameter says; the name where the class has no words.
+        """Description with the direction that the first parameter gives; the name where the class has no words.
 
         Args:
             size: Estimate of the first parameter; None where the data say nothing of it.
@@ -204,7 +204,7 @@ class Effect(ABC):
         return words[0 if size > 0 else 1]
 
     def recipe(self, told: Mapping[str, str]) -> str:
-        """What the owner of a simulator enters to have the effect; levels and the share of the flights come after it.
+        """Settings that give a simulator the effect; levels and the share of the flights come after them.
 
         Args:
             told: By parameter, what readers are told of its size in the flights that have the effect.
@@ -224,7 +224,7 @@ class Effect(ABC):
         """Change of the measured quantities at parameters theta (k,), smooth in theta."""
 
     def change(self, state: FlightState, theta: Tensor) -> FlightChange:
-        """What a corrected simulator's flights have of it: of its shift, what a simulator flies or reports.
+        """Part of the shift that a corrected simulator's flights have: what a simulator flies or reports.
 
         Args:
             state: The simulator's flights, which do not have the effect (``affected`` is false).
@@ -281,7 +281,7 @@ class Effect(ABC):
         return {quantity: torch.stack([column[quantity] for column in columns], -1) for quantity in columns[0]}
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
-        """Whether these parameters can be what they say: an estimate driven to a bound other than zero cannot.
+        """True where parameters can be real: an estimate driven to a bound other than zero cannot.
 
         What says how flights differ may be at its upper bound: all flights have the effect.
         """

@@ -1,4 +1,4 @@
-r"""How flights may have an effect each in its own way: ways that share one shape, and a law over them.
+r"""Law of an effect that flights have each to an own degree: window hypotheses of one shape, and their law.
 
 A flight that has the effect in way w shows
 
@@ -82,7 +82,7 @@ class Ways:
 
 @dataclass(frozen=True)
 class Learnt:
-    """What flights say of a law: sums over flights for each way, of the share, size and squared size expected.
+    """Sums over flights for each hypothesis, of the share, size and squared size expected.
 
     Shapes (W,); ``flights`` is their number.
 
@@ -110,7 +110,7 @@ class Learnt:
 
 @dataclass(frozen=True)
 class LeftBehind:
-    """What an effect leaves in a few flights one by one, in ways of which each is as likely, and of which size.
+    """Residual of an effect in a few flights one by one, by hypothesis, with its likelihood and size.
 
     Example:
         >>> from descentflow.effects import EFFECTS
@@ -138,7 +138,7 @@ class LeavesBehind(Effect):
 
     @abstractmethod
     def left_behind(self, state: FlightState) -> LeftBehind:
-        """What it leaves in a few of the flights."""
+        """Residual in a few of the flights."""
 
 
 class DiffersByFlight(Effect):
@@ -189,7 +189,7 @@ class DiffersByFlight(Effect):
 
     @abstractmethod
     def own_change(self, state: FlightState, theta: Tensor, uniform: Tensor) -> FlightChange:
-        """What flights of a corrected simulator have of it, each in its own way.
+        """Effect in flights of a corrected simulator, each with its own hypothesis.
 
         Args:
             state: The simulator's flights, which do not have the effect.
@@ -198,9 +198,9 @@ class DiffersByFlight(Effect):
         """
 
     def is_law(self, theta: Tensor) -> bool:
-        """Whether parameters say that flights have it each in their own way: some spread is not zero."""
+        """True where flights differ in the effect: some spread is not zero."""
         return any(p.is_spread and value > 0 for p, value in zip(self.parameters, theta.tolist(), strict=True))
 
     @abstractmethod
     def own_numbers(self, state: FlightState, theta: Tensor, taken: Tensor, size: Tensor) -> dict[str, Tensor]:
-        """What each flight has (n,) by name: ways are as likely (n, W) as said, summing to one, of sizes (n, W)."""
+        """Values of each flight (n,) by name, from the probability (n, W) and size (n, W) of its hypotheses."""

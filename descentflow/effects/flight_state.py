@@ -101,7 +101,7 @@ class FlightState:
 
     @cached_property
     def share_terms(self) -> ShareTerms:
-        """What the energy share factor takes from the flights' own speeds, in whatever air."""
+        """Terms of the energy share factor from the flights' own speeds, in whatever air."""
         return ShareTerms.of(self.cas_mps, self.altitude_m, self.cas_slope_per_s)
 
     @cached_property
@@ -157,7 +157,7 @@ class FlightState:
 
     @cached_property
     def reported_below_m(self) -> Tensor:
-        """How far (K,) below a change of the rate its report shows it, by the mean rate in each band."""
+        """Depth (K,) below a change of the rate at which its report shows it, by the mean rate in each band."""
         seen = self.mask.sum(0).clamp(min=1)
         rate = torch.where(self.mask, self.schedule_log_rate.exp(), 0.0).sum(0) / seen
         return self.report_delay_s * rate
@@ -258,7 +258,7 @@ def log_rate(
 
 
 def _is_none(value: Number) -> bool:
-    """Whether nothing is asked for: no tensor, which may be differentiated."""
+    """True where nothing is asked for: no tensor, which may be differentiated."""
     return isinstance(value, float) and value == 0.0
 
 

@@ -85,7 +85,7 @@ class GeometricPath(DiffersByFlight):
         return FlightChange(flown={"rate": _to_the_shallowest(state, state.beyond_polar) - shallower})
 
     def own_numbers(self, state: FlightState, theta: Tensor, taken: Tensor, size: Tensor) -> dict[str, Tensor]:
-        """How much shallower each flight's path is."""
+        """Decrease of each flight's path angle."""
         return {"shallower": (taken * size).sum(1)}
 
 

@@ -1,4 +1,4 @@
-"""Whether values of flights fall into two groups, and how many are in the upper one."""
+"""Test of values of flights for two groups, with the share in the upper one."""
 
 import torch
 from torch import Tensor

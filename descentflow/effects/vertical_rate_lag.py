@@ -56,7 +56,7 @@ class VerticalRateLag(Effect):
     sensor = True
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
-        """What every transponder has is none; and what makes a rate late need not damp its noise."""
+        """True for a lag beyond what every transponder has; what makes a rate late need not damp its noise."""
         return LEAST_LAG_S < float(theta[0]) < self.parameters[0].high
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:

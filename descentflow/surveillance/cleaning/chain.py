@@ -35,7 +35,7 @@ DIFFERENCED = "rows whose vertical rate is differenced from altitude, for none i
 
 @dataclass(frozen=True)
 class Work:
-    """What is done with the rows of any aircraft; known when all rows have been read.
+    """Work on the rows of any aircraft; known when all rows have been read.
 
     Attributes:
         rules: Thresholds.

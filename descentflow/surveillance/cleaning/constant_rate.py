@@ -71,7 +71,7 @@ class ConstantRate(Filter):
         return cut(rows, self.is_constant(flight, seconds, rows["vertical_rate"].to_numpy()))
 
     def is_constant(self, flight: Index, seconds: Array, rate_fpm: Array) -> Mask:
-        """Which rows are in a segment of constant rate.
+        """Mask of rows in a segment of constant rate.
 
         Args:
             flight: (n,) ascending number of the flight.
@@ -108,7 +108,7 @@ class ConstantRate(Filter):
         return np.where((np.abs(change) >= self.jump_fpm) & (np.abs(change) == largest), change, 0.0)
 
     def _constant(self, clock: Array, rate_fpm: Array, first: Index, last: Index) -> tuple[Mask, Array]:
-        """Which segments have a selectable rate, and how long each lasts without its ends (s)."""
+        """Segments that have a selectable rate, and their duration without their ends (s)."""
         begin, end = clock[first], clock[last - 1]
         first, last = (
             np.searchsorted(clock, begin + Fixed.constant_rate_settle_s),

@@ -87,7 +87,7 @@ def _micros(seconds: float) -> pl.Expr:
 
 
 def _begins(gap_s: float) -> pl.Expr:
-    """Whether another aircraft or name begins with a row, or the same again after silence."""
+    """Mask of rows with which another aircraft or name begins, or the same again after silence."""
     other = [pl.col(name).ne_missing(pl.col(name).shift()) for name in ("icao24", "flight_id")]
     silent = pl.col("timestamp").diff().dt.total_microseconds() > _micros(gap_s)
     return pl.any_horizontal(*other, silent.fill_null(True))

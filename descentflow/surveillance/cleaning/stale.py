@@ -80,7 +80,7 @@ class Stale(Filter):
         return stale
 
     def _moves(self, rows: pl.DataFrame, time: Array, starts: Index, lasted: Array) -> np.ndarray:
-        """Which runs the other channels contradict.
+        """Mask of runs that the other channels contradict.
 
         Args:
             rows: (n,) of all suspect runs.

@@ -84,7 +84,7 @@ def _possible(clock: pl.DataFrame) -> pl.DataFrame:
 
 
 def _is_near(rows: pl.DataFrame, shift_s: float) -> pl.Series:
-    """Whether the aircraft has a row at a row's time and a shift, of the same or the next hundred feet."""
+    """Mask of rows whose aircraft has a row at their time and a shift, of the same or the next hundred feet."""
     level = (pl.col("altitude") // WITHIN_FT).cast(pl.Int64).alias("level")
     own = rows.select("aircraft", "s", level)
     # Nearest in time of those alone: rows of both clocks lie in each other where a flight is longer than the shift.

@@ -68,7 +68,7 @@ def described(text: str, path: str | Path) -> dict[str, Any]:
 
 
 def _is_report(report: dict[str, Any]) -> bool:
-    """Whether a report is one of ``prepare``: counts of rows and flights by step, and notes of what changed."""
+    """True for a report of ``prepare``: counts of rows and flights by step, and notes of what changed."""
     if not report:
         return True
     steps, notes = report.get("steps"), report.get("notes")

@@ -257,7 +257,7 @@ def read_descents(path: str | Path) -> Descents:
 
 
 def read_description(path: str | Path) -> dict[str, Any]:
-    """What a file of prepared descents says of them, without reading them.
+    """Description of a file of prepared descents, without reading them.
 
     Raises:
         DataError: If the file is missing, damaged, or not written by `descentflow prepare`.

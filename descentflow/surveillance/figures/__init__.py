@@ -1,1 +1,1 @@
-"""What each filter of the cleaning kept and dropped of some flights, as figures and a page."""
+"""Figures and a page of what each filter of the cleaning kept and dropped of some flights."""

@@ -1,4 +1,4 @@
-"""What cleaning kept and dropped of a few flights, so that a person can judge its filters."""
+"""Figure of what cleaning kept and dropped of a few flights, so that a person can judge its filters."""
 
 from collections.abc import Sequence
 

@@ -252,7 +252,7 @@ def read_groups(
 
 
 def _read_again(folder: Path) -> Intake:
-    """What :func:`_read_group` left in a folder."""
+    """Result that :func:`_read_group` left in a folder."""
     found = json.loads((folder / "group.json").read_text())
     buckets = [Bucket([folder / name for name in b["files"]], b["rows"], b["bytes"]) for b in found["buckets"]]
     names, seen = (pl.read_parquet(folder / f"{name}.parquet") for name in ("names", "seen"))

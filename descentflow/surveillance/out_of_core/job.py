@@ -114,7 +114,7 @@ def _lock(folder: Path, out: Path) -> IO[str]:
 
 
 def _is_named(lock: IO[str], path: Path) -> bool:
-    """Whether the open file is the one of this name: between opening and locking, its folder may have been renamed."""
+    """True where the open file is the one of this name: its folder may have been renamed before it was locked."""
     return path.exists() and os.path.samestat(os.fstat(lock.fileno()), path.stat())
 
 
@@ -159,5 +159,5 @@ def _claim(folder: Path, facts: dict[str, Any], out: Path) -> None:
 
 
 def _has_parts(folder: Path) -> bool:
-    """Whether the folder has finished parts that a rerun can use."""
+    """True where the folder has finished parts that a rerun can use."""
     return any(not path.name.startswith(".") for name in (ROWS, PARTS) for path in (folder / name).glob("*"))

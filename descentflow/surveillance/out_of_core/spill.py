@@ -27,7 +27,7 @@ DEEPEST = 6
 
 @dataclass(frozen=True)
 class Memory:
-    """How many rows may be held at once, from a bound on the memory of the whole process.
+    """Number of rows to hold at once, from a bound on the memory of the whole process.
 
     Example:
         >>> Memory(2_350_000_000).rows_bytes
@@ -205,7 +205,7 @@ def partitions(
 
 
 def _is_one_aircraft(bucket: Bucket, largest_bytes: int) -> bool:
-    """Whether a bucket cannot be spread further.
+    """True where a bucket cannot be spread further.
 
     Raises:
         DataError: If it cannot, and is too large to be cleaned.

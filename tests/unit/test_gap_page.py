@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
@@ -104,9 +105,15 @@ def of_verdict(verdict: str) -> Findings:
     return replace(found, verdict=verdict)  # type: ignore[arg-type]
 
 
+@cache
+def page_of(verdict: str) -> str:
+    """Drawn once for all tests that only read it."""
+    return page(of_verdict(verdict))
+
+
 @pytest.mark.parametrize("verdict", ["none", "effect", "partial", "unknown"])
 def test_the_page_is_whole_and_needs_nothing_else(verdict: str) -> None:
-    text = page(of_verdict(verdict))
+    text = page_of(verdict)
     parser = Elements()
     parser.feed(text)
     assert parser.open == []
@@ -124,7 +131,7 @@ def test_the_page_is_whole_and_needs_nothing_else(verdict: str) -> None:
 @pytest.mark.parametrize("verdict", ["none", "effect", "partial", "unknown"])
 def test_alternative_texts_say_what_a_figure_shows(verdict: str) -> None:
     parser = Elements()
-    parser.feed(page(of_verdict(verdict)))
+    parser.feed(page_of(verdict))
     said = [a["aria-label"] or "" for _, a in parser.seen if a.get("role") == "img"]
     # Four figures, each for both widths.
     assert len(said) == 8
@@ -163,12 +170,12 @@ def test_what_to_do_next_has_recipe_channel_and_command() -> None:
 
 
 def test_flights_are_named_only_where_something_is_not_explained() -> None:
-    assert "DLH4AB-3" in page(of_verdict("unknown"))
-    assert "DLH4AB-3" not in page(of_verdict("effect"))
+    assert "DLH4AB-3" in page_of("unknown")
+    assert "DLH4AB-3" not in page_of("effect")
 
 
 def test_inputs_versions_and_settings_are_named() -> None:
-    text = page(of_verdict("effect"))
+    text = page_of("effect")
     for word in ("radar.parquet", "2026-10-01 to 2026-10-31", "descentflow", "0.1.0", "own_effects.py", "october.csv"):
         assert word in text
 

@@ -163,7 +163,7 @@ class WeatherField:
                     where = "outside of the weather field" if blank else "in a hole of the weather field (NaN)"
                     raise DataError(
                         f"{here.sum():,} of {here.size:,} places of descents {where}: {_shown(points.rows(here))}",
-                        expected=f"{_shown(self.extent(name))}, where {name} has values but for holes",
+                        expected=f"{_shown(self.extent(name))}, with a value of {name} at each place",
                         mend="take another field, time or place: this one may be cut off, or masked below the ground",
                     )
 

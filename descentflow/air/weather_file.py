@@ -154,6 +154,8 @@ def weather_file_of(data: Any, path: str) -> WeatherFile:
         >>> weather_file_of(warm, "warm.nc").axes[2]
         array([-10.,  10.])
     """
+    others = [name for name, size in data.sizes.items() if size == 1 and name not in chain(*AXES.values(), [VERSION])]
+    data = data.squeeze(others)
     named = {axis: name for axis in AXES if (name := layout.axis_name(data, axis, path)) is not None}
     data = data.expand_dims([name for name in named.values() if not data[name].dims])
     time = named.pop("time", None)

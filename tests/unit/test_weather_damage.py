@@ -91,6 +91,7 @@ CERTAIN: dict[str, Change] = {
     "whole numbers": lambda d: d.assign_coords(pressure_level=d["pressure_level"].astype(int)),
     "another order of dimensions": lambda d: d.transpose("longitude", "valid_time", "latitude", "pressure_level"),
     "other names": lambda d: d.rename(t="ta", u="ua", v="va", pressure_level="plev", latitude="lat", longitude="lon"),
+    "one member": lambda d: d.expand_dims(number=[0]),
     "a variable of one level beside": lambda d: d.assign(
         t2m=d["t"].isel(pressure_level=0, drop=True).assign_attrs(standard_name="air_temperature")
     ),
@@ -131,7 +132,7 @@ REFUSED: dict[str, tuple[Change, str]] = {
     "one level": (lambda d: d.isel(pressure_level=[4]), "outside of the weather field: .* expected .*FL266 to FL266"),
     "a hole": (
         holed,
-        r"[0-9]+ of 200 places of descents in a hole of the weather field \(NaN\): .*where air_temperature has",
+        r"[0-9]+ of 200 places of descents in a hole of the weather field \(NaN\): .*with a value of air_temperature",
     ),
     "a field of other days": (changed("valid_time", lambda x: x + np.timedelta64(9, "D")), "outside of the weather"),
 }
@@ -249,6 +250,6 @@ def test_grib_that_is_no_such_field_is_refused_quietly(grib: Path, capfd: pytest
         read(grib)
     # Without its last message it is whole, but for a hole.
     grib.write_bytes(content[: content.rindex(b"GRIB")])
-    with pytest.raises(DataError, match=r"in a hole of the weather field .*where northward_wind has"):
+    with pytest.raises(DataError, match=r"in a hole of the weather field .*with a value of northward_wind"):
         read(grib)
     assert capfd.readouterr() == ("", "")

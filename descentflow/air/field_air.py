@@ -6,9 +6,7 @@ direction :math:`\mathbf e` of the track. On a straight track this is the wind a
 what turns did, and has the same mean.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -19,6 +17,7 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import FlightAirs, held
 from descentflow.air.weather_field import Points, WeatherField, weather_field
+from descentflow.air.weather_file import Source
 from descentflow.air.weather_layout import EAST, NORTH, TEMPERATURE, Array
 from descentflow.core.errors import DataError
 from descentflow.measurements.level_channels import LevelGrid
@@ -30,8 +29,7 @@ BLOCK = 4096
 """Flights whose air is read at a time, in the order of their days: 2 million points of 228 levels."""
 
 
-@dataclass(frozen=True)
-class FlightPaths:
+class FlightPaths(NamedTuple):
     """Where n flights were on L levels, (n, L) each; held above their highest and below their lowest known place.
 
     Attributes:
@@ -56,13 +54,11 @@ class FlightPaths:
 
     def rows(self, index: NDArray[np.int64]) -> "FlightPaths":
         """The flights at these positions."""
-        latitude, longitude = self.latitude[index], self.longitude[index]
-        return FlightPaths(self.unix_s[index], latitude, longitude, self.track[index], self.known[index])
+        unix_s, latitude, longitude, track = (values[index] for values in self[:4])
+        return FlightPaths(unix_s, latitude, longitude, track, self.known[index])
 
 
-def field_airs(
-    frame: pl.DataFrame, levels_fl: Tensor, source: str | Path | Sequence[str | Path], *, wind: bool | None = None
-) -> FlightAirs:
+def field_airs(frame: pl.DataFrame, levels_fl: Tensor, source: Source, *, wind: bool | None = None) -> FlightAirs:
     """The air of each flight on levels, by a weather model; flights outside of it, or without a place, are counted.
 
     Places and times between two levels of a flight are linear in time.
@@ -89,8 +85,13 @@ def field_airs(
     frame = frame.with_columns(pl.col("timestamp").dt.epoch("us").truediv(1e6).alias("_unix_s"))
     names = [name for name in (*PLACED, "track") if name in frame.columns]
     grid = LevelGrid.of_frame(frame, float(levels_fl[0]), float(levels_fl[-1]), [*names, "_unix_s"])
+    nowhere = DataError(
+        "descents without places",
+        expected="latitude and longitude of the rows, of flights that move, for the air of a weather field",
+        mend="prepare rows with positions, or fit with data.air=measured or standard",
+    )
     if grid is None or not set(PLACED) <= set(grid.values):
-        raise _without_places()
+        raise nowhere
     paths = paths_of_flights(grid, grid.values["_unix_s"].numpy())
     with weather_field(source, (TEMPERATURE, EAST, NORTH) if wind else (TEMPERATURE,)) as field:
         windy = field.wind and wind is not False
@@ -103,7 +104,7 @@ def field_airs(
         if not inside.any():
             points = Points(paths.unix_s, grid.levels_fl.numpy(), paths.latitude, paths.longitude)
             field.check(points.rows(paths.known))
-            raise _without_places()
+            raise nowhere
     known = torch.from_numpy(inside) & torch.from_numpy(paths.known) & grid.mask
     told = torch.nonzero(known.any(1))[:, 0]
     reached = torch.from_numpy(inside)[told]
@@ -207,11 +208,3 @@ def _airs_of(
     # A slope needs the levels on either side, but for those at the ends of the grid.
     beside = np.pad(inside, ((0, 0), (1, 1)), mode="edge")
     return deviation, tailwind, inside & beside[:, 2:] & beside[:, :-2]
-
-
-def _without_places() -> DataError:
-    return DataError(
-        "descents without places",
-        expected="latitude and longitude of the rows, of flights that move, for the air of a weather field",
-        mend="prepare rows with positions, or fit with data.air=measured or standard",
-    )

@@ -34,10 +34,8 @@ class LevelAir:
     @classmethod
     def uniform(cls, levels_fl: Tensor, deviation_k: float = 0.0) -> "LevelAir":
         """One air with the same deviation at every level, and no wind."""
-        return cls(
-            torch.full((1, len(levels_fl)), deviation_k, dtype=torch.float64),
-            torch.zeros(1, len(levels_fl), dtype=torch.float64),
-        )
+        still = torch.zeros(1, len(levels_fl), dtype=torch.float64)
+        return cls(still + deviation_k, still)
 
     def rows(self, index: Sequence[int] | Tensor) -> "LevelAir":
         """The airs at these positions."""

@@ -5,6 +5,7 @@ A pressure level is a flight level: both are the pressure altitude of the standa
 
 import atexit
 import logging
+import mmap
 import os
 import warnings
 from collections.abc import Iterator, Sequence
@@ -24,6 +25,8 @@ from descentflow.core.tabular import optional_library
 
 GRIB = (".grib", ".grb", ".grib2", ".grb2")
 SUFFIXES = (".nc", ".nc4", *GRIB)
+Source = str | Path | Sequence[str | Path]
+"""A file, a folder of files, or several."""
 SAME = 0.1
 """K and m/s within which two values of one place and time are the same: files are packed in steps of 0.01 or less."""
 
@@ -85,7 +88,7 @@ class WeatherFile:
 
 
 @contextmanager
-def opened(source: str | Path | Sequence[str | Path]) -> Iterator[list[WeatherFile]]:
+def opened(source: Source) -> Iterator[list[WeatherFile]]:
     """Open NetCDF (``.nc``) by netCDF4 or h5netcdf, and GRIB (``.grib``, ``.grib2``) by cfgrib.
 
     Args:
@@ -191,7 +194,7 @@ def same(one: Array, other: Array) -> bool:
     return one.shape == other.shape and np.allclose(one, other, rtol=0, atol=SAME, equal_nan=True)
 
 
-def _paths_of(source: str | Path | Sequence[str | Path]) -> list[Path]:
+def _paths_of(source: Source) -> list[Path]:
     """The files that a path stands for: itself, or those of a folder, or several."""
     paths = [Path(one) for one in ([source] if isinstance(source, str | Path) else source)]
     files = (sorted(path.iterdir()) if path.is_dir() else [path] for path in paths)
@@ -215,6 +218,7 @@ def _grib_options(path: Path) -> list[dict[str, Any]]:
     # What both say, they raise too, if it matters.
     logging.getLogger("cfgrib").addHandler(logging.NullHandler())
     cfgrib.messages.eccodes.codes_context_set_logging(_nowhere())
+    _check_messages(path, cfgrib.messages.eccodes)
     # No index beside the file: it would be left behind. Without "raise", what is damaged would be left out.
     stream = cfgrib.messages.FileStream(str(path), errors="raise")
     whole = cfgrib.dataset.open_fileindex(stream, "", ["shortName", "typeOfLevel"])
@@ -225,3 +229,14 @@ def _grib_options(path: Path) -> list[dict[str, Any]]:
     keys = ({"typeOfLevel": kind, "shortName": name} for name in there)
     backend = {"indexpath": "", "errors": "raise"}
     return [{"engine": "cfgrib", "backend_kwargs": {**backend, "filter_by_keys": each}} for each in keys]
+
+
+def _check_messages(path: Path, eccodes: Any) -> None:
+    """Refuse messages whose parts are longer than they are, before ecCodes opens one: it would free memory twice."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        for start in eccodes.codes_extract_offsets(str(path), eccodes.CODES_PRODUCT_GRIB, True):
+            end, place = start + int.from_bytes(content[start + 8 : start + 16]), start + 16
+            while content[start + 7] == 2 and place < end - 4:
+                place += int.from_bytes(content[place : place + 4]) or end
+            if content[start + 7] == 2 and place != end - 4:
+                raise layout.unusable(f"{path}: a damaged message of GRIB at byte {start:,}")

@@ -1,13 +1,11 @@
 """The wind of a weather model over the ground."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from descentflow.air.weather_field import Points, WeatherField
-from descentflow.air.weather_file import opened, readable
+from descentflow.air.weather_file import Source, opened, readable
 from descentflow.air.weather_layout import EAST, NORTH, Array
 
 
@@ -51,7 +49,7 @@ class FieldWind:
         return east, north
 
 
-def read_wind_field(source: str | Path | Sequence[str | Path]) -> FieldWind:
+def read_wind_field(source: Source) -> FieldWind:
     """Read a field of wind on pressure levels, all of it.
 
     Args:

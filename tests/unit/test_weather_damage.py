@@ -248,6 +248,11 @@ def test_grib_that_is_no_such_field_is_refused_quietly(grib: Path, capfd: pytest
     grib.write_bytes(content[:-50])
     with pytest.raises(DataError, match="End of resource reached"):
         read(grib)
+    # A section longer than its message: ecCodes by itself ends the process.
+    section = content.index(b"GRIB", 1000) + 16
+    grib.write_bytes(content[:section] + b"\0\0\x80\x15" + content[section + 4 :])
+    with pytest.raises(DataError, match="a damaged message of GRIB at byte"):
+        read(grib)
     # Without its last message it is whole, but for a hole.
     grib.write_bytes(content[: content.rindex(b"GRIB")])
     with pytest.raises(DataError, match=r"in a hole of the weather field .*with a value of northward_wind"):

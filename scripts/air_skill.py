@@ -28,6 +28,7 @@ WAYS: dict[str, dict[str, object]] = {
     "without the air": {},
     "context columns": {"context": COLUMNS},
     "each flight's air": {"air": "measured"},
+    "mass as a column": {"context": ["mass_kg"]},
     "each flight's air, mass as a column": {"air": "measured", "context": ["mass_kg"]},
 }
 SCORES = {"crps_time_s": "s", "crps_rate_fpm": "ft/min", "crps_cas_kt": "kt"}

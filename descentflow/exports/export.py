@@ -5,8 +5,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import Annotated
 
-from descentflow.core.arguments import Count, NotNegativeFloat, checked_arguments
+from descentflow.core.arguments import Count, Within, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output
 from descentflow.densities.checkpoint import as_density
@@ -19,6 +20,8 @@ from descentflow.positions.ground_path import Point
 from descentflow.positions.ground_plan import ground_plan
 from descentflow.positions.wind_by_level import Wind
 
+Interval = Annotated[float, Within(0, 1_000_000)]
+"""Seconds, up to some days: times of all samples are within what a calendar holds."""
 PREFIX = re.compile(r"[A-Z]+[0-9]*")
 
 
@@ -37,7 +40,7 @@ def export(
     wind: str | Path | Wind | None = None,
     to_go_nm: float = 0.0,
     end_time: datetime | str | None = None,
-    every_s: NotNegativeFloat = 120.0,
+    every_s: Interval = 120.0,
     draw_budget: Count | None = None,
     progress: Callable[[int], None] | None = None,
     precision: Precision = "float64",

@@ -34,8 +34,8 @@ class WorldFiles:
             'rows_flights.parquet'
         """
         rows = Path(out)
-        beside = Path(truth) if truth is not None else rows.with_name(f"{rows.stem}_truth.parquet")
-        files = cls(rows, beside, rows.with_name(f"{rows.stem}_flights.parquet"))
+        beside = Path(truth) if truth is not None else rows.parent / f"{rows.stem}_truth.parquet"
+        files = cls(rows, beside, rows.parent / f"{rows.stem}_flights.parquet")
         paths: tuple[Path, ...] = astuple(files)
         if any(path.suffix != ".parquet" for path in paths) or len(set(paths)) < len(paths):
             raise ConfigError(

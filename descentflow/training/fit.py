@@ -6,7 +6,7 @@ from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import RLock
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from lightning.pytorch import Trainer, seed_everything
@@ -42,7 +42,7 @@ def fit(
     aircraft: str | None = None,
     context: Sequence[str] | None = None,
     progress_bar: bool = False,
-    device: str | None = None,
+    device: Literal["cpu", "cuda"] | None = None,
     **data_options: Any,
 ) -> LatentModel[Any]:
     """Train a model on prepared descents and return it as it was in its best epoch (paper, sections 2.2 and 2.3).
@@ -72,7 +72,7 @@ def fit(
 
     Raises:
         DataError: If the descents cannot be read or are too few, or the output cannot be written.
-        ConfigError: If there is no such model or option, or the options contradict the descents.
+        ConfigError: If there is no such model, option or device, or the options contradict the descents.
 
     Example:
         >>> model = fit("descents.parquet", "gaussian", out="fitted.ckpt")
@@ -80,6 +80,8 @@ def fit(
         Gaussian of ... weights (... of drag, ... of CAS) on FL150-..., A320
         86 flights trained it, 10 validated it: val/nll ... in epoch 1
     """
+    if device == "cuda" and accelerator() != "cuda":
+        raise ConfigError("device 'cuda'", expected="a GPU that torch can use", mend="leave the device out")
     if out is not None:
         check_output(out)
     quiet()

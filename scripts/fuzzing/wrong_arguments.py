@@ -46,7 +46,7 @@ VALUES: dict[str, Callable[[], Any]] = {
     "a dictionary": lambda: {"no such thing": 1},
     "a dictionary of numbers": lambda: {-5: math.nan},
     "a generator": lambda: (one for one in ()),
-    "a class": lambda: int,
+    "a class": lambda: object,
     "a function without arguments": lambda: lambda: None,
     "an object": object,
     "a time": lambda: datetime.datetime(2024, 1, 1, tzinfo=datetime.UTC),

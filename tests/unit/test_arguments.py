@@ -89,3 +89,8 @@ def test_every_argument_of_a_public_call_is_refused_by_its_name(name: str) -> No
         ) as caught:
             CALLS[name](**{**needed, **({"n": 1} if "n" in needed else {}), one.name: wrong})
         assert "typing." not in str(caught.value)
+
+
+def test_the_current_folder_is_no_output() -> None:
+    with pytest.raises(ConfigError, match=r"output \.; expected the name of a file or a folder"):
+        df.prepare(pl.DataFrame(), out=Path())

@@ -159,7 +159,7 @@ class Generator:
                 and distances are those of that temperature.
             flown: Levels flown so far (``level_fl``, ``CAS`` in kt, ``vertical_rate`` in ft/min). The descent goes on
                 from the lowest of them, where its time and distance are zero.
-            number: Of the first descent, in place of the next.
+            number: Of the first descent, in place of the next; of a callsign ``zlib.crc32(text.encode())``.
 
         Raises:
             ImplausibleError: If no descent of the model meets a constraint; it names the nearest value of 1,000 draws.

@@ -120,6 +120,8 @@ def _finished(out: Path, facts: dict[str, Any]) -> Descents | None:
 
 def _check_ending(out: Path) -> None:
     """Refuse a name that asks for another format: a folder of Parquet files would get it."""
+    if not out.name:
+        raise ConfigError(f"output {out}", expected="the name of a file or a folder", mend="add a name to it")
     if out.suffix.lower() in OTHER_ENDINGS and not out.is_dir():
         raise ConfigError(
             f"output {out}, while descents are written as Parquet",

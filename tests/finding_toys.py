@@ -6,20 +6,18 @@ from descentflow.diagnosis.findings.cause_found import (
     Cause,
     ClosedShare,
     Closure,
-    Heterogeneity,
     OnBothSides,
     ParameterEstimate,
-    RivalClosure,
-    ScoreGain,
     TradeSize,
 )
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumber, RecipeStep, Score
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
-from descentflow.diagnosis.findings.findings import Curve, Details, Discrepancy, Findings, NullTest, SingleEffect
+from descentflow.diagnosis.findings.findings import Curve, Details, Discrepancy, Findings, SingleEffect
 from descentflow.diagnosis.findings.gap_found import (
     BelowRounding,
     Block,
     GapCell,
+    Lack,
     LargestDifference,
     Remaining,
     Stage,
@@ -48,10 +46,8 @@ def cause(effect: str, parameters: dict[str, ParameterEstimate], **more: object)
         group=[],
         probability=0.97,
         parameters=parameters,
-        score_gain=ScoreGain(210.0, 180.0, 240.0),
-        heterogeneity=Heterogeneity(EFFECTS[effect].heterogeneity, 0.2),
-        closure=Closure(CLOSED, CLOSED, ClosedShare(0.7, None, None)),
-        rivals=[RivalClosure("mass", 0.72), RivalClosure("level_off", None)],
+        evidence_nats=210.0,
+        closure=Closure(CLOSED),
         label=EFFECTS[effect].text,
         text=EFFECTS[effect].in_words(first),
         inclusion=0.99,
@@ -117,15 +113,14 @@ def details() -> Details:
         quantities=["rate", "tas", "level"],
         measured_over=[MeasuredEntry("rate", 150.0, 165.0, spread=0.07, distance=0.4, floor=0.05)],
         gap_error=0.02,
-        closure_of_flights=CLOSED,
-        narrow_simulator=True,
         transition_fl=318.0,
         mass_kg=60_000.0,
-        test=NullTest(1 / 2000, 41.0, 25.0, 1999),
-        discrepancy=Discrepancy(300.0, 12.0, 9.0, 0.96, False),
+        n_permutations=1999,
+        lacks=[Lack("noise_rate", 1.1, 0.05)],
+        discrepancy=Discrepancy(300.0, 12.0, 0.04),
         singles=[
-            SingleEffect("temperature", 210.0, 15.0, {"deviation_k": 7.2}),
-            SingleEffect("mass", 90.0, 12.0, {}, "mass x 0.65 is the limit of what is possible"),
+            SingleEffect("temperature", 210.0, {"deviation_k": 7.2}),
+            SingleEffect("mass", 90.0, {}, "mass x 0.65 is the limit of what is possible"),
         ],
         curves={
             "rate": Curve(levels, [-0.05 + 0.001 * k for k in range(14)], [0.002] * 14, [0.004] * 14),

@@ -7,22 +7,12 @@ from torch import Tensor
 
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.inference.example_sides import example_sides
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.effects import EFFECTS
 
 BRAKES, PATH = EFFECTS["speed_brake"], EFFECTS["geometric_path"]
 STEADY = 0.15
 """Of the noise of the example: flights of one fleet differ less in shape than in level."""
-
-
-def likelihood(compared: Compared) -> EffectsLikelihood:
-    """With a spread that is learnt from the simulator's flights alone, as a diagnosis of many flights does."""
-    weights = whiten(
-        compared.y, compared.real, compared.airframe, compared.nugget(), compared.of_flight(), learn=~compared.real
-    )
-    return EffectsLikelihood(compared, weights, EFFECTS, seed=0)
 
 
 def steady_sides(n: int) -> Compared:

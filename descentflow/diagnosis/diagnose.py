@@ -37,7 +37,6 @@ def diagnose(
     out: str | Path | None = None,
     any_type: bool = False,
     air: AirSource | None = None,
-    by_evidence: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> GapReport:
     """Say where a simulator and real descents differ, which unmodelled effect causes it, and how far it shrinks.
@@ -69,8 +68,6 @@ def diagnose(
             they are left out, counted and named.
         air: Where the real flights' air is known from, for a model that knows the air of its own: ``measured``, or a
             weather field; the former if absent, which a model fitted by a field refuses.
-        by_evidence: Whether sets of effects are weighed by the evidence of means and shapes
-            (:mod:`descentflow.diagnosis.evidence`), and not by held-out scores.
         progress: Called with what is being done.
 
     Returns:
@@ -118,7 +115,7 @@ def diagnose(
     made = replace(made, user_files=user_files)
     if out is not None:
         check_no_other_report(out, previous, made)
-    settings = Settings(opened.simulator, effects, wanted, seed, say, by_evidence=by_evidence)
+    settings = Settings(opened.simulator, effects, wanted, seed, say)
     if previous is not None:
         before = previous_round(previous, made, opened.simulator.aircraft.typecode)
         settings = replace(settings, previous=before, previous_name=str(previous))

@@ -22,7 +22,6 @@ class Settings:
         progress: Called with what is being done.
         previous: The round before, where this one is held against one.
         previous_name: Of its file.
-        by_evidence: Whether sets of effects are weighed by evidence, and not by held-out scores.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -38,7 +37,6 @@ class Settings:
     progress: Callable[[str], None]
     previous: Findings | None = None
     previous_name: str = ""
-    by_evidence: bool = False
 
     @property
     def transition_fl(self) -> float:

@@ -10,7 +10,6 @@ from torch import Tensor
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
-from descentflow.diagnosis.inference.aircraft_groups import FOLDS
 from descentflow.diagnosis.simulator import Simulator, check_count, kept_channels
 from descentflow.generation.rejection import sample_descents
 from descentflow.measurements.level_channels import LevelGrid
@@ -23,7 +22,7 @@ SAMPLES = 1000
 """Drawn where a checkpoint keeps no flights: means to a thirtieth of the spread between flights."""
 MIN_SHARE = 0.1
 """A channel that this share of the flights report, or fewer, is one that they lack."""
-MIN_AIRCRAFT = FOLDS
+MIN_AIRCRAFT = 5
 """Of either side: each fold of the cross-validation holds out whole aircraft."""
 NEEDED = ("IAS", "vertical_rate")
 """Channels without which there is no descent to compare."""

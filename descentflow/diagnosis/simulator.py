@@ -15,8 +15,8 @@ from descentflow.measurements.quantities import Quantities
 from descentflow.representation.representation import Representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
-MIN_FLIGHTS = 60
-"""Of either side: twelve in each of five folds. Fewer say nothing of any effect; hundreds tell effects apart."""
+MIN_FLIGHTS = 20
+"""Of either side: fewer say nothing of any effect; hundreds tell effects apart."""
 MIN_LEVELS_FL = 30.0
 """Height of the levels that both sides show: six bands of 500 ft, the least that has a shape in altitude."""
 
@@ -122,7 +122,13 @@ def of_its_type(frame: pl.DataFrame, simulator: Simulator) -> tuple[pl.DataFrame
     return kept, {f"flights_of_{name}": number for name, number in given.items() if name not in known}
 
 
-def check_count(found: Quantities, given: int, low: float, high: float, whose: str = "real flights") -> None:
+def check_count(
+    found: Quantities,
+    given: int,
+    low: float,
+    high: float,
+    whose: str = "real flights",
+) -> None:
     """Refuse too few flights of one side on the grid (DataError).
 
     Args:

@@ -1,5 +1,6 @@
 """What the rivals are given: the same measured quantities and effect equations that the diagnosis itself uses."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import torch
@@ -7,15 +8,33 @@ from torch import Tensor
 
 from benchmarks.rivals_sets import RivalSet
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.diagnosis.inference.effect_shifts import EffectShifts
 from descentflow.diagnosis.inference.two_sides import Compared, compare
-from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.diagnosis.simulator import Simulator
-from descentflow.effects import EFFECTS
+from descentflow.effects import EFFECTS, Effect
 from descentflow.measurements.quantities import CHANNELS, quantities_of
 
 FEW = 20
 """Flights whose shift is averaged: it varies little between them."""
+
+
+@dataclass(frozen=True)
+class EffectShifts:
+    """What effects would shift in compared flights."""
+
+    compared: Compared
+    catalogue: Mapping[str, Effect]
+
+    def all_shift(self, name: str, theta: Tensor) -> Tensor:
+        """Shift (n, p) that an effect would make in every flight."""
+        return self.compared.vector(self.catalogue[name].shift(self.compared.state, theta))
+
+    def jacobian(self, name: str, theta: Tensor) -> Tensor:
+        """Its sensitivity (n, p, k)."""
+        return self.compared.vector(self.catalogue[name].sensitivity(self.compared.state, theta))
+
+    def start_of(self, name: str) -> Tensor:
+        """Parameters (k,) at which sensitivities are taken."""
+        return self.catalogue[name].start()
 
 
 @dataclass(frozen=True)
@@ -55,10 +74,9 @@ def measured(one: RivalSet) -> Measured:
     low, high = max(low_a, low_b), min(high_a, high_b)
     simulated, real = (quantities_of(frame, low, high, CHANNELS) for frame in (one.simulator, one.real))
     sides = compare(simulated, real, aircraft)
-    weights = whiten(sides.y, sides.real, sides.airframe, sides.nugget(), sides.of_flight(), learn=~sides.real)
     some = torch.arange(min(FEW, int((~sides.real).sum())))
     part = replace(sides, y=sides.y[some], real=sides.real[some], state=sides.state.rows(some))
-    return Measured(sides, EffectShifts(sides, weights, EFFECTS), EffectShifts(part, weights, EFFECTS))
+    return Measured(sides, EffectShifts(sides, EFFECTS), EffectShifts(part, EFFECTS))
 
 
 def filled(values: Tensor) -> Tensor:

@@ -160,7 +160,7 @@ def test_nominal_bada_shows_the_mass_that_flew(plain: Path, checkpoint: Path) ->
 def test_bad_input_gets_a_clear_error(plain: Path, folder: Path, checkpoint: Path) -> None:
     frame = read_descents(plain).frame
     few = frame.filter(pl.col("flight_id").is_in(frame["flight_id"].unique().sort().head(5).implode()))
-    with pytest.raises(DataError, match="at least 60"):
+    with pytest.raises(DataError, match="at least 20"):
         diagnose(few, checkpoint)
     with pytest.raises(DataError, match=r"descents of B738 for a simulator of A320"):
         diagnose(frame.with_columns(typecode=pl.lit("B738")), checkpoint)

@@ -2,24 +2,19 @@
 
 import re
 from pathlib import Path
-from types import SimpleNamespace
 
-import gap_toys
 import pytest
-import torch
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.findings.read_gap import read_gap
-from descentflow.diagnosis.report.details import _refused
 from descentflow.diagnosis.report.gap_page import page
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.effects import EFFECTS
-from descentflow.measurements.level_channels import LevelGrid, short_scale_noise
 from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig
-from descentflow.surveillance.descents.prepared_descents import read_descents, write_descents
+from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
@@ -60,32 +55,18 @@ def test_what_the_simulator_has_itself_is_told_beside_the_size(folder: Path) -> 
     assert report.recipe[0].numbers[0].value.estimate == pytest.approx(5.0, abs=1.0)
 
 
-def test_noise_is_told_in_its_unit_where_the_simulator_has_none(first: GapReport) -> None:
-    assert {cause.effect for cause in first.causes} == {"temperature", "measurement_noise"}
-    (air,) = (cause for cause in first.causes if cause.effect == "temperature")
+def test_noise_of_reports_is_no_cause_and_stands_by_itself(first: GapReport) -> None:
+    (air,) = first.causes
+    assert air.effect == "temperature"
     assert air.sizes[0].text.startswith("ISA +")  # the simulator's own air is standard
-    (noise,) = (cause for cause in first.causes if cause.effect == "measurement_noise")
-    assert all(size.text.endswith("where the simulator's reports have none") for size in noise.sizes)
-    assert [size.unit for size in noise.sizes[:2]] == ["ft/min", "kt"]
-    rows = {row.parameter: row for row in noise.on_both_sides}
-    ratios = [rows[size.parameter].flights / rows[size.parameter].simulator for size in noise.sizes]
-    assert ratios == sorted(ratios, reverse=True)
-    assert f"({noise.sizes[0].short})" in str(first)  # the headline quotes what differs most
-    assert "no fault of the flights" in page(first)
-    assert first.details.closure_of_flights is not None
+    lacks = {lack.quantity: lack.size for lack in first.details.lacks}
+    assert lacks["noise_rate"] > 0.5
+    assert lacks["noise_cas"] > 0.2
+    assert "lacks, beside any cause: " in str(first)
+    assert "noise of IAS (x " in page(first)
 
 
-def test_corrected_flights_have_the_noise_that_is_told(folder: Path, first: GapReport) -> None:
-    found = {}
-    for name in ("real.parquet", "gap/corrected.parquet"):
-        frame = read_descents(folder / name).frame
-        found[name] = short_scale_noise(LevelGrid.of_frame(frame, 150, 340, ["IAS", "vertical_rate"]))
-    for quantity in ("noise_cas", "noise_rate"):
-        real, corrected = (float(one[quantity].nanmean()) for one in found.values())
-        assert corrected == pytest.approx(real, abs=0.12)
-
-
-def test_the_loop_judges_the_flights_apart_from_the_noise_of_reports(folder: Path, first: GapReport) -> None:
+def test_a_cause_that_was_added_closes_what_was_predicted(folder: Path, first: GapReport) -> None:
     report = diagnose(
         folder / "real.parquet",
         folder / "quiet_added.parquet",
@@ -93,12 +74,11 @@ def test_the_loop_judges_the_flights_apart_from_the_noise_of_reports(folder: Pat
         previous=folder / "gap" / "gap.json",
     )
     found = report.previous
-    assert found.predicted == first.details.closure_of_flights
+    assert found.predicted == first.causes[0].closure.marginal
     assert found.achieved.estimate == pytest.approx(found.predicted.estimate, abs=0.2)
     assert "less than predicted" not in found.text
     assert "With temperature in the simulator" in found.text
-    assert "The noise of reports is judged apart" in found.text
-    assert "no gap between flights. Nothing is left to add to the flights." in found.text
+    assert "Nothing is left to add." in found.text
 
 
 def test_a_folder_with_the_report_of_other_inputs_is_not_written_over(folder: Path, first: GapReport) -> None:
@@ -130,9 +110,3 @@ def test_flights_are_called_by_their_own_type_and_not_that_of_the_coefficients(f
     report = diagnose(folder / "real.parquet", folder / "quiet.parquet", typecode="B738", catalogue=mass)
     assert "120 real A320 flights" in str(report)
     assert "real B738 flights" not in page(report)
-
-
-def test_why_an_effect_is_not_named_is_told_with_its_sizes() -> None:
-    likelihood = SimpleNamespace(catalogue=EFFECTS, compared=SimpleNamespace(state=gap_toys.state()))
-    told = _refused(likelihood, "measurement_noise", torch.tensor([0.5, 0.02, 0.0, 0.0, 0.0, 0.0]))
-    assert told.startswith("it fits best with sizes that it cannot have: noise of the vertical rate x 1.65")

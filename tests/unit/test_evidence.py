@@ -29,9 +29,9 @@ from descentflow.diagnosis.evidence.linear_gaussian import posterior
 from descentflow.diagnosis.evidence.moments import Moments, moments, shrunk, sums_over_aircraft
 from descentflow.diagnosis.evidence.naming import name_effects
 from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
-from descentflow.diagnosis.evidence_procedure import EvidenceDiagnosis
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.procedure import Diagnosis
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
@@ -253,7 +253,7 @@ def asked(**other: object) -> Settings:
 
 @pytest.mark.parametrize(("name", "theta"), [("temperature", [10.0]), ("drag_polar", [0.15])])
 def test_closure_is_measured_on_simulated_flights_that_have_the_cause(name: str, theta: list[float]) -> None:
-    diagnosis = EvidenceDiagnosis(example_sides(EFFECTS[name], theta, n=200), asked(), "samples")
+    diagnosis = Diagnosis(example_sides(EFFECTS[name], theta, n=200), asked(), "samples")
     report = diagnosis.report({}, pl.DataFrame())
     assert report.verdict == "effect"
     closed = report.causes[0].closure.marginal

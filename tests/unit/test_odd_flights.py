@@ -8,32 +8,28 @@ import torch
 
 from descentflow.diagnosis.findings.costs_found import LevelMeans
 from descentflow.diagnosis.inference.example_sides import example_sides
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
-from descentflow.diagnosis.inference.whitening import whiten
+from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.report.odd_flights import flights_worth_a_look
-from descentflow.effects import EFFECTS
 from descentflow.measurements.quantities import CHANNELS, quantities_of
 
 HAVING = range(1, 80, 4)
 """Real flights (of 80) that have something no effect names."""
 
 
-def likelihood_of_some() -> EffectsLikelihood:
+def some() -> Compared:
     """Twenty of eighty flights come down a quarter faster in three bands."""
     sides = example_sides()
     y = sides.y.clone()
     at = [i for i, e in enumerate(sides.entries) if e.quantity == "rate" and e.band in (4, 5, 6)]
     for flight in HAVING:
         y[80 + flight, at] += 0.25
-    sides = replace(sides, y=y, names=tuple(f"flight-{i}" for i in range(80)))
-    weights = whiten(y, sides.real, sides.airframe, sides.nugget(), sides.of_flight())
-    return EffectsLikelihood(sides, weights, EFFECTS, seed=0)
+    return replace(sides, y=y, names=tuple(f"flight-{i}" for i in range(80)))
 
 
 def test_flights_that_have_what_is_left_come_first() -> None:
-    likelihood = likelihood_of_some()
+    sides = some()
     profile = [LevelMeans(160.0 + 20 * k, 2000.0, 280.0, 380.0) for k in range(11)]
-    found = flights_worth_a_look(likelihood, torch.zeros_like(likelihood.y), profile)
+    found = flights_worth_a_look(sides, sides.y, profile)
     assert len(found) == 10
     assert {one.flight for one in found} <= {f"flight-{i}" for i in HAVING}
     # In the three bands, give or take one by chance, and of the size that was given.
@@ -46,21 +42,20 @@ def test_flights_that_have_what_is_left_come_first() -> None:
 
 
 def test_what_a_cause_explains_is_not_held_against_a_flight() -> None:
-    likelihood = likelihood_of_some()
-    shift = torch.zeros_like(likelihood.y)
-    at = [i for i, e in enumerate(likelihood.compared.entries) if e.quantity == "rate" and e.band in (4, 5, 6)]
+    sides = some()
+    left = sides.y.clone()
+    at = [i for i, e in enumerate(sides.entries) if e.quantity == "rate" and e.band in (4, 5, 6)]
     for flight in HAVING[:10]:
-        shift[80 + flight, at] = 0.25
-    found = flights_worth_a_look(likelihood, shift, [])
+        left[80 + flight, at] -= 0.25
+    found = flights_worth_a_look(sides, left, [])
     # What is left of the mean is an eighth of 0.25, four times what chance gives: hence not all ten.
     assert len({one.flight for one in found} & {f"flight-{i}" for i in HAVING[10:]}) >= 8
     assert len({one.flight for one in found} & {f"flight-{i}" for i in HAVING[:10]}) <= 2
 
 
 def test_without_identifiers_none_is_named() -> None:
-    likelihood = likelihood_of_some()
-    likelihood.compared = replace(likelihood.compared, names=())
-    assert flights_worth_a_look(likelihood, torch.zeros_like(likelihood.y), []) == []
+    sides = some()
+    assert flights_worth_a_look(replace(sides, names=()), sides.y, []) == []
 
 
 def test_identifiers_stay_with_their_flights() -> None:

@@ -1,7 +1,6 @@
 """A gap that is more than chance and does not matter: told so, in units of the trade, and no cause is looked for."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import finding_toys
 import polars as pl
@@ -12,10 +11,7 @@ from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.mode_s_steps import STEPS
 from descentflow.diagnosis.correction.costs import costs_of, profile_of
 from descentflow.diagnosis.diagnosis_settings import Settings
-from descentflow.diagnosis.findings.gap_found import GapCell
 from descentflow.diagnosis.inference.example_sides import example_sides
-from descentflow.diagnosis.inference.inclusion import WeightedSet
-from descentflow.diagnosis.inference.search import fit_effects
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.where import where
 from descentflow.diagnosis.practical_size import below_rounding, rounding_of
@@ -100,22 +96,3 @@ def test_the_page_of_a_small_gap_says_so() -> None:
         "house_simulator.parquet and the 400 real A20N flights differ measurably (p = 0.001), but everywhere by less "
         "than the rounding of one flight's reports leaves open (most: calibrated airspeed 0.1 kt of 0.3 kt)."
     )
-
-
-@pytest.mark.parametrize(
-    ("nothing", "p_value", "verdict"), [(0.99, 0.4, "none"), (0.99, 0.01, "unknown"), (0.5, 0.4, "unknown")]
-)
-def test_what_neither_an_effect_nor_a_cell_shows_is_no_gap(nothing: float, p_value: float, verdict: str) -> None:
-    """The null test asks for differences beyond chance alone, however small: what they are must show somewhere."""
-    sets = (WeightedSet((), False, nothing), WeightedSet((), True, 1 - nothing))
-    chosen = SimpleNamespace(sets=sets, fit=SimpleNamespace(effects=()))
-    cell = GapCell("tas", 150.0, 195.0, "below", "all", 0.001, 0.001, "relative", 0.0, p_value, 0.0)
-    assert Diagnosis.verdict(SimpleNamespace(source="flights"), 0.003, chosen, [cell]) == verdict
-
-
-@pytest.mark.parametrize(("named", "leaves_most"), [("temperature", False), ("level_off", True)])
-def test_what_closes_less_than_half_of_a_gap_is_not_its_cause(named: str, leaves_most: bool) -> None:
-    sides = example_sides(EFFECTS["temperature"], [10.0])
-    diagnosis = Diagnosis(sides, Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, str), "training flights")
-    fit = fit_effects(diagnosis.likelihood, [named])
-    assert diagnosis._leaves_most(fit, sides.of("tas")) == leaves_most

@@ -57,7 +57,8 @@ def corrected_entries(compared: Compared, correction: Correction) -> Tensor:
     moved["cas"] = flown["cas"] + reported["cas"]
     moved["tas"] = flown["tas"] + reported["tas"]
     moved["lag"], moved["mismatch"] = reported["rate"], reported["cas"]
-    moved["wind"], moved["height"] = state.centred(flown["wind"]), state.centred(flown["height"])
+    for name in ("wind", "height"):
+        moved[name] = state.centred(flown[name] + reported[name])
     moved |= {name: value for name, value in reported.items() if name not in moved}
     for i, entry in enumerate(compared.entries):
         if entry.quantity in moved:

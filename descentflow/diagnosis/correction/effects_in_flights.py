@@ -262,6 +262,8 @@ def _reported(grid: LevelGrid, change: dict[str, Tensor], seed: int) -> LevelGri
     values["IAS"] = values["IAS"] + change["cas"]
     if "TAS" in values:
         values["TAS"] = values["TAS"] * change["tas"].exp()
+    if "geoaltitude" in values:
+        values["geoaltitude"] = values["geoaltitude"] + change["height"] / FT_M
     noise = {name.removeprefix(NOISE): value for name, value in change.items() if name.startswith(NOISE)}
     return with_noise(replace(grid, values=values), noise, seed)
 

@@ -53,8 +53,9 @@ def measured_gap(compared: Compared, chosen: Tensor, seed: int, spreads: Tensor 
     """
     at = torch.nonzero(chosen)[:, 0]
     part = compared.only(at)
-    y, real, counts, scale = part.y, part.real, part.counts(), (part.scale if spreads is None else spreads[at])
+    y, real, scale = part.y, part.real, (part.scale if spreads is None else spreads[at])
     everything = torch.ones(len(at), dtype=torch.bool)
+    counts = everything  # differences of means, as closure is measured
     apart = distances(y, real, scale, counts)
     floor = noise_floor(y, real, list(labellings_of(part, REPLICATES, seed))[1:], scale, counts)
     drawn = [

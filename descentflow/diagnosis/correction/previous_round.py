@@ -11,12 +11,9 @@ from descentflow.diagnosis.findings.inputs_found import Provenance
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.findings.read_gap import read_gap
 from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.effects import EFFECTS
 
 NINETY = 1.645
 """Standard errors on either side of a 90 % interval."""
-OF_NOISE = "The noise of reports is judged apart, for it is no part of the flights."
-"""What is said where noise was one of the causes."""
 MIN_SHARE = 0.5
 """Of the earlier round's entries that must be measured again: of fewer, the two gaps are not of the same."""
 MIN_EXCESS = 1.02
@@ -120,10 +117,8 @@ def held_against(previous: Findings, name: str, compared: Compared, now: Finding
         )
     before, floor = mean_of(kept)
     predicted = previous.causes[0].closure.marginal if previous.causes else ClosedShare(None, None, None)
-    predicted = previous.details.closure_of_flights or predicted
     achieved = _achieved(before, floor, previous.details.gap_error or 0.0, gap.gap, gap.floor, gap.error)
-    noise = [OF_NOISE] if previous.details.closure_of_flights is not None else []
-    text = " ".join([_judged(previous, predicted, achieved), *noise, _remains(now), _next(previous, now)])
+    text = " ".join([_judged(previous, predicted, achieved), _remains(now), _next(previous, now)])
     names = [cause.effect for cause in previous.causes]
     return Previous(name, names, predicted, achieved, before, gap.gap, text)
 
@@ -139,9 +134,7 @@ def _achieved(before: float, floor: float, error: float, now: float, floor_now: 
 
 
 def _judged(previous: Findings, predicted: ClosedShare, achieved: ClosedShare) -> str:
-    apart = previous.details.closure_of_flights is not None
-    kept = [cause for cause in previous.causes if not (apart and _is_noise(cause))] or previous.causes
-    names = " and ".join(cause.label or cause.effect for cause in kept)
+    names = " and ".join(cause.label or cause.effect for cause in previous.causes)
     if achieved.estimate is None:
         return "There was no gap to close."
     if predicted.estimate is None:
@@ -155,20 +148,9 @@ def _judged(previous: Findings, predicted: ClosedShare, achieved: ClosedShare) -
     return f"{told}: more than predicted." if achieved.low > high else f"{told}: as predicted."
 
 
-def _is_noise(cause: Cause) -> bool:
-    effect = EFFECTS.get(cause.effect)
-    return effect is not None and effect.is_noise
-
-
-def _is_noise_alone(now: Findings) -> bool:
-    return now.verdict == "effect" and bool(now.causes) and all(_is_noise(cause) for cause in now.causes)
-
-
 def _remains(now: Findings) -> str:
     if now.verdict == "none":
         return f"What remains is what {'rounding' if now.is_small else 'chance'} would show."
-    if _is_noise_alone(now):
-        return "What remains is how noisy reports are, and no gap between flights."
     left = f"A gap remains (p = {now.p_value:.2g})"
     if not now.causes:
         return f"{left}, of no named cause."
@@ -181,8 +163,6 @@ def _next(previous: Findings, now: Findings) -> str:
         return "Nothing is left to add."
     if not now.causes:
         return "Next: look at the levels and flights where it lies; the cause is not in the catalogue."
-    if _is_noise_alone(now):
-        return "Nothing is left to add to the flights."
     earlier = {cause.effect: cause for cause in previous.causes}
     return " ".join(_step(cause, step.text, earlier) for cause, step in zip(now.causes, now.recipe, strict=True))
 

@@ -4,12 +4,9 @@ from collections.abc import Mapping, Sequence
 
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.correction_found import RecipeNumber, RecipeStep
-from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect
 
-MIN_SPREAD = 0.1
-"""Spread of a size between flights, in its mean, from which the recipe tells it."""
 WINDOW = ("low_fl", "high_fl")
 """Parameters that bound the levels where an effect is."""
 
@@ -59,7 +56,4 @@ def _step(cause: Cause, effect: Effect, levels_fl: tuple[float, float]) -> Recip
         text = f"{cause.label or cause.effect} {text}"
     place = f"FL{low:.0f} to FL{high:.0f}"
     some = "" if cause.share_of_flights is None else f", {cause.in_flights()}"
-    spread = cause.heterogeneity.spread_of_shares
-    if cause.share_of_flights is None and spread >= MIN_SPREAD:
-        some = f", with a spread of {percent(spread)} of that between flights"
     return RecipeStep(cause.effect, f"{text}, {place}{some}", numbers, share)

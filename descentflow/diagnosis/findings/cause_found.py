@@ -28,21 +28,14 @@ class ClosedShare:
 
 @dataclass(frozen=True)
 class Closure:
-    """How much of the gap the causes together close, judged in three ways.
-
-    Attributes:
-        marginal: In the distributions of what is compared.
-        conditional: In the mean at each flight's own speed.
-        transfer: The same with parameters learnt from slow flights and tried on fast ones, and the other way about.
+    """How much of the gap all causes together close, measured on the simulator's flights with the causes in them.
 
     Example:
-        >>> print(Closure(*[ClosedShare(0.8, 0.7, 0.9)] * 3).marginal)
+        >>> print(Closure(ClosedShare(0.8, 0.7, 0.9)).marginal)
         80 % (70 % to 90 %)
     """
 
     marginal: ClosedShare
-    conditional: ClosedShare
-    transfer: ClosedShare
 
 
 @dataclass(frozen=True)
@@ -121,51 +114,6 @@ class OnBothSides:
 
 
 @dataclass(frozen=True)
-class ScoreGain:
-    """Gain in held-out log score over the same effects without this one, with its 90 % interval.
-
-    Example:
-        >>> ScoreGain(210.0, 180.0, 240.0).unit
-        'nats'
-    """
-
-    estimate: float
-    low: float
-    high: float
-    unit: str = "nats"
-
-
-@dataclass(frozen=True)
-class Heterogeneity:
-    """How an effect differs between flights.
-
-    Attributes:
-        kind: The law that the effect claims.
-        spread_of_shares: Standard deviation between flights of what each shows of the effect's shape, with mean one.
-
-    Example:
-        >>> Heterogeneity("window mixture", spread_of_shares=0.9).kind
-        'window mixture'
-    """
-
-    kind: str
-    spread_of_shares: float
-
-
-@dataclass(frozen=True)
-class RivalClosure:
-    """Share of the gap that another effect would close, fitted alone in the place of the causes.
-
-    Example:
-        >>> RivalClosure("mass", closure=0.3).closure
-        0.3
-    """
-
-    effect: str
-    closure: float | None
-
-
-@dataclass(frozen=True)
 class Cause:
     """An effect that is named.
 
@@ -174,10 +122,8 @@ class Cause:
         group: Effects that these data cannot tell from it.
         probability: Probability that it itself is among the causes.
         parameters: Estimates by name.
-        score_gain: What its presence gains on flights that it was not fitted to.
-        heterogeneity: How it differs between flights.
+        evidence_nats: What its presence gains in the logarithm of the evidence.
         closure: How much of the gap all causes together close.
-        rivals: What every other effect would close.
         inherited: Whether the simulator's own flights have it as well.
         label: Its name for readers.
         text: What it is in words, with the direction that was found.
@@ -203,10 +149,8 @@ class Cause:
     group: list[str]
     probability: float
     parameters: dict[str, ParameterEstimate]
-    score_gain: ScoreGain
-    heterogeneity: Heterogeneity = field(metadata={"json": "law"})
+    evidence_nats: float
     closure: Closure
-    rivals: list[RivalClosure]
     inherited: bool = False
     label: str = ""
     text: str = ""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare
+from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep, Score
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell, Lack, Remaining, Stage, WouldSplit
@@ -23,69 +23,43 @@ SIGNIFICANT = 0.02
 
 
 @dataclass(frozen=True)
-class NullTest:
-    """Whether there is a gap at all.
-
-    Attributes:
-        p_value: Probability of a gap as large as this between flights of one population.
-        by_effect: How far the best sensitivity stands out, in null spreads.
-        by_discrepancy: The same of a free discrepancy.
-        n_permutations: Permutations behind them.
-        by_window: How far the best of the windows stands out in which an effect may lie.
-        by_cell: The same of the cells of quantity and altitude.
-
-    Example:
-        >>> NullTest(p_value=1 / 2000, by_effect=41.0, by_discrepancy=25.0, n_permutations=1999).n_permutations
-        1999
-    """
-
-    p_value: float
-    by_effect: float
-    by_discrepancy: float
-    n_permutations: int
-    by_window: float = 0.0
-    by_cell: float = 0.0
-
-
-@dataclass(frozen=True)
 class Discrepancy:
-    """What a shift of no particular cause explains beyond the named effects.
+    """What an unknown cause explains beyond the named effects.
 
     Attributes:
-        explained: Nats of held-out log score that the named effects gain.
-        rest: Nats that a free discrepancy gains beside them.
-        rest_error: Its standard error.
-        share_explained: Of what both explain together.
-        named: Whether the rest is so large that the cause lies outside the catalogue.
+        explained: Nats of evidence that the named effects gain.
+        rest: Nats that an unknown cause gains beside them.
+        probability: Of an unknown cause.
 
     Example:
         >>> from descentflow.diagnosis.findings.plain_values import primitives
-        >>> list(primitives(Discrepancy(300.0, 12.0, 9.0, 0.96, False)))[:2]
+        >>> list(primitives(Discrepancy(300.0, 12.0, 0.04)))[:2]
         ['explained_nats', 'rest_nats']
     """
 
     explained: float = field(metadata={"json": "explained_nats"})
     rest: float = field(metadata={"json": "rest_nats"})
-    rest_error: float = field(metadata={"json": "rest_error_nats"})
-    share_explained: float
-    named: bool
+    probability: float
+
+    @property
+    def named(self) -> bool:
+        """Whether there is probably one."""
+        return self.probability > 0.5
 
 
 @dataclass(frozen=True)
 class SingleEffect:
-    """An effect of the catalogue fitted alone: gain in held-out log score (nats), its error, and the parameters.
+    """An effect of the catalogue alone: its gain in evidence (nats) over no effect, and the parameters.
 
-    ``refused`` says why it cannot be named with these parameters, such as ``idle thrust x 0.00 is the limit of what is
-    possible``; empty where it can.
+    ``refused`` says why it cannot be named with these parameters; empty where it can.
 
     Example:
-        >>> SingleEffect("drag_polar", score_gain=210.0, error=15.0, parameters={"relative_change": 0.12}).score_gain
+        >>> SingleEffect("drag_polar", gain_nats=210.0, parameters={"relative_change": 0.12}).gain_nats
         210.0
     """
 
     effect: str
-    score_gain: float
-    error: float
+    gain_nats: float
     parameters: dict[str, float]
     refused: str = ""
 
@@ -120,7 +94,7 @@ class Details:
         quantities: Names of what is compared.
         transition_fl: Flight level at which nominal BADA hands over from Mach to CAS.
         mass_kg: Mass at which sensitivities are taken.
-        test: Whether there is a gap.
+        n_permutations: Behind the p-value.
         discrepancy: What the named effects leave.
         singles: Every effect alone, best first.
         curves: By quantity.
@@ -131,10 +105,6 @@ class Details:
         profile: What the simulator flies on average by level.
         measured_over: What the gap was measured over, for the next round.
         gap_error: Standard error of the gap before the causes, in spreads.
-        closure_of_flights: Where noise of reports is a cause: how much of the gap in all else the causes close, for the
-            next round judges the flights, and the noise of their reports apart.
-        narrow_simulator: Whether the simulator's flights scatter so much less than the real ones that how flights
-            differ was learnt from these.
         lacks: What the simulator's flights lack beside any cause: noise of reports, level-offs.
 
     Example:
@@ -153,7 +123,7 @@ class Details:
     quantities: list[str]
     transition_fl: float
     mass_kg: float
-    test: NullTest
+    n_permutations: int
     discrepancy: Discrepancy
     singles: list[SingleEffect] = field(metadata={"json": "contest"})
     curves: dict[str, Curve]
@@ -164,8 +134,6 @@ class Details:
     profile: list[LevelMeans] = field(default_factory=list)
     measured_over: list[MeasuredEntry] = field(default_factory=list)
     gap_error: float | None = None
-    closure_of_flights: ClosedShare | None = None
-    narrow_simulator: bool = False
     lacks: list[Lack] = field(default_factory=list)
 
     def label(self, effect: str) -> str:

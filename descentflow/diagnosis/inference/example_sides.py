@@ -5,10 +5,8 @@ from dataclasses import replace
 
 import torch
 
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
-from descentflow.diagnosis.inference.whitening import whiten
-from descentflow.effects import EFFECTS, Effect
+from descentflow.effects import Effect
 from descentflow.effects.example_flights import example_flights
 from descentflow.measurements.quantity_registry import QUANTITIES
 
@@ -48,23 +46,3 @@ def example_sides(effect: Effect | None = None, theta: Sequence[float] = (), n: 
         return compared
     shift = compared.vector(effect.shift(state, torch.tensor(theta, dtype=torch.float64)))
     return replace(compared, y=y + torch.where(real[:, None], shift, 0.0))
-
-
-def example_likelihood(effect: Effect | None = None, theta: Sequence[float] = (), n: int = 80) -> EffectsLikelihood:
-    """The likelihood of the package's effects, and of the one in the real flights, for :func:`example_sides`.
-
-    Args:
-        effect: Of the real flights; none if absent.
-        theta: Its parameters.
-        n: Flights of each side.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.search import fit_effects
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> fit_effects(likelihood, ["temperature"]).theta["temperature"].round()
-        tensor([10.], dtype=torch.float64)
-    """
-    compared = example_sides(effect, theta, n)
-    catalogue = EFFECTS if effect is None else {**EFFECTS, effect.name: effect}
-    weights = whiten(compared.y, compared.real, compared.airframe, compared.nugget(), compared.of_flight())
-    return EffectsLikelihood(compared, weights, catalogue, seed=0)

@@ -55,11 +55,7 @@ def _causes(found: Findings) -> Html:
 def _closure(found: Findings) -> Html:
     closure = found.causes[0].closure
     all_of = "All together close" if len(found.causes) > 1 else "It closes"
-    text = (
-        f"{all_of} {closure.marginal} of the gap in the distributions of all that is compared, {closure.conditional} "
-        f"at each flight's own speed, and {closure.transfer} where learnt from slow flights and tried on fast ones and "
-        "back."
-    )
+    text = f"{all_of} {closure.marginal} of the gap in the means, measured on the simulator's flights with the causes."
     note = " A wrong effect can close much of a gap too: that a gap closes does not prove the cause."
     return paragraph(text, note)
 
@@ -70,14 +66,14 @@ def _alone(found: Findings) -> Html:
     chosen = [cause.effect for cause in found.causes]
     group = [name for cause in found.causes for name in cause.group]
     label = found.details.label
-    best = [s for s in found.details.singles if s.score_gain > 2 * s.error][:3]
+    best = [s for s in found.details.singles if s.gain_nats > 0][:3]
     alt = "No effect alone explains flights better than none."
     if best:
-        alt = f"Alone, {spoken([label(s.effect) for s in best])} explain held-out flights best, in this order"
+        alt = f"Alone, {spoken([label(s.effect) for s in best])} explain the means best, in this order"
         alt += f"; named: {spoken([label(name) for name in chosen])}." if chosen else "; none is named."
     caption = (
-        "Every effect of the catalogue fitted alone, judged by flights that it was not fitted to; the broad line is "
-        "two standard errors. Together with the others an effect may gain more or less."
+        "Every effect of the catalogue alone, by its evidence over no effect. Beside others an effect may gain more "
+        "or less."
     )
     return drawn_for_both(
         lambda narrow: singles_figure(found.details.singles, chosen, group, label, narrow=narrow),
@@ -88,26 +84,19 @@ def _alone(found: Findings) -> Html:
 def _refused(found: Findings) -> list[Html]:
     """Effects that would explain flights, and cannot be what they say."""
     told = [
-        f"{found.details.label(s.effect)} ({s.refused})"
-        for s in found.details.singles
-        if s.refused and s.score_gain > 2 * s.error
+        f"{found.details.label(s.effect)} ({s.refused})" for s in found.details.singles if s.refused and s.gain_nats > 0
     ]
     if not told:
         return []
     return [
         paragraph(
-            f"Would explain held-out flights alone, but not as what it is, so it is not named: {'; '.join(told)}."
+            f"Would explain the means alone, with sizes that it cannot have, and is not named: {'; '.join(told)}."
         )
     ]
 
 
 def _others(found: Findings) -> list[Html]:
     parts = []
-    if found.causes:
-        rows = [
-            [found.details.label(r.effect), percent(r.closure)] for r in found.causes[0].rivals if r.closure is not None
-        ]
-        parts.append(details("What other effects would close in their place", table(["effect", "closes"], rows)))
     if found.details.subsets:
         rows = [
             [spoken([found.details.label(name) for name in s.effects]) or "none", percent(s.weight)]

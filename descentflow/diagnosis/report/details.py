@@ -2,88 +2,15 @@
 
 from torch import Tensor
 
-from descentflow.diagnosis.findings.costs_found import Measured
-from descentflow.diagnosis.findings.findings import Curve, Discrepancy, SingleEffect
+from descentflow.diagnosis.findings.findings import Curve
 from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining
-from descentflow.diagnosis.findings.selection_found import Subset
-from descentflow.diagnosis.inference.likelihood import EffectsLikelihood
-from descentflow.diagnosis.inference.selection import Chosen, Outside
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.where import strongest_block
-from descentflow.diagnosis.report.sizes import told_text
-from descentflow.effects import UNKNOWN
-from descentflow.effects.effect import NONE
 
 BOUND = 1e-6
 """How near an estimate is to a bound that it was driven to."""
 SHOWN = 10
 """Sets of effects that are written down."""
-
-
-def discrepancy_of(outside: Outside) -> Discrepancy:
-    """What a shift of no particular cause explains beyond the named effects.
-
-    Example:
-        >>> discrepancy_of(Outside(explained=300.0, rest=100.0, error=20.0, named=True)).share_explained
-        0.75
-    """
-    return Discrepancy(outside.explained, outside.rest, outside.error, outside.share_explained, outside.named)
-
-
-def singles_of(likelihood: EffectsLikelihood, chosen: Chosen) -> list[SingleEffect]:
-    """Every effect of the catalogue alone, best first.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
-        >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-        >>> columns = discrepancy_columns(likelihood.compared)
-        >>> from descentflow.diagnosis.inference.selection import select
-        >>> singles_of(likelihood, select(likelihood, columns, lambda stage: None))[0].effect
-        'temperature'
-    """
-    found = []
-    for name, c in sorted(chosen.singles.items(), key=lambda item: -item[1].gain):
-        parameters = likelihood.catalogue[name].parameters
-        theta = {p.name: float(v) for p, v in zip(parameters, c.fit.theta[name], strict=True)}
-        found.append(SingleEffect(name, c.gain, c.error, theta, _refused(likelihood, name, c.fit.theta[name])))
-    return found
-
-
-def _refused(likelihood: EffectsLikelihood, name: str, theta: Tensor) -> str:
-    """Why parameters cannot be what the effect says; empty where they can."""
-    effect = likelihood.catalogue[name]
-    if effect.plausible(likelihood.compared.state, theta):
-        return ""
-    for p, value in zip(effect.parameters, theta.tolist(), strict=True):
-        at_bound = value != 0.0 and not p.low + BOUND < value < p.high - BOUND
-        if at_bound and not p.from_heterogeneity and not p.by_product:
-            return f"{told_text(p, Measured(p.told(value)))} is the limit of what is possible"
-    told = [
-        (told_text(p, Measured(p.told(value))), abs(value) < NONE * p.scale)
-        for p, value in zip(effect.parameters, theta.tolist(), strict=True)
-        if value != 0.0 and not p.by_product and not p.is_spread
-    ]
-    # What is next to none is no reason.
-    sizes = [text for text, none in told if not none] or [text for text, _ in told]
-    return f"it fits best with sizes that it cannot have: {', '.join(sizes)}"
-
-
-def subsets_of(chosen: Chosen) -> list[Subset]:
-    """The heaviest sets of effects with their weights, ``unknown`` where a shift without a cause is beside them.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_likelihood
-        >>> from descentflow.effects import EFFECTS
-        >>> likelihood = example_likelihood(EFFECTS["temperature"], [10.0])
-        >>> from descentflow.diagnosis.inference.discrepancy import discrepancy_columns
-        >>> columns = discrepancy_columns(likelihood.compared)
-        >>> from descentflow.diagnosis.inference.selection import select
-        >>> subsets_of(select(likelihood, columns, lambda stage: None))[0].effects
-        ['temperature']
-    """
-    return [Subset([*one.effects, *([UNKNOWN] if one.discrepancy else [])], one.weight) for one in chosen.sets[:SHOWN]]
 
 
 def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained: float) -> Remaining:

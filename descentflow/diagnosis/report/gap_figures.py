@@ -187,7 +187,7 @@ def singles_figure(
     *,
     narrow: bool = False,
 ) -> Figure:
-    """Held-out gain of every effect alone, with two standard errors.
+    """Evidence of every effect alone over no effect.
 
     Args:
         singles: Best first.
@@ -197,7 +197,7 @@ def singles_figure(
         narrow: Less room for names.
 
     Example:
-        >>> singles = [SingleEffect("drag_polar", 210.0, 15.0, {}), SingleEffect("mass", 190.0, 15.0, {})]
+        >>> singles = [SingleEffect("drag_polar", 210.0, {}), SingleEffect("mass", 190.0, {})]
         >>> singles_figure(singles, ["drag_polar"], ["mass"], str.upper).savefig("singles.png")
     """
     rows = list(reversed(singles))
@@ -212,21 +212,18 @@ def singles_figure(
     for kind, (colour, marker, mine) in kinds.items():
         for y in np.flatnonzero(mine).tolist():
             row = rows[y]
-            gain = max(row.score_gain, 0.0)
+            gain = max(row.gain_nats, 0.0)
             ax.plot([0, gain], [y, y], color=colour, linewidth=1.2)
-            ax.plot(
-                [max(gain - 2 * row.error, 0.0), gain + 2 * row.error], [y, y], color=colour, linewidth=4, alpha=0.35
-            )
             (point,) = ax.plot([gain], [y], marker, color=colour, markersize=7, linestyle="none", label=kind)
-            with_tip(point, f"{label(row.effect)} alone ({kind}): {row.score_gain:.0f} +- {2 * row.error:.0f}")
+            with_tip(point, f"{label(row.effect)} alone ({kind}): {row.gain_nats:.0f}")
     if not rows:
         say_why_empty(ax, "No effect was tried.")
     ax.set_yticks(range(len(rows)), [fill(label(r.effect), 18 if narrow else 40) for r in rows])
-    about = "log score gained on flights that it was not fitted to (natural logarithm)"
+    about = "evidence over no effect (natural logarithm)"
     ax.set_xlabel(fill(about, 36 if narrow else 90), fontsize=SMALL)
     ax.set_xscale("symlog", linthresh=10)
     ax.xaxis.set_major_formatter("{x:,.0f}")
-    ax.set_xlim(0, 1.6 * max([20.0, *(r.score_gain + 2 * r.error for r in rows)]))
+    ax.set_xlim(0, 1.6 * max([20.0, *(r.gain_nats for r in rows)]))
     tidy([ax])
     legend_below(figure, [ax], 1 if narrow else 3)
     return figure

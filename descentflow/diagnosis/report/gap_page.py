@@ -176,12 +176,11 @@ def _numbers(found: Findings) -> list[Html]:
     """What specialists ask for."""
     d, rest = found.details, found.details.discrepancy
     text = (
-        f"p-value {found.p_value:.2g} from {d.test.n_permutations:,} permutations of whole aircraft. Log score on "
-        f"held-out flights, in natural logarithms: the named causes gain {rest.explained:.0f}, and a shift of any "
-        f"shape beside them {max(rest.rest, 0.0):.0f} +- {rest.rest_error:.0f}. In standard deviations between "
-        f"flights, over all that differs: gap {found.gap_before:.3f}, with the causes {found.gap_after:.3f}, noise "
-        f"floor {found.floor:.3f}. Sensitivities at a mass of {d.mass_kg:,.0f} kg; transition at "
-        f"FL{d.transition_fl:.0f}."
+        f"p-value {found.p_value:.2g} from {d.n_permutations:,} permutations of whole aircraft. Logarithm of the "
+        f"evidence: the named causes gain {rest.explained:.0f}, an unknown cause beside them {rest.rest:.0f}. Means "
+        f"of what differs, in standard deviations between flights: gap {found.gap_before:.3f}, with the causes "
+        f"{found.gap_after:.3f}, noise floor {found.floor:.3f}. Sensitivities at a mass of {d.mass_kg:,.0f} kg; "
+        f"transition at FL{d.transition_fl:.0f}."
     )
     parts = [paragraph(text)]
     if found.causes:

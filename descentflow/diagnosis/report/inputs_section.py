@@ -25,14 +25,6 @@ def inputs_section(found: Findings) -> list[Html]:
     """
     d = found.details
     parts = [paragraph(f"Normal is {NORMAL.get(d.normal_from, d.normal_from)}. Seed {d.seed}.")]
-    if d.narrow_simulator:
-        parts.append(
-            paragraph(
-                "The simulator's flights differ from each other far less than real ones do: how widely flights differ "
-                "was learnt from the real ones. Sizes of causes take flights to differ as these do, and each other "
-                "cause that the simulator leaves out pulls them a little: enter one, fly again, and diagnose again."
-            )
-        )
     made = found.provenance
     if made is not None:
         head = ["side", "name", "what it is", "flights", "aircraft", "days", "types", "descentflow"]

@@ -193,7 +193,7 @@ class Diagnosis:
     def _verdict(self, found: Explanation, cells: list[GapCell], p_value: float) -> tuple[Verdict, list[BelowRounding]]:
         """What the weights say, unless chance or the rounding of one report explains it."""
         compared = self.compared
-        if found.verdict == "none" or p_value > SIGNIFICANT:
+        if p_value > SIGNIFICANT:
             return "none", []
         small = below_rounding(compared, cells, costs_of(compared, None, self.settings.seed), profile_of(compared))
         return ("none" if small else found.verdict), small

@@ -33,7 +33,6 @@ class DragPolar(Effect):
             symbol="CD0",
         ),
     )
-    heterogeneity = "gaussian"
     misfit_of_rate = 0.1
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:

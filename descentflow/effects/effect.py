@@ -13,12 +13,8 @@ from descentflow.core.units import FT_M, KT_MPS
 from descentflow.effects.flight_state import FlightState
 from descentflow.effects.scale_group import ScaleGroup
 
-Heterogeneity = Literal["constant", "gaussian", "window mixture", "measured covariate"]
-"""How an effect differs between flights: not at all, by a normal law, in a share of them, or by what they report."""
 NONE = 0.1
 """Share of a size that matters up to which flights count as having none of an effect."""
-STEP = 1e-4
-"""Of differences, in sizes of a parameter that matter."""
 AT_BOUND = 1e-6
 """An estimate that is so near to a bound is at it: it was driven there and stopped."""
 Shift = Mapping[str, Tensor]
@@ -46,7 +42,7 @@ class Parameter:
         scale: A size that matters: steps and practical size are measured in it.
         start: Where a fit starts.
         inexact: Standard error that comes on top of the data's: how well the equations of the effect place it.
-        from_heterogeneity: Set by :meth:`Effect.learn_heterogeneity` from how flights differ, not by their mean.
+        from_heterogeneity: Known by how flights differ, not by their mean.
         is_spread: A spread between flights that have the effect, zero where it is alike in all of them.
         by_product: What the effect does to reports of itself: told with its size, and nothing to enter in a simulator.
         label: What readers call it; the name with spaces if empty.
@@ -123,8 +119,8 @@ class Effect(ABC):
     """A physical or operational cause: all that the package knows of it stands in its class, in a file of its own.
 
     A subclass needs a ``name``, ``parameters`` and :meth:`shift`; everything else has a default. Quantities that may
-    shift: :data:`descentflow.measurements.quantity_registry.QUANTITIES`. A diagnosis runs in torch's inference mode: a
-    :meth:`sensitivity` of your own cannot be autograd's.
+    shift: :data:`descentflow.measurements.quantity_registry.QUANTITIES`. A diagnosis runs in torch's inference mode:
+    autograd is off.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -154,8 +150,6 @@ class Effect(ABC):
     """The same against a simulator whose own flights have some of it, where ``directions`` speak of none."""
     scale_group: ClassVar[ScaleGroup | None] = None
     """Effects of which only ratios can be observed, this one among them."""
-    heterogeneity: ClassVar[Heterogeneity] = "constant"
-    """How it differs between flights."""
     needs: ClassVar[tuple[str, ...]] = ()
     """Channels without which it shows nowhere."""
     splits: ClassVar[tuple[str, ...]] = ()
@@ -255,30 +249,8 @@ class Effect(ABC):
         return None
 
     def start(self) -> Tensor:
-        """Parameters (k,) from which a fit starts, and where sensitivities are taken."""
+        """Parameters (k,) from which a fit starts."""
         return torch.tensor([p.start for p in self.parameters], dtype=torch.float64)
-
-    def sensitivity(self, state: FlightState, theta: Tensor) -> dict[str, Tensor]:
-        """Jacobian of the shift: quantity -> (n, K, k) or (n, k), by central differences.
-
-        They need two plain evaluations a parameter, which is several times cheaper here than dual numbers, ask nothing
-        of an effect but its shift, and are good to some 1e-8: steps of 1e-4 of a size that matters.
-
-        Args:
-            state: The flights.
-            theta: Where it is taken.
-        """
-        columns: list[dict[str, Tensor]] = []
-        for i, parameter in enumerate(self.parameters):
-            step = torch.zeros_like(theta)
-            step[i] = STEP * parameter.scale
-            # Within the bounds, outside which a shift need not be defined.
-            above, below = self.clamp(theta + step), self.clamp(theta - step)
-            up, down = self.shift(state, above), self.shift(state, below)
-            width = float(above[i] - below[i])
-            scale = 0.0 if parameter.from_heterogeneity or width == 0.0 else 1.0 / width
-            columns.append({quantity: (up[quantity] - down[quantity]) * scale for quantity in up})
-        return {quantity: torch.stack([column[quantity] for column in columns], -1) for quantity in columns[0]}
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """True where parameters can be real: an estimate driven to a bound other than zero cannot.
@@ -303,16 +275,6 @@ class Effect(ABC):
         One where all have it alike, or where the parameters do not say how many have it.
         """
         return 1.0, theta
-
-    def learn_heterogeneity(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
-        """Parameters with those set that say how flights differ, from the rates themselves.
-
-        Args:
-            state: Real flights.
-            theta: Parameters so far.
-            excess: (n, K) ln rate of each flight beyond what is normal and what other effects explain; NaN if not seen.
-        """
-        return theta
 
     def clamp(self, theta: Tensor) -> Tensor:
         """Parameters within their physical bounds.

@@ -108,39 +108,6 @@ class Learnt:
         return mean, max(float(self.squared.sum()) / max(total, 1e-9) - mean**2, 0.0) ** 0.5
 
 
-@dataclass(frozen=True)
-class LeftBehind:
-    """Residual of an effect in a few flights one by one, by hypothesis, with its likelihood and size.
-
-    Example:
-        >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.effects.example_flights import example_flights
-        >>> left = EFFECTS["vertical_speed_mode"].left_behind(example_flights())  # a rate held in some window
-        >>> left.ways.slots[0], bool((left.ways.shape < 0).all())  # where the flight is slower
-        (('rate', 0), True)
-    """
-
-    ways: Ways
-    mean: float
-    spread: float
-
-
-class LeavesBehind(Effect):
-    """An effect that is known by what all flights have of it in the mean, and leaves more than that in a few of them.
-
-    Those few are too few to learn a law from. They are enough, though, to pass for a law of another effect.
-
-    Example:
-        >>> from descentflow.effects import EFFECTS
-        >>> [name for name, effect in EFFECTS.items() if isinstance(effect, LeavesBehind)]
-        ['vertical_speed_mode']
-    """
-
-    @abstractmethod
-    def left_behind(self, state: FlightState) -> LeftBehind:
-        """Residual in a few of the flights."""
-
-
 class DiffersByFlight(Effect):
     """An effect that some flights have, each in its own way and size, and others have not.
 
@@ -200,7 +167,3 @@ class DiffersByFlight(Effect):
     def is_law(self, theta: Tensor) -> bool:
         """True where flights differ in the effect: some spread is not zero."""
         return any(p.is_spread and value > 0 for p, value in zip(self.parameters, theta.tolist(), strict=True))
-
-    @abstractmethod
-    def own_numbers(self, state: FlightState, theta: Tensor, taken: Tensor, size: Tensor) -> dict[str, Tensor]:
-        """Values of each flight (n,) by name, from the probability (n, W) and size (n, W) of its hypotheses."""

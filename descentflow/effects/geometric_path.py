@@ -35,7 +35,6 @@ class GeometricPath(DiffersByFlight):
         Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
         spread_of("spread_shallower", 0.25, "1", 0.02, "spread of that between flights on a path", "percent"),
     )
-    heterogeneity = "window mixture"
     splits = ("groundspeed",)
     holds_rate = True
     own_draws = 1
@@ -83,10 +82,6 @@ class GeometricPath(DiffersByFlight):
         """A path of each flight's own."""
         shallower = positive_size(uniform[:, 0], theta[1], theta[2])[:, None]
         return FlightChange(flown={"rate": _to_the_shallowest(state, state.beyond_polar) - shallower})
-
-    def own_numbers(self, state: FlightState, theta: Tensor, taken: Tensor, size: Tensor) -> dict[str, Tensor]:
-        """Decrease of each flight's path angle."""
-        return {"shallower": (taken * size).sum(1)}
 
 
 def _to_the_shallowest(state: FlightState, beyond: Tensor | float) -> Tensor:

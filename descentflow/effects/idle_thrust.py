@@ -37,7 +37,6 @@ class IdleThrust(Effect):
             symbol="idle thrust",
         ),
     )
-    heterogeneity = "gaussian"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation."""

@@ -24,7 +24,6 @@ class LevelOff(Effect):
         Parameter("time_level_s", -120.0, 600.0, "s per flight", 10.0, label="time in level-offs"),
         Parameter("gaps", -1.0, 5.0, "1", 0.1, label="level-offs per flight"),
     )
-    heterogeneity = "gaussian"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Time spent in short gaps of altitude, and their number."""

@@ -33,7 +33,6 @@ class Mass(Effect):
             symbol="mass",
         ),
     )
-    heterogeneity = "gaussian"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation."""

@@ -7,11 +7,10 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M
-from descentflow.effects.effect import AT_BOUND, STEP, FlightChange, Parameter, Shift
+from descentflow.effects.effect import AT_BOUND, FlightChange, Parameter, Shift
 from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Ways, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.effects.turn import AS_MEASURED
-from descentflow.effects.two_groups import two_groups
 from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.turning import MOST_BANK_DEG
 
@@ -25,8 +24,6 @@ RUN_OUT_M = 90.0
 """Height over which brakes run out and in: some 8 s of descent. Half of it at either end counts as without."""
 FROM_TOP_FL = 5.0
 """A window that is open to the top is a matter of how descents begin."""
-MIN_FLIGHTS = 20
-"""Flights from which a share is learnt."""
 
 GRID_FL = 5.0
 """Ends of each flight's own window are told apart in steps of so much: a third of a band..."""
@@ -106,7 +103,6 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         spread_of("spread_height_fl", 50.0, "FL", 10.0, "spread of the window's height between flights"),
         spread_of("spread_extra", 2.0, "1", 0.1, "spread of the drag between flights with brakes out", "percent"),
     )
-    heterogeneity = "window mixture"
     misfit_of_rate = 0.1
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
@@ -144,25 +140,6 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         # Edges of a window are steps of the rate, which count as short-scale noise.
         return {**shown, "noise_rate": theta[4] * torch.ones_like(change[:, 0])}
 
-    def sensitivity(self, state: FlightState, theta: Tensor) -> dict[str, Tensor]:
-        """Jacobian of the shift as for any effect; the energy equation, which takes time, at three sizes alone."""
-        size, step = theta[0] / theta[3], STEP * self.parameters[0].scale
-        change = theta[3] * self.whole_change(state, size)
-        steeper = (self.whole_change(state, size + step) - self.whole_change(state, size - step)) / (2 * step)
-        within = self._mean_within(state, theta)
-        found = {quantity: torch.zeros(*change.shape, len(theta), dtype=change.dtype) for quantity in within}
-        for quantity, weight in within.items():
-            found[quantity][:, :, 0] = weight * steeper
-        for end in self.ends:
-            move = torch.zeros_like(theta)
-            move[end] = STEP * self.parameters[end].scale
-            above, below = (self._mean_within(state, theta + sign * move) for sign in (1, -1))
-            for quantity in found:
-                found[quantity][:, :, end] = change * (above[quantity] - below[quantity]) / (2 * move[end])
-        noise = torch.zeros(len(change), len(theta), dtype=change.dtype)
-        noise[:, 4] = 1.0
-        return {**found, "noise_rate": noise}
-
     def _mean_within(self, state: FlightState, theta: Tensor) -> dict[str, Tensor]:
         """Weight of each band in the mean over the windows of the law."""
         _, low, high, _, _, middle, height, _ = theta
@@ -176,21 +153,6 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
                 for quantity, weight in self.within(state, centre - half, centre + half).items():
                     total[quantity] = total.get(quantity, 0.0) + u * v * weight
         return total
-
-    def learn_heterogeneity(self, state: FlightState, theta: Tensor, excess: Tensor) -> Tensor:
-        """Share of the flights in the upper of two groups of mean excess within the window, minus that outside."""
-        lower, upper = state.share_below(theta[1:3] * FL_M)
-        within = upper - lower
-        inside, outside = excess[:, within > 0.7], excess[:, within == 0]
-        if not inside.shape[1] or not outside.shape[1]:
-            return theta
-        height = inside.nanmean(1) - outside.nanmean(1)
-        height = height[height.isfinite()]
-        if len(height) < MIN_FLIGHTS:
-            return theta
-        found = theta.clone()
-        found[3] = two_groups(height)
-        return found
 
     def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
         """Flights have them out or do not."""
@@ -296,15 +258,6 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         own[:, 0], own[:, 1], own[:, 2] = positive_size(uniform[:, 2], whole[0], whole[7]), middle - half, middle + half
         own[:, 5:] = 0.0
         return own
-
-    def own_numbers(self, state: FlightState, theta: Tensor, taken: Tensor, size: Tensor) -> dict[str, Tensor]:
-        """Each flight's own window and drag."""
-        ends, lower, upper = self._windows(state, theta)
-        return {
-            "low_fl": taken @ ends[lower],
-            "high_fl": taken @ ends[upper],
-            "extra_cd0": (taken * size).sum(1),
-        }
 
 
 def _mean_and_spread(values: Tensor, weight: Tensor, before: float) -> tuple[float, float]:

@@ -24,7 +24,6 @@ class SpeedSchedule(Effect):
         Parameter("cas_kt", -120.0, 120.0, "kt", 5.0, label="CAS"),
         Parameter("mach", -0.25, 0.25, "1", 0.005, label="Mach number"),
     )
-    heterogeneity = "gaussian"
     needs = ("IAS",)
     rate_follows_cas = True
 

@@ -28,7 +28,6 @@ class Temperature(Effect):
     parameters = (
         Parameter("deviation_k", -40.0, 40.0, "K", 5.0, label="deviation from the standard atmosphere", symbol="ISA"),
     )
-    heterogeneity = "measured covariate"
     splits = ("TAS", "geoaltitude")
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:

@@ -3,22 +3,14 @@
 import torch
 from torch import Tensor
 
-from descentflow.core.units import FL_M
-from descentflow.effects.effect import Parameter, Shift
-from descentflow.effects.flight_law import LeavesBehind, LeftBehind, Ways
+from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState
 
 LEAST_CUT_OUT = 0.05
 """Share of the levels that are gone where rates are held on purpose."""
-GRID_FL = 20.0
-"""Steps of the ends of a window in which a rate was held and not cut out: a band, some tens of windows in all."""
-LONGEST_FL = 120.0
-"""Height of the highest: longer ones are cut out, and what holds over most of a descent is no window."""
-SLOWER = (0.2, 0.1)
-"""Mean and spread of how much slower such a flight is in it (of ln rate): 15 to 33 % in simulated flights."""
 
 
-class VerticalSpeedMode(LeavesBehind):
+class VerticalSpeedMode(Effect):
     """A rate is held for a while; cleaning cuts the clearest stretches out and leaves gaps, the rest stays.
 
     Example:
@@ -45,7 +37,6 @@ class VerticalSpeedMode(LeavesBehind):
         Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights at a held rate", shown_as="flights"),
         Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
     )
-    heterogeneity = "window mixture"
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """A held rate leaves gaps where cleaning finds it; without gaps it is something else."""
@@ -61,15 +52,3 @@ class VerticalSpeedMode(LeavesBehind):
             "slow": theta[1] * each,
             "rate": theta[2] * (slowest.clamp(max=1e3) - idle - theta[3]),
         }
-
-    def left_behind(self, state: FlightState) -> LeftBehind:
-        """Windows in which single flights are slower, as where cleaning found no sudden change at one of the ends."""
-        half = state.width_m / 2
-        low, high = (float(level) / FL_M for level in (state.altitude_m[0] - half, state.altitude_m[-1] + half))
-        ends = torch.arange(low, high + GRID_FL / 2, GRID_FL, dtype=torch.float64)
-        height = ends - ends[:, None]
-        lower, upper = torch.nonzero((height >= GRID_FL) & (height <= LONGEST_FL), as_tuple=True)
-        slots = tuple(("rate", band) for band in range(len(state.altitude_m)))
-        shape = -torch.ones_like(state.cas_mps)
-        ways = Ways(slots, shape, torch.zeros_like(shape), state.share_below(ends * FL_M), lower, upper)
-        return LeftBehind(ways, *SLOWER)

@@ -36,7 +36,6 @@ class WindGradient(Effect):
             symbol="tailwind",
         ),
     )
-    heterogeneity = "measured covariate"
     misfit_of_rate = 0.1
     splits = ("groundspeed", "TAS", "track", "heading")
 

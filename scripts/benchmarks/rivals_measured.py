@@ -13,6 +13,8 @@ from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS, Effect
 from descentflow.measurements.quantities import CHANNELS, quantities_of
 
+STEP = 1e-4
+"""Of differences, in sizes of a parameter that matter."""
 FEW = 20
 """Flights whose shift is averaged: it varies little between them."""
 
@@ -30,7 +32,14 @@ class EffectShifts:
 
     def jacobian(self, name: str, theta: Tensor) -> Tensor:
         """Its sensitivity (n, p, k)."""
-        return self.compared.vector(self.catalogue[name].sensitivity(self.compared.state, theta))
+        effect, columns = self.catalogue[name], []
+        for i, parameter in enumerate(effect.parameters):
+            step = torch.zeros_like(theta)
+            step[i] = STEP * parameter.scale
+            above, below = effect.clamp(theta + step), effect.clamp(theta - step)
+            apart = self.all_shift(name, above) - self.all_shift(name, below)
+            columns.append(apart / (above - below)[i].clamp(min=1e-12))
+        return torch.stack(columns, 2)
 
     def start_of(self, name: str) -> Tensor:
         """Parameters (k,) at which sensitivities are taken."""

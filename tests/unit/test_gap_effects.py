@@ -8,7 +8,6 @@ import torch
 
 from descentflow.diagnosis.inference.two_sides import NEGLIGIBLE
 from descentflow.effects import EFFECTS
-from descentflow.effects.two_groups import two_groups
 from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.quantity_registry import QUANTITIES
 
@@ -30,19 +29,6 @@ THETA = {
     "vertical_rate_lag": [8.0, -0.2],
     "measurement_noise": [0.5, 0.4, 0.3, 0.2, 0.1, 0.6],
 }
-
-
-@pytest.mark.parametrize("name", EFFECTS)
-@pytest.mark.parametrize("affected", [True, False])
-def test_sensitivities_are_derivatives(name: str, affected: bool) -> None:
-    effect, state = EFFECTS[name], gap_toys.state(affected=affected)
-    theta = torch.tensor(THETA[name], dtype=torch.float64)
-    found = effect.sensitivity(state, theta)
-    # Against automatic differentiation; central differences of smooth shifts are good to the square of their step.
-    free = torch.tensor([not parameter.from_heterogeneity for parameter in effect.parameters])
-    for quantity, value in found.items():
-        exact = torch.autograd.functional.jacobian(lambda t, q=quantity: effect.shift(state, t)[q], theta)
-        torch.testing.assert_close(value, exact * free, rtol=1e-5, atol=1e-7)
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -74,14 +60,6 @@ def test_sizes_are_those_of_the_energy_balance(name: str, value: float, at_mach:
     # The notes' aircraft is another one: signs and sizes to a third.
     assert float(high) == pytest.approx(at_mach, rel=0.35)
     assert float(low) == pytest.approx(at_cas, rel=0.35)
-
-
-def test_two_groups_are_told_apart_where_there_are_two() -> None:
-    generator = torch.Generator().manual_seed(0)
-    one = 0.05 * torch.randn(200, generator=generator, dtype=torch.float64)
-    assert two_groups(one) == 1.0
-    one[:60] += 0.4
-    assert two_groups(one) == pytest.approx(0.3, abs=0.01)
 
 
 @pytest.mark.parametrize("name", [n for n, effect in EFFECTS.items() if not isinstance(effect, WindowedEffect)])

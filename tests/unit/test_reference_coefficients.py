@@ -10,7 +10,6 @@ from descentflow.diagnosis.inference.reference_coefficients import (
     ReferenceCoefficients,
     reference_coefficients,
     scaled,
-    scaled_rows,
 )
 from descentflow.diagnosis.inference.whitening import whiten
 from descentflow.effects.example_flights import example_flights
@@ -40,7 +39,7 @@ def test_the_optimum_is_that_of_a_general_optimiser(flown: tuple[FlightState, to
     prior = torch.tensor(PRIOR_SPREAD, dtype=torch.float64)
 
     def minus_log_posterior(both: torch.Tensor) -> torch.Tensor:
-        rest = seen - log_rate(scaled_rows(state, both[:4].expand(100, 4))) - both[4:]
+        rest = seen - log_rate(scaled(state, both[:4])) - both[4:]
         value = ((rest @ precision) * rest).sum() + both[4:] @ missed @ both[4:] + ((both[:4] / prior) ** 2).sum()
         return 0.5 * value
 

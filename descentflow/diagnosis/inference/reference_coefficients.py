@@ -94,21 +94,6 @@ def scaled(state: FlightState, ln_factors: Tensor) -> FlightState:
     return replace(state, aircraft=aircraft, mass_kg=state.mass_kg * mass)
 
 
-def scaled_rows(state: FlightState, ln_factors: Tensor) -> FlightState:
-    """The same with logarithms (n, 4) of each flight's own; its mass is written as thrust and drag for each of it.
-
-    Example:
-        >>> from descentflow.effects.example_flights import example_flights
-        >>> state, heavier = example_flights(2), torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, 0.0, 0.0]]).double()
-        >>> expected = torch.cat([log_rate(state)[:1], log_rate(scaled(state, heavier[1]))[1:]])
-        >>> torch.allclose(log_rate(scaled_rows(state, heavier)), expected)
-        True
-    """
-    mass, parasitic, induced, idle = ln_factors[:, :, None].unbind(1)
-    parts = {"parasitic": (parasitic - mass).exp(), "induced": (induced + mass).exp(), "idle": (idle - mass).exp()}
-    return replace(state, aircraft=state.aircraft.with_factors(**parts))
-
-
 def reference_coefficients(state: FlightState, log_rate_seen: Tensor, airframe: Tensor) -> ReferenceCoefficients:
     """Coefficients that a simulator's own flights show: the most probable ones, and the covariance about them.
 

@@ -68,11 +68,6 @@ class Whitening:
     def _kept_rows(self) -> Recent[Tensor]:
         return Recent(KEPT)
 
-    def forget(self) -> None:
-        """Let go of parts that are kept to save time."""
-        for kept in (self._kept_rows, self._parts):
-            kept.known.clear()
-
     def apply(self, values: Tensor) -> Tensor:
         """Precision times values: (n, p) or (n, p, k) of the flights, missing entries anything finite."""
         order, back = self.order
@@ -121,32 +116,6 @@ class Whitening:
         patterns, pattern = _patterns(seen[:, entries])
         covariance, between = (c[entries][:, entries] for c in (self.covariance, self.between))
         return Whitening(pattern, _inverted(covariance, patterns), covariance, self.optimism, between)
-
-    def hiding(self, seen: Tensor) -> "Whitening":
-        """Of flights that show less, (n, p) ``seen``: as :meth:`only` of all entries, but for what is known already."""
-        patterns, pattern = _patterns(seen)
-        known = {tuple(one): k for k, one in enumerate((self.precision.diagonal(dim1=1, dim2=2) != 0).tolist())}
-        at = torch.tensor([known.get(tuple(one), -1) for one in patterns.tolist()])
-        precision = torch.empty(len(patterns), *self.covariance.shape, dtype=self.covariance.dtype)
-        precision[at >= 0] = self.precision[at[at >= 0]]
-        precision[at < 0] = _inverted(self.covariance, patterns[at < 0])
-        return Whitening(pattern, precision, self.covariance, self.optimism, self.between)
-
-    def of_single_flights(self, index: Tensor, seen: Tensor) -> "Whitening":
-        """Of the flights (r,) at these positions, taken by themselves, what is negligible for means included.
-
-        Args:
-            index: (r,).
-            seen: (r, p) what they show.
-        """
-        patterns, pattern = _patterns(seen)
-        return Whitening(pattern, _inverted(self.between, patterns), self.between, self.optimism[index], self.between)
-
-    def summed(self, values: Tensor) -> Tensor:
-        """Sum (p,) over flights of the precision times values (n, p), which are zero where nothing was seen."""
-        by_pattern = torch.zeros(len(self.precision), values.shape[1], dtype=values.dtype)
-        by_pattern.index_add_(0, self.pattern, values)
-        return torch.bmm(self.precision, by_pattern[:, :, None]).sum(0)[:, 0]
 
     def total(self, chosen: Tensor) -> Tensor:
         """Sum of the precisions (p, p) of the chosen flights (n,) bool or weights."""

@@ -7,8 +7,6 @@ from descentflow.diagnosis.findings.gap_found import LargestDifference, Remainin
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.where import strongest_block
 
-BOUND = 1e-6
-"""How near an estimate is to a bound that it was driven to."""
 SHOWN = 10
 """Sets of effects that are written down."""
 

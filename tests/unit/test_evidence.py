@@ -26,9 +26,10 @@ from descentflow.diagnosis.evidence.flight_mixture import (
 )
 from descentflow.diagnosis.evidence.limits import detection_limits
 from descentflow.diagnosis.evidence.linear_gaussian import posterior
-from descentflow.diagnosis.evidence.moments import Moments, moments, shrunk, sums_over_aircraft
+from descentflow.diagnosis.evidence.moments import Moments, moments, sums_over_aircraft
 from descentflow.diagnosis.evidence.naming import name_effects
 from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
+from descentflow.diagnosis.evidence.shrinkage import shrunk
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.procedure import Diagnosis

@@ -21,10 +21,9 @@ import numpy as np
 from descentflow.core.units import KT_MPS
 from descentflow.diagnosis.evidence.assumptions import Assumptions
 from descentflow.diagnosis.evidence.linear_gaussian import Array
+from descentflow.diagnosis.evidence.shrinkage import shrunk
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects.flight_state import Schedule
-
-LEAST_VARIANCE = 1e-30
 
 
 @dataclass(frozen=True)
@@ -120,26 +119,6 @@ def sums_over_aircraft(departures: Array, airframe: np.ndarray) -> Array:
     total = np.zeros((aircraft, departures.shape[1]))
     np.add.at(total, index, np.nan_to_num(departures) / count)
     found: Array = total * np.sqrt(aircraft / max(aircraft - 1, 1))
-    return found
-
-
-def shrunk(rows: Array) -> Array:
-    """Sum (p, p) of the outer products of rows (a, p), its correlations shrunk by Ledoit and Wolf's weight.
-
-    Example:
-        >>> rows = np.random.default_rng(0).normal(size=(20, 50))  # fewer rows than entries
-        >>> bool(np.linalg.eigvalsh(shrunk(rows)).min() > 1.0)
-        True
-    """
-    total = rows.T @ rows
-    spread = np.sqrt(np.maximum(total.diagonal(), LEAST_VARIANCE))
-    scaled = rows / spread
-    correlation = scaled.T @ scaled
-    variance = (scaled**2).T @ scaled**2 - correlation**2 / len(rows)
-    apart = ~np.eye(len(total), dtype=bool)
-    size = max(float((correlation[apart] ** 2).sum()), LEAST_VARIANCE)
-    weight = float(np.clip(variance[apart].sum() / size, 0.0, 1.0))
-    found: Array = np.where(apart, (1.0 - weight) * correlation, 1.0) * np.outer(spread, spread)
     return found
 
 

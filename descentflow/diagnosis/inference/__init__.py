@@ -1,7 +1,10 @@
-"""Which effects explain the difference: likelihood, selection, uncertainty, tests by permutation.
+"""What both sides of a diagnosis show, and where they differ by more than chance.
 
-Reading order: :mod:`~descentflow.diagnosis.inference.two_sides`,
-:mod:`~descentflow.diagnosis.inference.whitening`, :mod:`~descentflow.diagnosis.inference.likelihood`,
-:mod:`~descentflow.diagnosis.inference.signature_columns`, :mod:`~descentflow.diagnosis.inference.set_search`,
-:mod:`~descentflow.diagnosis.inference.selection`.
+:mod:`~descentflow.diagnosis.inference.two_sides` (flights as vectors),
+:mod:`~descentflow.diagnosis.inference.compared_state`, :mod:`~descentflow.diagnosis.inference.turns_of_flights`,
+:mod:`~descentflow.diagnosis.inference.reference_coefficients` (what the simulator's own flights say of its aircraft);
+:mod:`~descentflow.diagnosis.inference.cells`, :mod:`~descentflow.diagnosis.inference.labellings`,
+:mod:`~descentflow.diagnosis.inference.step_down`, :mod:`~descentflow.diagnosis.inference.gap_distances`,
+:mod:`~descentflow.diagnosis.inference.where` (cells of quantity and altitude against permuted aircraft). Causes are
+weighed in :mod:`descentflow.diagnosis.evidence`.
 """

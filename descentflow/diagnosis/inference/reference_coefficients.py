@@ -13,10 +13,13 @@ prior alone decides along :math:`(m, T, C_{D0}, C_{D2}) \to (lm, lT, lC_{D0}, C_
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.inference.whitening import whiten
+from descentflow.diagnosis.evidence.flight_mixture import Precisions
+from descentflow.diagnosis.evidence.linear_gaussian import Array
+from descentflow.diagnosis.evidence.shrinkage import shrunk
 from descentflow.effects.flight_state import FlightState, log_rate
 
 PRIOR_SPREAD = (0.12, 0.23, 0.10, 0.80)
@@ -33,6 +36,8 @@ Measured: six-degree-of-freedom flights of four types against open coefficients 
 mean square over their bands; flights of these equations 0.01."""
 STEPS = 4
 """Gauss-Newton steps: ln rate is close to linear in these logarithms."""
+LEAST_SPREAD = 0.003
+"""Of ln rate between aircraft: those of a simulator may all fly alike."""
 MOVED = 1e-3
 """Of the differences, in logarithms."""
 
@@ -116,26 +121,43 @@ def reference_coefficients(state: FlightState, log_rate_seen: Tensor, airframe: 
     bands = torch.nonzero(log_rate_seen.isfinite().sum(0) >= 2)[:, 0]
     if not len(bands):
         return known
-    seen = log_rate_seen[:, bands]
-    everyone, nothing = torch.ones(len(seen), dtype=torch.bool), torch.zeros(len(bands), dtype=torch.float64)
-    rest = seen - log_rate(state)[:, bands]
-    weights = whiten(rest, everyone, airframe, nothing, nothing.bool())
-    precision = weights.total(everyone)
+    rest = _by_aircraft((log_rate_seen - log_rate(state))[:, bands], airframe)
+    there = rest.isfinite()
+    weights = Precisions(_spread(rest), there.numpy())
+    precision = torch.from_numpy(weights.precision)
     half = 0.5 * EQUATION_SPREAD**2
     missed = half * (torch.eye(len(bands), dtype=torch.float64) + 1.0)
-    common = precision + torch.linalg.inv(missed)
+    common = precision.sum(0) + torch.linalg.inv(missed)
     prior = torch.linalg.inv(known.covariance)
     ln_factors = known.ln_factors
     for _ in range(STEPS):
-        columns = _sensitivity(state, ln_factors)[:, bands]
-        rest = (seen - log_rate(scaled(state, ln_factors))[:, bands]).nan_to_num(0.0)
-        products = weights.apply(columns)
-        cross, left = products.sum(0), weights.apply(rest).sum(0)
-        within = torch.linalg.solve(common, torch.cat([cross, left[:, None]], 1))
+        columns = torch.where(there[:, :, None], _by_aircraft(_sensitivity(state, ln_factors)[:, bands], airframe), 0.0)
+        apart = (log_rate_seen - log_rate(scaled(state, ln_factors)))[:, bands]
+        rest = torch.where(there, _by_aircraft(apart, airframe), 0.0)
+        products = precision @ columns
+        cross, left = products.sum(0), (precision @ rest[:, :, None]).sum(0)
+        within = torch.linalg.solve(common, torch.cat([cross, left], 1))
         information = torch.einsum("npj,npk->jk", columns, products) - cross.T @ within[:, :4] + prior
         gradient = torch.einsum("npj,np->j", products, rest) - cross.T @ within[:, 4] - prior @ ln_factors
         ln_factors = ln_factors + torch.linalg.solve(information, gradient)
     return ReferenceCoefficients(ln_factors, torch.linalg.inv(information))
+
+
+def _by_aircraft(values: Tensor, airframe: Tensor) -> Tensor:
+    """Means (a, K, ...) over the flights of each aircraft, NaN where none shows a band."""
+    names, index = torch.unique(airframe, return_inverse=True)
+    shape = (len(names), *values.shape[1:])
+    seen = values.isfinite()
+    total = torch.zeros(shape, dtype=values.dtype).index_add_(0, index, values.nan_to_num(0.0))
+    count = torch.zeros(shape, dtype=values.dtype).index_add_(0, index, seen.to(values.dtype))
+    return total / torch.where(count > 0, count, torch.nan)
+
+
+def _spread(rest: Tensor) -> Array:
+    """Covariance (K, K) between aircraft, their correlations shrunk."""
+    centred = (rest - rest.nanmean(0)).nan_to_num(0.0)
+    count = (rest.isfinite().sum(0) - 1).clamp(min=1).sqrt()
+    return shrunk((centred / count).numpy()) + LEAST_SPREAD**2 * np.eye(rest.shape[1])
 
 
 def _sensitivity(state: FlightState, ln_factors: Tensor) -> Tensor:

@@ -1,6 +1,6 @@
 """The diagnosis: from flights of both sides to a report, measured on the corrected simulator."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -114,6 +114,22 @@ def against_physics(compared: Compared, settings: Settings) -> GapReport:
     return Diagnosis(compared, settings, "physics").report({}, pl.DataFrame())
 
 
+def leaves_cost(costs: Sequence[Cost]) -> bool:
+    """Whether flights still take longer or shorter at equal speed, by more than chance, with the causes.
+
+    Example:
+        >>> from descentflow.diagnosis.findings.costs_found import Measured
+        >>> def time(after: Measured) -> Cost:
+        ...     return Cost("time_at_speed", "time", "s", 150, 350, 600, 620, Measured(20, 18, 22), after, floor=3.0)
+        >>> leaves_cost([time(Measured(1.0, -2.0, 4.0))]), leaves_cost([time(Measured(-9.0, -12.0, -6.0))])
+        (False, True)
+    """
+    for cost in costs:
+        if cost.name == "time_at_speed" and cost.after is not None:
+            return cost.after.excludes_zero and abs(cost.after.estimate) > cost.floor
+    return False
+
+
 class Diagnosis:
     """The steps of one diagnosis, in their order.
 
@@ -159,6 +175,8 @@ class Diagnosis:
         entries = self._measured_over()
         closure = MeasuredClosure(compared, entries, asked.seed)
         costs = costs_of(compared, left if theta else None, asked.seed)
+        if verdict == "effect" and leaves_cost(costs):
+            verdict = "partial"
         causes = self._causes(found, theta, closure, costs, left)
         made = self._made(found, theta, frame)
         progress("asking at which stage the simulator loses most")

@@ -19,18 +19,18 @@ from descentflow.diagnosis.evidence.candidates import FlightsEffect, Linearised
 from descentflow.diagnosis.evidence.explain import Explainer, explain
 from descentflow.diagnosis.evidence.flight_mixture import (
     LearntLaw,
-    Precisions,
     WaysOfFlights,
     fit_mixture,
     ways_of_flights,
 )
 from descentflow.diagnosis.evidence.limits import detection_limits
-from descentflow.diagnosis.evidence.linear_gaussian import posterior
 from descentflow.diagnosis.evidence.moments import Moments, moments, sums_over_aircraft
 from descentflow.diagnosis.evidence.naming import name_effects
 from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
-from descentflow.diagnosis.evidence.shrinkage import shrunk
 from descentflow.diagnosis.inference.example_sides import example_sides
+from descentflow.diagnosis.inference.linear_gaussian import posterior
+from descentflow.diagnosis.inference.precisions import Precisions
+from descentflow.diagnosis.inference.shrinkage import shrunk
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.procedure import Diagnosis
 from descentflow.diagnosis.simulator import Simulator

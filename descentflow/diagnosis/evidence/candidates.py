@@ -9,8 +9,8 @@ from torch import Tensor
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
 from descentflow.diagnosis.evidence.flight_mixture import LearntLaw
-from descentflow.diagnosis.evidence.linear_gaussian import Array
 from descentflow.diagnosis.evidence.signatures import Signature, Signatures
+from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.effects import Effect
 
 MOST_SCALED = 25.0

@@ -20,6 +20,7 @@ from descentflow.diagnosis.findings.findings import Verdict
 from descentflow.diagnosis.findings.gap_found import Lack
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect
+from descentflow.effects.effect import NOISE
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,14 @@ class Explainer:
             sets,
             {name: fits.candidates[name].theta(best.sizes[name]) for name in names},
             {name: fits.candidates[name].theta_errors(best.errors[name]) for name in names},
-            lacks(self._aside, self.assumed, has_cause=has_cause),
+            lacks(self._aside, self.assumed, raised=any(map(self._raises_noise, names))),
         )
+
+    def _raises_noise(self, name: str) -> bool:
+        """Whether an effect raises short-scale noise as well: by edges and changes of single flights, or as it says."""
+        effect = self.catalogue[name]
+        noise = any(quantity.startswith(NOISE) for quantity in effect.shift(self.within.state, effect.start()))
+        return noise or effect in differing(self.catalogue)
 
     def theta_of_part(self, fit: SetFit, chosen: Tensor) -> dict[str, Tensor]:
         """Parameters of a set by some flights (n,) alone; the ways of single flights stay as they are."""

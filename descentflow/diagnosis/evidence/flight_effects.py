@@ -21,9 +21,9 @@ from descentflow.diagnosis.evidence.candidates import FlightsEffect
 from descentflow.diagnosis.evidence.flight_mixture import MixtureFit, WaysOfFlights, fit_mixture, ways_of_flights
 from descentflow.diagnosis.evidence.flight_rates import FlightRates, flight_rates
 from descentflow.diagnosis.evidence.flight_spread import Spread, spread_of
-from descentflow.diagnosis.evidence.linear_gaussian import Array
 from descentflow.diagnosis.evidence.moments import Moments
 from descentflow.diagnosis.evidence.signatures import Signatures
+from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.flight_law import DiffersByFlight

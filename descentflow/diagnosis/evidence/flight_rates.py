@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from descentflow.diagnosis.evidence.linear_gaussian import Array
 from descentflow.diagnosis.evidence.moments import Moments
+from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.physics.airspeed import mach_to_tas_mps

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.flight_mixture import Precisions
-from descentflow.diagnosis.evidence.linear_gaussian import Array
+from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.diagnosis.inference.precisions import Precisions
 
 SWEEPS = 2
 """Over the four sizes."""

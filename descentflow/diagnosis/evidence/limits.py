@@ -15,9 +15,9 @@ import numpy as np
 
 from descentflow.diagnosis.evidence.candidates import MeanEffect
 from descentflow.diagnosis.evidence.explain import Explainer
-from descentflow.diagnosis.evidence.linear_gaussian import posterior
 from descentflow.diagnosis.findings.gap_found import LargestDifference
 from descentflow.diagnosis.findings.selection_found import DetectionLimit
+from descentflow.diagnosis.inference.linear_gaussian import posterior
 
 POWER_80 = 0.8416
 """Standard normal quantile of 80 %."""

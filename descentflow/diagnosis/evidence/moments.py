@@ -20,8 +20,8 @@ import numpy as np
 
 from descentflow.core.units import KT_MPS
 from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.linear_gaussian import Array
-from descentflow.diagnosis.evidence.shrinkage import shrunk
+from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.diagnosis.inference.shrinkage import shrunk
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects.flight_state import Schedule
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.linear_gaussian import Array
 from descentflow.diagnosis.evidence.moments import Moments
 from descentflow.diagnosis.evidence.set_fit import Names, SetFit, SetFits
 from descentflow.diagnosis.findings.findings import Verdict
+from descentflow.diagnosis.inference.linear_gaussian import Array
 
 LEAST_SHOWN = 0.02
 """Probability below which an effect is not looked at."""

@@ -36,18 +36,18 @@ def set_apart(compared: Compared) -> Tensor:
     return torch.tensor(flags, dtype=torch.bool)
 
 
-def lacks(compared: Compared, assumed: Assumptions, *, has_cause: bool) -> list[Lack]:
+def lacks(compared: Compared, assumed: Assumptions, *, raised: bool) -> list[Lack]:
     """Differences that probably exist, by the odds of a normal size against none.
 
     Args:
         compared: Flights of both sides, with the entries of :func:`set_apart` alone.
         assumed: Constants.
-        has_cause: Whether an effect is named, which may raise short-scale noise as well.
+        raised: Whether an effect is named that may raise short-scale noise as well.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> sides = example_sides()
-        >>> lacks(sides.only(torch.nonzero(set_apart(sides))[:, 0]), Assumptions(), has_cause=False)
+        >>> lacks(sides.only(torch.nonzero(set_apart(sides))[:, 0]), Assumptions(), raised=False)
         []
     """
     if not compared.entries:
@@ -63,7 +63,7 @@ def lacks(compared: Compared, assumed: Assumptions, *, has_cause: bool) -> list[
         strict=True,
     ):
         noise = QUANTITIES[name].is_noise
-        by_product = assumed.noise_matters if has_cause and name in RAISED_BY_CAUSES else 0.0
+        by_product = assumed.noise_matters if raised and name in RAISED_BY_CAUSES else 0.0
         error = variance + by_product**2
         usual = (assumed.noise_matters if noise else USUAL * unit) ** 2
         odds = 0.5 * (size**2 / error - size**2 / (error + usual) - math.log1p(usual / error)) + prior_odds

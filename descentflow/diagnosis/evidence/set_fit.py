@@ -19,8 +19,8 @@ import numpy as np
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
 from descentflow.diagnosis.evidence.candidates import Candidate
-from descentflow.diagnosis.evidence.linear_gaussian import Array, Posterior, posterior
 from descentflow.diagnosis.evidence.moments import Moments
+from descentflow.diagnosis.inference.linear_gaussian import Array, Posterior, posterior
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 ROUNDS = 3

@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.linear_gaussian import Array
 from descentflow.diagnosis.evidence.moments import Moments
+from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.reference_coefficients import scaled
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect

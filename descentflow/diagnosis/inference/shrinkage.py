@@ -6,7 +6,7 @@ Analysis 88, with the variances as they are (Schaefer and Strimmer 2005, target 
 
 import numpy as np
 
-from descentflow.diagnosis.evidence.linear_gaussian import Array
+from descentflow.diagnosis.inference.linear_gaussian import Array
 
 LEAST_VARIANCE = 1e-30
 

@@ -164,8 +164,8 @@ def test_bad_input_gets_a_clear_error(plain: Path, folder: Path, checkpoint: Pat
         diagnose(few, checkpoint)
     with pytest.raises(DataError, match=r"descents of B738 for a simulator of A320"):
         diagnose(frame.with_columns(typecode=pl.lit("B738")), checkpoint)
+    lower = frame.filter(pl.col("level_fl") < 170).with_columns(pl.col("level_fl") - 25)
     with pytest.raises(DataError, match="no descent between"):
-        lower = frame.filter(pl.col("level_fl") < 170).with_columns(pl.col("level_fl") - 25)
         diagnose(lower, checkpoint)
     with pytest.raises(DataError, match=r"column level_fl holds .* outside 0 to 600"):
         diagnose(frame.with_columns(pl.col("level_fl") - 500), checkpoint)

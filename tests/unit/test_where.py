@@ -120,3 +120,19 @@ def test_a_gap_does_not_blur_its_own_floor(compared: Compared) -> None:
     apart = compared.y + 5.0 * compared.scale * compared.real[:, None]
     floors = [noise_floor(y, compared.real, dealt, compared.scale, counts) for y in (compared.y, apart)]
     torch.testing.assert_close(floors[0], floors[1], rtol=1e-9, atol=1e-12)
+
+
+def test_what_too_few_simulated_flights_show_is_left_out_and_not_taken_for_standard_air(
+    halves: tuple[Quantities, Quantities],
+) -> None:
+    """Nine flights show a TAS: they are no claim that air is standard, which only a simulator without any TAS makes."""
+    reference, real = halves
+    few = torch.arange(len(reference)) < 9
+    tas = torch.where(few[:, None], reference.values["tas"], torch.nan)
+    blank = torch.full_like(tas, torch.nan)
+    sides = {
+        name: compare(replace(reference, values={**reference.values, "tas": values}), real, open_aircraft("A320"))
+        for name, values in (("few", tas), ("none", blank))
+    }
+    assert "tas" not in sides["few"].quantities()
+    assert "tas" in sides["none"].quantities()

@@ -29,6 +29,8 @@ from descentflow.effects import Effect
 from descentflow.effects.flight_law import DiffersByFlight
 from descentflow.effects.flight_state import log_rate
 
+FEWEST_FLIGHTS = 10
+"""Real flights whose shapes can tell anything."""
 FEWEST_BANDS = 4
 """Bands of a flight whose shape is looked at."""
 LEAST_SHARE = 0.05
@@ -101,6 +103,8 @@ class FlightShapes:
             signatures: For what their equations miss.
         """
         chosen: tuple[str, ...] = ()
+        if len(self.real.index) < FEWEST_FLIGHTS:
+            return []
         while rest := [name for name in self.effects if name not in chosen]:
             best = max(rest, key=lambda name: self._gain((*chosen, name)))
             larger = (*chosen, best)

@@ -43,9 +43,9 @@ def with_shared_effects(
         >>> from descentflow.diagnosis.simulator import Simulator
         >>> from descentflow.effects import EFFECTS
         >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
-        >>> import polars as pl
-        >>> frame = pl.read_parquet("descents.parquet")
-        >>> flights = quantities_of(frame.with_columns(TAS=frame["TAS"] * 1.02), 150, 340, CHANNELS)
+        >>> import descentflow as df
+        >>> warm = df.prepare(df.simulate("A320", 120, seed=1, plant={"temperature": {"deviation_k": 10.0}}))
+        >>> flights = quantities_of(warm.frame, 150, 340, CHANNELS)
         >>> asked = Settings(Simulator(aircraft("A320")), {"temperature": EFFECTS["temperature"]}, CHANNELS, 0, str)
         >>> alike = diagnose("descents.parquet", "best.ckpt")
         >>> found = with_shared_effects(alike, flights, asked, "training flights", against_physics)

@@ -106,11 +106,12 @@ def below_rounding(
 
     Example:
         >>> from descentflow.diagnosis.correction.costs import costs_of, profile_of
-        >>> from descentflow.diagnosis.inference.example_sides import EFFECTS, example_likelihood
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
         >>> from descentflow.diagnosis.inference.where import where
         >>> def found(kelvin):
-        ...     likelihood = example_likelihood(EFFECTS["temperature"], [kelvin], n=1500)
-        ...     sides, (cells, _) = likelihood.compared, where(likelihood.compared, 290.0, 0)
+        ...     sides = example_sides(EFFECTS["temperature"], [kelvin], n=1500)
+        ...     cells, _ = where(sides, 290.0, 0)
         ...     return below_rounding(sides, cells, costs_of(sides, None, 0), profile_of(sides))
         >>> sorted((row.quantity, row.difference < row.rounding) for row in found(0.2)), found(10.0)
         ([('cas', True), ('rate', True), ('tas', True)], [])

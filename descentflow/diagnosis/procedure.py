@@ -105,7 +105,8 @@ def against_physics(compared: Compared, settings: Settings) -> GapReport:
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> from descentflow.diagnosis.inference.example_sides import EFFECTS, example_sides
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
         >>> from descentflow.diagnosis.simulator import Simulator
         >>> asked = Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, str)
         >>> against_physics(example_sides(EFFECTS["temperature"], [10.0]), asked).verdict
@@ -135,7 +136,8 @@ class Diagnosis:
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> from descentflow.diagnosis.inference.example_sides import EFFECTS, example_sides
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
         >>> from descentflow.diagnosis.simulator import Simulator
         >>> asked = Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, str)
         >>> sides = example_sides(EFFECTS["temperature"], [10.0])

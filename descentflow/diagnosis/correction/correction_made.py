@@ -76,11 +76,10 @@ def correction_made(
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
         >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-        >>> own = read_descents("descents.parquet")
-        >>> warm = Descents(own.frame.with_columns(pl.col("TAS") * 1.02), own.metadata)
+        >>> import descentflow as df
+        >>> warm = df.prepare(df.simulate("A320", 120, seed=1, plant={"temperature": {"deviation_k": 10.0}}))
         >>> only = {"temperature": EFFECTS["temperature"]}
-        >>> report = diagnose(warm, "descents.parquet", catalogue=only, channels=["Mach", "TAS"], out="gap")
+        >>> report = diagnose(warm, "descents.parquet", catalogue=only, out="gap")
         >>> report.corrected_file, Path("gap", report.corrected_file).exists()
         ('corrected.parquet', True)
     """

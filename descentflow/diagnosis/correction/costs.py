@@ -62,7 +62,8 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
         The whole first, then the parts from below; nothing where no rate is compared.
 
     Example:
-        >>> from descentflow.diagnosis.inference.example_sides import EFFECTS, example_sides
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
         >>> warm = costs_of(example_sides(EFFECTS["temperature"], [10.0]), None, seed=0)
         >>> [(cost.name, cost.unit) for cost in warm[:4]]
         [('time', 's'), ('time_at_speed', 's'), ('air_distance', 'NM'), ('rate', 'ft/min')]

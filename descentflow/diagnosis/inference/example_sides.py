@@ -25,6 +25,7 @@ def example_sides(effect: Effect | None = None, theta: Sequence[float] = (), n: 
         n: Flights of each side.
 
     Example:
+        >>> from descentflow.effects import EFFECTS
         >>> sides = example_sides(EFFECTS["temperature"], [10.0])
         >>> at = sides.columns("tas")
         >>> apart = sides.y[sides.real][:, at].mean() - sides.y[~sides.real][:, at].mean()

@@ -229,7 +229,7 @@ def how_sure(cause: Cause) -> str:
         >>> from descentflow.diagnosis.diagnose import diagnose
         >>> from descentflow.effects import EFFECTS
         >>> how_sure(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}).causes[0])
-        'is a cause with a probability of 100 %'
+        'is a cause with a probability of 98 %'
     """
     if cause.inclusion is None:
         return f"explains best in {100 * cause.probability:.0f} of 100 fleets drawn from these aircraft"

@@ -30,7 +30,7 @@ def prepare(
     rows: Any,
     *,
     typecode: str | Sequence[str] | None = None,
-    types: str | Path | pl.DataFrame | Mapping[str, str] | None = None,
+    types: Any = None,
     bottom_fl: int | None = None,
     cleaning: Cleaning | Mapping[str, Any] | None = None,
     out: str | Path | None = None,
@@ -105,7 +105,7 @@ def prepare(
     return Descents(outcome.levels, metadata, dropped_rows=outcome.dropped_rows)
 
 
-def _types(types: str | Path | pl.DataFrame | Mapping[str, str]) -> pl.DataFrame:
+def _types(types: Any) -> pl.DataFrame:
     return named_types(read_table(Path(types)), types) if isinstance(types, str | Path) else types_held(types)
 
 

@@ -90,7 +90,7 @@ def test_the_written_report_says_what_the_object_says(warm: tuple[GapReport, Pat
     # The three sentences name the simulator, what the gap costs, the cause with its size, and what is left.
     top = page[: page.index("<section")]
     assert "simulator.ckpt and the 120 real A320 flights differ by more than chance" in top
-    assert re.search(r"the real flights .*take \d+ s \(\d+ to \d+\) longer at equal speed", top)
+    assert re.search(r"the real flights .*take \d+ s \([\d.]+ to \d+\) longer at equal speed", top)
     assert re.search(r"air warmer than the standard atmosphere \(ISA \+\d", top)
     assert "descentflow sample corrected.ckpt" in page
     assert read_gap(out / "gap.json").causes == report.causes

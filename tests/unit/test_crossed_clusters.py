@@ -8,7 +8,6 @@ import toys
 from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
-from descentflow.core.errors import ConfigError
 from descentflow.densities.crossed_clusters import CrossedClusters
 from descentflow.densities.crossed_search import select_crossed, split_starts
 from descentflow.densities.em import steps_of
@@ -163,8 +162,6 @@ def test_clusters_that_cannot_be_are_refused() -> None:
             GaussianMixtureDensity(3, 3, clusters={**clusters, "n_drag_weights": 2})
     with pytest.raises(ValueError, match="3 weights of drag among 3"):
         GaussianMixtureDensity(3, 4, clusters={"n_speed": 2, "n_drag": 2, "n_drag_weights": 3})
-    with pytest.raises(ConfigError, match="criterion"):
-        select_crossed(drawn(50, 0), DRAG, seed=0, criterion="icl")  # type: ignore[arg-type]
     seen = Evidence(drawn(50, 0), torch.zeros(50, dtype=torch.long), torch.eye(3).double()[None])
     with pytest.raises(ValueError, match="a context"):
         steps_of(seen, normal(50, 1)).crossed(PAIRS)

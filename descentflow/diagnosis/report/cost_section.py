@@ -11,7 +11,6 @@ from descentflow.diagnosis.report.words import (
     tells_a_slope_of_wind,
     whole_costs,
 )
-from descentflow.effects import EFFECTS
 from descentflow.reporting.html_elements import Html, details, paragraph, stacked_table
 from descentflow.reporting.svg_figures import drawn_for_both
 
@@ -38,14 +37,9 @@ def cost_section(found: Findings) -> list[Html]:
     )
     if found.causes:
         lead += (
-            " With the causes: the causes are taken off the real flights, at the speeds that these fly. How fast crews "
-            "fly and how heavy aircraft are differs between fleets by more than most causes do, and is left in these "
-            "numbers: where a cause is no matter of speed, judge it by the time at equal speed."
-        )
-    if any(one.effect in EFFECTS and EFFECTS[one.effect].rate_follows_cas for one in found.causes):
-        lead += (
-            " Another speed also moves the level where flights go over from Mach number to CAS, and with it the rate "
-            "between both levels, which is not taken off here: a simulator that flies the causes shows less there."
+            " With the causes: they are put into the simulator's flights. How fast crews fly and how heavy aircraft "
+            "are differs between fleets by more than most causes do, and is left in these numbers. Where a cause is "
+            "no matter of speed, judge it by the time at equal speed."
         )
     if "ground_distance" in whole and any(tells_a_slope_of_wind(one) for one in found.causes):
         lead += (

@@ -137,12 +137,13 @@ class FlightShapes:
         return self._kept[key]
 
     def _fitted(self, side: Side, names: tuple[str, ...]) -> MixtureFit:
-        """At the likeliest spread of normal flights, from that of all and from that of the simulator's."""
+        """At the likeliest spread of normal flights, from that of all, of the simulator's and between."""
         ways = [side.ways[name] for name in names]
         none = (0.0,) * len(self.spread.shapes)
         wide = self.spread.likeliest(side.values, side.seen, np.ones(len(side.index)), none)
         tried: dict[tuple[float, ...], MixtureFit] = {}
-        for start in (wide, none):
+        middle = (self.spread.grid[len(self.spread.grid) // 2],) * len(none)
+        for start in (wide, none, middle):
             sizes: tuple[float, ...] = tuple(start)
             while sizes not in tried:
                 short = self._mixture(side, ways, sizes, SHORT_ROUNDS)

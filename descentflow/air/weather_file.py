@@ -175,7 +175,7 @@ def weather_file_of(data: Any, path: str) -> WeatherFile:
 
 
 def names_weather(source: object) -> TypeGuard[str | Path]:
-    """Whether a word of a command or an argument is the path of such a file, or of a folder.
+    """True for the path of such a file or of a folder, as a command or an argument names it.
 
     Example:
         >>> names_weather("era5.nc"), names_weather("training")
@@ -185,7 +185,7 @@ def names_weather(source: object) -> TypeGuard[str | Path]:
 
 
 def same(one: Array, other: Array) -> bool:
-    """Whether two fields are the same but for how they were packed, holes included.
+    """True for two fields that differ by no more than their packing, holes included.
 
     Example:
         >>> same(np.array([250.0, np.nan]), np.array([250.01, np.nan]))

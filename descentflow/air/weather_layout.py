@@ -217,7 +217,7 @@ def unusable(got: str) -> DataError:
 
 
 def _standard_name(variable: Any, path: str) -> str:
-    """What a variable is by its standard name, or by its own name where it has none."""
+    """Quantity of a variable by its standard name, or by its own name where it has none."""
     given = str(variable.attrs.get("standard_name", "unknown"))
     by_name = next((standard for standard, names in NAMES.items() if variable.name in names), given)
     if given in NAMES and by_name != given:

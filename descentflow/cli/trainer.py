@@ -254,8 +254,8 @@ def _with_checkpoint(command: str, words: list[str]) -> list[str]:
     named = {name for name in ("--config", "--data", "--data.descents") if _option(words, name) is not None}
     kept = [] if named & {"--config", "--data"} else _settings_beside(Path(checkpoint), needed=not named)
     # Lightning would print a line for each of the hundred scores that are logged, after the table that shows them.
-    told = ["--verbose", "false"] if command == "test" else []
-    return [*told, *kept, "--model", model, *words, "--data.checkpoint", checkpoint]
+    quiet = ["--verbose", "false"] if command == "test" else []
+    return [*quiet, *kept, "--model", model, *words, "--data.checkpoint", checkpoint]
 
 
 def _settings_beside(checkpoint: Path, *, needed: bool) -> list[str]:

@@ -40,7 +40,7 @@ class Within(NamedTuple):
 
 
 Count = Annotated[int, Within(1)]
-"""How many are wanted."""
+"""A number of things, at least one."""
 NotNegativeInt = Annotated[int, Within(0)]
 Numbered = Annotated[int, Within(0, 1 << 53)]
 """A number of a draw, which float64 and every counter hold exactly."""

@@ -254,6 +254,8 @@ class Diagnosis:
         """Every cause, the one that takes most of the time away first."""
         whole = closure.share(left) if theta else ClosedShare(None, None, None)
         causes = [self._cause(found, name, theta, closure, whole) for name in theta]
+        if len(causes) < 2:
+            return causes
         saved = {name: self._time_without(name, theta, costs) for name in theta}
         return sorted(causes, key=lambda cause: -saved[cause.effect])
 
@@ -315,7 +317,7 @@ class Diagnosis:
         # Effects are put in where they were found: at the coefficients that the simulator's own flights show.
         simulator = replace(asked.simulator, aircraft=self.compared.state.aircraft)
         of_part = partial(self.explainer.theta_of_part, found.best)
-        return correction_made(simulator, frame, self.compared, theta, of_part, asked, {})
+        return correction_made(simulator, frame, self.compared, theta, of_part, asked)
 
     def _details(self, found: Explanation, left: Tensor, entries: Tensor, counts: Mapping[str, int]) -> Details:
         asked, compared = self.settings, self.compared

@@ -59,7 +59,6 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
     says = "speed brakes, or as much drag, within a band of altitude"
     inherited_from = 0.1
     ends = (1, 2)
-    narrowest_fl = NARROWEST_FL
     inset_fl = RUN_OUT_M / FL_M
     own_draws = 3
     grid_fl = GRID_FL

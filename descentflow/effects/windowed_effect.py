@@ -30,8 +30,6 @@ class WindowedEffect(Effect):
 
     ends: ClassVar[tuple[int, int]]
     """Positions of the lower and the upper end among the parameters; the size is the first of them."""
-    narrowest_fl: ClassVar[float]
-    """Height below which a window is none."""
     inset_fl: ClassVar[float] = 0.0
     """Height at either end over which it begins and ends; half of it counts as without."""
 

@@ -28,7 +28,6 @@ def corrected(
     catalogue: Mapping[str, Effect],
     theta: Mapping[str, Tensor],
     *,
-    spreads: Mapping[str, float] | None = None,
     inherited: bool = False,
 ) -> Callable[[Path], None] | None:
     """What writes the corrected checkpoint; None where there is no checkpoint to correct, or none could hold it.
@@ -40,7 +39,6 @@ def corrected(
         mass_kg: Mass at which signatures are taken.
         catalogue: Effects by name.
         theta: Parameters of those that are added.
-        spreads: Effect -> how widely its size spreads between flights, in its mean; alike in all if absent.
         inherited: Whether the simulator's own flights had the effects.
 
     Example:
@@ -60,9 +58,8 @@ def corrected(
     def write(path: Path) -> None:
         content = read()
         sizes = {name: value.tolist() for name, value in theta.items()}
-        own = {name: float(spread) for name, spread in (spreads or {}).items() if name in sizes}
         air = {} if inherited else air_of_training(parts)
-        correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning(), own, air)
+        correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning(), of_training=air)
         state: dict[str, Any] = content[SECTION]["representation"]
         before = state["decoder"].get("correction")
         if before is not None:

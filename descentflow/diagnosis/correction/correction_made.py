@@ -60,7 +60,6 @@ def correction_made(
     theta: Mapping[str, Tensor],
     of_part: ThetaOfPart,
     asked: Settings,
-    spreads: Mapping[str, float],
 ) -> CorrectionMade:
     """The simulator with the causes in it: its own flights or its checkpoint, and what that does to all scores.
 
@@ -71,7 +70,6 @@ def correction_made(
         theta: Parameters of the causes.
         of_part: Parameters of the same causes by some of the flights alone.
         asked: What is diagnosed, and how.
-        spreads: Effect -> how widely its size spreads between flights, in its mean.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -86,7 +84,7 @@ def correction_made(
     mass_kg, catalogue, seed = compared.state.mass_kg, asked.catalogue, asked.seed
     if simulator.flights is not None:
         cleaning = simulator.cleaning or Cleaning()
-        correction = Correction(catalogue, theta, mass_kg, cleaning, seed, spreads)
+        correction = Correction(catalogue, theta, mass_kg, cleaning, seed)
         return CorrectionMade(
             FLIGHTS,
             _writer(simulator, simulator.flights, correction),
@@ -94,11 +92,11 @@ def correction_made(
                 simulator, simulator.flights, frame, compared, of_part, correction, asked.transition_fl
             ),
         )
-    write = corrected(simulator, mass_kg, catalogue, theta, spreads=spreads)
+    write = corrected(simulator, mass_kg, catalogue, theta)
     parts = simulator.representation
     if simulator.sampler is None or parts is None or any(catalogue[name] is not EFFECTS.get(name) for name in theta):
         return CorrectionMade(CHECKPOINT if write is not None else "", write)
-    flown, moved = _samples(simulator, frame, mass_kg, seed, spreads)
+    flown, moved = _samples(simulator, frame, mass_kg, seed)
     made = _scoring_of_samples(simulator, frame, compared, of_part, flown, moved, asked.transition_fl, seed)
     settings = None if parts.cleaning is None else asdict(parts.cleaning)
 
@@ -144,7 +142,7 @@ def _scoring_of_flights(
 
 
 def _samples(
-    simulator: Simulator, frame: pl.DataFrame, mass_kg: float, seed: int, spreads: Mapping[str, float]
+    simulator: Simulator, frame: pl.DataFrame, mass_kg: float, seed: int
 ) -> tuple[Trajectories, Callable[[Mapping[str, Tensor]], Trajectories]]:
     """Samples that begin where real flights do, and what puts causes into them."""
     parts, sampler = simulator.representation, simulator.sampler
@@ -158,9 +156,8 @@ def _samples(
 
     def moved(theta: Mapping[str, Tensor]) -> Trajectories:
         sizes = {name: value.tolist() for name, value in theta.items()}
-        own = {name: float(spreads.get(name, 0.0)) for name in sizes}
         cleaning, air = parts.cleaning or Cleaning(), air_of_training(parts)
-        correction = DecoderCorrection(sizes, mass_kg, cleaning=cleaning, spreads=own, of_training=air)
+        correction = DecoderCorrection(sizes, mass_kg, cleaning=cleaning, of_training=air)
         return correction.apply(simulator.aircraft, flown)
 
     return flown, moved

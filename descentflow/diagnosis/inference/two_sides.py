@@ -96,12 +96,6 @@ class Compared:
         """Whether the simulator has flights of its own; else physics claims what is normal."""
         return not bool(self.real.all())
 
-    def nugget(self) -> Tensor:
-        """Variance (p,) by which a flight may be off for the means to be off by what is negligible."""
-        n_real, n_before = float(self.real.sum()), float((~self.real).sum())
-        count = n_real * n_before / (n_real + n_before) if n_before else n_real
-        return count * self.negligible() ** 2
-
     def counts(self) -> Tensor:
         """Entries (p,) that are counts and lost times, zero for most flights."""
         return torch.tensor([QUANTITIES[e.quantity].is_count for e in self.entries])

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from descentflow.diagnosis.findings.cause_found import (
+    Alternative,
     Cause,
     ClosedShare,
     Closure,
@@ -53,6 +54,7 @@ def cause(effect: str, parameters: dict[str, ParameterEstimate], **more: object)
         inclusion=0.99,
         own_closure=ClosedShare(0.5, 0.45, 0.55),
         on_both_sides=[OnBothSides(next(iter(parameters)), "K", first, 0.0)],
+        takes_away={"time": 12.5, "ground_distance": 1.25, "rate": -55.0},
     )
     return replace(plain, **more)  # type: ignore[arg-type]
 
@@ -78,7 +80,8 @@ def warm() -> Cause:
     """Air that is 7.2 K warmer."""
     sizes = {"deviation_k": ParameterEstimate(7.2, 6.8, 7.6, "K", "deviation from the standard atmosphere")}
     told = [TradeSize("deviation_k", "ISA +7.2 K", "ISA +7.2 K (+6.8 to +7.6)", "K", Measured(7.2, 6.8, 7.6))]
-    return cause("temperature", sizes, group=["mass"], sizes=told)
+    lighter = [TradeSize("relative_change", "mass x 0.93", "mass x 0.93 (0.91 to 0.95)", "factor", Measured(0.93))]
+    return cause("temperature", sizes, group=["mass"], sizes=told, alternatives=[Alternative("mass", 0.03, lighter)])
 
 
 def costs(after: bool = True) -> list[Cost]:
@@ -127,7 +130,6 @@ def details() -> Details:
             "tas": Curve(levels, [0.016] * 14, [0.0] * 14, [0.001] * 14),
             "level": Curve([None], [3.0], [0.0], [2.0]),
         },
-        flights={"flights_compared": 400},
         labels=LABELS,
         profile=[LevelMeans(157.5 + 15 * k, 2000.0 + 50 * k, 280.0, 350.0 + 7 * k) for k in range(14)],
         subsets=[Subset(["temperature"], 0.9), Subset(["temperature", "mass"], 0.1)],
@@ -163,7 +165,6 @@ def findings() -> Findings:
         would_split=[WouldSplit(["temperature", "mass"], ["TAS"], "they look alike in the channels given")],
         dropped={"flights_given": 412, "flights_compared": 400},
         details=details(),
-        global_p=0.001,
         costs=costs(),
         recipe=recipe,
         scores=[Score("mean absolute error of the time", "s", 25.0, 4.0, 3.0, {"temperature": 9.0})],

@@ -91,7 +91,6 @@ def _refit_report(report: GapReport, found: GapReport, settings: Settings) -> Ga
         report,
         verdict="effect",
         p_value=found.p_value,
-        global_p=found.p_value,
         where=found.where,
         floor=found.floor,
         gap_before=found.gap_before,

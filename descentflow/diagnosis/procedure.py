@@ -23,7 +23,7 @@ from descentflow.diagnosis.evidence.explain import Explainer, Explanation
 from descentflow.diagnosis.evidence.limits import detection_limits
 from descentflow.diagnosis.evidence.nuisances import set_apart
 from descentflow.diagnosis.evidence.set_fit import SetFit
-from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare, Closure
+from descentflow.diagnosis.findings.cause_found import Alternative, Cause, ClosedShare, Closure
 from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.findings.findings import SIGNIFICANT, Details, Discrepancy, SingleEffect, Verdict
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
@@ -187,7 +187,6 @@ class Diagnosis:
         return GapReport(
             verdict=verdict,
             p_value=p_value,
-            global_p=p_value,
             floor=floor,
             gap_before=closure.before,
             where=cells,
@@ -197,7 +196,7 @@ class Diagnosis:
             remaining=remaining_of(compared, left, after - floor, found.named.unknown),
             would_split=hidden if verdict == "none" else would_split(compared, asked.catalogue, causes),
             dropped=dict(counts),
-            details=self._details(found, left, entries, counts),
+            details=self._details(found, left, entries),
             costs=costs,
             recipe=recipe_of(causes, asked.catalogue, levels_compared(compared)),
             scores=made.scoring.rows([call() for call in made.scoring.calls]),
@@ -253,20 +252,31 @@ class Diagnosis:
     ) -> list[Cause]:
         """Every cause, the one that takes most of the time away first."""
         whole = closure.share(left) if theta else ClosedShare(None, None, None)
-        causes = [self._cause(found, name, theta, closure, whole) for name in theta]
-        if len(causes) < 2:
-            return causes
-        saved = {name: self._time_without(name, theta, costs) for name in theta}
-        return sorted(causes, key=lambda cause: -saved[cause.effect])
+        taken = {name: self._takes_away(name, theta, costs) for name in theta}
+        causes = [replace(self._cause(found, name, theta, closure, whole), takes_away=taken[name]) for name in theta]
+        return sorted(causes, key=lambda cause: -abs(cause.takes_away.get("time", 0.0)))
 
-    def _time_without(self, name: str, theta: Mapping[str, Tensor], costs: list[Cost]) -> float:
-        """How much more of the time is left (s) without one of the causes."""
-        with_all = next((cost for cost in costs if cost.name == "time" and cost.after is not None), None)
-        if with_all is None or with_all.after is None:
-            return 0.0
+    def _takes_away(self, name: str, theta: Mapping[str, Tensor], costs: list[Cost]) -> dict[str, float]:
+        """By cost over all levels: how much more of the difference is left without one of the causes."""
         left = self._left({other: value for other, value in theta.items() if other != name})
-        without = next(cost for cost in costs_of(self.compared, left, self.settings.seed) if cost.name == "time")
-        return 0.0 if without.after is None else abs(without.after.estimate - with_all.after.estimate)
+        pairs = zip(costs_of(self.compared, left, self.settings.seed), costs, strict=True)
+        return {
+            without.name: without.after.estimate - cost.after.estimate
+            for without, cost in pairs
+            if (cost.low_fl, cost.high_fl) == (costs[0].low_fl, costs[0].high_fl)
+            and without.after is not None
+            and cost.after is not None
+        }
+
+    def _alternative(self, found: Explanation, name: str, member: str) -> Alternative:
+        """An effect of a cause's group in its place, beside the other causes."""
+        fits, effect = self.explainer.search.fits, self.settings.catalogue[member]
+        names = tuple(member if other == name else other for other in found.best.names)
+        fit, candidate = fits.fit(names, found.best.unknown, found.best.sizes), fits.candidates[member]
+        known = (effect, candidate.theta(fit.sizes[member]), candidate.theta_errors(fit.errors[member]))
+        flights = int(self.compared.real.sum())
+        sizes = told_of_both(effect, sizes_of(*known, flights), on_both_sides(self.compared, effect))
+        return Alternative(member, found.named.probability[member], sizes, share_of(*known, flights))
 
     def _cause(
         self,
@@ -302,6 +312,7 @@ class Diagnosis:
             own_closure=own,
             sizes=told_of_both(effect, sizes_of(effect, value, error, flights), both),
             on_both_sides=both.measured,
+            alternatives=[self._alternative(found, name, member) for member in group],
         )
 
     def _gain(self, best: SetFit, name: str) -> float:
@@ -319,7 +330,7 @@ class Diagnosis:
         of_part = partial(self.explainer.theta_of_part, found.best)
         return correction_made(simulator, frame, self.compared, theta, of_part, asked)
 
-    def _details(self, found: Explanation, left: Tensor, entries: Tensor, counts: Mapping[str, int]) -> Details:
+    def _details(self, found: Explanation, left: Tensor, entries: Tensor) -> Details:
         asked, compared = self.settings, self.compared
         gap = measured_gap(compared, entries, asked.seed)
         weights = zip(found.sets, found.named.weights.tolist(), strict=True)
@@ -336,7 +347,6 @@ class Diagnosis:
             discrepancy=self._discrepancy(found),
             singles=self._singles(found),
             curves=curves(compared, left),
-            flights=dict(counts),
             labels={name: effect.text for name, effect in asked.catalogue.items()},
             subsets=[Subset([*one.names, *([UNKNOWN] if one.unknown else [])], w) for one, w in weights][:SHOWN],
             profile=profile_of(compared),

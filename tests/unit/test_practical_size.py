@@ -93,6 +93,6 @@ def test_the_page_of_a_small_gap_says_so() -> None:
     assert "a gap too small to matter" in text
     assert "0.1 kt of 0.3 kt" in text
     assert sentences(found)[0] == (
-        "house_simulator.parquet and the 400 real A20N flights differ measurably (p = 0.001), but everywhere by less "
+        "house_simulator.parquet and the 400 real A20N flights differ measurably (p = 0.0005), but everywhere by less "
         "than the rounding of one flight's reports leaves open (most: calibrated airspeed 0.1 kt of 0.3 kt)."
     )

@@ -114,6 +114,27 @@ class OnBothSides:
 
 
 @dataclass(frozen=True)
+class Alternative:
+    """An effect that may stand in the place of a cause, with the sizes that it then has.
+
+    Attributes:
+        effect: Its name in the catalogue.
+        probability: Probability that it is among the causes.
+        sizes: In units of the trade, of the flights that have it, beside the other causes.
+        share_of_flights: Share of the flights that have it; None where all have.
+
+    Example:
+        >>> Alternative("mass", 0.2, [TradeSize("relative_change", "", "mass x 0.93", "factor", Measured(0.93))]).effect
+        'mass'
+    """
+
+    effect: str
+    probability: float
+    sizes: list[TradeSize] = field(default_factory=list)
+    share_of_flights: ClosedShare | None = None
+
+
+@dataclass(frozen=True)
 class Cause:
     """An effect that is named.
 
@@ -134,6 +155,9 @@ class Cause:
             the simulator's, so what to add to what it has.
         on_both_sides: What either side has by itself, where what is broadcast says it (temperature by TAS and Mach
             number, wind by groundspeed and TAS, noise).
+        takes_away: By cost (``time``, ``rate``, ...) over all levels: the part of the difference, flights minus
+            simulator, that goes once the simulator has this cause beside the others; in the cost's unit.
+        alternatives: The effects of ``group`` with their sizes.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -159,6 +183,8 @@ class Cause:
     own_closure: ClosedShare | None = None
     sizes: list[TradeSize] = field(default_factory=list)
     on_both_sides: list[OnBothSides] = field(default_factory=list)
+    takes_away: dict[str, float] = field(default_factory=dict)
+    alternatives: list[Alternative] = field(default_factory=list)
 
     def in_flights(self, *, whole: bool = False) -> str:
         """Which flights have it, with the 90 % interval of their share if ``whole``; empty where all have."""

@@ -98,7 +98,6 @@ class Details:
         discrepancy: What the named effects leave.
         singles: Every effect alone, best first.
         curves: By quantity.
-        flights: Counts of flights and rows.
         labels: Effect -> its name for readers.
         subsets: The best sets of effects, heaviest first.
         detection_limits: Of each effect, the smallest size that would be named in 80 of 100 cases.
@@ -127,7 +126,6 @@ class Details:
     discrepancy: Discrepancy
     singles: list[SingleEffect] = field(metadata={"json": "contest"})
     curves: dict[str, Curve]
-    flights: dict[str, int]
     labels: dict[str, str] = field(default_factory=dict)
     subsets: list[Subset] = field(default_factory=list)
     detection_limits: list[DetectionLimit] = field(default_factory=list)
@@ -153,13 +151,12 @@ class Findings:
             standard deviations between flights).
         where: Cells, largest share first.
         stages: The simulator's own loss by stage; empty for nominal BADA.
-        causes: Effects in the order in which they were selected.
+        causes: Effects, the one that takes most of the time away first.
         gap_after: Gap once the causes are in the simulator.
         remaining: What is left, and where.
         would_split: Channels or slices that would separate what these data cannot.
         dropped: Counts of flights and rows left out, by reason; and of flights that the simulator has seen.
         details: Everything else: settings, every effect alone, curves behind the figures.
-        global_p: The p-value corrected for how many effects were looked for; None where not computed.
         costs: What the gap costs, the whole range of levels first, then parts of it.
         recipe: What to change in the simulator, cause by cause.
         scores: Of the simulator's flights before and after the causes, as `evaluate` has them.
@@ -191,7 +188,6 @@ class Findings:
     would_split: list[WouldSplit]
     dropped: dict[str, int]
     details: Details
-    global_p: float | None = None
     costs: list[Cost] = field(default_factory=list)
     recipe: list[RecipeStep] = field(default_factory=list)
     scores: list[Score] = field(default_factory=list)

@@ -70,7 +70,7 @@ def _seen(found: Findings) -> list[str]:
 
 
 def _p_value(found: Findings) -> str:
-    return f"p = {found.p_value if found.global_p is None else found.global_p:.2g}"
+    return f"p = {found.p_value:.2g}"
 
 
 def same_flights(found: Findings) -> bool:

@@ -53,7 +53,7 @@ def flights_name(found: Findings) -> str:
         >>> flights_name(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))
         '120 real A320 flights'
     """
-    count = found.details.flights.get("flights_compared")
+    count = found.dropped.get("flights_compared")
     used = None if found.provenance is None else found.provenance.coefficients
     # Another type's coefficients may stand for theirs.
     types = found.details.typecode if used is None or not used.of_flights else spoken(used.of_flights)

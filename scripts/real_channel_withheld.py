@@ -20,7 +20,7 @@ from studies.blind_diagnosis.seal import write_json
 
 
 def package(descents: Descents, typecode: str, channels: Sequence[str]) -> dict[str, Any]:
-    return diagnose(descents, typecode=typecode, channels=channels).as_dict()
+    return diagnose(descents, typecode=typecode, channels=channels, any_type=True).as_dict()
 
 
 def told(title: str, report: dict[str, Any]) -> str:

@@ -79,6 +79,6 @@ blind = df.diagnose(real, model, channels=["IAS", "Mach", "vertical_rate"])
 print(blind)
 
 # %%
-# :doc:`/explanation/diagnosis` says how it works, :doc:`/explanation/diagnosis_study` how often it is right.
+# :doc:`/explanation/diagnosis` explains the statistics.
 
 kept.cleanup()

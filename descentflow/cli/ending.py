@@ -98,7 +98,7 @@ def _signals() -> Iterator[list[int]]:
 
     def unraisable(unraised: "sys.UnraisableHookArgs") -> None:
         # It fell into a finalizer, where Python ignores it: the same signal comes once more, after this.
-        if told and isinstance(unraised.exc_value, KeyboardInterrupt | SystemExit):
+        if sys.platform != "win32" and told and isinstance(unraised.exc_value, KeyboardInterrupt | SystemExit):
             again = threading.Timer(AGAIN_S, signal.pthread_kill, [main.ident, told[-1]])
             waiting.append(again)
             again.start()

@@ -1,37 +1,70 @@
 """Files are written whole or not at all, and what a killed run left half done is taken up by the next one."""
 
 import errno
-import fcntl
 import os
 import re
 import shutil
-import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from descentflow.core.errors import DataError, DescentflowError
 
 LONGEST_NAME = 255
 """Bytes of the longest name of a file that the usual file systems take."""
-MOST_WRITERS = 100
+MAX_WRITERS = 100
 """Runs that may write the same file at the same time."""
 LEAST_ROOM = 1 << 16
 """Bytes left on a disk below which a library that could not write is taken to have found it full."""
 OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO, errno.EFBIG)
 """What the system answers where a file cannot be written."""
 TEMPORARY = re.compile(r"\..+\.descentflow-part\d+(\.|$)", re.DOTALL)
+LOCK = ".lock"
+"""What the name of a temporary file's lock ends in."""
 OF_RUST = re.compile(r"\(os error (\d+)\)")
+
+
+class Claim:
+    """A name that one run has at a time: the lock of a file beside, which goes when it is let go.
+
+    Example:
+        >>> first, second = Claim(Path("note.lock")), Claim(Path("note.lock"))
+        >>> first.take(), second.take()
+        (True, False)
+        >>> first.let_go()
+        >>> Path("note.lock").exists()
+        False
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._lock = FileLock(path, is_singleton=False)
+
+    def take(self) -> bool:
+        """Lock the file; False if another run has it. A run that is killed lets it go."""
+        try:
+            self._lock.acquire(blocking=False)
+        except Timeout:
+            return False
+        return True
+
+    def let_go(self) -> None:
+        """Remove the file and unlock it, if it is locked."""
+        if self._lock.is_locked:
+            with suppress(OSError):  # Windows cannot remove it before, and filelock does so after
+                Path(self._lock.lock_file).unlink()
+            self._lock.release()
 
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Give a temporary name beside ``path`` to write to; rename it when the block ends well, else remove it.
 
-    The temporary file is locked while it is written. A run that is killed leaves it behind, unlocked, and the next one
-    that writes ``path`` takes it up; runs that write ``path`` at the same time have one each, and the last one to end
-    is what stays.
+    The temporary file is claimed while it is written. A run that is killed leaves it behind, and the next one that
+    writes ``path`` removes it; runs that write ``path`` at the same time have one each, and the last one to end is
+    what stays.
 
     Raises:
         DataError: As :func:`check_output`, or if the disk is full or cannot be written.
@@ -55,12 +88,14 @@ def whole_file(path: str | Path) -> Iterator[Path]:
             temporary.replace(target)
         except BaseException as error:
             is_full = not isinstance(error, OSError) and shutil.disk_usage(target.parent).free < LEAST_ROOM
-            mine.remove()
             if is_full and isinstance(error, Exception):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
             raise
         finally:
-            mine.let_go()
+            try:
+                mine.end()
+            finally:  # an interruption may fall into the first
+                mine.end()
 
 
 def remove_left(folder: Path, pattern: str = "**/*") -> None:
@@ -80,91 +115,65 @@ def remove_left(folder: Path, pattern: str = "**/*") -> None:
     """
     for path in folder.glob(pattern):
         if TEMPORARY.match(path.name):
-            _remove_unlocked(path)
+            _remove_unclaimed(path.with_name(path.name.removesuffix(LOCK)))
 
 
 class _Temporary:
-    """A locked file beside the target, known step by step: an interruption may fall between any two."""
+    """A claimed file beside the target, known step by step: an interruption may fall between any two."""
 
     def __init__(self, target: Path) -> None:
         self.target = target
         self.path: Path | None = None
-        self.handle: int | None = None
+        self.claim: Claim | None = None
 
     def begin(self) -> Path:
-        """Name of an empty, locked file: what an earlier run left, or a new one."""
-        for number in range(MOST_WRITERS):
+        """Name of an empty, claimed file."""
+        for number in range(MAX_WRITERS):
             self.path = _temporary(self.target, number)
-            self.handle = _locked(self.path)
-            if self.handle is not None:
+            self.claim = _claim(self.path)
+            if self.claim.take():
+                self.path.unlink(missing_ok=True)
+                self.path.touch(exist_ok=False)  # a new file, and never what a link planted there points to
                 self._remove_others(number + 1)
                 return self.path
+        self.claim = None
         raise DataError(
-            f"{MOST_WRITERS} runs that write {self.target}",
+            f"{MAX_WRITERS} runs that write {self.target}",
             expected="a few at a time",
             mend="wait, or choose another output",
         )
 
-    def remove(self) -> None:
-        """Remove the file, also if it was made and not locked yet."""
-        if self.path is not None and self.handle is not None:
-            self.path.unlink(missing_ok=True)
-        elif self.path is not None and self.path.exists():
-            _remove_unlocked(self.path)
-
-    def let_go(self) -> None:
-        """Unlock the file."""
-        if self.handle is not None:
-            os.close(self.handle)
-            self.handle = None
+    def end(self) -> None:
+        """Remove what has not been renamed, and let the name go."""
+        if self.path is not None and self.claim is not None:
+            if self.claim.take():
+                self.path.unlink(missing_ok=True)
+            self.claim.let_go()
+            self.claim = None
 
     def _remove_others(self, number: int) -> None:
         """Remove what killed runs left that wrote the same file at the same time."""
-        while number < MOST_WRITERS and (path := _temporary(self.target, number)).exists():
-            _remove_unlocked(path)
+        while number < MAX_WRITERS and (path := _temporary(self.target, number)).exists():
+            _remove_unclaimed(path)
             number += 1
 
 
-def _remove_unlocked(path: Path) -> None:
-    handle = _locked(path)
-    if handle is not None:
+def _claim(path: Path) -> Claim:
+    return Claim(path.with_name(path.name + LOCK))
+
+
+def _remove_unclaimed(path: Path) -> None:
+    claim = _claim(path)
+    if claim.take():
         path.unlink(missing_ok=True)
-        os.close(handle)
-
-
-def _locked(path: Path) -> int | None:
-    """An open, locked, empty file of this name; None if another run has it or it is no plain file."""
-    try:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
-    except OSError as error:
-        if error.errno in (errno.ELOOP, errno.EISDIR) or (error.errno == errno.EACCES and path.exists()):
-            return None
-        raise
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # Between opening and locking, another run may have given the file its final name.
-        mine, named = os.fstat(handle), os.stat(path, follow_symlinks=False)
-        if stat.S_ISREG(mine.st_mode) and mine.st_nlink == 1 and (mine.st_dev, mine.st_ino) == _place(named):
-            os.ftruncate(handle, 0)
-            return handle
-    except (BlockingIOError, FileNotFoundError):
-        pass
-    except BaseException:
-        os.close(handle)
-        raise
-    os.close(handle)
-    return None
-
-
-def _place(found: os.stat_result) -> tuple[int, int]:
-    return found.st_dev, found.st_ino
+        claim.let_go()
 
 
 def _temporary(target: Path, number: int) -> Path:
     """Hidden, and with the target's suffix, from which libraries know the format."""
     mark = f"descentflow-part{number}"
     name = f".{target.stem}.{mark}{target.suffix}"
-    if len(os.fsencode(name)) > LONGEST_NAME:
+    if len(os.fsencode(name + LOCK)) > LONGEST_NAME:
         name = f".{sha256(os.fsencode(target.name)).hexdigest()[:16]}.{mark}{target.suffix[:100]}"
     return target.with_name(name)
 

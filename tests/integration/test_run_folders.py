@@ -1,19 +1,18 @@
 """Where the trainer's commands write: no empty runs, results beside the checkpoint that they are of."""
 
-import fcntl
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from command_line_toys import QUICK
+from filelock import FileLock
 from lightning.pytorch import Trainer
 from lightning.pytorch.loggers import CSVLogger
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from descentflow.cli.entry import main
-from descentflow.training.callbacks.failed_run import RemoveFailedRun
+from descentflow.training.callbacks.failed_run import LOCK, RemoveFailedRun
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 
@@ -119,10 +118,9 @@ def test_a_fit_that_fails_before_it_claims_a_folder_leaves_it_to_the_run_that_ha
     folder = here / "logs" / "lightning_logs" / "version_0"
     folder.mkdir(parents=True)
     (folder / "metrics.csv").write_text("of another")
-    other = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    fcntl.flock(other, fcntl.LOCK_EX)
-    failed.on_exception(trainer, None, ValueError())
-    os.close(other)
+    other = FileLock(folder / LOCK, is_singleton=False)
+    with other:
+        failed.on_exception(trainer, None, ValueError())
     assert (folder / "metrics.csv").read_text() == "of another"
 
 

@@ -40,6 +40,7 @@ def test_what_fails_leaves_the_file_of_before(tmp_path: Path, failure: type[Base
     assert (names(tmp_path), target.read_text()) == (["note.txt"], "before")
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # interruptions of a finalizer
 def test_interruptions_at_any_instant_leave_nothing(tmp_path: Path) -> None:
     """Those between its making and its locking, 1.8 %, left a file before: 600 see that (2e-5 that none would)."""
     rng, before = random.Random(0), signal.getsignal(signal.SIGALRM)
@@ -74,9 +75,10 @@ def test_what_a_killed_run_left_is_taken_up(tmp_path: Path) -> None:
         "    os.kill(os.getpid(), signal.SIGKILL)"
     )
     subprocess.run([sys.executable, "-c", code, str(target)], check=False)
-    (left,) = names(tmp_path)
+    left, lock = names(tmp_path)
     assert left.startswith(".")
     assert left.endswith(".txt")
+    assert lock == f"{left}.lock"
     with whole_file(target) as temporary:
         assert temporary.name == left
         assert temporary.read_text() == ""

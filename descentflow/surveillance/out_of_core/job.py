@@ -1,21 +1,19 @@
 """The folder beside an output in which an unfinished `prepare` keeps its parts, so that a rerun resumes from them."""
 
-import fcntl
 import glob
 import hashlib
 import json
-import os
 import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from descentflow.core.errors import ConfigError, DescentflowError
-from descentflow.core.files import whole_file
+from descentflow.core.files import Claim, whole_file
 
-DESCRIPTION, LOCK, ROWS, PARTS = "job.json", "lock", "rows", "parts"
+DESCRIPTION, ROWS, PARTS = "job.json", "rows", "parts"
 
 
 def fingerprint(facts: dict[str, Any]) -> str:
@@ -60,8 +58,9 @@ def job_folder(out: Path, facts: dict[str, Any]) -> Iterator[Path]:
     """
     folder = work_folder(out)
     _remove_retired(folder)
-    with _lock(folder, out):
-        _claim(folder, facts, out)
+    with _alone(folder, out):
+        folder.mkdir(exist_ok=True)
+        _describe(folder, facts, out)
         try:
             yield folder
         except DescentflowError:
@@ -89,33 +88,24 @@ def remove_work(out: Path) -> None:
     folder = work_folder(out)
     _remove_retired(folder)
     if folder.is_dir():
-        with suppress(ConfigError), _lock(folder, out):
+        with suppress(ConfigError), _alone(folder, out):
             _remove(folder)
 
 
-def _lock(folder: Path, out: Path) -> IO[str]:
-    """Make the folder and take its lock, for as long as the file is open; a folder that goes meanwhile is made anew."""
-    while True:
-        folder.mkdir(exist_ok=True)
-        with suppress(FileNotFoundError):
-            lock = (folder / LOCK).open("w")
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                lock.close()
-                raise ConfigError(
-                    f"another run is at work on {out}",
-                    expected="one at a time",
-                    mend="wait for it, or choose another --out",
-                ) from error
-            if _is_named(lock, folder / LOCK):
-                return lock
-            lock.close()
-
-
-def _is_named(lock: IO[str], path: Path) -> bool:
-    """True where the open file is the one of this name: its folder may have been renamed before it was locked."""
-    return path.exists() and os.path.samestat(os.fstat(lock.fileno()), path.stat())
+@contextmanager
+def _alone(folder: Path, out: Path) -> Iterator[None]:
+    """Hold the lock of the work, which lies beside its folder: that is renamed before it is removed."""
+    claim = Claim(folder.with_name(f".{folder.name}.lock"))
+    if not claim.take():
+        raise ConfigError(
+            f"another run is at work on {out}",
+            expected="one at a time",
+            mend="wait for it, or choose another --out",
+        )
+    try:
+        yield
+    finally:
+        claim.let_go()
 
 
 def _remove(folder: Path) -> None:
@@ -136,7 +126,7 @@ def _retired(folder: Path) -> str:
     return f".{folder.name[:50]}-done-"
 
 
-def _claim(folder: Path, facts: dict[str, Any], out: Path) -> None:
+def _describe(folder: Path, facts: dict[str, Any], out: Path) -> None:
     """Write the description of the work, or check that an earlier run wrote the same."""
     description, mark = folder / DESCRIPTION, fingerprint(facts)
     try:

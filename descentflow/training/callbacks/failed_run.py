@@ -1,6 +1,5 @@
 """One run a folder, its settings written whole, and nothing left of a run that came to nothing."""
 
-import fcntl
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -10,11 +9,13 @@ from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.cli import SaveConfigCallback
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import remove_left, whole_file
+from descentflow.core.files import Claim, remove_left, whole_file
 from descentflow.training.run_folders import folder_of
 
 WRITTEN = ("hparams.yaml", "metrics.csv", f"events.out.tfevents.*.{os.getpid()}.*")
 """Files that TensorBoard and CSV loggers of this process have written into the folder of a run."""
+LOCK = ".run.lock"
+"""File of a run's folder that the run at work in it has locked."""
 
 
 class RemoveFailedRun(Callback):
@@ -37,7 +38,7 @@ class RemoveFailedRun(Callback):
     def __init__(self) -> None:
         """Begin without a folder."""
         self._of_another = False
-        self._lock: int | None = None
+        self._claim: Claim | None = None
         self._absent: list[Path] = []
 
     def note(self, trainer: Trainer) -> None:
@@ -56,27 +57,28 @@ class RemoveFailedRun(Callback):
         Raises:
             ConfigError: If another run has it.
         """
-        if not trainer.is_global_zero or not trainer.loggers or self._lock is not None:
+        if not trainer.is_global_zero or not trainer.loggers or self._claim is not None:
             return
         folder = folder_of(trainer)
         self._absent = self._absent or _absent(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        self._claim = Claim(folder / LOCK)
+        if not self._claim.take():
             self._of_another = True
             raise ConfigError(
                 f"another run is at work in {folder}", expected="one a folder", mend="start this one again"
-            ) from None
+            )
         # Of killed runs, whose files nobody writes again: a run has a folder of its own.
         remove_left(folder.parent, "version_*/**/*")
 
     def teardown(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
         """Let the folder go."""
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+        self._let_go()
+
+    def _let_go(self) -> None:
+        if self._claim is not None:
+            self._claim.let_go()
+            self._claim = None
 
     def on_exception(self, trainer: Trainer, pl_module: LightningModule, exception: BaseException) -> None:
         """Remove what the run wrote if nothing in it is of use."""
@@ -90,17 +92,14 @@ class RemoveFailedRun(Callback):
             (folder_of(trainer) / settings[0].config_filename).unlink(missing_ok=True)
         if self._absent and not _is_of_use(self._absent[0]) and self._is_alone(self._absent[0]):
             self._remove()
+        self._let_go()
 
     def _is_alone(self, folder: Path) -> bool:
         """True where no other run has claimed the folder: one that began at the same moment may have."""
-        if self._lock is not None or not folder.is_dir():
+        if self._claim is not None or not folder.is_dir():
             return folder.is_dir()
-        self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        return True
+        self._claim = Claim(folder / LOCK)
+        return self._claim.take()
 
     def _remove(self) -> None:
         """Remove this run's files, and the folders that it made if nothing else is in them."""
@@ -108,6 +107,7 @@ class RemoveFailedRun(Callback):
         for path in [path for name in WRITTEN for path in folder.glob(name)]:
             path.unlink()
         remove_left(folder)
+        self._let_go()
         for one in (folder / "checkpoints", *self._absent):
             # A folder with anything else in it stays.
             with suppress(OSError):

@@ -1,4 +1,4 @@
-r"""What an aircraft's reports say of the air around it: temperature and wind along the track, with their errors.
+r"""Temperature and wind along the track, from an aircraft's reports, with their errors.
 
 True airspeed and Mach number give the temperature, :math:`T = (V / M)^2 / (\kappa R)`; where no Mach number is
 reported, it is that of the calibrated airspeed. Groundspeed, true airspeed, track and heading give the wind along the
@@ -146,7 +146,7 @@ def _possible(values: Tensor, most: float) -> Tensor:
 
 
 def _without_outliers(values: Tensor, seen: Tensor) -> tuple[Tensor, float]:
-    """Which bands (n, B) stay, and their scatter: what a receiver keeps of different instants strays far."""
+    """Bands (n, B) that are no outliers, and their scatter: a receiver may join values of different instants."""
     shown = torch.where(seen, values, torch.nan)
     around = torch.nn.functional.pad(shown, (WINDOW, WINDOW), value=torch.nan).unfold(1, 2 * WINDOW + 1, 1).clone()
     around[:, :, WINDOW] = torch.nan

@@ -62,7 +62,7 @@ class Smoothed(NamedTuple):
 
 @dataclass(frozen=True)
 class AirSmoother:
-    """How one quantity of the air departs from a line along flights, and the reports' white noise, in its unit.
+    """Departures of one quantity of the air from a line along flights, and the reports' white noise, in its unit.
 
     Example:
         >>> from descentflow.air.air_reports import temperature_reports

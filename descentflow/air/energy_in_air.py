@@ -26,7 +26,7 @@ from descentflow.physics.forces import descent_thrust_n
 
 
 class InAir(NamedTuple):
-    """What an air changes at a CAS, (n, L) each; the first four in standard air and then in the air.
+    """Effect of an air at a CAS, (n, L) each; the first four in standard air and then in the air.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -45,11 +45,11 @@ class InAir(NamedTuple):
     metres_of_pressure: Tensor
     """Metres of pressure altitude in one geometric metre."""
     more_share: Tensor
-    """What is added to G."""
+    """Increase of G."""
 
 
 def in_air(aircraft: Aircraft, cas_mps: Tensor, altitude_m: Tensor, air: LevelAir) -> InAir:
-    """What an air changes for flights at a CAS.
+    """Compute the effect of an air on flights at a CAS.
 
     Args:
         aircraft: Coefficients.

@@ -30,7 +30,7 @@ BLOCK = 4096
 
 
 class FlightPaths(NamedTuple):
-    """Where n flights were on L levels, (n, L) each; held above their highest and below their lowest known place.
+    """Places of n flights on L levels, (n, L) each; held above their highest and below their lowest known place.
 
     Attributes:
         unix_s: Seconds since 1970.

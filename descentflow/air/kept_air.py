@@ -16,7 +16,7 @@ WARMEST_K, STRONGEST_MPS = 80.0, 200.0
 
 @dataclass(frozen=True)
 class KeptAir:
-    """How drag was inferred in the air of each flight, and the airs that samples are drawn with.
+    """Air in which drag was inferred, flight by flight, and the airs that samples are drawn with.
 
     Attributes:
         source: ``measured`` by the flights' own reports, or by a weather ``field``.

@@ -47,7 +47,7 @@ class LevelAir:
         return LevelAir(self.deviation_k[:, low:high], self.tailwind_mps[:, low:high])
 
     def slopes(self, altitude_m: Tensor) -> "AirSlopes":
-        """How both change with pressure altitude (L,)."""
+        """Derivatives of both by pressure altitude (L,)."""
         return AirSlopes(slope_per_m(self.deviation_k, altitude_m), slope_per_m(self.tailwind_mps, altitude_m))
 
 

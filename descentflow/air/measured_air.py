@@ -14,7 +14,7 @@ from descentflow.core.errors import DataError
 from descentflow.measurements.level_channels import LevelGrid
 
 CHANNELS = ("IAS", "vertical_rate", "TAS", "Mach", "groundspeed", "track", "heading")
-"""What of the reports says something of the air, or is needed to place it."""
+"""Reported quantities that measure the air, or that place it."""
 MAX_ERROR_K = 10.0
 """Standard error beyond which a temperature is not known: 2.5 % of the rate of descent, as one report of it errs."""
 MAX_GROWTH_ERROR_PER_S = 0.0017

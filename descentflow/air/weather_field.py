@@ -80,7 +80,7 @@ class WeatherField:
 
     @property
     def wind(self) -> bool:
-        """Whether it has a wind; still air if not."""
+        """True if it has a wind; still air if not."""
         return EAST in self._steps
 
     @property
@@ -239,7 +239,7 @@ def _steps(files: Sequence[WeatherFile], name: str) -> list[_Step]:
 
 
 def _shown(points: Points) -> str:
-    """When and where points are."""
+    """Time and place of points, as text."""
     unix_s, level, latitude, longitude = ((float(np.min(part)), float(np.max(part))) for part in points)
     times = (f"{np.datetime64(int(end), 's').astype('datetime64[m]')}Z" for end in unix_s if np.isfinite(end))
     return (

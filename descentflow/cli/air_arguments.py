@@ -53,6 +53,6 @@ def add_source(parser: argparse.ArgumentParser) -> None:
 
 
 def source_of(args: argparse.Namespace) -> str | list[str] | None:
-    """Where the air of given flights is known from; None if it is not said."""
+    """Source of the air of given flights; None if it is not given."""
     words: list[str] | None = args.air
     return words[0] if words and len(words) == 1 else words

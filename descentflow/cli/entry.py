@@ -42,7 +42,7 @@ LIBRARIES = {
     "evaluate": "descentflow.evaluation.evaluate",
     "diagnose": "descentflow.diagnosis.diagnose",
 }
-"""What a command imports before it does anything, with all that it takes of large libraries."""
+"""Modules that a command imports before it does anything, with all that it takes of large libraries."""
 QUIET = "--quiet"
 """Option of every command: no progress on stderr."""
 

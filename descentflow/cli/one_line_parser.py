@@ -35,7 +35,7 @@ SAID = tuple(
         (r"unrecognized arguments: (?P<words>.*)", "no option {words}", "an option of {prog}"),
     )
 )
-"""What argparse says, and the parts of our message: the first that matches. Our own types say what they expected."""
+"""Messages of argparse, and the parts of ours: the first that matches. Our own types name what they expected."""
 BEGINS_AS_A_NUMBER = re.compile(r"-\.?\d")
 KINDS = {"int": "a whole number", "float": "a number", "Path": "a path"}
 
@@ -60,7 +60,7 @@ descentflow sample --help, which has every option
     """
 
     words: Sequence[str] = ()
-    """What is parsed."""
+    """Words that are parsed."""
 
     def __init__(self, *words: Any, **settings: Any) -> None:
         """As argparse's own, but what begins with a minus and a digit is a value: a southern point is no option."""

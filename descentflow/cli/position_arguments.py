@@ -1,4 +1,4 @@
-"""Where descents are flown, on the command line: an end point and a track or a route, and a wind."""
+"""Options for the place of descents: an end point and a track or a route, and a wind."""
 
 import argparse
 from typing import TYPE_CHECKING

@@ -24,7 +24,7 @@ TOP = (
 )
 MODELS = tuple(sorted(set(MODULES) - {"LatentModel"}))
 IN_PYTHON = ("gaussian", "mixture", "flow", "spline")
-"""What :func:`descentflow.training.fit.fit` calls the models."""
+"""Names of the models in :func:`descentflow.training.fit.fit`."""
 OTHER_NAMES = {
     "gaussian": ("Gaussian", "gaussian"),
     **dict.fromkeys(("mixture", "gmm", "gaussianmixture"), ("GaussianMixture", "gmm")),
@@ -39,7 +39,7 @@ OWN = {
 """Sections of the command line whose options are the arguments of one class of this package."""
 SECTIONS_OF_CLASSES = (*OWN, "model")
 NOTHING = "null"
-"""What YAML and the command line call None; the full parser lets it pass where a number is expected."""
+"""Spellings of None in YAML and on the command line; the full parser lets them pass where a number is expected."""
 SETTINGS = ("data", "trainer", "scores", "checkpoint")
 """Sections that take a file of settings where they are given a value themselves."""
 DESCENTS = ("descents", "aircraft", "bada_dir", "checkpoint", "typecodes")

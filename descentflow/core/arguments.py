@@ -48,7 +48,7 @@ NotNegativeFloat = Annotated[float, Within(0)]
 
 
 class Kind(NamedTuple):
-    """What an annotation takes: in words, and whether a value is of it."""
+    """Values that an annotation takes: their description, and a test of a value."""
 
     words: str
     takes: Callable[[Any], bool]
@@ -92,7 +92,7 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def kind_of(hint: Any) -> Kind:
-    """What an annotation takes; an `Annotated` one may have limits (:class:`Within`) or words of its own.
+    """Kind of an annotation; an `Annotated` one may have limits (:class:`Within`) or a description of its own.
 
     Example:
         >>> kind = kind_of(Sequence[str | Path] | Literal["all"] | None)
@@ -177,7 +177,7 @@ def _is_text(value: str) -> bool:
 
 
 def _is_number(kind: Any, value: Any) -> bool:
-    """Whether a finite number is of a kind, a whole one of 64 bits; Python takes `True` for a number."""
+    """Test for a finite number of a kind, a whole one of 64 bits; Python takes `True` for a number."""
     if not isinstance(value, kind) or isinstance(value, bool):
         return False
     return bool(abs(value) <= (MOST if isinstance(value, Integral) else sys.float_info.max))
@@ -192,7 +192,7 @@ def _can_be_made(hint: type, value: Any) -> bool:
 
 
 def _can_be_called(value: Any, arguments: Sequence[Any]) -> bool:
-    """Whether with so many arguments; some that are built in do not say it."""
+    """Test for a callable of so many arguments; some built-in ones do not declare them."""
     try:
         return callable(value) and signature(value).bind(*arguments) is not None
     except ValueError:

@@ -20,7 +20,7 @@ MAX_WRITERS = 100
 LEAST_ROOM = 1 << 16
 """Bytes left on a disk below which a library that could not write is taken to have found it full."""
 OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO, errno.EFBIG)
-"""What the system answers where a file cannot be written."""
+"""Error numbers of the system for a file that cannot be written."""
 TEMPORARY = re.compile(r"\..+\.descentflow-part\d+(\.|$)", re.DOTALL)
 LOCK = ".lock"
 """What the name of a temporary file's lock ends in."""
@@ -293,7 +293,7 @@ def _check_name(target: Path) -> None:
 
 
 def is_name(path: str | os.PathLike[str]) -> bool:
-    """Whether the usual file systems can have a file of this name.
+    """Test for a name that the usual file systems can hold.
 
     Example:
         >>> is_name("rows.parquet"), is_name("x" * 256)

@@ -19,7 +19,7 @@ REDRAWN_S = 0.25
 LINE_S = 10.0
 """Seconds between two plain lines, as in the log of a batch job: an hour makes 360 of them."""
 CLEARED = "\r\x1b[2K"
-"""What empties a terminal's line."""
+"""Control sequence that empties a terminal's line."""
 
 
 @dataclass

@@ -156,7 +156,7 @@ def safe_in_spreadsheets(table: pl.DataFrame) -> pl.DataFrame:
 
 
 FORMULA = r"^[=+\-@\t\r]"
-"""How a cell begins that spreadsheets execute."""
+"""First characters of cells that spreadsheets execute."""
 
 
 def write_table(

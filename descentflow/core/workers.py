@@ -1,4 +1,4 @@
-"""Where tasks run: in this process, or on a Dask cluster; the code is the same."""
+"""Execution of tasks in this process or on a Dask cluster, by the same code."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence

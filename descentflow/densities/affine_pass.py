@@ -19,14 +19,14 @@ SIGMOID_SHIFT, LEAST_SCALE = 2.0, 1e-3
 
 @dataclass(frozen=True)
 class _Constants:
-    """What no training changes, of all flows: masks of the layers, and where numbers stand in the linear maps."""
+    """Constants of all flows in training: masks of the layers, and places of numbers in the linear maps."""
 
     masks: tuple[Tensor, Tensor, Tensor]
     places: Tensor
     rows: Tensor
     """Outputs of a network that are used: the log scales of all weights, then their shifts."""
     shift: Tensor
-    """What is added to these outputs (2 d,) before the sigmoid."""
+    """Addition to these outputs (2 d,) before the sigmoid."""
 
 
 class AffinePass:

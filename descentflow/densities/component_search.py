@@ -1,4 +1,4 @@
-"""How many components a mixture has: an information criterion, within the paper's cap and beyond it."""
+"""Number of mixture components by an information criterion, within the paper's cap and beyond it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,11 +15,13 @@ from descentflow.representation.evidence import Evidence, as_evidence
 FLIGHTS_PER_PARAMETER = 15
 """The paper's cap: 15 n_p <= n_train (appendix C)."""
 MIN_FLIGHTS_PER_PARAMETER = 2
-"""Where the search ends that goes on beyond that cap. At 4, it ended at two components of 430 B738 flights of a Mach
-number and a CAS, which BIC would rather have in four: their CAS was 1.8 noise floors away, and is 1.1 so."""
+"""End of the search beyond that cap. At 4, it ended at two components of 430 B738 flights of a Mach number and a CAS,
+where BIC prefers four: their CAS was 1.8 noise floors away, and is 1.1 so.
+"""
 MOST_OF_MANY = 32
-"""Where a mixture ends to grow of more flights than the starts are tried with, if the cap allows no more. Held-out B738
-are 0.04 nats a flight more probable by 32 than by 24 components; of the A319 32 are level with 24, and 48 lose 0.03."""
+"""Largest number of components of a grown mixture, if the cap allows no more. Held-out B738 are 0.04 nats a flight
+more probable by 32 than by 24 components; of the A319 32 are level with 24, and 48 lose 0.03.
+"""
 EVERY_NUMBER_TO = 16
 """Up to here every number of mixture components is tried."""
 FURTHER = 1.1

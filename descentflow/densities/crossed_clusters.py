@@ -21,7 +21,7 @@ SMALL = 1e-9
 
 @dataclass(frozen=True)
 class CrossedClusters:
-    """How many clusters of either kind there are; the component of speed i and drag j is number ``i * n_drag + j``.
+    """Numbers of clusters of either kind; the component of speed i and drag j is number ``i * n_drag + j``.
 
     Attributes:
         n_speed: Clusters of the speed weights.

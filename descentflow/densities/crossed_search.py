@@ -1,4 +1,4 @@
-"""How many clusters of speed and of drag a mixture has whose components are pairs of these: an information criterion.
+"""Numbers of speed and drag clusters of a crossed mixture, by an information criterion.
 
 From one of each, the search goes to one more cluster of speed or of drag, whichever the criterion prefers, and ends
 where that has not helped some times in a row. Starts are by k-means of either block of weights, and from the clusters
@@ -27,7 +27,7 @@ E190 flights pairs make a held-out one 0.2 nats more probable than free componen
 FINALISTS, COMPARING_ITERATIONS = 2, 4
 """As in :mod:`descentflow.densities.em`: twice as many of both find nothing more probable of held-out flights."""
 MOST_PAIRS = 48
-"""Where the search ends whatever the criterion says."""
+"""End of the search for any criterion."""
 PATIENCE = 3
 """Steps in a row that may be no better before it ends."""
 

@@ -63,7 +63,7 @@ class Density(nn.Module, ABC):
         self.dimension, self.n_context = dimension, n_context
         self._representation: Representation | None = None
         self.residual_law: ResidualLaw | None = None
-        """How what lies beyond the components goes with the weights; None where it is standard normal."""
+        """Dependence of the residual on the weights; None where it is standard normal."""
         self.file: dict[str, str] = {}
         """Name and digest of the checkpoint that it was loaded from."""
 
@@ -114,7 +114,7 @@ class Density(nn.Module, ABC):
         components: Tensor | None = None,
         of_scale: Tensor | None = None,
     ) -> Tensor:
-        """What lies beyond the decoder's components of flights with these weights: standard normals, unless it knows.
+        """Draw the residual of flights with these weights: standard normals, unless the density has a law of it.
 
         Args:
             weights: (n, d) standardised.
@@ -219,7 +219,7 @@ class Density(nn.Module, ABC):
 
     @checked_arguments
     def n_flights(self, weights: Tensor) -> int:
-        """How many flights these weights (n, d) are of.
+        """Number of flights of these weights (n, d).
 
         Raises:
             ConfigError: If they have another shape.

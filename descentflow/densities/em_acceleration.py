@@ -62,7 +62,7 @@ def converge_fast(steps: Steps, mixture: Mixture, *, iterations: int, tolerance:
 
 
 def _length(zero: Mixture, one: Mixture, two: Mixture) -> float:
-    """How many times the first of two steps their sum would be if they went on to shrink alike, at least one."""
+    """Total length of steps that shrink by a constant factor, in lengths of the first step, at least one."""
     before, between, after = (torch.cat([part.flatten() for part in _free(m)]) for m in (zero, one, two))
     first = between - before
     return max(float(first.norm() / (after - between - first).norm().clamp(min=1e-300)), 1.0)

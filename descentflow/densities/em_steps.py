@@ -1,4 +1,4 @@
-"""What expectation maximisation asks of the flights and of the kind of mixture component."""
+"""Interface of expectation maximisation to the flights and to the kind of mixture component."""
 
 import copy
 from abc import ABC, abstractmethod
@@ -24,13 +24,13 @@ class Steps(ABC):
     """
 
     clusters: CrossedClusters | None = None
-    """How components are tied, where they are pairs of clusters."""
+    """Ties between components, where they are pairs of clusters."""
     prior_flights: float
     """Flights by which covariances are shrunk."""
 
     @abstractmethod
     def points_to_group(self, seed: int) -> Tensor:
-        """What k-means starts from, (n, d)."""
+        """Points (n, d) for the start by k-means."""
 
     @abstractmethod
     def log_joint(self, mixture: Mixture) -> Tensor:

@@ -1,4 +1,4 @@
-"""Which mixture components descend from which levels: proportions of a mixture given the level of entry.
+"""Proportions of a mixture given the level of entry.
 
 A density of weights knows nothing of where a flight enters, but flights do: the slow first stretch of a descent lies
 below its own entry, and components of flights that enter low say nothing of the levels above. The gate is a mixture's

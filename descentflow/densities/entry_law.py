@@ -1,4 +1,4 @@
-r"""How flights differ by their entry level, for a density that maps standard normals: the normals' law by bin.
+r"""Law of a density's standard normals by bin of the entry level.
 
 Over all flights the normals :math:`u` behind a Gaussian or a flow are standard. Within a bin b of the entry level they
 are :math:`N(m_b, R_b R_b^T)`: the slow first stretch of a descent lies below its own entry, and flights that enter low

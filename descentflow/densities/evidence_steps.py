@@ -127,7 +127,7 @@ class EvidenceSteps(Steps):
         return RegressionSteps(drawn, self.context, self.prior_flights)
 
     def points_to_group(self, seed: int) -> Tensor:
-        """What k-means starts from: the weights expected under the single Gaussian (n, d)."""
+        """Points (n, d) for the start by k-means: the weights expected under the single Gaussian."""
         means = torch.empty_like(self.evidence.points)
         for block in self._blocks:
             means[block.index] = block_posteriors(self.single, block, self.context).means[0]

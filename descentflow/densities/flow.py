@@ -27,7 +27,7 @@ from descentflow.representation.evidence import Evidence
 
 
 class FlowDensity(TransformedDensity):
-    """What flows share: ``log p(w | c) = log N(u; 0, I) + log |det du/dw|``, where they map weights w to normals u.
+    """Base of flows: ``log p(w | c) = log N(u; 0, I) + log |det du/dw|``, where they map weights w to normals u.
 
     A whitened flow starts from the Gaussian of the weights, whose parameters are not trained: for each weight its mean
     (at the context) is subtracted and its standard deviation divided out before the flows, and the correlation is

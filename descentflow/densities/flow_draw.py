@@ -10,7 +10,7 @@ from descentflow.densities.layers import TurnedRound, made
 
 
 class FlowDraw(nn.Module):
-    """What :meth:`~descentflow.densities.transformed.TransformedDensity.draw` does with its normals, no densities.
+    """Map of normals to weights in ``TransformedDensity.draw``, without densities.
 
     Linear maps become one matrix each, and networks have their masks multiplied in.
 

@@ -38,7 +38,7 @@ class GaussianSteps(Steps):
         return GaussianSteps(self.weights[evenly(n, most)], self.prior_flights).crossed(self.clusters)
 
     def points_to_group(self, seed: int) -> Tensor:
-        """What k-means starts from: the weights (n, d)."""
+        """Points (n, d) for the start by k-means: the weights."""
         return self.weights
 
     def log_joint(self, mixture: Mixture) -> Tensor:

@@ -106,7 +106,7 @@ class LinearMap(nf.flows.LULinearPermute):  # type: ignore[misc]
 
     @cached_property
     def _places(self) -> Tensor:
-        """Which number (2, d, d) stands where in the lower triangle, and in the upper one with permuted columns."""
+        """Indices of the numbers (2, d, d) in the lower triangle, and in the upper one with permuted columns."""
         d, linear = self.linear.features, self.linear
         below = len(linear.lower_entries)
         nothing, one = 2 * below + d, 2 * below + d + 1

@@ -34,7 +34,7 @@ prior just has a mean. Infinitely many: bins differ by their means alone."""
 
 @dataclass(frozen=True)
 class _Prior:
-    """What bins begin with, as flights."""
+    """Prior of the bins, as flights."""
 
     of_mean: float
     of_covariance: float

@@ -28,7 +28,7 @@ RIDGE = 10.0
 LEAST_OWN = 0.01
 """Of the variance of residual numbers, the least that weights and component do not say."""
 LEAST_SHARE = 1e-4
-"""How probable it must be that a flight is of a component for it to teach its law."""
+"""Least probability of a component for a flight to contribute to its law."""
 MOST_FLIGHTS = 1_500
 """Flights that teach the law at most, of the training flights evenly: of its some hundred numbers each is then known to
 a few hundredths, and the time for 41,000 flights would be minutes."""
@@ -117,7 +117,7 @@ def _of_unit_variance(
 def _expectation(
     information: Information, mixture: Mixture, law: ResidualLaw, shares: Tensor, context: Tensor | None
 ) -> tuple[Tensor, _Sums]:
-    """How probable (n, k) each flight is under each component that it may be of, and the sums for the next law."""
+    """Log probability (n, k) of each flight under each of its possible components, and the sums for the next law."""
     d = mixture.locs.shape[1]
     told, parts = torch.zeros_like(shares), []
     for k in range(mixture.n_components):

@@ -1,4 +1,4 @@
-"""How far flights stray from their components, each at a scale of its own: learnt with all else of the law held.
+"""Scales of the residual, one for each flight, learnt with the rest of the law held.
 
 EM for a scale mixture of normals: how probable each scale is of a flight, then probabilities and, for each profile, the
 scales at which residual numbers vary as these flights say. Some ten numbers, which some hundred flights know.
@@ -25,7 +25,7 @@ STEPS, TOLERANCE = 40, 2e-3
 PRIOR_FLIGHTS = 5.0
 """Flights of the one scale of all with which each scale begins, and of the first probabilities."""
 LEAST_SHARE = 1e-3
-"""How probable it must be that a flight is of a component for it to teach the scales."""
+"""Least probability of a component for a flight to contribute to the scales."""
 
 
 def learn_residual_scales(
@@ -79,7 +79,7 @@ def _step(
     law: ResidualLaw,
     context: Tensor | None,
 ) -> tuple[float, ResidualLaw]:
-    """How probable flights are by the law (nats per flight), and the law with scales after one step of EM.
+    """Log probability of flights by the law (nats per flight), and the law with scales after one step of EM.
 
     Unlike for the rest of the law, a flight's component is asked again with what it leaves out: one that strays as a
     wide component's flights do would else seem to be a far stray of a narrow component.

@@ -45,7 +45,7 @@ class RegressionSteps(Steps):
         return RegressionSteps(self.weights[chosen], self.context[chosen], self.prior_flights)
 
     def points_to_group(self, seed: int) -> Tensor:
-        """What k-means starts from: the weights or, every other pair of seeds, their residuals given the context."""
+        """Points for the start by k-means: weights, or their residuals for every other pair of seeds."""
         if seed // 2 % 2 == 0:
             return self.weights
         loc, slope, _ = regression_line(self.weights, self.context, torch.ones_like(self.weights[:, 0]))
@@ -134,7 +134,7 @@ def regression(
 def regression_line(
     weights: Tensor, context: Tensor, share: Tensor, ridge: float = RIDGE
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """What :func:`regression` returns, with the residuals' covariance (d, d) in place of its factor.
+    """Result of :func:`regression`, with the residuals' covariance (d, d) in place of its factor.
 
     Example:
         >>> context = torch.tensor([[-1.0], [0.0], [1.0]]).double()

@@ -1,4 +1,4 @@
-r"""What the components leave out of a flight, given its weights: by mixture component, and not alike for all flights.
+r"""Law of a flight's residual given its weights, by mixture component, with scales that differ between flights.
 
 The directions beyond the kept components have a standard normal each over all flights. But most flights follow the
 components closely and a few stray far, and drag beyond the components goes with CAS. Given weights $w$, mixture
@@ -78,7 +78,7 @@ class ResidualLaw:
         return mean + law.spread.to(weights)[components] * own * white
 
     def drawn_scales(self, uniform: Tensor) -> Tensor:
-        """Which scale (n,) is each flight's, by uniform numbers (n,): the inverse of the cumulative probabilities."""
+        """Scale (n,) of each flight, by uniform numbers (n,): the inverse of the cumulative probabilities."""
         cumulative = (self.scale_probs / self.scale_probs.sum()).cumsum(0)[:-1]
         return (uniform[:, None] > cumulative.to(uniform)).sum(1)
 

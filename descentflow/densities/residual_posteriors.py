@@ -1,4 +1,4 @@
-"""What flights say of their weights and residual numbers under one component of a mixture, in closed form."""
+"""Posterior of weights and residual under one mixture component, in closed form."""
 
 from typing import NamedTuple
 

@@ -13,7 +13,7 @@ Map = Callable[[Tensor, Tensor | None], tuple[Tensor, Tensor]]
 
 
 def in_parts(compute: Map, rows: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
-    """What ``compute`` gives of all rows, each by itself, worked out part by part.
+    """Apply ``compute`` to rows part by part; each row is computed by itself.
 
     On an accelerator, and where gradients keep everything that lies between, at once.
 

@@ -47,4 +47,4 @@ EFFECTS: dict[str, Effect] = {
 }
 """Every effect by its name."""
 UNKNOWN = "unknown"
-"""What lies outside the catalogue."""
+"""Cause outside the catalogue."""

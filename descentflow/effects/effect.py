@@ -20,12 +20,13 @@ AT_BOUND = 1e-6
 Shift = Mapping[str, Tensor]
 """Quantity -> change (n, K) at every band, or (n,) for quantities of a whole flight."""
 ShownAs = Literal["number", "change", "logarithm", "percent", "flights"]
-"""How readers are told a parameter: as a number in its unit; as a factor, 1 + value (``change``) or e to the value
-(``logarithm``), of what its symbol names; in percent; or as the share of the flights that have the effect."""
+"""Form of a reported parameter: a number in its unit; a factor, 1 + value (``change``) or e to the value
+(``logarithm``), of what its symbol names; percent; or the share of the flights that have the effect.
+"""
 TOLD_IN = {"m/s per m": ("kt per 1,000 ft", 1000 * FT_M / KT_MPS)}
 """Unit of a parameter -> the unit of the trade in which readers are told it, and the factor to it."""
 NOISE = "noise_"
-"""How names of short-scale noise begin; only an effect whose matter it is adds it."""
+"""Prefix of names of short-scale noise; only an effect whose matter it is adds it."""
 FLOWN = ("rate", "cas", "tas", "wind", "height", "level", "level_gaps", "slow", "missing")
 """Quantities that a simulator's flights have, so that a correction can change them; the others follow from these."""
 
@@ -143,9 +144,9 @@ class Effect(ABC):
     label: ClassVar[str] = ""
     """Name for readers; the name with spaces if empty."""
     says: ClassVar[str] = ""
-    """What it is, for readers who are no specialists: 'air warmer or colder than the standard atmosphere'."""
+    """Description for readers who are no specialists: 'air warmer or colder than the standard atmosphere'."""
     directions: ClassVar[tuple[str, str] | None] = None
-    """What a positive and a negative first parameter mean, where that has a name."""
+    """Meanings of a positive and a negative first parameter, where these have a name."""
     against: ClassVar[tuple[str, str] | None] = None
     """The same against a simulator whose own flights have some of it, where ``directions`` speak of none."""
     scale_group: ClassVar[ScaleGroup | None] = None
@@ -155,14 +156,14 @@ class Effect(ABC):
     splits: ClassVar[tuple[str, ...]] = ()
     """Channels that would tell it from the effects that look like it."""
     sensor: ClassVar[bool] = False
-    """Whether it changes what is reported and not what is flown."""
+    """True if it changes what is reported and not what is flown."""
     is_noise: ClassVar[bool] = False
-    """Whether short-scale noise is the matter itself, and no by-product of what it does."""
+    """True if short-scale noise is the matter itself, and no by-product of what it does."""
     inherited_from: ClassVar[float | None] = None
     """Size of the first parameter from which it shows against physics alone, when the simulator's own flights have it
     too; None where inferred drag hides it then."""
     rate_follows_cas: ClassVar[bool] = False
-    """Whether a shift of CAS takes the rate along as between flights that fly slower and faster."""
+    """True if a shift of CAS takes the rate along as between flights that fly slower and faster."""
 
     misfit_of_rate: ClassVar[float] = 0.5
     """Share of its own shift of the rate by which its equation may be off, beside what the aircraft's coefficients
@@ -171,7 +172,7 @@ class Effect(ABC):
     """
 
     is_air: ClassVar[bool] = False
-    """Whether it is the temperature of the air, which a decoder takes for standard."""
+    """True if it is the temperature of the air, which a decoder takes for standard."""
 
     @property
     def text(self) -> str:

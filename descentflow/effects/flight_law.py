@@ -122,7 +122,7 @@ class DiffersByFlight(Effect):
     own_draws: ClassVar[int]
     """Random numbers by which a flight of a corrected simulator gets its own way and size."""
     holds_rate: ClassVar[bool] = False
-    """Whether flights that have it fly a rate that thrust, drag and mass do not move."""
+    """True if flights that have it fly a rate that thrust, drag and mass do not move."""
 
     @abstractmethod
     def law_starts(self, state: FlightState, theta: Tensor) -> list[Tensor]:

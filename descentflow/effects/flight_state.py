@@ -56,7 +56,7 @@ class FlightState:
     depth_m: Tensor
     """Below the flight's own highest level."""
     affected: bool = True
-    """Whether the effect asked for is in these flights already (real ones), or is to be added (a simulator's)."""
+    """True if the effect is in these flights already (real ones), false if it is to be added (a simulator's)."""
     rate_change_per_s: Tensor | None = None
     """Change of the reported rate over a band, upwards, over the rate and the seconds in the band; NaN where not seen.
 
@@ -66,7 +66,7 @@ class FlightState:
     cleaning: Cleaning = CLEANING
     """Settings by which the flights were cleaned: they say where descents begin."""
     report_delay_s: float = 0.0
-    """How late reports of the rate are in these flights anyway, effect or not; zero where rates are not reported."""
+    """Delay of reported rates in these flights without the effect; zero where rates are not reported."""
     beyond_polar: Tensor | float = 0.0
     """(K,) or (n, K): ln of the rate that the simulator's flights have beyond the polar's."""
     turned_more: Tensor | None = None

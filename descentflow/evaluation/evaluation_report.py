@@ -27,7 +27,7 @@ from descentflow.generation.samples import RejectionReport
 from descentflow.representation.representation import Representation
 
 FILES = ("scores.csv", "classifier.csv", "rejections.json")
-"""What is written besides figures."""
+"""Files that are written besides figures."""
 DPI = 110
 """Of the figures as files, and in TensorBoard."""
 

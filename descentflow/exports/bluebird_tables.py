@@ -13,7 +13,7 @@ from descentflow.core.errors import DataError
 Array = NDArray[np.float64]
 STEP_FL = 10
 WIDEST = 2.5
-"""Where an offset ends, in its standard deviations."""
+"""Truncation of an offset, in its standard deviations."""
 SLOWEST_FPM = 500.0
 """bluebird's least rate."""
 RANKS = (np.arange(400) + 0.5) / 400
@@ -147,7 +147,7 @@ def constant_speeds(table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _split(mach: Array, cas: Array) -> int:
-    """How many levels from the top are flown at constant Mach."""
+    """Number of levels from the top that are flown at constant Mach."""
     above = _variation(mach / MACH_UNIT)
     below = _variation(cas[::-1] / CAS_UNIT_KT)[::-1]
     return int(np.argmin(above + below))

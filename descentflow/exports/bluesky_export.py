@@ -173,7 +173,7 @@ def first_rate(time_s: Array, altitude_ft: Array) -> float:
 
 
 def run_up(rate_fpm: float) -> tuple[float, float]:
-    """How long before (s), and how far above (ft), a level flight must be told to descend to have a rate in time.
+    """Lead time (s) and height above (ft) at which a level flight must begin to descend to have a rate in time.
 
     Example:
         >>> run_up(-2100.0)  # six seconds of 300 ft/min each; the last 300 at once

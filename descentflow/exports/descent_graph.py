@@ -21,7 +21,7 @@ PRECISIONS: dict[str, torch.dtype] = {"float64": torch.float64, "float32": torch
 """Of inputs and outputs; the decoder's own arithmetic is float64 in both."""
 OFF_GRID = "entry_off_grid"
 ALL_RULES = (*RULES, OFF_GRID)
-"""Why a draw is not accepted: the sampler's own rules, and an entry level that the model does not have."""
+"""Reasons to reject a draw: the sampler's own rules, and an entry level that the model does not have."""
 PROFILES = ("time_s", "CAS", "Mach", "TAS", "vertical_rate", "drag_n", "distance_nm")
 """Outputs (n, L) with the names and units of the tables of samples."""
 

@@ -35,9 +35,9 @@ class Target:
     purpose: str
     suffixes: tuple[str, ...]
     placed: bool = False
-    """Whether it needs a time of arrival, and an end point and a track, or a route."""
+    """True if it needs a time of arrival, and an end point and a track, or a route."""
     options: tuple[str, ...] = ()
-    """What of :data:`DEFAULTS` it can be asked for."""
+    """Options of :data:`DEFAULTS` that it takes."""
     step_s: float | None = None
     """Seconds from row to row where no other step is asked for; a row for each level if None."""
 

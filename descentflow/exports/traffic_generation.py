@@ -16,7 +16,7 @@ from descentflow.positions.ground_plan import GroundPlan
 
 Array = NDArray[np.float64]
 FEATURES = ("track", "groundspeed", "altitude", "timedelta")
-"""What traffic needs to lay flights over the ground: degrees, kt, ft, s."""
+"""Columns that traffic needs to lay flights over the ground: degrees, kt, ft, s."""
 KNOWN = (*FEATURES, "latitude", "longitude", "vertical_rate", "IAS", "Mach", "TAS")
 LARGE, SMALL = ("groundspeed", "altitude", "timedelta", "IAS", "TAS"), 10.0
 """Features whose values are hundreds of their units, and what half of the values of a scaled one lie below."""

@@ -22,11 +22,11 @@ Airs = str | Path | Mapping[str, Any] | pl.DataFrame | LevelAir
 STANDARD, TRAINING = "standard", "training"
 GROWTH = "tailwind_growth"
 NAMES = ("deviation_k", GROWTH)
-"""What is given for all levels: kelvins, and knots of tailwind more for each 1,000 ft."""
+"""Values that hold for all levels: kelvins, and knots of tailwind more for each 1,000 ft."""
 TABLES = (".csv", ".parquet")
 LEVEL = "level_fl"
 COLUMNS = ("deviation_k", "tailwind")
-"""What a table has beside ``level_fl``: kelvins, and knots from behind; the second may be absent."""
+"""Columns of a table beside ``level_fl``: kelvins, and knots from behind; the second may be absent."""
 HIGHEST_FL = 1000.0
 """Beyond 100,000 ft nothing of air traffic flies: such levels are feet or metres."""
 BEYOND_FL = 10.0

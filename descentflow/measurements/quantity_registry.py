@@ -93,7 +93,7 @@ QUANTITIES: dict[str, Quantity] = {
         ),
     )
 }
-"""What may differ between flights, by name: those of a band first, in the order in which they are compared."""
+"""Quantities that may differ between flights, by name: those of a band first, in the order of comparison."""
 BY_BAND = tuple(name for name, quantity in QUANTITIES.items() if quantity.by_band)
 """Quantities with a number for each band of altitude."""
 NOISE_CHANNELS = {

@@ -1,4 +1,4 @@
-"""Where a descent is flown: distance over the ground, and the place, from true airspeed and wind.
+"""Places of a descent: distance over the ground and coordinates, from true airspeed and wind.
 
 Reading order: :mod:`~descentflow.positions.ground_plan` (what a user says: an end point or a route, a wind, a time),
 :mod:`~descentflow.positions.ground_path` (the line over the ground), :mod:`~descentflow.positions.wind_by_level` and

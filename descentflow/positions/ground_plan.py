@@ -20,7 +20,7 @@ from descentflow.representation.decoder.trajectories import Trajectories
 
 @dataclass(frozen=True)
 class GroundPlan:
-    """Where descents are flown; without anything said, distances alone are known, in still air.
+    """Path of descents over the ground; the default gives distances alone, in still air.
 
     Attributes:
         path: The line over the ground.

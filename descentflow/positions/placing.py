@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Positions:
-    """Where n descents are on L ascending levels; above a descent's entry level nothing has a meaning.
+    """Places of n descents on L ascending levels; values above a descent's entry level have no meaning.
 
     Attributes:
         distance_m: (n, L) flown over the ground since the entry level.

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 BLACK, BLUE, RED, GREY = "#000000", "#0072b2", "#d55e00", "#8c8c8c"
 """Nominal BADA, held-out flights, samples, single descents (Okabe and Ito's palette)."""
 BAND = "#bcd7ea"
-"""What equal distributions would show."""
+"""Colour of the band in which scores of equal distributions lie."""
 MODELS = (
     ("#d55e00", "--"),
     ("#009e73", "-."),

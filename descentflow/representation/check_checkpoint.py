@@ -17,7 +17,7 @@ PARTS: dict[str, tuple[type, ...]] = {
     "representation": (dict,),
     "version": (str,),
 }
-"""What the section of a checkpoint has, and of which type."""
+"""Parts of a checkpoint's section, and their types."""
 OF_REPRESENTATION: dict[str, tuple[type, ...]] = {
     "decoder": (dict,),
     "plausibility": (dict,),
@@ -51,12 +51,12 @@ TENSORS = (
 )
 """Places of the representation that are dictionaries, and tensors."""
 OF_MACH = "mach_basis"
-"""What a decoder has as well whose speed is a Mach number and a CAS, together with ``speed_residual``."""
+"""Further parts of a decoder whose speed is a Mach number and a CAS, together with ``speed_residual``."""
 OF_DRAG = "drag_scale"
-"""What one has whose drag is on the logarithmic scale."""
+"""Further parts of one whose drag is on the logarithmic scale."""
 MAY_BE_ABSENT = ("reference", "context", "cleaning", "air", "seen_flights", "low", "high")
 MAY_HAVE_GAPS = "reference"
-"""What flights measured: not a number where they showed no level."""
+"""Measurements of flights: not a number on unobserved levels."""
 MEND = "take the file as `descentflow fit` wrote it, or fit again"
 HIGHEST_FL = 700
 MOST_WHOLE = 1 << 62

@@ -1,4 +1,4 @@
-"""Where the context of each flight comes from: a table by flight_id, the prepared descents, or derived from them."""
+"""Context of each flight, from a table by flight_id, the prepared descents, or derived from them."""
 
 from collections.abc import Sequence
 from pathlib import Path

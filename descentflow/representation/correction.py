@@ -52,7 +52,7 @@ class Correction:
     effects: dict[str, list[float]]
     mass_kg: float
     inherited: bool = False
-    """Whether the simulator's own flights had the effects: its inferred drag then gives the right rates already."""
+    """True if the simulator's own flights had the effects: its inferred drag then gives the right rates already."""
     cleaning: Cleaning = field(default_factory=Cleaning)
     """Settings with which the simulator's own flights were cleaned: they say where descents begin."""
     spreads: dict[str, float] = field(default_factory=dict)

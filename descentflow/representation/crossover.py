@@ -1,4 +1,4 @@
-r"""Where each flight hands over from a Mach number to a CAS, and how surely its speeds tell.
+r"""Crossover of each flight from a Mach number to a CAS, and its uncertainty by the speeds.
 
 A descent is flown at a Mach number above its crossover and at a CAS below it, so that the CAS is
 $v(h) = \min(C, v(M, h))$ with $v(M, h)$ the CAS of the Mach number. Every level of the grid is tried as the lowest at

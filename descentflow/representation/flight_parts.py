@@ -108,7 +108,7 @@ def one_part(profiles: Profiles, split: Split, part: Part) -> Profiles:
 
 
 def places(profiles: Profiles, split: Split, part: Part) -> list[int]:
-    """Where the flights of a part are among profiles, in the order of the split.
+    """Indices of a part's flights among profiles, in the order of the split.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft

@@ -9,7 +9,7 @@ from descentflow.representation.profiles import Profiles, Speed
 
 T = TypeVar("T")
 HeldSpeed = Literal["auto", "cas", "mach_cas"]
-"""What can be asked for: ``auto`` takes a Mach number and a CAS where training flights show both."""
+"""Choices of the option: ``auto`` takes a Mach number and a CAS where training flights report both."""
 
 
 def shows_both(train: Profiles) -> bool:

@@ -121,7 +121,7 @@ class Plausibility(nn.Module):
         return torch.stack(found, 1)
 
     def broken_levels(self, flown: Trajectories) -> Tensor:
-        """Where descents break a rule, at whatever level they enter: (n, L) bool; changes count at the upper level."""
+        """Levels at which descents break a rule, for any entry level: (n, L) bool; changes count at the upper level."""
         rows, steps = self._broken(flown)
         found = torch.stack(rows).any(0)
         found[:, 1:] |= torch.stack(steps).any(0)

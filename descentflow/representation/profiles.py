@@ -21,7 +21,7 @@ from descentflow.physics.transition import transition_altitude_m
 from descentflow.representation.crossover import Crossovers, find_crossovers
 
 Speed = Literal["cas", "mach_cas"]
-"""How speed is held: one CAS profile (the paper), or a Mach number above each flight's crossover and a CAS below."""
+"""Form of speed: one CAS profile (the paper), or a Mach number above each flight's crossover and a CAS below."""
 BLOCK = 4096
 """Flights whose drag is inferred at a time."""
 

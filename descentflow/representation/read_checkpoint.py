@@ -21,9 +21,9 @@ SECTION = "descentflow"
 FORMAT = 2
 """Version of that section."""
 ZIP = b"PK\x03\x04"
-"""How every checkpoint begins: it is a zip archive."""
+"""First bytes of every checkpoint: it is a zip archive."""
 UNSAFE = re.compile(r"GLOBAL ([\w.]+)")
-"""What torch's message calls an object that the safe loader does not make."""
+"""Name in torch's message of an object that the safe loader does not make."""
 OTHER_MEND = (
     "pass a .ckpt file that `descentflow fit` wrote; flights of a simulator, as rows or descents, are taken by "
     "`descentflow diagnose --simulator`, and `descentflow fit` learns from them"

@@ -30,7 +30,7 @@ PARTS = ("train", "validation")
 
 @dataclass(frozen=True)
 class SeenFlights:
-    """When the aircraft of n training and validation flights passed some of their levels.
+    """Times at which the aircraft of n training and validation flights passed some of their levels.
 
     Attributes:
         address: (n,) 24-bit addresses, or numbers of other texts, see :func:`address_number`.

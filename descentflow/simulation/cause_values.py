@@ -22,7 +22,7 @@ class CauseValue:
     unit: str
     """``1`` for a plain number."""
     default: float
-    """What it is if left out; spreads are 0 and all flights are alike unless said otherwise."""
+    """Value if left out; spreads are 0 and all flights are alike by default."""
     says: str
     low: float = -math.inf
     high: float = math.inf
@@ -52,7 +52,7 @@ class Plantable:
     says: str
     values: tuple[CauseValue, ...]
     impossible: Callable[[Values], str | None] = _none
-    """What would be possible instead, for values that are each possible and not together; None if they are."""
+    """Possible values instead, for values that are each possible and not together; None if they are."""
 
     @property
     def units(self) -> dict[str, str]:

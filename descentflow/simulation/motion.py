@@ -21,7 +21,7 @@ from descentflow.simulation.parameters import FlightParameters
 
 @dataclass(frozen=True)
 class Motion:
-    """Where the flights are: true airspeed (m/s), pressure altitude (m), geometric altitude (m), each of shape (n,).
+    """State of the flights: true airspeed (m/s), pressure altitude (m), geometric altitude (m), each of shape (n,).
 
     Example:
         >>> one = torch.ones(1)
@@ -61,7 +61,7 @@ class Controls:
 
 
 _COEFFICIENTS = ("cd2_cr", "ct1", "ct2", "ct3", "ct4", "ct5", "ct_des_high", "ct_des_low", "ct_des_app", "ct_des_ld")
-"""What every step needs of the type, besides what each flight has of its own."""
+"""Coefficients of the type that every step needs, besides what each flight has of its own."""
 
 
 class Dynamics:

@@ -92,7 +92,7 @@ class FlightParameters:
     off_idle: OffIdle | None = None
     """Stretches with thrust or brakes; None for none."""
     planted: Mapping[str, Tensor] = field(default_factory=dict)
-    """What each flight has got of the causes that were planted, by ``cause_value``; NaN for none."""
+    """Planted causes of each flight, by ``cause_value``; NaN for none."""
 
     def __len__(self) -> int:
         """Number of flights."""

@@ -36,7 +36,7 @@ _FLOWN += ("drag_n", "thrust_n")
 
 @dataclass(frozen=True)
 class Flight:
-    """Who flies when.
+    """Identity and time of a flight.
 
     Example:
         >>> (flight,) = name_flights("A320", [12], seed=0, flights_per_aircraft=5, prefixes=["SLO"])

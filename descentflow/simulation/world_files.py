@@ -11,7 +11,7 @@ from descentflow.core.files import check_output, whole_file
 
 @dataclass(frozen=True)
 class WorldFiles:
-    """Where a world's tables lie."""
+    """Paths of a world's files."""
 
     rows: Path
     truth: Path

@@ -20,9 +20,9 @@ class Synonym:
     model: str
     file: str
     is_icao: bool
-    """Whether the type code is ICAO's own designator."""
+    """True if the type code is ICAO's own designator."""
     direct: bool
-    """Whether the file was made for this very type (``-``) and not for an equivalent one (``*``)."""
+    """True if the file was made for this very type (``-``) and not for an equivalent one (``*``)."""
 
 
 def read_synonym(path: str | Path) -> dict[str, Synonym]:

@@ -28,7 +28,7 @@ _ENTRY = {"value", "unit", "source", "confidence"}
 
 @dataclass(frozen=True)
 class CoefficientSource:
-    """Where one number of an open aircraft comes from.
+    """Source of one number of an open aircraft.
 
     Example:
         >>> area = next(s for s in open_type("A320").coefficients if s.name == "wing_area_m2")
@@ -57,11 +57,11 @@ class OpenType:
     typecode: str
     summary: str
     known_to_be_off: str
-    """What a user must not trust, and by how much, as far as it is known."""
+    """Numbers that a user must not trust, and by how much, as far as it is known."""
     relation: str | None
     """The type that this one is made from, or None."""
     relation_stated: str
-    """How it differs from that type; empty when it is its own."""
+    """Differences from that type; empty when it is its own."""
     coefficients: tuple[CoefficientSource, ...]
     facts: tuple[CoefficientSource, ...]
     """Printed numbers from which coefficients were derived."""

@@ -101,7 +101,7 @@ class Detection:
 
 
 QUANTITIES = {"CAS": "cas_mps", "rate": "rate_mps"}
-"""What the classifier sees: name -> field of the descents. Its trees do not depend on units."""
+"""Features of the classifier: name -> field of the descents. Its trees do not depend on units."""
 
 
 def classifier_auc(samples: DescentSet, real: DescentSet) -> Tensor:

@@ -47,7 +47,7 @@ QUANTITIES = (
 )
 
 WHOLE = Part(Quantity("descent", "Whole descent", "1", _cas_and_rate), "descent", "Whole descent", "whole descent")
-"""What statistics of whole descents are of: CAS and rate together, at all levels."""
+"""Quantity of statistics of whole descents: CAS and rate together, at all levels."""
 
 STATISTICS: dict[str, Statistic] = {
     one.name: one

@@ -15,7 +15,7 @@ from bluebird_dt.predictor.linear_predictor import LinearPredictor
 from bluebird_dt.utility.convert import KT_TO_MPS, cas_to_tas
 
 CHOSEN = "descentflow_sample"
-"""Where a flight keeps its sample and the speeds instructed then: bluebird copies it along with every prediction."""
+"""Key of a flight's sample and of the speeds instructed then: bluebird copies it along with every prediction."""
 FLOWN = ("level_fl", "vertical_rate", "CAS")
 NEAREST = 50
 """One in so many samples is near to an instructed speed, and one at least."""

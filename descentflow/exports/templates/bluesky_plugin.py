@@ -76,7 +76,7 @@ def init_plugin() -> Any:
 
 
 class Descents(core.Entity):  # type: ignore[misc]
-    """What each flight descends by; BlueSky adds, removes and resets it with the aircraft.
+    """Sample of each flight's descent; BlueSky adds, removes and resets it with the aircraft.
 
     A speed that is commanded in a descent (SPD) is kept, and the rate becomes that of a sample among the nearest in
     speed at the flight's level. A rate that is commanded (VS, or ALT with one) is kept, and VS 0 gives it back.

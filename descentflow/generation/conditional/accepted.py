@@ -17,7 +17,7 @@ MOST_AT_ONCE = 16
 PROPOSALS, PROPOSALS_OF_A_STAND_IN = 16, 256
 """Proposals for one draw; more where Gaussians stand in for a density that is no mixture."""
 MORE, ROUNDS = 4, 4
-"""How many times as many proposals are made where too few were effective, and how often."""
+"""Factor by which proposals grow where too few were effective, and its largest number of uses."""
 LEAST_EFFECTIVE = 8.0
 """Effective proposals that a draw is chosen among, at least."""
 ROWS_AT_ONCE = 4096

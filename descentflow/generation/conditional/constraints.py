@@ -24,7 +24,7 @@ KINDS = {
     "distance_nm": "a number of NM",
     "level": "a flight level",
 }
-"""What a value of each name is."""
+"""Kind of value of each name."""
 EXAMPLES = {
     "cas_kt": "cas_kt=280 or cas_kt=(275, 285)",
     "mach": "mach=0.78 or mach=(0.76, 0.78)",

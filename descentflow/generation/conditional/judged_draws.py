@@ -14,7 +14,7 @@ from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation
 
 Judge = Callable[[Drawn, np.ndarray], np.ndarray]
-"""Which rules (n, r) draws break; the second argument is each draw's number."""
+"""Rules (n, r) that draws break; the second argument is each draw's number."""
 
 
 class DrawnDescents:

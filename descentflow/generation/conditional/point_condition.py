@@ -28,7 +28,7 @@ STEP_N, STEP_MPS = 50.0, 0.1
 STEP_SD = 0.05
 """Step along the line, in standard deviations, over which the slope of the weight is taken."""
 TOLERANCE = {"time_s": 1e-3, "distance_nm": 1.0}
-"""How far (s, m) a draw may be off the value asked: less than anyone measures, more than the last step leaves."""
+"""Largest distance (s, m) of a draw from the value asked: less than anyone measures, more than the last step leaves."""
 TOLERANCE_AT_CROSSOVERS = {"time_s": 0.05, "distance_nm": 10.0}
 """The same where flights have crossovers of their own: a time jumps by some 0.01 s as its crossover passes a level."""
 STEP_LATENT = 0.2

@@ -31,7 +31,7 @@ class Prior:
     exact: Density | None
     """None where the mixture is the density itself."""
     context: Tensor | None = None
-    """What the exact density is given, (1, c)."""
+    """Context of the exact density, (1, c)."""
     residual_law: ResidualLaw | None = None
     """Of the residual components given the weights, of one scale; standard normals where it is None."""
 

@@ -1,4 +1,4 @@
-"""Where the rate of a descent jumps between two levels, so that the time quadrature can stop on either side."""
+"""Jumps of a descent's rate between two levels, so that the time quadrature can stop on either side."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from descentflow.physics.forces import descent_thrust_floor_ft
 from descentflow.physics.transition import transition_altitude_m
 
 SIDE_M = 0.01
-"""How far from a jump its two sides are evaluated: beyond the slack of the thresholds themselves."""
+"""Distance from a jump at which its two sides are evaluated: beyond the slack of the thresholds themselves."""
 
 
 class Breaks(NamedTuple):

@@ -17,7 +17,7 @@ from descentflow.representation.fpca.ppca import PPCA, noise_given_loadings
 SPREAD_WEIGHT = 1e5
 """Of the prior for how far flights spread at each level, in flights: some 20 levels for 2,000 of them."""
 NO_FLIGHT = 1e-3
-"""What a level counts that no flight shows: it is drawn through by its neighbours."""
+"""Weight of a level without a flight: its neighbours interpolate it."""
 
 
 def smoother(counts: Tensor, weight: float) -> Tensor:

@@ -92,7 +92,7 @@ def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
 
 
 def _mend_of_missing(report: DropReport, read: int) -> str | None:
-    """What to do about the column that is empty, where it is not airspeed; None if it is."""
+    """Advice on the column that is empty, where it is not airspeed; None if it is."""
     if APART.format(name="altitude") in report.notes:
         return JOIN.format(name="altitude")
     empty = [name for name in ("icao24", "timestamp", "altitude") if report.notes.get(WITHOUT + name, 0) == read]

@@ -89,7 +89,7 @@ def open_prepared(source: Any) -> Descents:
 
 
 def is_prepared(path: Path) -> bool:
-    """Whether a path is a prepared file or a store, and not rows.
+    """Test for the path of a prepared file or a store, and not of rows.
 
     Raises:
         DataError: If a Parquet file is damaged.
@@ -162,7 +162,7 @@ def _expanded(paths: Sequence[Path]) -> list[Path]:
 
 
 def _are_rows(source: Any) -> bool:
-    """Whether it is rows in memory: a table, several, or what ``simulate`` returned."""
+    """Test for rows in memory: a table, several, or what ``simulate`` returned."""
     if isinstance(source, list | tuple):
         return bool(source) and all(_are_rows(one) for one in source)
     tables = pl.DataFrame | pl.LazyFrame

@@ -12,7 +12,7 @@ from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import cleaned_rows, prepared_descents
 
 SIDES = ("the real descents", "the simulator's descents")
-"""What the two are called in warnings."""
+"""Names of the two sides in warnings."""
 
 
 def open_pair(real: Any, simulator: Any, *, progress: Callable[[str], None] | None = None) -> tuple[Descents, Descents]:

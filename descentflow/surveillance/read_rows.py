@@ -34,9 +34,9 @@ from descentflow.surveillance.unpacking.streams import Input, opened, unpacked
 from descentflow.surveillance.unpacking.unreadable import Unreadable
 
 LISTS_OF_TYPES = "rows of lists of types (icao24, typecode), which are no surveillance rows"
-"""How the report calls what it counts of tables that only say which aircraft is of which type."""
+"""Name in the report of tables that only list the types of aircraft."""
 WITHOUT_ROWS = "tables without a row"
-"""How the report calls tables that name columns and hold nothing."""
+"""Name in the report of tables that have columns and no row."""
 MIN_IN_LATER_PARTS = 1000
 """Rows from which units are checked again in a later part of a file: the first may say nothing, a small one errs."""
 

@@ -1,4 +1,4 @@
-"""What is to be prepared, all that the result depends on, and the description that the result carries."""
+"""Request of a preparation, with all that the result depends on, and the description that the result carries."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ HASHED_ROWS = 100_000
 
 @dataclass(frozen=True)
 class Request:
-    """What is to be prepared, and how.
+    """Inputs and settings of a preparation.
 
     Attributes:
         rows: Files or folders of rows, and tables in memory.
@@ -78,7 +78,7 @@ class Request:
         return files_of(paths, ACCEPTED) if paths or not self.rows else []
 
     def work(self, columns: tuple[str, ...], names: pl.DataFrame) -> Work:
-        """What is to be done with the rows of any aircraft.
+        """Work on the rows of any aircraft.
 
         Args:
             columns: Of all rows that were read.

@@ -1,4 +1,4 @@
-"""Where the trainer's commands write: `fit` into a folder of its own, the others into that of the run they score."""
+"""Folders of the trainer's commands: `fit` writes into one of its own, the others into that of the run they score."""
 
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from descentflow.core.files import check_folder
 UNNAMED = "default"
 """Stands for the model's name in the folder of a run."""
 USUAL_FOLDER = "runs"
-"""Where runs go unless a config or an option says otherwise."""
+"""Folder of runs by default."""
 
 
 def name_run(config: Any) -> None:

@@ -8,7 +8,7 @@ from descentflow.core.errors import DescentflowWarning
 
 MOST_NAMED = 12
 DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
-"""What a designator of ICAO Doc 8643 looks like."""
+"""Form of a designator of ICAO Doc 8643."""
 NONE_OF = "types asked for beside others, of which there is no row: "
 """Note in the report."""
 

@@ -15,7 +15,7 @@ from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
 from descentflow.surveillance.rows.types_table import named_types
 
 NO_TYPES = ("ZZZZ", "XXXX", "UNKN", "UNKNOWN", "NONE", "NULL", "NAN", "N/A", "NA", "-", "?")
-"""What stands for no type: ZZZZ is ICAO's (Doc 8643) for one without a designator."""
+"""Spellings of no type: ZZZZ is ICAO's (Doc 8643) for one without a designator."""
 MEASURED = ("altitude", "IAS", "Mach", "vertical_rate", "TAS", "groundspeed")
 OTHER_VALUES = "rows with the address and time of another row but other values, left out as duplicates"
 """Note in the report."""

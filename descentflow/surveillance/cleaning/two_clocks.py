@@ -8,7 +8,7 @@ from descentflow.surveillance.rows.relative_times import FIRST_S
 STEP_S, MOST_STEPS = 1800.0, 28
 """Clocks of time zones differ by multiples of half an hour, up to 14 h."""
 WITHIN_S, WITHIN_FT = 5.0, 100.0
-"""How near in time a row lies to the one that it comes again as, and height of the levels that they share."""
+"""Largest difference in time of a row from its repetition, and height of the levels that they share."""
 FALLING_FPM = -800.0
 """Rows that descend faster are compared: level flight comes again at any time."""
 MIN_ROWS, SHARE = 20, 0.9

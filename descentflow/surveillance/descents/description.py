@@ -19,7 +19,7 @@ ENTRIES: dict[str, tuple[type, ...]] = {
     "inputs": (list,),
     "report": (dict,),
 }
-"""What a description says -> the types that it may have; what is absent is not known."""
+"""Entries of a description -> the types that they may have; an absent one is not known."""
 MEND = "pass the Parquet file or the folder that `descentflow prepare` wrote"
 
 

@@ -41,7 +41,7 @@ MAX_ROWS = 50_000
 
 
 def is_snapshot(document: object) -> bool:
-    """Whether a JSON document looks like a snapshot, of a receiver or of an open API.
+    """Test for a JSON document that looks like a snapshot, of a receiver or of an open API.
 
     Example:
         >>> is_snapshot({"now": 1.7e9, "aircraft": []}), is_snapshot({"icao": "4ca001", "trace": []})

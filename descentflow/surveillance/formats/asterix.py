@@ -243,7 +243,7 @@ def _frame(waiting: list[Row], seconds: list[float | None]) -> pl.DataFrame:
 
 
 def is_asterix(head: bytes) -> bool:
-    """Whether a file begins with whole blocks of known categories: three, or fewer with 048 or 062 among them.
+    """Test for a file that begins with whole blocks of known categories: three, or fewer with 048 or 062 among them.
 
     What follows does not matter, so that damage is reported as damage.
 

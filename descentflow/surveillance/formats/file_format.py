@@ -1,4 +1,4 @@
-"""What a format is: its name, how a file of it is recognised, and how it is read."""
+"""Format of files: its name, the test that recognises it, and its reader."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

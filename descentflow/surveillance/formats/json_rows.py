@@ -66,7 +66,7 @@ def _of_columns(document: dict[str, Any]) -> bool:
 
 
 def is_rows(document: object) -> bool:
-    """Whether a JSON document has rows, recognised by the names of time and address.
+    """Test for a JSON document of rows, recognised by the names of time and address.
 
     Example:
         >>> is_rows({"time": 1.7e9, "hex": "4ca001"}), is_rows({"now": 1.7e9, "aircraft": []})

@@ -76,7 +76,7 @@ def texts(values: Sequence[Any]) -> pl.Series:
 
 
 def is_number(value: object) -> bool:
-    """Whether a value from JSON is a finite number that a float can hold.
+    """Test for a value from JSON that is a finite number and fits a float.
 
     Example:
         >>> is_number(3), is_number(True), is_number(10**400)

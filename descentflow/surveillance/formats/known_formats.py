@@ -76,7 +76,7 @@ FORMATS = {one.name: one for one in KNOWN}
 HELD_TABLE = Format("table", any_columns=True)
 """Rows that are no file."""
 ACCEPTED = f"one of {', '.join(FORMATS)} (docs: Sources of rows)"
-"""What messages say that files may be."""
+"""List of accepted files, for messages."""
 
 
 def check_format(name: str | None) -> None:

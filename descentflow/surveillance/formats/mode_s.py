@@ -22,7 +22,7 @@ CLOCK_S = 1.0
 WITHIN_S = {"turns": NEAR_S, "velocity": NEAR_S, "position": NEAR_S, "selected": 30.0, "callsign": 600.0}
 """Largest distance in time of other reports from a row; radars ask for registers every 4 to 12 s."""
 CONTEXT_S = 30.0
-"""What is kept of one batch of messages for the next."""
+"""Seconds of one batch of messages that are kept for the next."""
 HOLD_S = 10.0
 """Rows within this time of a batch's end wait for the next batch."""
 AGREES = 0.03
@@ -81,7 +81,7 @@ KINDS: Kinds = {
     "bds20": pl.Struct({"callsign": TEXT}),
 }
 OF_PRESSURE = pl.col("frame").str.slice(16, 1).str.to_lowercase().is_in(list("13579bdf"))
-"""Whether a squittered rate is barometric: bit 36 of the message, as dump1090 reads it.
+"""True if a squittered rate is barometric: bit 36 of the message, as dump1090 reads it.
 
 The decoder's own field for it (`vrate_src`, rs1090 0.7.0) has the two interchanged.
 """
@@ -167,7 +167,7 @@ OTHERS = {"position": ("latitude", "longitude"), "selected": ("selected_altitude
 
 
 def _agrees(found: pl.DataFrame) -> pl.Series:
-    """Whether IAS and Mach agree at the altitude; false where it is missing or either is impossible."""
+    """Test for IAS and Mach that agree at the altitude; false where it is missing or either is impossible."""
     possible = [pl.col(name).is_between(*POSSIBLE[name]).fill_null(False) for name in ("altitude", "IAS", "Mach")]
     usable = found.select(pl.when(pl.all_horizontal(possible)).then(pl.col("altitude", "IAS", "Mach")).fill_null(0.0))
     altitude, ias, mach = (usable[name].to_numpy() for name in ("altitude", "IAS", "Mach"))

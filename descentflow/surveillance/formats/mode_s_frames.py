@@ -26,7 +26,7 @@ MADE_BY = "lines `seconds frame` or `seconds,frame`, seconds since 1970 and fram
 
 
 def is_message(document: object) -> bool:
-    """Whether a JSON document looks like a line of jet1090.
+    """Test for a JSON document that looks like a line of jet1090.
 
     Example:
         >>> is_message({"timestamp": 1.7e9, "frame": "a00004128f39f91a7e27c46adc21"}), is_message({"trace": []})
@@ -103,7 +103,7 @@ def lines(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.Dat
 
 
 def is_table(table: pl.DataFrame) -> bool:
-    """Whether a table has times and frames that are not decoded, as OpenSky's replies and traffic's raw data have.
+    """Test for a table of times and undecoded frames, as OpenSky's replies and traffic's raw data are.
 
     Example:
         >>> is_table(pl.DataFrame({"mintime": [1.7e9], "rawmsg": [""]})), is_table(pl.DataFrame({"IAS": [250.0]}))
@@ -168,7 +168,7 @@ def decoded(frames: list[str], times: list[float], report: DropReport) -> list[d
 
 
 def begins_with_frames(head: bytes) -> bool:
-    """Whether text begins with lines of time and frame, under a line of names or not.
+    """Test for text that begins with lines of time and frame, under a line of names or not.
 
     Example:
         >>> begins_with_frames(b"1700000000.5 a00004128f39f91a7e27c46adc21"), begins_with_frames(b"time,icao24")

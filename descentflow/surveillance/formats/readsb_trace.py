@@ -61,7 +61,7 @@ class Trace:
 
 
 def is_trace(document: object) -> bool:
-    """Whether a JSON document looks like a trace.
+    """Test for a JSON document that looks like a trace.
 
     Example:
         >>> is_trace({"icao": "4ca001", "trace": []}), is_trace({"now": 1.7e9, "aircraft": []})

@@ -134,7 +134,7 @@ def _last(plan: object, name: str) -> dict[str, Any]:
 
 
 def is_flight(document: object) -> bool:
-    """Whether a JSON document looks like a flight of SCAT.
+    """Test for a JSON document that looks like a flight of SCAT.
 
     Example:
         >>> is_flight({"id": 7, "plots": [], "fpl": {}}), is_flight({"trace": []})

@@ -70,7 +70,7 @@ def _joined(parts: Sequence[Part], report: DropReport) -> SourceTable:
 
 
 def _belongs(part: Part, waiting: Sequence[Part], block_rows: int) -> bool:
-    """Whether a part can be put together with those that wait, by format and number of rows."""
+    """Test for a part that can be joined with those that wait, by format and number of rows."""
     count = sum(len(one.rows) for one in waiting)
     if part.format.join is not waiting[0].format.join:
         return False

@@ -65,7 +65,7 @@ def held(
 
 
 def is_parquet(head: bytes) -> bool:
-    """Whether a file that begins with these bytes is Parquet.
+    """Test for the first bytes of Parquet.
 
     Example:
         >>> is_parquet(Path("rows.parquet").read_bytes())
@@ -75,7 +75,7 @@ def is_parquet(head: bytes) -> bool:
 
 
 def is_feather(head: bytes) -> bool:
-    """Whether a file that begins with these bytes is Arrow IPC (Feather version 2).
+    """Test for the first bytes of Arrow IPC (Feather version 2).
 
     Example:
         >>> is_feather(b"ARROW1"), is_feather(b"PAR1")

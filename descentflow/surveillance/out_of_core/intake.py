@@ -71,7 +71,7 @@ class _Group:
     memory: Memory
     columns: Mapping[str, str] | None = None
     alone: bool = True
-    """Whether it is the only group: then it is an error if it has no row."""
+    """True if it is the only group: then it is an error if it has no row."""
 
 
 def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:

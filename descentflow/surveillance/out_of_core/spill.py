@@ -22,7 +22,7 @@ while they are written."""
 ROW_BYTES = 200
 """Approximate bytes of a row."""
 DEEPEST = 6
-"""How often buckets are spread again at most; 64^7 is more than the number of addresses."""
+"""Largest number of times that buckets are spread again; 64^7 is more than the number of addresses."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Which column of a table is which of a row: by its own name, by other known names, and by those of the trade."""
+"""Columns of a table by their own names, by other known names, and by those of the trade."""
 
 from collections.abc import Iterable, Sequence
 
@@ -19,7 +19,7 @@ HIGHEST_LEVEL = 1000.0
 MOST_NAMED, LONGEST_NAME, MOST_LINES = 12, 40, 10
 """Columns that a line of the report names, letters of a name, and lines about other tables."""
 UNUSED = "rows whose columns are not used: "
-"""How such a line begins."""
+"""First words of such a line."""
 
 
 def row_names(names: Sequence[str]) -> dict[str, str]:

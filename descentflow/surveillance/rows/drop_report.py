@@ -13,7 +13,7 @@ MAX_NAMED = 4
 
 @dataclass(frozen=True)
 class Step:
-    """What one step dropped and what it left; flights are None before they are identified.
+    """Rows that one step dropped and left; flights are None before they are identified.
 
     Example:
         >>> Step("duplicate", rows_dropped=2, flights_dropped=None, rows_left=98, flights_left=None).rows_left
@@ -43,7 +43,7 @@ class DropReport:
     notes: dict[str, int] = field(default_factory=dict)
     """Counts of what was changed but not dropped (for instance rows put into time order)."""
     by_flight: bool = False
-    """Whether rows are sorted by flight, so that flights can be counted."""
+    """True if rows are sorted by flight, so that flights can be counted."""
     _last: "tuple[weakref.ref[pl.DataFrame], int | None] | None" = None
     """A weak reference to the frame that the last step left, and its number of flights."""
 

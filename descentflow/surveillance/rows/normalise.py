@@ -96,7 +96,7 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
 
 
 def is_list_of_types(columns: Sequence[str]) -> bool:
-    """Whether these are the columns of a table that says which aircraft is of which type, and of no rows.
+    """Test for the columns of a table that lists the types of aircraft and has no rows.
 
     Example:
         >>> is_list_of_types(["icao24", "registration", "typecode"]), is_list_of_types(["icao24", "typecode", "IAS"])

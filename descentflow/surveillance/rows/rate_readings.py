@@ -30,7 +30,7 @@ OPPOSITE = 99.0
 
 @dataclass(frozen=True)
 class Reading:
-    """How the values of a column are read.
+    """Reading of a column's values: unit, sign and meaning.
 
     Attributes:
         words: What a message says of it; empty for the expected unit.
@@ -50,7 +50,7 @@ class Reading:
 
     @property
     def cost(self) -> float:
-        """What it counts among the changes that make columns agree."""
+        """Cost among the changes that make columns agree."""
         return OFF_COST if self.off else float(bool(self.words))
 
 
@@ -73,7 +73,7 @@ RATE_READINGS = (
     Reading("without a sign", meaning="unsigned"),
     OFF,
 )
-"""How a vertical rate may be read, the expected way first."""
+"""Readings of a vertical rate, the expected one first."""
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ class Solution:
 
     @property
     def agrees(self) -> bool:
-        """Whether all columns agree, and can be."""
+        """True if all columns agree and are possible."""
         return self.possible and all(misfit <= 1 for misfit in self.misfits.values())
 
     @property
@@ -142,7 +142,7 @@ class Solution:
         return sum(one.cost for one in self.readings.values()), -len(self.misfits), sum(self.misfits.values())
 
     def mends(self, given: "Solution") -> bool:
-        """Whether what contradicted as given is compared and agrees closely, where no wind lies between."""
+        """True if columns that contradicted as given are compared and agree closely, where no wind lies between."""
         off = [name for name, reading in self.readings.items() if reading.off]
         windy = bool(self.readings["IAS"].meaning)
         return all(
@@ -154,7 +154,7 @@ class Solution:
 
 
 def as_given(evidence: Evidence) -> Solution:
-    """How well columns agree as they are.
+    """Agreement of the columns as they are.
 
     Example:
         >>> mach = mach_of_cas(np.full(30, 266.0), np.full(30, 35e3))
@@ -200,7 +200,7 @@ def _tried(evidence: Evidence) -> Iterator[Solution]:
 
 
 def judged(evidence: Evidence, readings: dict[str, Reading], only: str = "") -> Solution:
-    """How well columns agree when they are read so.
+    """Agreement of the columns by this reading.
 
     Args:
         evidence: The columns.
@@ -272,7 +272,7 @@ def _median(values: Array, where: NDArray[np.bool_]) -> float:
 
 
 def _possible(altitude: Array, mach: Array | None, ias: Array, top_ft: float) -> bool:
-    """Whether airliners fly so: within the atmosphere, above the ground, and at Mach numbers of their altitude."""
+    """Test for possible flight: within the atmosphere, above the ground, and at Mach numbers of the altitude."""
     if np.median(altitude) > POSSIBLE["altitude"][1]:
         return False
     if np.quantile(altitude, 0.995) < top_ft and np.median(ias) > TAXI_KT:

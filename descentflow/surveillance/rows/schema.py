@@ -44,10 +44,10 @@ REQUIRED = ("timestamp", "icao24", "altitude", "IAS", "Mach")
 """A row without one of these is dropped; a missing `vertical_rate` is computed from `altitude`."""
 
 WITHOUT = "rows without "
-"""How a note of the report begins that counts rows in which a required column is empty."""
+"""First words of a note that counts rows in which a required column is empty."""
 
 INSTRUCTIONS = ("selected_altitude", "cleared_flight_level", "cleared_speed_kt", "cleared_mach")
-"""What was selected or cleared: it changes in steps and is not interpolated."""
+"""Selected or cleared values: they change in steps and are not interpolated."""
 
 CHANNELS = tuple(
     name for name, kind in COLUMNS.items() if kind == pl.Float64 and name not in ("altitude", *INSTRUCTIONS)
@@ -69,7 +69,7 @@ POSSIBLE = {
     "cleared_speed_kt": (100.0, 400.0),
     "cleared_mach": (0.3, 1.0),
 }
-"""What an airliner or business aircraft can report: register ranges of ICAO Doc 9684, narrowed to flight."""
+"""Possible reports of an airliner or business aircraft: register ranges of ICAO Doc 9684, narrowed to flight."""
 
 FILLS = (9999.0, -9999.0)
 """Numbers that stand for none: rates of no register, whose steps are 32 and 64, and altitudes of no encoder."""

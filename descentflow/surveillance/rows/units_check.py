@@ -145,7 +145,7 @@ def _refusal(evidence: Evidence, given: Solution, rows: pl.DataFrame, source: st
 
 
 def _is_poor_instrument(evidence: Evidence, given: Solution) -> bool:
-    """Whether IAS and Mach alone disagree, by less than rows are dropped for."""
+    """Test for IAS and Mach alone in disagreement, by less than rows are dropped for."""
     if not given.possible or [pair for pair, misfit in given.misfits.items() if misfit > 1] != ["IAS and Mach"]:
         return False
     altitude, ias, mach = (evidence.columns[name] for name in ("altitude", "IAS", "Mach"))

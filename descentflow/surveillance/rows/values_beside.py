@@ -12,7 +12,7 @@ BETWEEN_S = 5.0
 NEAR_S = 5.0
 """Largest distance in time of other values from a row; radars ask for registers every 4 to 12 s."""
 OF_OTHER_ROWS = ("TAS", "groundspeed", "track", "roll", "latitude", "longitude", "geoaltitude")
-"""What BDS 5,0 and ADS-B have beside IAS and Mach of BDS 6,0."""
+"""Values of BDS 5,0 and ADS-B beside IAS and Mach of BDS 6,0."""
 MOST_TOGETHER = 0.01
 """Share of the rows with IAS that have a value, up to which it is taken for one that comes in rows of its own."""
 ANGLES = ("track", "longitude")
@@ -24,7 +24,7 @@ JOIN = (
     "values of {name} stand in other rows than IAS: put into each row with IAS the value of the same aircraft that is "
     "nearest in time, for instance by merge_asof of pandas or join_asof of polars"
 )
-"""What messages say of these."""
+"""Advice on these in messages."""
 
 
 def with_values_beside(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:

@@ -15,7 +15,7 @@ LARGEST_HEADER = 1 << 20
 
 
 def is_tar(head: bytes) -> bool:
-    """Whether a file that begins so is a tar archive (POSIX or GNU).
+    """Test for the first bytes of a tar archive (POSIX or GNU).
 
     Example:
         >>> is_tar(bytes(257) + b"ustar"), is_tar(b"PAR1")
@@ -71,7 +71,7 @@ def _damaged(label: str, reason: str) -> DataError:
 
 
 def _left_out(member: tarfile.TarInfo) -> str | None:
-    """Why a member is not read."""
+    """Reason to leave a member out."""
     if member.isdir():
         return None
     if not member.isreg() or member.issparse():
@@ -92,7 +92,7 @@ class _Forward:
         self._place = 0
         self.at_header = True
         self.last = b""
-        """What was read last while at a header."""
+        """Bytes that were read last while at a header."""
 
     def read(self, size: int = -1) -> bytes:
         if self.at_header and not 0 <= size <= LARGEST_HEADER:

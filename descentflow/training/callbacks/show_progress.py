@@ -66,7 +66,7 @@ class ShowProgress(Callback):
     def on_exception(
         self, trainer: Trainer, pl_module: LightningModule, exception: BaseException | None = None
     ) -> None:
-        """What is found or wrong is printed next."""
+        """End the line: the finding or the error is printed next."""
         self._end()
 
     on_train_end = on_test_epoch_end = on_predict_epoch_end = on_exception

@@ -32,7 +32,7 @@ TRAINING = "training"
 PRECISIONS = ("32-true", "64-true")
 """Of Lightning's trainer, in which all models train."""
 Batch = tuple[Evidence] | tuple[Evidence, Tensor]
-"""What was observed of some flights, and their encoded context (n, c) where the density takes one."""
+"""Observed part of some flights, and their encoded context (n, c) where the density takes one."""
 
 
 class LatentModel(LightningModule, ABC, Generic[D]):
@@ -60,7 +60,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         super().__init__()
         self._density: D | None = None
         self.outcome = ""
-        """What the fit ended with, in words; empty before it."""
+        """Description of the fit's end; empty before it."""
         self._seed, self._had_stopped = 0, False
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""What moves in the air that flights measure when one of its constants is halved or doubled: the table of the docs.
+"""Vary the constants of measured air: errors and known levels with each halved or doubled.
 
 Flights are simulated in weather of known temperature and wind once; each constant is then changed by itself. Errors are
 root mean squares over the levels that are known. ``--flights`` and ``--seed`` choose other flights.

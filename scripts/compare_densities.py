@@ -34,7 +34,7 @@ SPREADS = {"deviation_spread_k": 10.0, "wind_slope_spread_per_s": 0.001}
 
 
 def arguments() -> argparse.Namespace:
-    """What was asked for."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, help="table of all scores (.csv)")
     parser.add_argument("--descents", type=Path, help="prepared descents (default: simulated ones)")

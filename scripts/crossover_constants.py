@@ -1,4 +1,4 @@
-"""What moves in the crossovers of flights when one of their constants is halved or doubled: the table of the docs.
+"""Vary the constants of crossovers: errors with each halved or doubled.
 
 Flights of known Mach number and CAS are simulated once. ``--typecode``, ``--flights`` and ``--seed`` choose others.
 """

@@ -30,7 +30,7 @@ from studies.blind_diagnosis.seal import KEY, MANIFEST, open_key, read_json, wri
 from studies.blind_diagnosis.study_evidence import Evidence, pooled, read_evidence, write_evidence
 
 EVIDENCE = "evidence.json.gz"
-"""What a score rests on; of other parts of a study it can be scored beside this one."""
+"""File with the basis of a score; other parts of a study can be scored beside this one."""
 VERDICTS = {True: "met", False: "MISSED", None: "not judged"}
 
 
@@ -77,7 +77,7 @@ def do_publish(args: argparse.Namespace) -> None:
 
 
 def closings(folder: Path, plan: Plan) -> dict[str, Any]:
-    """How near corrected flights of simulators come to the real ones, beside those that know the true effect."""
+    """Distances of corrected flights from the real ones, beside those of simulators that know the true effect."""
     found = {}
     for one in plan.sets:
         corrected = folder / "reports" / f"{one.name}_flights" / "corrected.parquet"

@@ -1,4 +1,4 @@
-"""Where the exported flights of the tests are flown."""
+"""Place at which the exported flights of the tests are flown."""
 
 WHERE = {
     "end": (52.3, 4.76),

@@ -32,7 +32,7 @@ RARE = 1e-4
 
 @cache
 def parts(mach: bool = False) -> Representation:
-    """What all tests share and none changes."""
+    """Parts that all tests share and none changes."""
     return fitted(mach)
 
 

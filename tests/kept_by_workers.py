@@ -1,4 +1,4 @@
-"""What one test found, kept for the other tests of a session in a folder that all of its workers share.
+"""Results of one test, kept for the other tests of a session in a folder that all of its workers share.
 
 A worker that asks for what another one is just finding waits for it. Each session of pytest has a folder of its own, so
 that nothing outlives a change of the code.
@@ -29,7 +29,7 @@ def folder_of_workers(factory: pytest.TempPathFactory, name: str) -> Path:
 
 
 def once(folder: Path, name: str, make: Callable[[], T]) -> T:
-    """What ``make`` gives, from the first who asks for it by this name; everyone gets a copy."""
+    """Result of ``make``, from the first who asks for it by this name; everyone gets a copy."""
     path = folder / name
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

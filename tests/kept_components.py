@@ -16,7 +16,7 @@ from descentflow.representation.fpca.gappy import GappyFPCA
 
 
 def _name(options: GappyFPCA, values: Tensor, mask: Tensor, spacing_m: float) -> str:
-    """What a fit depends on, as a digest."""
+    """Digest of all that a fit depends on."""
     return digest(sorted(vars(options).items()), torch.where(mask, values, 0.0), mask, spacing_m)
 
 

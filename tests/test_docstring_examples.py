@@ -56,7 +56,7 @@ def example_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def lighter(example_folder: Path) -> GapReport:
-    """What some thirty examples show a part of: the flights against nominal ones, which only mass can explain."""
+    """Report of which some thirty examples show a part: flights against nominal ones, which only mass can explain."""
     module = importlib.import_module("descentflow.diagnosis.diagnose")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(example_folder)

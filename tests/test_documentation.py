@@ -1,4 +1,4 @@
-"""What the documents say of the tree is so: links, the map, the new names of modules, the length of the README."""
+"""Documents agree with the tree: links, the map, the new names of modules, and their length."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What may import what, read from the imports themselves; and that light commands stay light."""
+"""Allowed imports, read from the imports themselves; and that light commands stay light."""
 
 import ast
 import functools
@@ -176,7 +176,7 @@ def test_the_decoder_knows_nothing_of_effects_or_the_diagnosis() -> None:
 
 
 def heavy_modules(code: str) -> set[str]:
-    """Which heavy modules a fresh process has loaded after running some code."""
+    """Heavy modules that a fresh process has loaded after running some code."""
     listing = "print(*(m for m in ('torch', 'lightning', 'pyro', 'matplotlib', 'polars') if m in sys.modules))"
     report = f"import sys\n{code}\n{listing}"
     done = subprocess.run([sys.executable, "-c", report], capture_output=True, text=True, check=True)

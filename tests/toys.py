@@ -130,7 +130,7 @@ class WeightsModule(LightningDataModule):
 
 
 def residual_law(decoder: DescentDecoder, n_components: int) -> ResidualLaw:
-    """What lies beyond the components of a decoder, other than normals: no two components or flights are alike."""
+    """Residual of a decoder that is not standard normal: no two components or flights are alike."""
     n_residual, generator = len(residual_profiles(decoder)), torch.Generator().manual_seed(7)
     offset = 0.3 * torch.randn(n_components, n_residual, generator=generator).double()
     slope = 0.2 * torch.randn(n_residual, decoder.dimension, generator=generator).double()

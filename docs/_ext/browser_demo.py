@@ -1,4 +1,4 @@
-"""What the page on ONNX loads to draw descents: a sampler exported here and now, and onnxruntime-web from npm."""
+"""Files for the page on ONNX: a sampler exported here and now, and onnxruntime-web from npm."""
 
 import shutil
 import subprocess
@@ -44,7 +44,7 @@ def fetch_runtime(folder: Path) -> None:
 
 
 def place(app: Sphinx) -> Path:
-    """Where the files are made, two folders below what `html_extra_path` names."""
+    """Folder of the files, two below what `html_extra_path` names."""
     return Path(app.srcdir) / "made" / "site" / "browser"
 
 

@@ -19,7 +19,7 @@ LAYERS = {
 
 
 def is_public(path: Path) -> bool:
-    """Whether a file or folder is a module of the API."""
+    """Test for a file or folder that is a module of the API."""
     return not path.name.startswith(("_", "."))
 
 

@@ -69,9 +69,10 @@ CASES: dict[str, dict[str, dict[str, float]]] = {
         "speed_schedule": {"cas_kt": -22.3, "mach": -0.0223},
     },
 }
-"""What is planted in the real flights. "rates, level-offs" and the two after it are as the slowest of 19 sets that were
+"""Causes planted in the real flights. "rates, level-offs" and the two after it are as the slowest of 19 sets that were
 drawn as the sealed study draws its own: once effects were fitted the simulator's flights prove too narrow, and the
-search is done again. The last three are as the slowest of the study's 794 diagnoses of 400 flights."""
+search is done again. The last three are as the slowest of the study's 794 diagnoses of 400 flights.
+"""
 FEWER = ("noise, rates", "anti-ice, speeds")
 """Cases without TAS, groundspeed, angles and geometric altitude, as those sets were."""
 WIDTH = 19

@@ -1,4 +1,4 @@
-"""What one call of `df.Generator` takes: one descent, 100, and 10,000, of a mixture asked another thing each time."""
+"""Time of one call of `df.Generator`: one descent, 100, and 10,000, of a mixture with another request each time."""
 
 import time
 from collections.abc import Callable
@@ -18,7 +18,7 @@ SLOW_CALLS = {1: 300, 100: 10}
 
 
 def requests(generator: Generator) -> dict[str, tuple[Callable[[int], Asked], dict[int, int]]]:
-    """What is asked, by the number of the call, of levels and values that descents of the model have."""
+    """Requests by the number of the call, of levels and values that descents of the model have."""
     typical = generator.next_batch(200, entry_fl=_entry_fl(generator))
     entry_fl = _entry_fl(generator)
     flown = typical.trajectories

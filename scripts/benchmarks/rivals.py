@@ -1,4 +1,4 @@
-"""What one would take in place of the diagnosis, on the same sets: right, wrong or none, and processor seconds."""
+"""Alternatives to the diagnosis on the same sets: right, wrong or none, and processor seconds."""
 
 import argparse
 import json

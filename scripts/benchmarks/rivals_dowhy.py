@@ -28,7 +28,7 @@ LONGEST_STEP_S = 12.0
 
 
 def answer(one: RivalSet, seed: int) -> Answer:
-    """What DoWhy names."""
+    """Answer of DoWhy."""
     import networkx as nx
     import pandas as pd
     from dowhy import gcm

@@ -1,4 +1,4 @@
-"""What a rival's names stand for, in effects of the catalogue."""
+"""Effects of the catalogue for which a rival's names stand."""
 
 SPEEDS_KEPT = frozenset(
     {"mass", "idle_thrust", "drag_polar", "speed_brake", "turn", "geometric_path", "vertical_speed_mode"}

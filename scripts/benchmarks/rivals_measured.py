@@ -1,4 +1,4 @@
-"""What the rivals are given: the same measured quantities and effect equations that the diagnosis itself uses."""
+"""Inputs of the rivals: the same measured quantities and effect equations that the diagnosis itself uses."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ FEW = 20
 
 @dataclass(frozen=True)
 class EffectShifts:
-    """What effects would shift in compared flights."""
+    """Shifts of effects in compared flights."""
 
     compared: Compared
     catalogue: Mapping[str, Effect]

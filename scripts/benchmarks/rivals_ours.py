@@ -7,7 +7,7 @@ from descentflow.diagnosis.report.gap_report import GapReport
 
 
 def answer(one: RivalSet, seed: int) -> Answer:
-    """What `diagnose` says of the set's flights against the simulator's flights."""
+    """Answer of `diagnose` for the set's flights against the simulator's flights."""
     report = diagnose(one.folder / "real.parquet", one.folder / "simulator.parquet", typecode=one.typecode, seed=seed)
     return of_report(report)
 

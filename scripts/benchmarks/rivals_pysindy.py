@@ -31,7 +31,7 @@ MIN_INCLUSION = 0.6
 
 
 def answer(data: Measured, seed: int) -> Answer:
-    """What PySINDy names."""
+    """Answer of PySINDy."""
     names, columns, residual, flight = rate_library(data)
     if not names:
         return Answer(gap=None)
@@ -75,7 +75,7 @@ def rate_library(data: Measured) -> tuple[list[str], Array, Array, NDArray[np.in
 
 
 def starts(data: Measured, name: str) -> list[Tensor]:
-    """Where an effect's sensitivity is taken: one place, or windows a third of the grid high that tile it."""
+    """Places at which an effect's sensitivity is taken: one, or windows a third of the grid high that tile it."""
     start = data.shifts.start_of(name)
     ends = [i for i, p in enumerate(data.shifts.catalogue[name].parameters) if p.unit == "FL"]
     if len(ends) != 2:

@@ -24,7 +24,7 @@ EMBEDDED = 20
 
 
 def mmd_answer(data: Measured, seed: int) -> Answer:
-    """Whether the MMD test rejects that the real flights are the simulator's.
+    """Answer of the MMD test that the real flights are the simulator's.
 
     The how-to page advises the embedding of a trained NPE for outputs of many numbers; the measured quantities, in
     spreads, are summary statistics already, for which the tutorial's variant in their own space is meant.

@@ -1,4 +1,4 @@
-"""How an answer is counted: right, wrong or none, by the same rule for whoever gives it."""
+"""Score of an answer: right, wrong or none, by the same rule for all methods."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ RIGHT, WRONG, NONE = "right", "wrong", "none"
 
 @dataclass(frozen=True)
 class Answer:
-    """What one method says of one set.
+    """Answer of one method to one set.
 
     Attributes:
         named: What it names, strongest first; each as all effects that the name may stand for.
@@ -52,7 +52,7 @@ class Scored:
 
     @property
     def exact(self) -> bool | None:
-        """Whether all that was planted is named, and nothing else is."""
+        """True if all that was planted is named, and nothing else is."""
         if not self.answer.says_causes or self.kind in ("null", "outside"):
             return None
         named = self.answer.named

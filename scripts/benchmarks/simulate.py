@@ -1,4 +1,4 @@
-"""What flights of the simulated world cost: time and memory of `descentflow simulate` over their number."""
+"""Time and memory of `descentflow simulate` over the number of flights."""
 
 import argparse
 import os

@@ -1,4 +1,4 @@
-"""How times and memory are taken."""
+"""Measurement of times and memory."""
 
 import json
 import os

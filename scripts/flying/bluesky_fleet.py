@@ -33,7 +33,7 @@ WIND_FROM_BEHIND_DEG = 270
 
 @dataclass(frozen=True)
 class Orders:
-    """What is commanded beside the speeds; nothing else makes BlueSky fly as it comes.
+    """Commands beside the speeds; without any BlueSky flies as it comes.
 
     Attributes:
         step_ft: Altitudes are commanded so many feet below the flight and no further (None: the lowest at once).
@@ -209,7 +209,7 @@ class _Fleet:
         self.down |= self.traf.alt / FT_M <= lowest
 
     def _is_mach(self, i: int, level_fl: float) -> bool:
-        """Whether the Mach number is the lower of the two speeds at a level."""
+        """Test for a Mach number that is the lower of the two speeds at a level."""
         mach = self.plans[i].mach
         return bool(np.isfinite(mach)) and cas_of_mach_kt(mach, level_fl) < self.cas_kt[i]
 
@@ -218,7 +218,7 @@ class _Fleet:
 
 
 def _from(tailwind_kt: float) -> int:
-    """Where a wind blows from, degrees."""
+    """Direction from which a wind blows, degrees."""
     return WIND_FROM_BEHIND_DEG if tailwind_kt >= 0 else (WIND_FROM_BEHIND_DEG + 180) % 360
 
 

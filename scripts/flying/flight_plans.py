@@ -1,4 +1,4 @@
-"""How real descents began, so that another simulator can fly the same: type, levels, speeds, and times of reports."""
+"""Starts of real descents, so that another simulator can fly the same: type, levels, speeds, and times of reports."""
 
 from dataclasses import dataclass
 from datetime import datetime

@@ -1,4 +1,4 @@
-"""What a radar would have reported of flights whose state is known every second: sampled, quantised as Mode S is."""
+"""Radar reports of flights whose state is known every second: sampled, quantised as Mode S is."""
 
 from collections.abc import Mapping, Sequence
 from datetime import timedelta

@@ -28,7 +28,7 @@ def wrapped(content: bytes, name: str, rng: random.Random) -> tuple[bytes, str]:
 
 
 def _place(content: bytes, rng: random.Random) -> tuple[int, int]:
-    """Where a slice of up to a tenth of the content begins and ends."""
+    """Begin and end of a slice of up to a tenth of the content."""
     start = rng.randrange(len(content) + 1)
     return start, min(len(content), start + rng.randrange(1, max(len(content) // 10, 2)))
 

@@ -75,7 +75,7 @@ def calls(good: Path) -> dict[str, Call]:
 
 
 def _set_up(descents: Any, **options: Any) -> None:
-    """What is asked of a DataModule is read when it is set up."""
+    """Set up a DataModule, which reads then what it is asked for."""
     df.DescentDataModule(descents, **options).setup()
 
 

@@ -28,7 +28,7 @@ MANY = 1000.0
 
 @dataclass(frozen=True)
 class Case:
-    """What is run.
+    """Command or call of a case.
 
     Attributes:
         kind: Of input.

@@ -1,4 +1,4 @@
-"""What a case ended in: accepted with every row accounted for, refused in a sentence, or a defect."""
+"""Outcome of a case: accepted with every row accounted for, refused in a sentence, or a defect."""
 
 import contextlib
 import io
@@ -31,7 +31,7 @@ PARTS = ("; expected ", "; to mend it, ")
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a case ended.
+    """Outcome of a case.
 
     Attributes:
         verdict: ``accepted``, ``refused``, or what kind of defect it is.
@@ -117,7 +117,7 @@ def _accepted(case: Case, folder: Path, left: set[str]) -> Outcome:
 
 
 def _kept_or_counted(report: Path, rows: int | None) -> Outcome:
-    """Whether each step's rows are those of the step before less what it dropped, beginning with all."""
+    """Test that each step's rows are those of the step before less what it dropped, beginning with all."""
     steps = json.loads(report.read_text())["report"]["steps"]
     read = steps[0]["rows_left"] + steps[0]["rows_dropped"]
     if rows is not None and read != rows:
@@ -161,7 +161,7 @@ def _in(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _terminal() -> Iterator[list[str]]:
-    """What libraries of C write to the terminal meanwhile, known at the end."""
+    """Text that libraries of C write to the terminal meanwhile, known at the end."""
     written: list[str] = []
     own = os.dup(2)
     with tempfile.TemporaryFile() as file:

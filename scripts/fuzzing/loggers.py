@@ -20,7 +20,7 @@ OTHERS = (
 )
 """Files that are there before."""
 STORE = "store.txt"
-"""What a shared logger itself keeps, for all runs."""
+"""Files that a shared logger itself keeps, for all runs."""
 LOGGERS = ("TensorBoardLogger", "CSVLogger", "shared_logger.SharedLogger")
 NAMES = {"name": ("", "default", "project", "a/b", ".."), "version": ("", "7", "version_0", "run", "..")}
 HOOKS = ("setup", "on_fit_start", "on_train_start", "on_train_epoch_end", "on_validation_end", "on_save_checkpoint")

@@ -32,7 +32,7 @@ def changed(frame: pl.DataFrame, rng: random.Random) -> pl.DataFrame:
 
 
 def _some(frame: pl.DataFrame, rng: random.Random) -> pl.Series:
-    """Which rows: one, a tenth, half, or all."""
+    """Choose rows: one, a tenth, half, or all."""
     share = rng.choice((0.0, 0.1, 0.5, 1.0))
     one = rng.randrange(max(frame.height, 1))
     return pl.Series([i == one or rng.random() < share for i in range(frame.height)], dtype=pl.Boolean)

@@ -79,7 +79,7 @@ def write_damaged(folder: Path, rng: random.Random) -> tuple[Path, bool]:
 
 
 def wrong_values(path: Path, seed: int) -> str:
-    """What a file gives that is not the closed form; empty if nothing, for holes and what is outside is NaN.
+    """Values of a file that differ from the closed form; empty if none, for holes and what is outside is NaN.
 
     Args:
         path: Of the file.
@@ -246,7 +246,7 @@ def _named(data: xarray.Dataset, rng: random.Random) -> xarray.Dataset:
 
 
 def _grid(data: xarray.Dataset, rng: random.Random) -> xarray.Dataset:
-    """What GRIB holds: other levels, times and places, holes, variables that are gone."""
+    """Damage to the content of GRIB: other levels, times and places, holes, variables that are gone."""
     name = rng.choice("tuv")
     changes: tuple[Callable[[], xarray.Dataset], ...] = (
         lambda: data.drop_vars(name, errors="ignore"),

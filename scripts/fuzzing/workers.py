@@ -83,7 +83,7 @@ class _Worker:
         return time.monotonic() - self.begun > WAITING_S + GRACE_S
 
     def outcome(self) -> dict[str, Any]:
-        """What the case ended in, whatever became of the process."""
+        """Outcome of the case, whatever became of the process."""
         told = {"case": self.number, "seconds": round(time.monotonic() - self.begun, 2)}
         try:
             if self.pipe.poll():

@@ -1,4 +1,4 @@
-"""What files hold, as a text to compare: checkpoints without the paths in them, everything else byte for byte."""
+"""Content of files, as a text to compare: checkpoints without the paths in them, everything else byte for byte."""
 
 import hashlib
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""What the killed commands read: few flights on few levels, for what a kill meets is alike on many."""
+"""Inputs of the killed commands: few flights on few levels, for the code that a kill meets is the same with many."""
 
 import shutil
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is killed: commands, what each writes, and how it is run again."""
+"""Commands to kill, with what each writes and how it is run again."""
 
 import sys
 from collections.abc import Callable

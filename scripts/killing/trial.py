@@ -21,12 +21,12 @@ OWN_FILE = re.compile(r'File "([^"]*/descentflow/[^"]+)"')
 BEFORE = re.compile(r"/descentflow/(__init__|__main__|cli/\w+|core/\w+)\.py$")
 """Files of the package, and those of them that are loaded before a command begins."""
 SAID = "said.txt"
-"""What the command printed."""
+"""Output of the command."""
 
 
 @dataclass(frozen=True)
 class Whole:
-    """What an undisturbed run of a job gave.
+    """Result of an undisturbed run of a job.
 
     Attributes:
         seconds: That it took.
@@ -133,7 +133,7 @@ def _words(job: Job, folder: Path) -> tuple[str, ...]:
 
 
 def _is_traceback(said: str) -> bool:
-    """Whether there is a traceback, other than Python's own of a Ctrl-C before the command began."""
+    """Test for a traceback, other than Python's own of a Ctrl-C before the command began."""
     if "Traceback" not in said:
         return False
     own = [place for place in OWN_FILE.findall(said) if not BEFORE.search(place)]
@@ -142,12 +142,12 @@ def _is_traceback(said: str) -> bool:
 
 
 def _is_message(said: str) -> bool:
-    """Whether the last line is an error of the package's: what was got, what was expected, and the mend."""
+    """Test for a last line that is an error of the package: what was got, what was expected, and the mend."""
     return all(part in said.strip().rpartition("\n")[2] for part in ("; expected ", "; to mend it, "))
 
 
 def _half_written(job: Job, whole: Whole, folder: Path) -> str:
-    """What has its final name and cannot be read, or is not what an undisturbed run leaves."""
+    """Files with a final name that cannot be read, or are not what an undisturbed run leaves."""
     try:
         found = contents(folder, job.products)
     except Exception as error:

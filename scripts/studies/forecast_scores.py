@@ -113,7 +113,7 @@ class Skill:
 
 
 def skill(scores: Tensor, reference: Tensor, seed: int = 0, n_resamples: int = 2000) -> Skill:
-    """How much better a model does than a reference on the same flights, for scores where lower is better.
+    """Improvement of a model over a reference on the same flights, for scores where lower is better.
 
     Args:
         scores: (n,) of the model, flight by flight (negative log density, CRPS, energy score).

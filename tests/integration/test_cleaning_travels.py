@@ -32,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def both_sides(folder: Path, real: str) -> Opened:
-    """What a diagnosis compares."""
+    """Inputs of a diagnosis."""
     return open_both(folder / f"{real}.parquet", folder / "model.ckpt", SignatureSource())
 
 

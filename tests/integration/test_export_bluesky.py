@@ -61,7 +61,7 @@ def fly(
 
 
 def passed(state: np.ndarray, altitude_ft: float, column: int = 0) -> float:
-    """What a column was when the flight passed an altitude."""
+    """Value of a column when the flight passed an altitude."""
     below = int(np.argmax(state[:, 1] <= altitude_ft))
     return float(np.interp(-altitude_ft, -state[below - 1 : below + 1, 1], state[below - 1 : below + 1, column]))
 

@@ -28,7 +28,7 @@ N = 1500
 
 @pytest.fixture(scope="module")
 def runtime() -> Path:
-    """Where onnxruntime-web is."""
+    """Folder of onnxruntime-web."""
     made = DOCS / "made" / "site" / "browser"
     if not all((made / name).is_file() for name in RUNTIME):
         pytest.skip("onnxruntime-web is not here: scripts/docs takes it from npm into docs/made/site/browser")
@@ -73,7 +73,7 @@ console.log(JSON.stringify({
 
 @pytest.fixture(scope="module")
 def by_node(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What node says, and the numbers that it was given."""
+    """Output of node, and the numbers that it was given."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("node is not on this machine")

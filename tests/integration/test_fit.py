@@ -31,7 +31,7 @@ def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def by_command(folder: Path, descents: Path, config: str, epochs: int, seed: int) -> Density:
-    """What the command line trains."""
+    """Model that the command line trains."""
     words = ["fit", "--config", config, "--data.descents", str(descents), "--seed_everything", str(seed)]
     logger = ["--trainer.logger.init_args.save_dir", str(folder), "--trainer.max_epochs", str(epochs)]
     assert main([*words, *logger, *QUICK]) == 0

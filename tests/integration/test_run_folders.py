@@ -1,4 +1,4 @@
-"""Where the trainer's commands write: no empty runs, results beside the checkpoint that they are of."""
+"""Folders of the trainer's commands: no empty runs, results beside the checkpoint that they are of."""
 
 import subprocess
 import sys

@@ -30,7 +30,7 @@ CUT = {
     "asterix-048": "ASTERIX blocks cut at the end of a file",
     "tar": "damaged or cut archive",
 }
-"""What is said of a cut file, as an error or a count; those not named are JSON documents or binary tables."""
+"""Messages on a cut file, as an error or a count; those not named are JSON documents or binary tables."""
 
 
 @pytest.mark.parametrize("share", [0.11, 0.53, 0.97])

@@ -1,4 +1,4 @@
-"""What must hold of distances for any values: scipy's numbers, symmetry, invariances, and bounds between them."""
+"""Properties of distances for any values: scipy's numbers, symmetry, invariances, and bounds between them."""
 
 from typing import Any
 

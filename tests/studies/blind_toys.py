@@ -9,7 +9,7 @@ from studies.blind_diagnosis.true_sizes import true_sizes
 
 
 def perfect_report(one: SetPlan, catalogued: tuple[str, ...], without: str | None = None) -> dict[str, Any]:
-    """What a diagnosis without fault would say of a set."""
+    """Report of a diagnosis without fault on a set."""
     named = [name for name in one.causes if name in catalogued and name != without and nameable(name, one)]
     rest = len(named) < len(one.causes)
     verdict = "none" if not one.causes else "effect" if not rest else "partial" if named else "unknown"

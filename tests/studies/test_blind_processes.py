@@ -19,7 +19,7 @@ def test_more_work_than_processes_are_kept_for_is_all_done(tmp_path: Path, monke
 
 
 def test_the_first_error_ends_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What failed is told, and nothing further is begun."""
+    """The failure is reported, and nothing further is begun."""
     monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 1)
     monkeypatch.setattr(processes, "_alone", time.monotonic)
     work = [(Path.rmdir, tmp_path / "absent"), *[(Path.touch, tmp_path / str(k)) for k in range(8)]]

@@ -63,7 +63,7 @@ def test_warmer_air_is_faster_at_the_same_mach_number_and_cooler_again_after(blu
 
 
 def test_a_deep_altitude_commanded_at_once_slows_the_flight(bluesky: object) -> None:
-    """What the page tells: 1.1.1 holds the speed against its limits at the commanded altitude, not at its own."""
+    """BlueSky 1.1.1 limits the speed by that of the commanded altitude, not of its own."""
     at_once, stepped = (fly(bluesky, [plan()], Orders(step_ft=step))[0] for step in (None, 1000.0))
     for state, slow in ((at_once, True), (stepped, False)):
         mach = state["Mach"][np.abs(state["altitude"] - 33000) < 300].mean()

@@ -1,4 +1,4 @@
-"""What a study of all types is judged by: measured on sets of known spread, and held against its bounds."""
+"""Goals of a study of all types, measured on sets of known spread."""
 
 import json
 import math
@@ -60,7 +60,7 @@ def test_intervals_are_those_of_flights_that_the_model_has_not_seen(run: Path, d
 
 
 def study(folder: Path, over_floor: float, covered: list[float]) -> StudyPlan:
-    """What a study of two types leaves, with one row of each table."""
+    """Files of a study of two types, with one row of each table."""
     plan = StudyPlan({"A320": 4_000, "BE20": 257}, models=("gaussian", "gmm"))
     rest = dict.fromkeys(("equal_size", "floor", "floor_high", "excess", "nominal", "worst_fl"), 0.5)
     for typecode in plan.flights:

@@ -1,4 +1,4 @@
-"""How the scripts that fly other simulators take plans from real flights, and report what was flown."""
+"""Scripts that fly other simulators: plans from real flights, and reports of what was flown."""
 
 import argparse
 from datetime import UTC, datetime

@@ -1,4 +1,4 @@
-"""What of the JSBSim flights needs no JSBSim: plans, effects, and the scalar atmosphere."""
+"""Parts of the JSBSim flights that need no JSBSim: plans, effects, and the scalar atmosphere."""
 
 import math
 import sys

@@ -1,4 +1,4 @@
-"""How the rivals' answers are counted, and what their names stand for; their libraries are not needed."""
+"""Scores of the rivals' answers, and meanings of their names; their libraries are not needed."""
 
 import json
 from dataclasses import replace

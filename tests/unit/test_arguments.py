@@ -69,7 +69,7 @@ RIGHT = {
     "to": "json",
     "from_fl": 290.0,
 }
-"""What calls need beside the wrong argument; of what may be anything, None."""
+"""Arguments of calls beside the wrong one; those that may be anything are None."""
 CALLS: dict[str, Any] = {
     name: getattr(df, name) for name in df.__all__ if name not in ("DescentflowError", "__version__")
 }

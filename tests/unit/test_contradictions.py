@@ -1,4 +1,4 @@
-"""What the report of all rows must not hide: copies are told from other values, and most rows do not go in silence."""
+"""Checks of the report of all rows: copies are separated from other values, and most rows do not go in silence."""
 
 import warnings
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What corrected simulators fly: effects that take a share of the flights, and reports that lag."""
+"""Flights of corrected simulators: effects that take a share of the flights, and reports that lag."""
 
 import math
 from dataclasses import fields, replace
@@ -70,7 +70,7 @@ PARTIAL = Correction({"speed_brake": [0.3, 200.0, 250.0, 0.6, 0.0, 0.0, 0.0, 0.0
 
 
 def taken(flown: Trajectories, draws: DrawNumbers) -> torch.Tensor:
-    """Which flights the partial effect takes (n,)."""
+    """Flights that the partial effect takes (n,)."""
     after = PARTIAL.apply(open_aircraft("A320"), flown, draws)
     return (after.rate_mps / flown.rate_mps - 1).abs().amax(1) > 0.01
 

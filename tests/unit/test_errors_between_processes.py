@@ -1,4 +1,4 @@
-"""What a worker raises must reach the process that waits for it: an error that cannot be sent breaks the pool."""
+"""Errors of a worker reach the process that waits for them: one that cannot be sent breaks the pool."""
 
 import os
 import pickle

@@ -61,7 +61,7 @@ def test_the_ratio_does_not_depend_on_the_number_of_held_out_flights(statistic: 
 
 
 def test_halves_of_all_flights_would_make_the_ratio_grow_with_their_number() -> None:
-    """What the test above guards against: the same generator, each half as large as the flights allow."""
+    """The test above guards against this: the same generator, each half as large as the flights allow."""
     few, many = (_ratio(*(side["ks"][0] for side in distances(n, n // 2)))[0] for n in (50, 400))
     assert many > 1.5 * few
 

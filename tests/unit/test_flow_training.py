@@ -1,4 +1,4 @@
-"""When the training of a flow ends: by steps of the optimiser, or at once where flights are too few."""
+"""End of the training of a flow: by steps of the optimiser, or at once where flights are too few."""
 
 import pytest
 import torch

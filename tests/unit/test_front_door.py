@@ -82,7 +82,7 @@ def test_other_names_are_not_there() -> None:
 
 
 def test_type_checkers_see_the_same_objects() -> None:
-    """What is imported for type checking is what the name gives when the program runs."""
+    """Names imported for type checking are those that the program gives when it runs."""
     (typing_only,) = (
         node
         for node in ast.parse(SOURCE.read_text()).body

@@ -1,4 +1,4 @@
-"""What flights are measured for a diagnosis."""
+"""Quantities measured for a diagnosis."""
 
 from pathlib import Path
 

@@ -36,7 +36,7 @@ def brute(entry_fl: int | None) -> Trajectories:
 
 
 def at_mach(flown: Trajectories, level_fl: float) -> Tensor:
-    """Whether each descent holds its Mach number at a level: it changes less from level to level than at one CAS."""
+    """Test that each descent holds its Mach number at a level: it changes less from level to level than at one CAS."""
     k = index(level_fl)
     return (flown.mach[:, k + 1] - flown.mach[:, k]).abs() < 5e-4
 

@@ -1,4 +1,4 @@
-"""What is learnt with the density held: in every checkpoint of a fit that has ended, and in none before."""
+"""Laws learnt with the density held: in every checkpoint of a fit that has ended, and in none before."""
 
 import warnings
 from pathlib import Path
@@ -43,7 +43,7 @@ class LooksIn(Callback):
 def fitted(
     model: LatentModel[Any], data: DescentDataModule, folder: Path, monitor: str
 ) -> tuple[Density, list[Density]]:
-    """What a look into the fit finds, and its two best epochs and the last one when it has ended."""
+    """Observations inside the fit, and its two best epochs and the last one when it has ended."""
     looks = LooksIn(folder / "best.ckpt")
     best = ModelCheckpoint(folder, "best", monitor=monitor, save_top_k=2)
     seed_everything(1, verbose=False)

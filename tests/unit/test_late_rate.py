@@ -1,4 +1,4 @@
-"""How much later rates are reported, from what reports exceed altitude over time by."""
+"""Delay of reported rates, from their excess over altitude over time."""
 
 from dataclasses import replace
 from pathlib import Path

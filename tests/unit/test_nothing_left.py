@@ -1,4 +1,4 @@
-"""When cleaning leaves nothing, the message begins with what took most rows."""
+"""Messages where cleaning leaves nothing begin with the rule that took most rows."""
 
 import polars as pl
 import pytest

@@ -1,4 +1,4 @@
-"""How many and which seed: whole numbers, or a message, from every function that takes them."""
+"""Numbers and seeds are whole numbers, or a message, in every function that takes them."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -113,7 +113,7 @@ def test_the_last_of_many_pages_is_looked_at() -> None:
 
 
 def test_any_byte_of_a_file_changed() -> None:
-    """What cannot be read is a DamagedParquetError, never another: 1,500 damaged files, and 400 that are cut."""
+    """Unreadable files are a DamagedParquetError, never another: 1,500 damaged files, and 400 that are cut."""
     whole = content(FRAME.head(3).select("text", "number"))
     refused = 0
     for place in range(4, len(whole)):

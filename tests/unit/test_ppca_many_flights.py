@@ -42,7 +42,7 @@ def test_some_of_many_flights_say_where_to_start(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize(("most", "of_all"), [(30, 10), (12, 10)])
 def test_iterations_of_some_flights_count_for_all(monkeypatch: pytest.MonkeyPatch, most: int, of_all: int) -> None:
-    """Where some of the flights take all iterations that are allowed, all flights take ten."""
+    """If some of the flights take all iterations that are allowed, all flights take ten."""
     centred, mask = gappy_curves(900, 40, 4)
     plain = ppca.em(centred, mask, 4, max_iterations=most, tolerance=-1.0)
     assert len(plain.log_likelihood) == most

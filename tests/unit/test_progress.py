@@ -1,4 +1,4 @@
-"""What a long call is doing: on stderr alone, after a while, and not at all with --quiet."""
+"""Progress of a long call: on stderr alone, after a while, and not at all with --quiet."""
 
 import io
 from collections.abc import Callable

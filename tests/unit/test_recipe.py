@@ -1,4 +1,4 @@
-"""What the owner of a simulator is told to enter: nothing that cannot be, or that follows by itself."""
+"""Recipe for the owner of a simulator: nothing that cannot be entered, or that follows by itself."""
 
 import pytest
 import torch

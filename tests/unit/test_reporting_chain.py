@@ -1,4 +1,4 @@
-"""What late reports make of an effect's edges, against a flight whose reports are smoothed step by step."""
+"""Effect of late reports on an effect's edges, against a flight whose reports are smoothed step by step."""
 
 from dataclasses import replace
 

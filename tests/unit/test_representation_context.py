@@ -1,4 +1,4 @@
-"""How contexts become numbers: encoding, rare and missing values, and the columns that a DataModule reads."""
+"""Contexts as numbers: encoding, rare and missing values, and the columns that a DataModule reads."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What the components leave out of a flight given its weights: closed forms, recovery of a known law, and samples."""
+"""Residual of a flight given its weights: closed forms, recovery of a known law, and samples."""
 
 import math
 from itertools import pairwise
@@ -46,7 +46,7 @@ def drawn(n: int) -> tuple[Tensor, Tensor]:
 
 
 def observed(u: Tensor, noise: float = 0.3) -> tuple[Information, Tensor, Tensor]:
-    """What levels show of u, a third of the flights without the upper half; loadings (LEVELS, D + R), values."""
+    """Observed part of u, a third of the flights without the upper half; loadings (LEVELS, D + R), values."""
     loadings, n = normal(LEVELS, D + R, seed=4), len(u)
     values = u @ loadings.T + noise * normal(n, LEVELS, seed=5)
     half = torch.arange(LEVELS) < LEVELS // 2
@@ -58,7 +58,7 @@ def observed(u: Tensor, noise: float = 0.3) -> tuple[Information, Tensor, Tensor
 
 
 def shares_of(information: Information) -> Tensor:
-    """How probable each flight is of a component, by the law that it was drawn of."""
+    """Probability of a component for each flight, by the law that it was drawn of."""
     told, _ = learning._expectation(information, MIXTURE, LAW, torch.ones(len(information.group), 2).double(), None)
     return (told + MIXTURE.probs.log()).softmax(1)
 

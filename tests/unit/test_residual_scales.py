@@ -60,7 +60,7 @@ def test_flights_are_as_probable_as_scipys_scale_mixture_says() -> None:
 
 
 def shares_of(u: Tensor) -> Tensor:
-    """How probable flights are of a component, by their weights."""
+    """Probability of a component for each flight, by the weights."""
     normals = torch.distributions.MultivariateNormal(MIXTURE.locs, scale_tril=TRILS)
     return (normals.log_prob(u[:, None, :D]) + MIXTURE.probs.log()).softmax(1)
 

@@ -52,7 +52,7 @@ def flow(kind: type[Density], **settings: object) -> Density:
 
 
 def globally(seed: int, draw: Callable[[], Tensor]) -> Tensor:
-    """What a library draws by torch's global generator."""
+    """Draw of a library by torch's global generator."""
     with torch.random.fork_rng(), torch.no_grad():
         torch.manual_seed(seed)
         return draw()

@@ -134,7 +134,7 @@ def test_rate_changes_as_the_energy_equation_says(name: str, plain: World) -> No
 
 
 def test_the_notes_table_of_sensitivities_is_met(plain: World) -> None:
-    """Where the table does not depend on the aircraft: -2.5 % for 10 K, -8 % for 2 kt/1,000 ft at FL330."""
+    """Sensitivities that do not depend on the aircraft: -2.5 % for 10 K, -8 % for 2 kt/1,000 ft at FL330."""
     warm, windy = injected("temperature"), injected("wind_gradient")
     assert np.nanmedian(change(plain, warm, 330)) == pytest.approx(-0.025, abs=0.006)
     assert np.nanmedian(change(plain, windy, 330)) == pytest.approx(-0.080, abs=0.012)

@@ -1,4 +1,4 @@
-"""What differs from day to day and from flight to flight: weather by height, changes of speed, stretches off idle."""
+"""Differences between days and flights: weather by height, changes of speed, stretches off idle."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What is no table of rows is told as what it is, with what to do."""
+"""Files that are no table of rows are named as what they are, with what to do."""
 
 import io
 import json

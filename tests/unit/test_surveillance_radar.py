@@ -27,7 +27,7 @@ from descentflow.surveillance.prepare import prepare
 
 
 def frames_of(rows: pl.DataFrame) -> list[tuple[float, str]]:
-    """What a radar asks for: IAS and Mach, and two seconds later the track and turn report."""
+    """Replies to a radar: IAS and Mach, and two seconds later the track and turn report."""
     found = []
     for row in rows.iter_rows(named=True):
         time, altitude = row["timestamp"].timestamp(), 25 * round(row["altitude"] / 25)

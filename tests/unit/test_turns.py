@@ -73,7 +73,7 @@ def test_the_track_says_it_where_no_heading_does_and_a_misread_one_says_nothing(
 
 
 def flown(n: int, seed: int, causes: dict[str, Any] | None = None) -> Quantities:
-    """What flights of the world measured."""
+    """Measurements of flights of the world."""
     frame = prepare(simulate("A320", n, seed, plant=causes or {}).rows).frame
     return quantities_of(frame, 150, 350, CHANNELS)
 

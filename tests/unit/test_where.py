@@ -1,4 +1,4 @@
-"""Where a gap lies: statistics against other implementations, and cells that are called with and without a gap."""
+"""Place of a gap: statistics against other implementations, and cells that are called with and without a gap."""
 
 from dataclasses import replace
 

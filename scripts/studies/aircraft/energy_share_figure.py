@@ -1,4 +1,4 @@
-"""What BADA's energy share factor leaves out: the same drag and CAS flown with it, with the exact one, and in wind."""
+"""Figure of BADA's energy share factor: the same drag and CAS flown with it, with the exact one, and in wind."""
 
 from collections.abc import Iterable
 

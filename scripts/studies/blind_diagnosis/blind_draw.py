@@ -24,7 +24,7 @@ FULL, HALF, ANY = (0.85, 1.15), (0.4, 0.6), (0.4, 1.15)
 
 @dataclass(frozen=True)
 class Shares:
-    """How the blind sets of a world are made up; what the shares of kinds leave is of one catalogued cause.
+    """Shares of the kinds of blind sets in a world; the rest is of one catalogued cause.
 
     Example:
         >>> plan = draw_plan(20, seed=1, shares=Shares.of_nulls())

@@ -1,4 +1,4 @@
-"""What a study hides where: the key, written before anything else."""
+"""Key of a study, with all that is hidden in its sets: written before anything else."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
@@ -33,7 +33,7 @@ class SimulatorPlan:
     name: str
     seed: int
     polar: Causes = field(default_factory=dict)
-    """What is wrong with its polar: causes injected in its flights."""
+    """Error of its polar: causes injected in its flights."""
     causes: Causes = field(default_factory=dict)
     """Injected in its flights too: the refit regime, or what a true correction would make of another simulator."""
     world: World = "own"
@@ -41,7 +41,7 @@ class SimulatorPlan:
     """Type flown, or JSBSim's model."""
     flights: int = REFERENCE_FLIGHTS
     trained: bool = True
-    """Whether there is a checkpoint, or flights alone."""
+    """True if there is a checkpoint, and not flights alone."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +68,15 @@ class SetPlan:
     world: World = "own"
     model: str = TYPECODE
     varying: bool = False
-    """Whether flights differ in what they have of a cause, beyond the spread of weather."""
+    """True if flights differ in what they have of a cause, beyond the spread of weather."""
     corrected: bool = False
-    """Whether its report and the corrected flights are kept; drawn without regard to what is planted."""
+    """True if its report and the corrected flights are kept; drawn without regard to what is planted."""
     true: str | None = None
     """The simulator's flights with the very causes of this set: what a true correction would reach."""
 
     @property
     def full(self) -> bool:
-        """Whether every cause has its full size."""
+        """True if every cause has its full size."""
         return self.size >= LEAST_FULL
 
 

@@ -127,7 +127,7 @@ def _publish(folder: Path, plan: Plan) -> None:
 
 
 def _jobs(folder: Path, plan: Plan) -> list[dict[str, Any]]:
-    """What is to be diagnosed: nothing of what was injected, except effects that are left out of the catalogue."""
+    """Diagnoses to make: without what was injected, except effects that are left out of the catalogue."""
     jobs = []
     for one in plan.sets:
         rows = folder / "sets" / f"{one.name}.parquet"
@@ -231,7 +231,7 @@ def package_diagnosis(rows: Path, simulator: Path, without: str | None, out: Pat
 
 
 def how_long(folder: Path) -> str:
-    """What the diagnoses that are there took: the median and the slowest by name, and the most memory.
+    """Times of the diagnoses that exist: the median and the slowest by name, and the most memory.
 
     Args:
         folder: Of the study.

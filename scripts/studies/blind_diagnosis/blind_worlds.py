@@ -20,7 +20,7 @@ nearly more idle thrust; four times the drag due to Mach, which adds a quarter a
 
 @dataclass(frozen=True)
 class StudyWorld:
-    """What a study flies and plants in a world.
+    """World of a study: its flights and the causes planted in them.
 
     Example:
         >>> OWN.values(np.random.default_rng(0), "mass", 1.0, vary=False)

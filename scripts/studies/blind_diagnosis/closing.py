@@ -1,4 +1,4 @@
-"""Whether a corrected simulator really comes closer: judged by its flights, beside those of the true effect."""
+"""Gap of a corrected simulator, judged by its flights beside those of the true effect."""
 
 from pathlib import Path
 from typing import Any, Final

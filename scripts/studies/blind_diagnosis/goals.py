@@ -24,7 +24,7 @@ SURVIVES_REFIT: Final = (
 
 @dataclass(frozen=True)
 class WorldGoals:
-    """What is asked in a world."""
+    """Goals in a world."""
 
     false_alarms: float
     first: float

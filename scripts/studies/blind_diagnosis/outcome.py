@@ -16,7 +16,7 @@ UNKNOWN, PARTIAL, NONE, REFUSED = "unknown", "partial", "none", "refused"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was injected, what was found, and whether that is right.
+    """Injected and found effects of a set, and the judgement.
 
     Attributes:
         job: Name of the diagnosis.
@@ -63,7 +63,7 @@ class Outcome:
 
     @property
     def kind(self) -> Kind:
-        """What the set asks, by the catalogue of today and not of the day when it was planned.
+        """Kind of the set, by the catalogue of today and not of the day when it was planned.
 
         Its one cause is to be named where the catalogue has it and the channels show it, or else called unknown.
         """
@@ -80,7 +80,7 @@ class Outcome:
 
     @property
     def says_more(self) -> bool:
-        """Whether it says that something is there which no cause of the catalogue explains."""
+        """True if it reports something that no cause of the catalogue explains."""
         return self.verdict in (UNKNOWN, PARTIAL)
 
 
@@ -140,7 +140,7 @@ def _outcome(job: Mapping[str, Any], one: SetPlan, found: Mapping[str, Any], wro
 
 
 def nameable(cause: str, one: SetPlan) -> bool:
-    """Whether the catalogue has a cause, and the channels of a set are those without which it shows nowhere.
+    """Test for causes in the catalogue, in sets with the channels that they need.
 
     Args:
         cause: Its name.
@@ -157,7 +157,7 @@ def nameable(cause: str, one: SetPlan) -> bool:
 
 
 def stands_for(effect: str, group: frozenset[str], injected: str) -> bool:
-    """Whether an effect named with its group is the injected one, up to what cannot be observed at all.
+    """Test for an effect that, with its group, is the injected one, up to what cannot be observed at all.
 
     Args:
         effect: Effect that was named.
@@ -174,7 +174,7 @@ def stands_for(effect: str, group: frozenset[str], injected: str) -> bool:
 
 
 def matched(named: Sequence[str], groups: Sequence[frozenset[str]], injected: Sequence[str]) -> bool:
-    """Whether the named effects are the injected ones, in any order.
+    """Test for named effects that are the injected ones, in any order.
 
     Args:
         named: Effects that were named.

@@ -14,7 +14,7 @@ TASKS_PER_PROCESS = 25
 
 
 def pace(begun: float, done: int, total: int) -> str:
-    """How long each took, and how long the rest will take.
+    """Time that each took, and that the rest will take.
 
     Args:
         begun: By the monotonic clock.

@@ -58,7 +58,7 @@ def strata(blind: Sequence[Outcome]) -> list[dict[str, Any]]:
 
 
 def rates(some: Sequence[Outcome]) -> dict[str, Any]:
-    """How many of some sets were detected, named first, in the group, exactly, or called unknown.
+    """Numbers of sets that were detected, named first, in the group, exactly, or called unknown.
 
     Example:
         >>> sorted(rates([]))

@@ -1,4 +1,4 @@
-"""What a scored study rests on, in one small file, and several such studies scored as one.
+"""Evidence of a scored study in one small file, and several such studies scored as one.
 
 A study of hundreds of sets takes hours. It may be run in parts of their own keys, each sealed and opened by itself;
 what is kept of a part is its key, what was published before, and of every diagnosis what a score looks at.

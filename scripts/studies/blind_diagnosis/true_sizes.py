@@ -1,4 +1,4 @@
-"""What was planted in the units in which a diagnosis reports it, where the two mean the same thing.
+"""Planted sizes in the units in which a diagnosis reports them, where the two mean the same thing.
 
 Where flights differ, it is the mean of what the flights of the set have got, which is drawn again from their seed: that
 takes no flying.
@@ -28,7 +28,7 @@ from studies.jsbsim_world.flight_plans import FlightPlan, JsbsimConfig, draw_pla
 from studies.jsbsim_world.model_effects import inject
 
 Own = Mapping[str, Tensor]
-"""What the flights have got of a cause, by value; NaN for those without."""
+"""Values of a cause by flight; NaN for those without."""
 _BIAS_MACH: Final = 0.65
 """Mach number at which a diagnosis states the constant part of a bias."""
 _LEVELS_FL: Final = (150.0, 350.0)
@@ -123,7 +123,7 @@ def true_sizes(one: SetPlan) -> dict[str, dict[str, float]]:
 
 
 def _own_flights(one: SetPlan) -> dict[str, Own]:
-    """What the flights of a set of our own world have got, by cause and value."""
+    """Values in the flights of a set of our own world, by cause and value."""
     aircraft = find_aircraft(one.model)
     flights = Injection(aircraft, one.causes, one.seed)(draw_parameters(aircraft, range(one.flights), one.seed))
     return {
@@ -146,7 +146,7 @@ def _foreign_flights(one: SetPlan) -> dict[str, Own]:
 
 
 def _share_at_pressure_altitudes() -> float:
-    """What is left of a deviation at geometric heights, mean over levels of pressure.
+    """Share of a deviation at geometric heights that is left, mean over levels of pressure.
 
     By hydrostatics the air at a pressure altitude then is warmer by the share dT / T0 of its standard temperature.
     """
@@ -171,4 +171,4 @@ _OF_PLANS: dict[str, Callable[[FlightPlan, FlightPlan], dict[str, float]]] = {
     "vertical_rate_lag": lambda a, b: {"lag_s": a.rate_lag_s},
     "measurement_noise": lambda a, b: {"factor": a.noise_factor},
 }
-"""What a flight has got of a cause, by its plan after and before."""
+"""Value of a cause in a flight, by its plan after and before."""

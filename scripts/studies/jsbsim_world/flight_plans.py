@@ -1,4 +1,4 @@
-"""What each flight of a JSBSim model is: drawn from the seed and the flight's own number alone."""
+"""Plan of each flight of a JSBSim model, drawn from the seed and the flight's own number alone."""
 
 import math
 from collections.abc import Sequence

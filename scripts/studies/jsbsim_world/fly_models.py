@@ -51,7 +51,7 @@ class JsbsimWorld:
     """Flights that are not in the other tables: ``flight_id``, ``number`` and ``reason``."""
 
     def __str__(self) -> str:
-        """How many flights there are, and how many failed of what."""
+        """Number of flights, and of failures by reason."""
         reasons = Counter(self.failures["reason"].to_list())
         failed = "".join(f", {count} failed: {reason}" for reason, count in reasons.items())
         return f"{len(self.flights)} flights, {len(self.rows)} rows{failed}"

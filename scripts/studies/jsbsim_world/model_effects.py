@@ -54,7 +54,7 @@ class Case:
     """...and one that flights of the airframe share."""
 
     def chosen(self, share: float) -> bool:
-        """Whether the effect takes the flight; the last random number decides."""
+        """True if the effect takes the flight; the last random number decides."""
         return self.uniform[-1] < share
 
     def normal(self, index: int = 0) -> float:

@@ -34,7 +34,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Record:
-    """What a flight did, in rows of :data:`COLUMNS`, and the plan that it flew (with the path that it held).
+    """States of a flight, in rows of :data:`COLUMNS`, and the plan that it flew (with the path that it held).
 
     Example:
         >>> from studies.jsbsim_world.airframes import airframe_of

@@ -34,7 +34,7 @@ SETTLED_S = 45.0
 
 @dataclass(slots=True)
 class Seen:
-    """What the autopilot sees in one step; SI units and radians.
+    """Inputs of the autopilot in one step; SI units and radians.
 
     Example:
         >>> seen = Seen(**dict.fromkeys(Seen.__slots__, 0.0))  # every field is a number
@@ -66,7 +66,7 @@ class Seen:
 
 @dataclass(slots=True)
 class Commands:
-    """What the autopilot moves in one step.
+    """Outputs of the autopilot in one step.
 
     Example:
         >>> Commands(elevator_rad=-0.1, aileron=0.0, lever=0.6, brake=0.0)
@@ -139,7 +139,7 @@ class Autopilot:
 
     @property
     def settled(self) -> bool:
-        """Whether the mode has been kept for long enough to call its motion steady."""
+        """True if the mode has been kept for long enough to call its motion steady."""
         return self.age_s >= SETTLED_S
 
     def _select_mode(self, time_s: float) -> None:

@@ -1,4 +1,4 @@
-r"""How samples vary at the top of descents, and how often intervals in flight hold: measured on held-out flights.
+r"""Spread of samples at the top of descents, and coverage of intervals in flight, on held-out flights.
 
 The spread at the top compares standard deviations within levels,
 
@@ -113,7 +113,7 @@ def time_shown(samples: DescentSet, real: DescentSet, seed: int = 0, n_splits: i
 
 
 def in_flight(model: Density, descents: Path, seed: int = 0, flights: int = MOST_FLIGHTS) -> pl.DataFrame:
-    """How often 90 % intervals of the time to each level hold what was flown, predicted from two levels.
+    """Coverage of 90 % intervals of the time to each level, predicted from two levels.
 
     Args:
         model: What predicts.

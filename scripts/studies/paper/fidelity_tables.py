@@ -1,4 +1,4 @@
-"""How far samples are from flights, type by type, at one size: ratios to the noise floor, excess, whole descents."""
+"""Distances of samples from flights, type by type, at one size: ratios to the noise floor, excess, whole descents."""
 
 from pathlib import Path
 

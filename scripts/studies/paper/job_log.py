@@ -1,4 +1,4 @@
-"""What a job of a study prints goes into a log beside its files."""
+"""Log of what a job of a study prints, beside its files."""
 
 import logging
 import sys

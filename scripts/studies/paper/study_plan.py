@@ -1,4 +1,4 @@
-"""What a study does: types and their flights, models, sizes and seeds; written down before it starts."""
+"""Plan of a study: types and their flights, models, sizes and seeds; written down before it starts."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -38,7 +38,7 @@ MODELS = {
 
 @dataclass(frozen=True)
 class Recipe:
-    """How the models of a study are fitted.
+    """Settings by which the models of a study are fitted.
 
     Attributes:
         models: Those it has, each with the settings file that trains it.

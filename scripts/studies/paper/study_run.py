@@ -33,7 +33,7 @@ class _Job:
 
 @dataclass(frozen=True)
 class _Place:
-    """What all jobs share: the plan, and the study's folder, which all workers see under one name."""
+    """Inputs that all jobs share: the plan, and the study's folder, which all workers see under one name."""
 
     plan: StudyPlan
     folder: Path
@@ -91,7 +91,7 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, progress: Progress)
 
 
 def costs(folder: Path) -> pl.DataFrame:
-    """What the jobs of a study cost: columns ``stage typecode model cpu_s wall_s peak_mb``, from `cost_*.json`.
+    """Costs of a study's jobs: columns ``stage typecode model cpu_s wall_s peak_mb``, from `cost_*.json`.
 
     ``peak_mb`` is the largest memory that the job's process ever had, so that of the jobs before it as well.
 

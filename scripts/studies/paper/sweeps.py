@@ -80,7 +80,7 @@ class _SweepJob:
 
 @dataclass(frozen=True)
 class _Sweeps:
-    """What all jobs share: the plans, the study's folder, and the sweeps' own within it."""
+    """Inputs that all jobs share: the plans, the study's folder, and the sweeps' own within it."""
 
     study: StudyPlan
     sweep: SweepPlan

@@ -1,4 +1,4 @@
-"""What BADA's whole range of mass can and cannot explain of flights (paper, figure 1)."""
+"""Descents over BADA's whole range of mass, beside those flown (paper, figure 1)."""
 
 from dataclasses import dataclass
 

@@ -9,10 +9,10 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.physics.airspeed import crossover_altitude_m
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation import crossover
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.simulation.world import simulate
@@ -32,7 +32,7 @@ def true_crossovers(profiles: Profiles, flights: pl.DataFrame) -> Tensor:
     return crossover_altitude_m(cas * KT_MPS, mach)
 
 
-def told(frame: pl.DataFrame, flights: pl.DataFrame, flown: Aircraft) -> str:
+def told(frame: pl.DataFrame, flights: pl.DataFrame, flown: PerformanceModel) -> str:
     """Error of the crossovers, how often 90 % intervals hold them, and levels whose regime is known, in a line."""
     profiles = profiles_from_frame(frame, flown, 150, speed="mach_cas")
     assert profiles.crossovers is not None

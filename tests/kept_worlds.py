@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from kept_by_workers import digest, once
 
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.simulation import world
 from descentflow.simulation.flight import Flown
 from descentflow.simulation.parameters import FlightParameters
@@ -21,7 +21,7 @@ FLY = world.fly
 def keep_worlds(patch: pytest.MonkeyPatch, folder: Path) -> None:
     """Let flights of equal parameters be flown once in a session."""
 
-    def fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig | None = None) -> Flown:
+    def fly(aircraft: Bada3Aircraft, parameters: FlightParameters, config: WorldConfig | None = None) -> Flown:
         name = digest(aircraft, parameters, config)
         return once(folder, name, lambda: FLY(aircraft, parameters, config))
 

@@ -11,7 +11,7 @@ from lightning.pytorch import Callback, LightningDataModule, LightningModule, Tr
 from torch import Tensor
 from torch.utils.data import DataLoader
 
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.densities.residual_law import ResidualLaw
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
@@ -27,7 +27,7 @@ from descentflow.surveillance.descents.prepared_descents import Descents, write_
 from descentflow.training.flight_batches import flight_batches
 from descentflow.training.models import LatentModel
 
-AIRCRAFT = Aircraft(
+AIRCRAFT = Bada3Aircraft(
     typecode="TOY", engine="jet", n_engines=2, wake_category="M", source="invented for tests",
     mass_reference_kg=64000.0, mass_minimum_kg=45000.0, mass_maximum_kg=78000.0, mass_payload_kg=18000.0,
     vmo_kt=350.0, mmo=0.82, altitude_maximum_ft=39000.0, altitude_mtow_ft=35000.0,

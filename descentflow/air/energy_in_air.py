@@ -17,12 +17,11 @@ from typing import NamedTuple
 from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.atmosphere import isa_fraction, temperature_k
 from descentflow.physics.energy import lapse_share, wind_share
-from descentflow.physics.forces import descent_thrust_n
+from descentflow.physics.performance_model import PerformanceModel
 
 
 class InAir(NamedTuple):
@@ -48,7 +47,7 @@ class InAir(NamedTuple):
     """Increase of G."""
 
 
-def in_air(aircraft: Aircraft, cas_mps: Tensor, altitude_m: Tensor, air: LevelAir) -> InAir:
+def in_air(aircraft: PerformanceModel, cas_mps: Tensor, altitude_m: Tensor, air: LevelAir) -> InAir:
     """Compute the effect of an air on flights at a CAS.
 
     Args:
@@ -75,15 +74,20 @@ def in_air(aircraft: Aircraft, cas_mps: Tensor, altitude_m: Tensor, air: LevelAi
     return InAir(
         standard,
         tas,
-        descent_thrust_n(aircraft, altitude_m, standard),
-        descent_thrust_n(aircraft, altitude_m, tas, deviation),
+        aircraft.idle_thrust_n(altitude_m, standard),
+        aircraft.idle_thrust_n(altitude_m, tas, deviation),
         isa_fraction(altitude_m, deviation),
         more + wind_share(mach, altitude_m, deviation, growth),
     )
 
 
 def drag_in_air(
-    aircraft: Aircraft, cas_mps: Tensor, rate_mps: Tensor, standard_drag_n: Tensor, altitude_m: Tensor, air: LevelAir
+    aircraft: PerformanceModel,
+    cas_mps: Tensor,
+    rate_mps: Tensor,
+    standard_drag_n: Tensor,
+    altitude_m: Tensor,
+    air: LevelAir,
 ) -> Tensor:
     r"""Drag (n, L) that explains rates in the air in which they were flown.
 
@@ -117,7 +121,7 @@ def drag_in_air(
     return found.thrust_n - (excess + weight * found.more_share * rate_mps) / through
 
 
-def rate_in_air(aircraft: Aircraft, rate_mps: Tensor, drag_n: Tensor, found: InAir) -> Tensor:
+def rate_in_air(aircraft: PerformanceModel, rate_mps: Tensor, drag_n: Tensor, found: InAir) -> Tensor:
     """Rate (n, L) in an air of flights whose drag and rate in standard air are known, the inverse of `drag_in_air`.
 
     Args:

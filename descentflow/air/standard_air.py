@@ -6,13 +6,13 @@ from torch import Tensor
 
 from descentflow.air.energy_in_air import drag_in_air, in_air
 from descentflow.air.measured_air import FlightAirs
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.measurements.along_track import drift_cosine, level_part_kt
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.physics.energy import descent_rate_mps, inferred_drag_n
 from descentflow.physics.idle_state import idle_state
+from descentflow.physics.performance_model import PerformanceModel
 
 CHANGED = ("vertical_rate", "TAS", "groundspeed", "geoaltitude", "track", "heading")
 """Channels that the air enters, or that are needed to take it out."""
@@ -20,7 +20,9 @@ SLOWEST_MPS = 0.5
 """Rates are taken as this fast for the height that a gap took: slower is no descent."""
 
 
-def in_standard_air(frame: pl.DataFrame, aircraft: Aircraft, airs: FlightAirs, levels_fl: Tensor) -> pl.DataFrame:
+def in_standard_air(
+    frame: pl.DataFrame, aircraft: PerformanceModel, airs: FlightAirs, levels_fl: Tensor
+) -> pl.DataFrame:
     """Prepared descents brought to standard air: rate, times, TAS, groundspeed and geometric altitude.
 
     Both sides of a comparison that are brought there by their own airs differ by everything but the weather.

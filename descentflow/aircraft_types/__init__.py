@@ -1,17 +1,14 @@
-"""The coefficients of each aircraft type and where they come from.
+"""Performance models of aircraft types and where their coefficients come from.
 
-Reading order: :mod:`~descentflow.aircraft_types.aircraft` (the coefficients),
-:mod:`~descentflow.aircraft_types.registry` (type designator to coefficients), then the two sources:
-:mod:`~descentflow.aircraft_types.open_types` (embedded, open) and :mod:`~descentflow.aircraft_types.bada3`
-(EUROCONTROL's files).
+Reading order: :mod:`~descentflow.aircraft_types.registry` (type designator to model),
+:mod:`~descentflow.aircraft_types.bada3` (BADA 3's coefficients, equations and files),
+:mod:`~descentflow.aircraft_types.open_types` (embedded open coefficients in BADA 3 form).
 
 To add an open type: copy a file of ``open_types/coefficients/``, one TOML file per type; every number names its source.
 
-To read another source, BADA 4 for instance: add a folder beside :mod:`~descentflow.aircraft_types.bada3` whose reader
-returns an :class:`~descentflow.aircraft_types.aircraft.Aircraft`, and choose it in
-:func:`~descentflow.aircraft_types.registry.aircraft`. BADA 4 has other equations for drag and thrust, and so
-other coefficients: its equations belong in :mod:`descentflow.physics.forces`, its coefficients in a class beside
-``Aircraft``.
+To add a performance model, BADA 4 for instance: a folder beside :mod:`~descentflow.aircraft_types.bada3` with a class
+that has all of :class:`~descentflow.physics.performance_model.PerformanceModel` and a reader of its files, and a line
+for each in both functions of :mod:`~descentflow.aircraft_types.registry`. Nothing else reads coefficients.
 
 Example:
     >>> from descentflow.aircraft_types.registry import aircraft

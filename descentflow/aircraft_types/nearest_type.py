@@ -8,8 +8,9 @@ from math import log
 from pathlib import Path
 from typing import NamedTuple, cast
 
-from descentflow.aircraft_types.aircraft import Aircraft, Engine
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.bada_directory import load_directory
+from descentflow.aircraft_types.bada3.coefficients import Engine
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
 from descentflow.core.errors import AircraftError
 
@@ -50,7 +51,7 @@ def type_sizes() -> Mapping[str, TypeSize]:
     }
 
 
-def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> Aircraft:
+def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> Bada3Aircraft:
     """Coefficients of the nearest type that has any: same kind of engines, nearest in take-off mass.
 
     Nearest is the least absolute logarithm of the ratio of maximum take-off masses, at most that of
@@ -72,7 +73,7 @@ def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> Aircraft:
         return at_hand[typecode]
     size = _size(typecode)
 
-    def away(one: Aircraft) -> float:
+    def away(one: Bada3Aircraft) -> float:
         return abs(log(float(one.mass_maximum_kg) / size.mass_maximum_kg))
 
     alike = [one for one in at_hand.values() if one.engine == size.engine]

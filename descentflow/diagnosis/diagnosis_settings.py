@@ -7,7 +7,6 @@ from descentflow.core.units import FL_M
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import Effect
-from descentflow.physics.transition import transition_altitude_m
 
 
 @dataclass(frozen=True)
@@ -41,4 +40,4 @@ class Settings:
     @property
     def transition_fl(self) -> float:
         """Flight level at which nominal BADA hands over from Mach to CAS."""
-        return float(transition_altitude_m(self.simulator.aircraft)) / FL_M
+        return float(self.simulator.aircraft.transition_altitude_m()) / FL_M

@@ -3,12 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import as_density, content_of
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.diagnosis.simulator_kind import is_designator
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.read_checkpoint import read_checkpoint
 
 
@@ -30,7 +30,7 @@ def open_simulator(simulator: object, bada_dir: str | Path | None = None) -> Sim
         >>> open_simulator("A320").name, open_simulator("best.ckpt").name
         ('nominal', 'best.ckpt')
     """
-    if isinstance(simulator, Aircraft):
+    if isinstance(simulator, PerformanceModel):
         return Simulator(simulator)
     if is_designator(simulator):
         return Simulator(find_aircraft(str(simulator), bada_dir))

@@ -7,11 +7,11 @@ from typing import Any
 import polars as pl
 import torch
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed
 from descentflow.generation.samplers import Sampler
 from descentflow.measurements.quantities import Quantities
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.representation import Representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -31,7 +31,7 @@ class Simulator:
         'nominal'
     """
 
-    aircraft: Aircraft
+    aircraft: PerformanceModel
     sampler: Sampler | None = None
     representation: Representation | None = None
     content: Callable[[], dict[str, Any]] | None = None

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.nearest_type import nearest_type
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError, DataError, UnknownTypeError
 from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed
 from descentflow.diagnosis.simulator import Simulator
+from descentflow.physics.performance_model import PerformanceModel
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class SignatureSource:
     bada_dir: str | Path | None = None
     nearest: bool = False
 
-    def coefficients(self, of_flights: list[str]) -> tuple[Aircraft, CoefficientsUsed]:
+    def coefficients(self, of_flights: list[str]) -> tuple[PerformanceModel, CoefficientsUsed]:
         """Coefficients for flights of some types, and what to say of them.
 
         Args:

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import polars as pl
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import CheckpointError, ConfigError, DataError
 from descentflow.core.tabular import is_pandas
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.descents.prepared_descents import Descents
 
 Kind = Literal["nominal", "model", "flights"]
@@ -39,7 +39,7 @@ def kind_of(simulator: Any) -> Kind:
         >>> [kind_of(one) for one in ("A320", "best.ckpt", "rows.parquet", ["rows.parquet", "descents.parquet"])]
         ['nominal', 'model', 'flights', 'flights']
     """
-    if isinstance(simulator, Aircraft) or is_designator(simulator):
+    if isinstance(simulator, PerformanceModel) or is_designator(simulator):
         return "nominal"
     paths = paths_of(simulator)
     if paths:

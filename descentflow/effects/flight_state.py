@@ -6,12 +6,11 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.recent import Recent
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps, mach_to_tas_mps
 from descentflow.physics.energy import ShareTerms, descent_rate_mps
-from descentflow.physics.forces import descent_thrust_n, drag_n
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 CLEANING = Cleaning()
@@ -44,7 +43,7 @@ class FlightState:
         (torch.Size([6, 11]), True)
     """
 
-    aircraft: Aircraft
+    aircraft: PerformanceModel
     mass_kg: float
     altitude_m: Tensor
     width_m: float
@@ -229,8 +228,8 @@ def log_rate(
         state: The flights.
         mass: Factor of the mass.
         thrust: Factor of idle thrust.
-        parasitic: Factor of CD0, broadcasts against (n, K).
-        induced: Factor of CD2, likewise.
+        parasitic: Factor of the drag without lift, broadcasts against (n, K).
+        induced: Factor of the drag by lift, likewise.
         deviation_k: Temperature deviation from ISA.
         wind_slope_per_s: Growth of the tailwind with pressure altitude.
         cas_mps: Another CAS than the flights' own, with their slope.
@@ -244,15 +243,13 @@ def log_rate(
         >>> (log_rate(state, mass=0.9) - log_rate(state)).mean()  # a lighter aircraft falls faster
         tensor(0.0..., dtype=torch.float64)
     """
-    polar = state.aircraft
-    aircraft = replace(polar, cd0_cr=polar.cd0_cr * parasitic, cd2_cr=polar.cd2_cr * induced)
-    altitude, kg = state.altitude_m, state.mass_kg * mass
+    aircraft, altitude, kg = state.aircraft, state.altitude_m, state.mass_kg * mass
     if cas_mps is None and _is_none(deviation_k) and _is_none(wind_slope_per_s):
         tas, share, idle = state.still
     else:
         terms = state.share_terms if cas_mps is None else ShareTerms.of(cas_mps, altitude, state.cas_slope_per_s)
         tas, share, idle = _in_air(state, terms, deviation_k, wind_slope_per_s)
-    drag = drag_n(aircraft, tas, altitude, deviation_k, kg)
+    drag = aircraft.drag_n(tas, altitude, deviation_k, kg, parasitic=parasitic, induced=induced)
     rate = descent_rate_mps(aircraft, drag, thrust * idle, tas, share, altitude, deviation_k, kg)
     return (-rate).clamp(min=SLOWEST_MPS).log()
 
@@ -267,5 +264,5 @@ def _in_air(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """True airspeed, energy share factor and idle thrust in air of a deviation and a growth of the wind."""
     tas = mach_to_tas_mps(terms.mach, state.altitude_m, deviation_k)
-    idle = descent_thrust_n(state.aircraft, state.altitude_m, tas, deviation_k)
+    idle = state.aircraft.idle_thrust_n(state.altitude_m, tas, deviation_k)
     return tas, terms.factor(*as_tensors(wind_slope_per_s, deviation_k)), idle

@@ -12,9 +12,9 @@ from descentflow.air.field_air import along_track
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import held
 from descentflow.air.weather_field import Points, WeatherField
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.core.units import NM_M
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.positions.ground_plan import GroundPlan
 from descentflow.positions.placing import Positions, unix_of
 from descentflow.representation.decoder.flown_air import flown_in
@@ -92,11 +92,11 @@ class AirAlongPath:
         self.timed = plan.end_time is not None
         self.end_s = field.only_time if plan.end_time is None else unix_of(plan.end_time)
 
-    def fly(self, aircraft: Aircraft, flown: Trajectories) -> Trajectories:
+    def fly(self, aircraft: PerformanceModel, flown: Trajectories) -> Trajectories:
         """Descents that were flown in standard air, flown in the field."""
         return self.flown(aircraft, flown).flown
 
-    def flown(self, aircraft: Aircraft, standard: Trajectories, turns: int = TURNS) -> Along:
+    def flown(self, aircraft: PerformanceModel, standard: Trajectories, turns: int = TURNS) -> Along:
         """The same, with the air of each and where it is.
 
         Args:

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flown_air import flown_in
 from descentflow.representation.decoder.trajectories import Trajectories
 
@@ -21,7 +21,7 @@ class AirWhereFlown(Protocol):
         >>> warm: AirWhereFlown = Warm()
     """
 
-    def fly(self, aircraft: Aircraft, flown: Trajectories) -> Trajectories:
+    def fly(self, aircraft: PerformanceModel, flown: Trajectories) -> Trajectories:
         """Descents that were flown in standard air, flown in this one."""
 
 
@@ -59,7 +59,7 @@ class OwnAir:
         """Airs of samples; None where it depends on the place."""
         return self.air.rows(self._rows[samples]) if isinstance(self.air, LevelAir) else None
 
-    def fly(self, aircraft: Aircraft, flown: Trajectories, samples: Tensor) -> Trajectories:
+    def fly(self, aircraft: PerformanceModel, flown: Trajectories, samples: Tensor) -> Trajectories:
         """Draws that were flown in standard air, flown in the air of each.
 
         Args:

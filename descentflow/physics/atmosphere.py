@@ -178,3 +178,30 @@ def geometric_altitude_m(altitude_m: Number, deviation_k: Number = 0.0) -> Tenso
     below = torch.log(isa_temperature_k(altitude) / T0_K) / LAPSE_K_M
     above = torch.relu(altitude - TROPOPAUSE_M) / T_TROPOPAUSE_K
     return altitude + deviation * (below + above)
+
+
+SLACK_M = 5e-3
+"""Altitudes so near to a threshold are equal to it: ``15 * 30.48`` is below ``1500 * 0.3048`` in floating point.
+
+Above the rounding of float32 altitudes (1 mm at 40,000 ft), far below any height that matters.
+"""
+
+
+def is_below(altitude_m: Tensor, threshold_m: float | Tensor) -> Tensor:
+    """Return True strictly below a threshold, by more than rounding: thresholds are whole feet.
+
+    Example:
+        >>> is_below(torch.tensor(15 * 30.48, dtype=torch.float64), 1500 * 0.3048).item()
+        False
+    """
+    return altitude_m < threshold_m - SLACK_M
+
+
+def is_above(altitude_m: Tensor, threshold_m: float | Tensor) -> Tensor:
+    """Return True strictly above a threshold, by more than rounding: thresholds are whole feet.
+
+    Example:
+        >>> is_above(torch.tensor(3000.0), 3000.0).item()
+        False
+    """
+    return altitude_m > threshold_m + SLACK_M

@@ -10,11 +10,11 @@ from typing import Final
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.constants import G0_MPS2, KAPPA, LAPSE_K_M, P0_PA, R_AIR
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.physics.airspeed import CAS_SCALE_MPS, cas_to_mach, mach_to_tas_mps
 from descentflow.physics.atmosphere import below_tropopause, isa_fraction, isa_temperature_k, pressure_pa
+from descentflow.physics.performance_model import PerformanceModel
 
 ESF_CONSTANT_TAS: Final = 1.0
 """Energy share factor at constant true airspeed, and at constant Mach above the tropopause (manual 3.2 a)."""
@@ -221,7 +221,7 @@ def slope_per_m(values: Tensor, altitude_m: Tensor) -> Tensor:
 
 
 def descent_rate_mps(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     drag_n: Number,
     thrust_n: Number,
     tas_mps: Number,
@@ -233,7 +233,7 @@ def descent_rate_mps(
     """Rate of change of pressure altitude, dHp/dt, negative in descent (manual 3.2-7; paper, equation 2).
 
     Args:
-        aircraft: Coefficients; only the reference mass is used, and only where ``mass_kg`` is None.
+        aircraft: Its model; only the reference mass is used, and only where ``mass_kg`` is None.
         drag_n: Drag.
         thrust_n: Thrust.
         tas_mps: True airspeed.
@@ -256,7 +256,7 @@ def descent_rate_mps(
 
 
 def inferred_drag_n(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     rate_mps: Number,
     thrust_n: Number,
     tas_mps: Number,
@@ -270,7 +270,7 @@ def inferred_drag_n(
     ``D = Thr - T/(T - dT) m g0 (dHp/dt) / (V f)``
 
     Args:
-        aircraft: Coefficients; only the reference mass is used, and only where ``mass_kg`` is None.
+        aircraft: Its model; only the reference mass is used, and only where ``mass_kg`` is None.
         rate_mps: Observed dHp/dt, negative in descent.
         thrust_n: Thrust.
         tas_mps: True airspeed, positive.
@@ -293,7 +293,7 @@ def inferred_drag_n(
 
 
 def _rate_per_newton(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     tas_mps: Tensor,
     esf: Number,
     altitude_m: Number,

@@ -12,14 +12,12 @@ from math import sqrt
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.constants import G0_MPS2, KAPPA, P0_PA
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.physics.airspeed import CAS_SCALE_MPS
 from descentflow.physics.atmosphere import isa_fraction, pressure_pa, speed_of_sound_mps
-from descentflow.physics.descent_speeds import holds_mach
 from descentflow.physics.energy import lapse_share
-from descentflow.physics.forces import descent_thrust_n
+from descentflow.physics.performance_model import PerformanceModel
 
 HALF = (KAPPA - 1) / 2
 INVERSE_EXPONENT = (KAPPA - 1) / KAPPA
@@ -54,7 +52,7 @@ class LevelTable:
 
 
 def level_table(
-    aircraft: Aircraft, altitude_m: Tensor, mass_kg: Number | None = None, deviation_k: Number = 0.0
+    aircraft: PerformanceModel, altitude_m: Tensor, mass_kg: Number | None = None, deviation_k: Number = 0.0
 ) -> LevelTable:
     """Tabulate a grid (L,) in its precision (manual 3.1, 3.2 and 3.7).
 
@@ -73,7 +71,7 @@ def level_table(
     altitude = altitude_m.double()
     one, deviation = torch.ones_like(altitude), as_tensors(deviation_k)[0].to(altitude)
     ratio = P0_PA / pressure_pa(altitude)
-    slow, fast = (descent_thrust_n(aircraft, altitude, speed * one, deviation) for speed in (100.0, 200.0))
+    slow, fast = (aircraft.idle_thrust_n(altitude, speed * one, deviation) for speed in (100.0, 200.0))
     # Every engine's thrust is a constant plus a term in 1/V: two speeds determine both.
     falling = (slow - fast) * 200.0
     mass = aircraft.mass_reference_kg if mass_kg is None else mass_kg
@@ -82,7 +80,7 @@ def level_table(
         1 - ratio,
         speed_of_sound_mps(altitude, deviation) / sqrt(HALF),
         lapse_share(one, altitude, deviation) / HALF,
-        (~holds_mach(aircraft, altitude)).double(),
+        (~aircraft.holds_mach(altitude)).double(),
         2 * fast - slow,
         falling,
         isa_fraction(altitude, deviation) / (mass * G0_MPS2),

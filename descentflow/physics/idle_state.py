@@ -4,12 +4,10 @@ from typing import NamedTuple
 
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.tensors import Number
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
-from descentflow.physics.descent_speeds import holds_mach
 from descentflow.physics.energy import energy_share_factor, energy_share_factor_local
-from descentflow.physics.forces import descent_thrust_n
+from descentflow.physics.performance_model import PerformanceModel
 
 
 class IdleState(NamedTuple):
@@ -29,7 +27,7 @@ class IdleState(NamedTuple):
 
 
 def idle_state(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     cas_mps: Tensor,
     altitude_m: Tensor,
     deviation_k: Number = 0.0,
@@ -66,8 +64,8 @@ def idle_state(
     mach = cas_to_mach(cas_mps, altitude_m)
     tas_mps = mach_to_tas_mps(mach, altitude_m, deviation_k)
     if cas_gradient_per_s is None:
-        above = holds_mach(aircraft, altitude_m) if at_mach is None else at_mach
+        above = aircraft.holds_mach(altitude_m) if at_mach is None else at_mach
         share = energy_share_factor(mach, altitude_m, above, deviation_k, wind_gradient_per_s)
     else:
         share = energy_share_factor_local(cas_mps, altitude_m, cas_gradient_per_s, wind_gradient_per_s, deviation_k)
-    return IdleState(mach, tas_mps, descent_thrust_n(aircraft, altitude_m, tas_mps, deviation_k), share)
+    return IdleState(mach, tas_mps, aircraft.idle_thrust_n(altitude_m, tas_mps, deviation_k), share)

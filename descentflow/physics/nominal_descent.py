@@ -6,20 +6,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
-from descentflow.aircraft_types.bada3.global_parameters import STANDARD, GlobalParameters
 from descentflow.core.constants import TROPOPAUSE_M
 from descentflow.core.errors import AircraftError
 from descentflow.core.tensors import Number, as_tensors, broadcast
 from descentflow.core.units import FL_M, FT_M
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
-from descentflow.physics.configuration import descent_configuration
-from descentflow.physics.descent_speeds import HIGH_SCHEDULE_M, ceilings_ft, descent_cas_mps, holds_mach
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor
-from descentflow.physics.envelope import BUFFET_FLOOR_M, minimum_cas_mps
-from descentflow.physics.forces import descent_thrust_floor_ft, descent_thrust_n, drag_n
-from descentflow.physics.fuel import descent_fuel_flow_kg_s
-from descentflow.physics.transition import transition_altitude_m
+from descentflow.physics.performance_model import PerformanceModel, by_configuration
 
 _CELL_M = 1000 * FT_M
 """Widest cell of the time quadrature: two Gauss points in 1,000 ft are good to 1e-8 of the time."""
@@ -71,16 +64,15 @@ class NominalDescent:
     thrust_n: Tensor
     esf: Tensor
     configuration: Tensor
-    """Integer codes, see :mod:`descentflow.physics.configuration`."""
+    """Integer codes, see :mod:`descentflow.physics.performance_model`."""
     fuel_kg_s: Tensor
 
 
 def nominal_state(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     altitude_m: Tensor,
     mass_kg: Number | None = None,
     deviation_k: Number = 0.0,
-    limits: GlobalParameters = STANDARD,
     expedited: bool = False,
 ) -> NominalState:
     """Speeds, forces and rate of the nominal descent at any pressure altitudes (manual 3.2 to 3.9 and 4.3).
@@ -92,8 +84,7 @@ def nominal_state(
         altitude_m: Pressure altitude.
         mass_kg: Mass, broadcasts; the reference mass when None.
         deviation_k: Temperature deviation from ISA, broadcasts.
-        limits: Global parameters.
-        expedited: Descend with spoilers, the drag times C_des,exp (manual 3.7.1).
+        expedited: Descend with spoilers, (manual 3.7.1).
 
     Returns:
         The state, every field of the broadcast shape.
@@ -104,28 +95,28 @@ def nominal_state(
         True
     """
     altitude, deviation = as_tensors(altitude_m, deviation_k)
-    cas = descent_cas_mps(aircraft, altitude, mass_kg, limits)
+    cas = aircraft.descent_cas_mps(altitude, mass_kg)
     mach = cas_to_mach(cas, altitude)
     tas = mach_to_tas_mps(mach, altitude, deviation)
-    esf = energy_share_factor(mach, altitude, holds_mach(aircraft, altitude), deviation)
-    minimum = [minimum_cas_mps(aircraft, altitude, mass_kg, c, limits) for c in ("CR", "AP")]
-    configuration = descent_configuration(altitude, cas, minimum[0], minimum[1], limits)
-    thrust = descent_thrust_n(aircraft, altitude, tas, deviation, configuration, limits)
-    drag = drag_n(aircraft, tas, altitude, deviation, mass_kg, configuration)
-    if expedited:
-        drag = drag * limits.expedited_drag_factor
+    esf = energy_share_factor(mach, altitude, aircraft.holds_mach(altitude), deviation)
+    configuration = aircraft.descent_configuration(altitude, cas, mass_kg)
+    thrust = aircraft.idle_thrust_n(altitude, tas, deviation, configuration)
+    drag = aircraft.drag_n(tas, altitude, deviation, mass_kg, configuration, expedited=expedited)
     rate = descent_rate_mps(aircraft, drag, thrust, tas, esf, altitude, deviation, mass_kg)
-    fuel = descent_fuel_flow_kg_s(aircraft, altitude, tas, thrust, configuration)
+    idle, powered = (
+        aircraft.idle_fuel_flow_kg_s(altitude, tas, deviation),
+        aircraft.fuel_flow_kg_s(altitude, tas, thrust, deviation),
+    )
+    fuel = by_configuration(configuration, idle, powered, powered)
     fields = broadcast(cas, mach, tas, esf, configuration, thrust, drag, rate, fuel)
     return NominalState(*fields)
 
 
 def nominal_descent(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     levels_fl: Tensor,
     mass_kg: Number | None = None,
     deviation_k: Number = 0.0,
-    limits: GlobalParameters = STANDARD,
     expedited: bool = False,
 ) -> NominalDescent:
     """Fly the nominal BADA descent from the top level of a grid to its bottom (manual 3.2-7 and 4.3).
@@ -140,7 +131,6 @@ def nominal_descent(
         levels_fl: Flight levels, ``(n_levels,)``, strictly ascending.
         mass_kg: One mass per descent, ``(...)`` (a dimension for the levels is added); the reference mass when None.
         deviation_k: One temperature deviation per descent, ``(...)``.
-        limits: Global parameters.
         expedited: Descend with spoilers, see :func:`nominal_state`.
 
     Returns:
@@ -160,19 +150,19 @@ def nominal_descent(
     deviation = deviation_k[..., None] if isinstance(deviation_k, Tensor) else deviation_k
 
     def state_at(altitude_m: Tensor) -> NominalState:
-        return nominal_state(aircraft, altitude_m, mass, deviation, limits, expedited)
+        return nominal_state(aircraft, altitude_m, mass, deviation, expedited)
 
     altitude = levels * FL_M
     state = state_at(altitude)
     time = _time_from_top(
-        lambda altitude_m: state_at(altitude_m).rate_mps, altitude, _jumps_m(aircraft, altitude, limits), aircraft
+        lambda altitude_m: state_at(altitude_m).rate_mps, altitude, _jumps_m(aircraft, altitude), aircraft
     )
     time, _ = broadcast(time, state.rate_mps)
     shared = {name: getattr(state, name) for name in NominalState.__dataclass_fields__}
     return NominalDescent(level_fl=levels, time_s=time, **shared)
 
 
-def _checked(levels: Tensor, aircraft: Aircraft) -> Tensor:
+def _checked(levels: Tensor, aircraft: PerformanceModel) -> Tensor:
     if levels.dim() != 1 or not bool((levels.diff() > 0).all()):
         raise AircraftError(
             f"levels of shape {tuple(levels.shape)} for {aircraft.typecode}",
@@ -182,17 +172,16 @@ def _checked(levels: Tensor, aircraft: Aircraft) -> Tensor:
     return levels
 
 
-def _jumps_m(aircraft: Aircraft, altitude: Tensor, limits: GlobalParameters) -> list[Tensor]:
+def _jumps_m(aircraft: PerformanceModel, altitude: Tensor) -> list[Tensor]:
     """Altitudes where the rate jumps: every threshold of the model."""
-    fixed = [TROPOPAUSE_M, HIGH_SCHEDULE_M, BUFFET_FLOOR_M]
-    fixed += [ft * FT_M for ft in (*ceilings_ft(aircraft), limits.approach_ceiling_ft, limits.landing_ceiling_ft)]
-    moving = [transition_altitude_m(aircraft), descent_thrust_floor_ft(aircraft, limits) * FT_M]
+    fixed = [TROPOPAUSE_M, *aircraft.schedule_breaks_m()]
+    moving = [aircraft.transition_altitude_m(), *aircraft.thrust_breaks_m()]
     cells = torch.arange(altitude[0].item(), altitude[-1].item(), _CELL_M, dtype=altitude.dtype, device=altitude.device)
     return [altitude.new_tensor(fixed), cells, *(m.to(altitude.dtype).reshape(m.shape or (1,)) for m in moving)]
 
 
 def _time_from_top(
-    rate_mps: Callable[[Tensor], Tensor], altitude: Tensor, jumps: list[Tensor], aircraft: Aircraft
+    rate_mps: Callable[[Tensor], Tensor], altitude: Tensor, jumps: list[Tensor], aircraft: PerformanceModel
 ) -> Tensor:
     """Integrate from the top level down to each level, cell by cell between levels and jumps."""
     batch = broadcast(*(j[..., :1] for j in jumps))[0].shape[:-1]

@@ -61,14 +61,6 @@ MEND = "take the file as `descentflow fit` wrote it, or fit again"
 HIGHEST_FL = 700
 MOST_WHOLE = 1 << 62
 """The largest whole number: of counts, seeds and numbers of context, which are of 64 bits."""
-OF_ANY_AIRCRAFT = {
-    "altitude_des_ft": (0.0, 1e5),
-    "des_cas_low_kt": (0.0, 1e3),
-    "des_cas_high_kt": (0.0, 1e3),
-    "des_mach": (0.0, 1.0),
-    "ct2": (-1e8, 1e8),
-}
-"""Ranges far wider than any aircraft's of coefficients that shift bounds and still let the mean descent fly."""
 
 
 def check_section(section: dict[str, Any], state_dict: Any) -> None:
@@ -151,10 +143,6 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
         raise _wrong("decoder.speed_residual is not on the grid", f"(number of parts, {width}) {of_speed}")
     if plausibility.entry_counts.shape != levels.shape:
         raise _wrong("plausibility.entry_counts is not on the grid", f"{len(levels)} numbers of flights")
-    for name, (low, high) in OF_ANY_AIRCRAFT.items():
-        value = getattr(decoder.aircraft, name)
-        if not bool(low <= value <= high):
-            raise _wrong(f"decoder.aircraft.{name} of {float(value):g}", f"a number from {low:g} to {high:g}")
     mean = torch.zeros(1, decoder.dimension, dtype=torch.float64)
     with torch.no_grad():
         flown = decoder(mean)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -63,7 +63,7 @@ class Correction:
     """Effect -> its parameters in the air that the training flights flew in. Their rates, and so the drag that was
     inferred in standard air, hold it already; the TAS of the samples does not, and gets it here."""
 
-    def apply(self, aircraft: Aircraft, flown: Trajectories, draws: DrawNumbers = FIRST_DRAWS) -> Trajectories:
+    def apply(self, aircraft: PerformanceModel, flown: Trajectories, draws: DrawNumbers = FIRST_DRAWS) -> Trajectories:
         """The descents as they are with the effects.
 
         Args:
@@ -86,7 +86,7 @@ class Correction:
             rate_mps=(flown.rate_mps * factor * reports["rate"].exp()).to(flown.rate_mps),
         )
 
-    def reach(self, aircraft: Aircraft, levels_fl: Tensor, cas_mps: Tensor) -> tuple[Tensor, Tensor]:
+    def reach(self, aircraft: PerformanceModel, levels_fl: Tensor, cas_mps: Tensor) -> tuple[Tensor, Tensor]:
         """Change of CAS (n, L) in m/s and factor of the rate (n, L) at given speeds, of flights that effects take."""
         altitude = levels_fl * FL_M
         flies, reports = self._shifts(aircraft, altitude, cas_mps, torch.ones_like(cas_mps, dtype=torch.bool))
@@ -94,7 +94,7 @@ class Correction:
 
     def _shifts(
         self,
-        aircraft: Aircraft,
+        aircraft: PerformanceModel,
         altitude_m: Tensor,
         cas_mps: Tensor,
         mask: Tensor,
@@ -213,7 +213,7 @@ class Correction:
 
 
 def _state(
-    aircraft: Aircraft, correction: Correction, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor
+    aircraft: PerformanceModel, correction: Correction, altitude_m: Tensor, cas_mps: Tensor, mask: Tensor
 ) -> "FlightState":
     """Decoded descents as effects look at them, each level a band."""
     from descentflow.effects.flight_state import FlightState

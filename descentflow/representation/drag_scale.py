@@ -12,9 +12,9 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M
 from descentflow.physics.nominal_descent import nominal_state
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.profiles import Profiles
 
 DragScaleName = Literal["log", "newton"]
@@ -60,7 +60,7 @@ class DragScale:
         return cls(state["thrust_n"], float(state["force_n"]))
 
 
-def fit_drag_scale(train: Profiles, aircraft: Aircraft) -> DragScale:
+def fit_drag_scale(train: Profiles, aircraft: PerformanceModel) -> DragScale:
     """The scale about the mean net retarding force of training flights.
 
     Args:

@@ -13,8 +13,8 @@ from descentflow.air.field_air import field_airs
 from descentflow.air.kept_air import KeptAir
 from descentflow.air.measured_air import FlightAirs, measured_airs
 from descentflow.air.weather_file import SUFFIXES, names_weather
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
 
@@ -25,7 +25,9 @@ AirSource = str | Path | Sequence[str | Path]
 """``standard``, ``measured``, or a weather field: a NetCDF or GRIB file, a folder of them, or several."""
 
 
-def with_own_air(profiles: Profiles, aircraft: Aircraft, airs: FlightAirs, say: Callable[[str], None]) -> Profiles:
+def with_own_air(
+    profiles: Profiles, aircraft: PerformanceModel, airs: FlightAirs, say: Callable[[str], None]
+) -> Profiles:
     """The flights whose air is known, with their drag in it.
 
     Args:
@@ -68,7 +70,7 @@ def with_own_air(profiles: Profiles, aircraft: Aircraft, airs: FlightAirs, say: 
 def in_air_asked(
     profiles: Profiles,
     frame: pl.DataFrame,
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     split: Split,
     air: AirSource,
     say: Callable[[str], None],

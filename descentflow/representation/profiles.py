@@ -10,14 +10,13 @@ import torch
 from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
 from descentflow.core.row_runs import numbered
 from descentflow.core.tensors import Number
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.energy import inferred_drag_n
 from descentflow.physics.idle_state import idle_state
-from descentflow.physics.transition import transition_altitude_m
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.crossover import Crossovers, find_crossovers
 
 Speed = Literal["cas", "mach_cas"]
@@ -98,7 +97,7 @@ class Profiles:
 
 
 def infer_drag_n(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     cas_mps: Tensor,
     rate_mps: Tensor,
     altitude_m: Tensor,
@@ -136,7 +135,7 @@ def infer_drag_n(
 
 def profiles_from_frame(
     frame: pl.DataFrame,
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     bottom_fl: int,
     top_fl: int | None = None,
     mass_kg: Number | None = None,
@@ -190,7 +189,7 @@ def profiles_from_frame(
 
 
 def observed_profiles(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     flight_ids: tuple[str, ...],
     levels_fl: Tensor,
     time_s: Tensor,
@@ -226,7 +225,7 @@ def observed_profiles(
     altitude_m = levels_fl * FL_M
     found = None
     if speed == "mach_cas":
-        found = find_crossovers(cas_mps, mask, altitude_m, float(transition_altitude_m(aircraft)))
+        found = find_crossovers(cas_mps, mask, altitude_m, float(aircraft.transition_altitude_m()))
     # Flights are independent: in blocks, the steps of the equation need no memory for all flights at once.
     drag = []
     for start in range(0, len(mask), BLOCK):

@@ -7,9 +7,9 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.air.kept_air import KeptAir
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
@@ -149,7 +149,7 @@ class Representation(nn.Module):
 
 def fit_representation(
     train: Profiles,
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     split: Split,
     *,
     explained_variance: float = 0.8,
@@ -207,7 +207,7 @@ def fit_representation(
 
 def standardised_decoder(
     train: Profiles,
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     bases: list[FunctionalBasis],
     mass_kg: float | None = None,
     drag_scale: DragScale | None = None,

@@ -14,7 +14,6 @@ from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FPM_MPS
 from descentflow.physics.airspeed import cas_to_tas_mps, mach_to_tas_mps
 from descentflow.physics.atmosphere import geometric_altitude_m, isa_fraction
-from descentflow.physics.forces import max_climb_thrust_n
 from descentflow.simulation.injected import Injected
 from descentflow.simulation.motion import Controls, Dynamics, Motion
 
@@ -162,7 +161,7 @@ def decide(
     error = state.tas_mps - target_tas_mps(dynamics, state.altitude_m, time_s)
     gamma_rate = _gamma_rate(dynamics, state, pilot, error, fraction, period_s)
     drag, idle = dynamics.drag_n(state), dynamics.idle_n(state)
-    limit = max_climb_thrust_n(dynamics.aircraft, state.altitude_m, state.tas_mps, deviation) - idle
+    limit = dynamics.aircraft.climb_thrust_n(state.altitude_m, state.tas_mps, deviation) - idle
     hold = drag - idle + p.mass_kg * (G0_MPS2 * torch.sin(pilot.gamma) - error / SPEED_LAG_S)
     idling = torch.zeros_like(drag) if p.injected is None else _kept_n(p.injected, state, pilot, drag - idle)
     if p.off_idle is not None:

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread
 from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import tas_to_cas_mps, tas_to_mach
 from descentflow.physics.atmosphere import isa_fraction
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.autopilot import DONE, decide, labels, start
 from descentflow.simulation.motion import Dynamics, Motion
 from descentflow.simulation.parameters import WIDTH, FlightParameters
@@ -55,7 +55,7 @@ class Flown:
 
 
 @torch.no_grad()
-def fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig | None = None) -> Flown:
+def fly(aircraft: PerformanceModel, parameters: FlightParameters, config: WorldConfig | None = None) -> Flown:
     """Fly every flight by the equation of motion.
 
     Args:
@@ -81,7 +81,7 @@ def fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig | 
         return _fly(aircraft, parameters, config or WorldConfig())
 
 
-def _fly(aircraft: Aircraft, parameters: FlightParameters, config: WorldConfig) -> Flown:
+def _fly(aircraft: PerformanceModel, parameters: FlightParameters, config: WorldConfig) -> Flown:
     n = len(parameters)
     full = torch.arange(-(-n // WIDTH) * WIDTH).clamp(max=n - 1)
     dynamics = Dynamics(aircraft, parameters.rows(full))
@@ -119,7 +119,7 @@ def _measured(dynamics: Dynamics, state: Motion, gamma: Tensor) -> list[Tensor]:
     return [altitude, state.height_m, cas, mach, tas, over_ground, rate]
 
 
-def _complain(aircraft: Aircraft, altitude_m: Tensor) -> None:
+def _complain(aircraft: PerformanceModel, altitude_m: Tensor) -> None:
     raise ConfigError(
         f"{len(altitude_m)} flights of {aircraft.typecode} still at up to FL{float(altitude_m.max()) / FL_M:.0f} after "
         f"{LONGEST_S / 60:.0f} minutes",

@@ -5,17 +5,15 @@
 BADA, and the mass is constant: an idle descent burns 0.3 % of it.
 """
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.physics.airspeed import tas_to_mach
 from descentflow.physics.atmosphere import isa_fraction
-from descentflow.physics.forces import descent_thrust_n, drag_n
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.parameters import FlightParameters
 
 
@@ -60,10 +58,6 @@ class Controls:
     extra_rate: Tensor
 
 
-_COEFFICIENTS = ("cd2_cr", "ct1", "ct2", "ct3", "ct4", "ct5", "ct_des_high", "ct_des_low", "ct_des_app", "ct_des_ld")
-"""Coefficients of the type that every step needs, besides what each flight has of its own."""
-
-
 class Dynamics:
     """The aircraft of a batch of flights, with their own drag, thrust, mass, air and wind.
 
@@ -83,11 +77,8 @@ class Dynamics:
         True
     """
 
-    def __init__(self, aircraft: Aircraft, parameters: FlightParameters) -> None:
-        named: dict[str, Any] = {
-            name: torch.tensor(getattr(aircraft, name), dtype=torch.float64) for name in _COEFFICIENTS
-        }
-        self.aircraft = replace(aircraft, **named, cd0_cr=aircraft.cd0_cr * parameters.cd0_factor)
+    def __init__(self, aircraft: PerformanceModel, parameters: FlightParameters) -> None:
+        self.aircraft = aircraft.with_factors(parasitic=parameters.cd0_factor)
         self.parameters = parameters
         self._known: tuple[Motion, Tensor, Tensor] | None = None
         self._known_deviation: tuple[Tensor, Tensor] | None = None
@@ -111,19 +102,18 @@ class Dynamics:
         where = state.tas_mps, state.altitude_m, self.deviation_k(state.altitude_m)
         clean = self.aircraft
         if p.off_idle is not None:
-            clean = replace(clean, cd0_cr=clean.cd0_cr * p.off_idle.drag_gain(state.altitude_m))
+            clean = clean.with_factors(parasitic=p.off_idle.drag_gain(state.altitude_m))
         if p.injected is None:
-            return drag_n(clean, *where, p.mass_kg)
+            return clean.drag_n(*where, p.mass_kg)
         gain = p.injected.drag_gain(state.altitude_m, tas_to_mach(*where))
         load_factor = 1 / torch.cos(p.injected.bank(state.altitude_m))
-        induced = self.aircraft.cd2_cr * (1 + p.injected.induced_gain)
-        braked = replace(clean, cd0_cr=clean.cd0_cr * gain, cd2_cr=induced)
-        return drag_n(braked, *where, p.mass_kg, load_factor=load_factor)
+        induced = 1 + p.injected.induced_gain
+        return clean.drag_n(*where, p.mass_kg, load_factor=load_factor, parasitic=gain, induced=induced)
 
     def _idle_n(self, state: Motion) -> Tensor:
         p = self.parameters
         deviation = self.deviation_k(state.altitude_m)
-        return p.thrust_factor * descent_thrust_n(self.aircraft, state.altitude_m, state.tas_mps, deviation)
+        return p.thrust_factor * self.aircraft.idle_thrust_n(state.altitude_m, state.tas_mps, deviation)
 
     def wind_mps(self, state: Motion) -> Tensor:
         """Tailwind."""

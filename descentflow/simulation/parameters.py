@@ -9,10 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, FT_M, KT_MPS
-from descentflow.physics.envelope import maximum_altitude_m
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.constant_segments import ConstantRates, draw_constant_rates
 from descentflow.simulation.injected import Injected
 from descentflow.simulation.off_idle import OffIdle, draw_off_idle
@@ -111,7 +110,7 @@ class FlightParameters:
 
 
 def draw_parameters(
-    aircraft: Aircraft, numbers: Sequence[int], seed: int, config: WorldConfig | None = None
+    aircraft: PerformanceModel, numbers: Sequence[int], seed: int, config: WorldConfig | None = None
 ) -> FlightParameters:
     """Draw flights; each depends on the seed and its own number only, never on which others are drawn with it.
 
@@ -138,7 +137,7 @@ def draw_parameters(
     return _draw(aircraft, padded, seed, config or WorldConfig()).rows(torch.arange(len(numbers)))
 
 
-def _draw(aircraft: Aircraft, numbers: Sequence[int], seed: int, config: WorldConfig) -> FlightParameters:
+def _draw(aircraft: PerformanceModel, numbers: Sequence[int], seed: int, config: WorldConfig) -> FlightParameters:
     own = _uniform(numbers, seed, 0)
     normal = torch.special.ndtri(own.clamp(1e-9, 1 - 1e-9))
     n = len(numbers)
@@ -221,7 +220,7 @@ def _schedules(operators: Sequence[Operator], uniform: Tensor) -> tuple[Tensor, 
 
 
 def _tops(
-    aircraft: Aircraft, mass: Tensor, deviation: Tensor, uniform: Tensor, bottom: Tensor, config: WorldConfig
+    aircraft: PerformanceModel, mass: Tensor, deviation: Tensor, uniform: Tensor, bottom: Tensor, config: WorldConfig
 ) -> Tensor:
     """Tops on whole thousands of feet within the range, some of them lower, none above what the mass allows."""
     ceiling_kft = float(aircraft.altitude_maximum_ft) / 1000
@@ -230,7 +229,7 @@ def _tops(
     lowest = torch.where(is_low, round(config.low_top * ceiling_kft), low)
     levels = torch.where(is_low, low - lowest, high - low + 1)
     wanted = lowest + (levels * uniform[:, 1]).floor()
-    able = (maximum_altitude_m(aircraft, mass, deviation) / _THOUSAND_FT_M).floor()
+    able = (aircraft.maximum_altitude_m(mass, deviation) / _THOUSAND_FT_M).floor()
     top = torch.minimum(wanted.double(), able) * _THOUSAND_FT_M
     if bool((top <= bottom + _THOUSAND_FT_M).any()):
         raise ConfigError(

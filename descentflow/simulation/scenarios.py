@@ -8,10 +8,10 @@ from typing import Any
 
 import torch
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.world_config import Operator, WorldConfig
 
 PLAIN = "plain"
@@ -25,7 +25,7 @@ _OWN = ("operators", "knee_fl", "tops_fl", "low_top_fl", "reason")
 _FIELDS = {field.name for field in fields(WorldConfig)}
 
 
-def scenario_settings(name: str, aircraft: Aircraft) -> WorldConfig:
+def scenario_settings(name: str, aircraft: PerformanceModel) -> WorldConfig:
     """Settings of a world for a type.
 
     Args:
@@ -85,7 +85,7 @@ def _read(name: str) -> dict[str, dict[str, Any]]:
         raise ConfigError(f"{name} is not TOML: {error}", expected="a TOML file", mend="correct it") from error
 
 
-def _settings(table: Mapping[str, Any], aircraft: Aircraft) -> dict[str, Any]:
+def _settings(table: Mapping[str, Any], aircraft: PerformanceModel) -> dict[str, Any]:
     plain = {key: value for key, value in table.items() if key not in _OWN}
     settings = {key: tuple(map(float, v)) if isinstance(v, list) else v for key, v in plain.items()}
     ceiling_fl = float(aircraft.altitude_maximum_ft) / 100

@@ -7,10 +7,10 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.arguments import Count, NotNegativeInt, checked_arguments
 from descentflow.core.tabular import to_pandas
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.injection import Injection
 from descentflow.simulation.flight import fly
@@ -106,7 +106,7 @@ class World:
 
 @checked_arguments
 def simulate(
-    aircraft: Aircraft | str,
+    aircraft: PerformanceModel | str,
     n_flights: Count,
     seed: NotNegativeInt = 0,
     scenario: str | Path | WorldConfig | None = None,
@@ -182,7 +182,7 @@ def simulate(
 
 
 def _chunk(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     numbers: range,
     seed: int,
     config: WorldConfig,

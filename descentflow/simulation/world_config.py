@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass, fields
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import ConfigError
+from descentflow.physics.performance_model import PerformanceModel
 
 FASTEST_CAS = 310 / 280
 """Speed of the fastest operator in standard descent speeds: 310 kt where the type's own is 280 kt."""
@@ -175,7 +175,7 @@ class WorldConfig:
             raise ConfigError("no operator with a share", expected="at least one", mend="add an operator")
 
 
-def default_operators(aircraft: Aircraft) -> tuple[Operator, ...]:
+def default_operators(aircraft: PerformanceModel) -> tuple[Operator, ...]:
     """Three operators whose descent speeds are those of a jet at 270, 290 and 310 kt, scaled to the type.
 
     Args:
@@ -199,7 +199,7 @@ def default_operators(aircraft: Aircraft) -> tuple[Operator, ...]:
     )
 
 
-def largest_landing_mass_kg(aircraft: Aircraft) -> float:
+def largest_landing_mass_kg(aircraft: PerformanceModel) -> float:
     """Mass like a maximum landing mass: 1.07 times the minimum mass with full payload, at most the maximum mass.
 
     BADA gives no landing mass; for the A320, B777-200 and A380 this comes within 2 % of the printed ones. Nine tenths

@@ -1,14 +1,13 @@
 """Choice of the prepared descents a model is fitted to, of whose coefficients fly them, and of their cleaning."""
 
 import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.cleaning.absent_types import tell_absent_types
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -59,7 +58,7 @@ def of_typecodes(source: Descents, typecodes: list[str] | str | None, name: str)
     return frame
 
 
-def aircraft_of(frame: pl.DataFrame, typecode: str | None, bada_dir: Path | None) -> Aircraft:
+def aircraft_of(frame: pl.DataFrame, typecode: str | None, bada_dir: Path | None) -> PerformanceModel:
     """Coefficients of the type that is named, or of the only one that there is.
 
     Raises:
@@ -109,7 +108,7 @@ def bottom_of(source: Descents, frame: pl.DataFrame, asked_fl: int | None) -> in
     return asked_fl
 
 
-def at_mass(aircraft: Aircraft, mass_kg: float | None) -> Aircraft:
+def at_mass(aircraft: PerformanceModel, mass_kg: float | None) -> PerformanceModel:
     """The aircraft at the mass that infers its drag; at the reference mass if None.
 
     Raises:
@@ -128,7 +127,7 @@ def at_mass(aircraft: Aircraft, mass_kg: float | None) -> Aircraft:
             expected=f"{least:,.0f} kg to {most:,.0f} kg",
             mend="check the unit: kg",
         )
-    return replace(aircraft, mass_reference_kg=mass_kg)
+    return aircraft.at_mass(mass_kg)
 
 
 def cleaning_told(source: Descents) -> Cleaning | None:

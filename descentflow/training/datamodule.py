@@ -13,13 +13,13 @@ from torch.utils.data import DataLoader
 
 from descentflow.air.kept_air import KeptAir
 from descentflow.air.standard_air import in_standard_air
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.arguments import NotNegativeInt, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.progress import Stage
 from descentflow.core.progress import stage as progress_stage
 from descentflow.core.row_runs import first_rows
 from descentflow.measurements.quantities import reference_state
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.context import ContextEncoder, Missing
 from descentflow.representation.drag_scale import DragScaleName
@@ -282,7 +282,7 @@ class DescentDataModule(LightningDataModule):
         train = table.filter(pl.col("flight_id").is_in(list(split.train)))
         return ContextEncoder.fit(train, table.columns[1:], self.missing_context)
 
-    def _fresh(self, frame: pl.DataFrame, source: Descents, own_type: Aircraft) -> tuple[Profiles, Split]:
+    def _fresh(self, frame: pl.DataFrame, source: Descents, own_type: PerformanceModel) -> tuple[Profiles, Split]:
         """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
         bottom = bottom_of(source, frame, self.bottom_fl)
         owner = dict(first_rows(frame.select("flight_id", "icao24"), "flight_id").iter_rows())
@@ -352,7 +352,7 @@ class _Read:
     profiles: Profiles
     split: Split
     table: pl.DataFrame | None
-    own_type: Aircraft
+    own_type: PerformanceModel
     provenance: dict[str, Any]
     air: KeptAir | None
     reference: dict[str, Any] | None

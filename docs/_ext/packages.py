@@ -8,7 +8,7 @@ PACKAGE = ROOT / "descentflow"
 
 LAYERS = {
     "Ground": ("core", "configs", "reporting"),
-    "Aircraft and physics": ("aircraft_types", "physics"),
+    "Physics and aircraft": ("physics", "aircraft_types"),
     "Data": ("surveillance", "measurements", "air"),
     "Model": ("representation", "densities", "training", "positions", "generation", "evaluation", "exports"),
     "Diagnosis": ("effects", "diagnosis"),

@@ -6,7 +6,6 @@ import pytest
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.physics.airspeed import cas_to_tas_mps
-from descentflow.physics.forces import descent_thrust_n
 from descentflow.representation.profiles import profiles_from_frame
 from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig
@@ -24,7 +23,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     descents = prepare(path)
     profiles = profiles_from_frame(descents.frame, aircraft, 150)
     speed = cas_to_tas_mps(profiles.cas_mps, profiles.altitude_m)
-    inferred = profiles.drag_n - descent_thrust_n(aircraft, profiles.altitude_m, speed)
+    inferred = profiles.drag_n - aircraft.idle_thrust_n(profiles.altitude_m, speed)
     # The inference knows neither the flight's mass nor its idle thrust: what the radar can tell is the retarding force
     # for each kilogram, here scaled to the reference mass.
     scale = dict(world.flights.select("flight_id", aircraft.mass_reference_kg / pl.col("mass_kg")).iter_rows())

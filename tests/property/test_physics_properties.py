@@ -24,7 +24,6 @@ from descentflow.physics.energy import (
     energy_share_factor_local,
     inferred_drag_n,
 )
-from descentflow.physics.forces import descent_thrust_n, drag_n
 from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.profiles import infer_drag_n
@@ -99,8 +98,8 @@ def test_gauge_leaves_the_rate_unchanged(scale, cas, altitude, deviation, mass):
     tas = cas_to_tas_mps(cas, altitude, deviation)
 
     def rate(aircraft, m):
-        drag = drag_n(aircraft, tas, altitude, deviation, m)
-        thrust = descent_thrust_n(aircraft, altitude, tas, deviation)
+        drag = aircraft.drag_n(tas, altitude, deviation, m)
+        thrust = aircraft.idle_thrust_n(altitude, tas, deviation)
         return descent_rate_mps(aircraft, drag, thrust, tas, 0.9, altitude, deviation, m).item()
 
     assert rate(twin, scale * mass) == pytest.approx(rate(JET, mass), rel=1e-12)

@@ -13,13 +13,8 @@ import torch
 from descentflow.aircraft_types.bada3.bada_directory import load_aircraft
 from descentflow.core.units import FT_M
 from descentflow.physics.airspeed import cas_to_tas_mps, crossover_altitude_m
-from descentflow.physics.configuration import NAMES, descent_configuration, stall_cas_mps
-from descentflow.physics.descent_speeds import descent_cas_mps
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor
-from descentflow.physics.envelope import maximum_altitude_m, minimum_cas_mps
-from descentflow.physics.forces import descent_thrust_n, drag_n, max_climb_thrust_n
-from descentflow.physics.fuel import descent_fuel_flow_kg_s
-from descentflow.physics.transition import transition_altitude_m
+from descentflow.physics.performance_model import NAMES
 
 # pyBADA warns of its own (numpy and pandas deprecations, optional map packages); the package's warnings stay errors.
 pytestmark = pytest.mark.filterwarnings("ignore:::pyBADA")
@@ -61,7 +56,7 @@ class Side:
         self.air = atmosphere
         self.theirs = Bada3Aircraft(badaVersion="DUMMY", acName=code)
         self.ours = load_aircraft(code, folder)
-        transition = float(transition_altitude_m(self.ours))
+        transition = float(self.ours.transition_altitude_m())
         hand_over = self.ours.altitude_des_ft * FT_M
         edges = [11000.0, 11000.001, 11500.0, transition - 0.01, transition + 0.01, hand_over - 0.01, hand_over + 0.01]
         altitudes = [*(ft * FT_M for ft in LEVELS_FT), *edges]
@@ -69,7 +64,7 @@ class Side:
         points = [(h, m, d) for h in altitudes for m in masses for d in DEVIATIONS]
         self.points = points
         self.altitude, self.mass, self.deviation = torch.tensor(points, dtype=torch.float64).T
-        self.cas = descent_cas_mps(self.ours, self.altitude, self.mass)
+        self.cas = self.ours.descent_cas_mps(self.altitude, self.mass)
         self.tas = cas_to_tas_mps(self.cas, self.altitude, self.deviation)
 
     def each(self, function):
@@ -106,17 +101,16 @@ def test_true_airspeed(side):
 def test_envelope(side):
     envelope = side.theirs.flightEnvelope
     for name in ("CR", "AP", "LD"):
-        agree(stall_cas_mps(side.ours, side.mass, name), side.each(lambda h, m, d, *_, n=name: envelope.VStall(m, n)))
-        lowest = minimum_cas_mps(side.ours, side.altitude, side.mass, name)
+        agree(side.ours.stall_cas_mps(side.mass, name), side.each(lambda h, m, d, *_, n=name: envelope.VStall(m, n)))
+        lowest = side.ours.minimum_cas_mps(side.altitude, side.mass, name)
         agree(lowest, side.each(lambda h, m, d, *_, n=name: envelope.VMin(h, m, n, d)))
-    highest = maximum_altitude_m(side.ours, side.mass, side.deviation)
+    highest = side.ours.maximum_altitude_m(side.mass, side.deviation)
     agree(highest, side.each(lambda h, m, d, *_: envelope.maxAltitude(m, d)))
 
 
 def test_configuration(side):
-    minimum = [minimum_cas_mps(side.ours, side.altitude, side.mass, c) for c in ("CR", "AP")]
     for slower in (1.0, 0.95, 0.85, 0.7):
-        found = descent_configuration(side.altitude, slower * side.cas, *minimum)
+        found = side.ours.descent_configuration(side.altitude, slower * side.cas, side.mass)
 
         def theirs(h, m, d, cas, _, s=slower):
             return NAMES[side.theirs.flightEnvelope.getConfig("Descent", h, m, s * cas, d)]
@@ -125,12 +119,13 @@ def test_configuration(side):
 
 
 def test_thrust_and_fuel(side):
-    climb = max_climb_thrust_n(side.ours, side.altitude, side.tas, side.deviation)
+    climb = side.ours.climb_thrust_n(side.altitude, side.tas, side.deviation)
     agree(climb, side.each(lambda h, m, d, _, tas: side.theirs.TMax(h, d, "MCMB", tas)))
     for name in ("CR", "AP", "LD"):
-        thrust = descent_thrust_n(side.ours, side.altitude, side.tas, side.deviation, name)
+        thrust = side.ours.idle_thrust_n(side.altitude, side.tas, side.deviation, name)
         agree(thrust, side.each(lambda h, m, d, _, tas, n=name: side.theirs.TDes(h, d, tas, n)))
-        fuel = descent_fuel_flow_kg_s(side.ours, side.altitude, side.tas, thrust, name)
+        powered = side.ours.fuel_flow_kg_s(side.altitude, side.tas, thrust)
+        fuel = side.ours.idle_fuel_flow_kg_s(side.altitude) if name == "CR" else powered
         by_point = dict(zip(side.points, thrust.tolist(), strict=True))
         if side.ours.engine == "piston" and name != "CR":
             continue  # pyBADA takes the nominal flow here, the manual (3.9-8) and EUROCONTROL's tables the minimum
@@ -148,7 +143,7 @@ def test_drag(side):
             sigma = side.ratios(h, d)[2]
             return side.theirs.D(sigma, tas, side.theirs.CD(side.theirs.CL(sigma, m, tas), n))
 
-        agree(drag_n(side.ours, side.tas, side.altitude, side.deviation, side.mass, name), side.each(theirs))
+        agree(side.ours.drag_n(side.tas, side.altitude, side.deviation, side.mass, name), side.each(theirs))
 
 
 @pytest.mark.parametrize("held", ["constM", "constCAS"])

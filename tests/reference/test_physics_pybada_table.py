@@ -7,12 +7,10 @@ from collections import defaultdict
 import pytest
 import torch
 
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.core.units import KT_MPS
 from descentflow.physics.atmosphere import density_kg_m3, pressure_pa, speed_of_sound_mps, temperature_k
-from descentflow.physics.forces import max_climb_thrust_n
 from descentflow.physics.nominal_descent import nominal_state
-from descentflow.physics.transition import transition_altitude_m
 
 TYPES = ("J2M", "J2H", "J4H", "BZJT", "TP2M", "GA")
 RELATIVE = 1e-12
@@ -48,7 +46,7 @@ def _aircraft(code, c):
     polars = {f"cd0_{low}": c["CD0"][up] for up, low in _PHASES.items()}
     polars |= {f"cd2_{low}": c["CD2"][up] for up, low in _PHASES.items()}
     polars |= {f"vstall_{low}_kt": c["Vstall"][up] for up, low in _PHASES.items()}
-    return Aircraft(
+    return Bada3Aircraft(
         typecode=code,
         engine=c["engineType"].lower(),
         n_engines=2,
@@ -116,10 +114,10 @@ def test_speeds_forces_energy_share_rate_and_fuel(rows, fleet, code):
     }
     for name, column in columns.items():
         agree(getattr(state, name), r[column])
-    agree(max_climb_thrust_n(aircraft, r["h_m"], state.tas_mps, r["deltaTemp_K"]), r["Tmaxclimb_N"])
+    agree(aircraft.climb_thrust_n(r["h_m"], state.tas_mps, r["deltaTemp_K"]), r["Tmaxclimb_N"])
 
 
 @pytest.mark.parametrize("code", TYPES)
 def test_transition_altitude(fleet, code):
     aircraft, kept = fleet
-    assert transition_altitude_m(aircraft[code]).item() == pytest.approx(kept[code]["crossover_m"], rel=RELATIVE)
+    assert aircraft[code].transition_altitude_m().item() == pytest.approx(kept[code]["crossover_m"], rel=RELATIVE)

@@ -8,11 +8,10 @@ import toys
 from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.atmosphere import isa_fraction
-from descentflow.physics.forces import descent_thrust_n
 from descentflow.representation.decoder import flight_grid as flight_grid_module
 from descentflow.representation.decoder import fused as fast
 from descentflow.representation.decoder import trajectories as trajectories_module
@@ -49,7 +48,7 @@ def test_the_exact_energy_share_closes_the_energy_balance() -> None:
         # Seconds count downwards from the top: differences over them are derivatives in time.
         (gain,) = torch.gradient(air_speed_along_path, spacing=(flown.time_s[i],))
         height_rate = flown.rate_mps[i] / isa_fraction(ALTITUDE_M, deviation)
-        thrust = descent_thrust_n(toys.AIRCRAFT, ALTITUDE_M, flown.tas_mps[i], deviation)
+        thrust = toys.AIRCRAFT.idle_thrust_n(ALTITUDE_M, flown.tas_mps[i], deviation)
         needed = mass * (G0_MPS2 * height_rate / flown.tas_mps[i] + gain)
         # Centred differences over 2 x 30 m of profiles that turn over 1,500 m, and jumps of thrust and lapse.
         error = ((thrust - DRAG_N[i] - needed) / DRAG_N[i])[inside]
@@ -84,7 +83,7 @@ def test_tailwind_that_falls_off_downwards_makes_the_descent_slower(exact: bool)
     still = integrate(*arguments, exact_energy_share=exact)
     windy = integrate(*arguments, wind_mps=slope * ALTITUDE_M, exact_energy_share=exact)
     # From the rates: 1/f = -V X / (m g R) with X = D - Thr, the same in both.
-    thrust = descent_thrust_n(toys.AIRCRAFT, ALTITUDE_M, still.tas_mps, 0.0)
+    thrust = toys.AIRCRAFT.idle_thrust_n(ALTITUDE_M, still.tas_mps, 0.0)
     power = (thrust - drag) * still.tas_mps / (toys.AIRCRAFT.mass_reference_kg * G0_MPS2)
     difference = power / windy.rate_mps - power / still.rate_mps
     torch.testing.assert_close(difference, still.tas_mps * slope / G0_MPS2, rtol=1e-9, atol=0)
@@ -227,7 +226,7 @@ def test_tables_kept_by_the_decoder_give_the_numbers_of_tables_made_anew(dtype: 
     drag_n, cas_mps = decoder.curves(weights)
     entry = torch.full((20,), len(decoder.levels_fl) - 1)
 
-    def anew(aircraft: Aircraft) -> Trajectories:
+    def anew(aircraft: Bada3Aircraft) -> Trajectories:
         altitude_m = (decoder.levels_fl * FL_M).to(dtype)
         return integrate(aircraft, decoder.levels_fl, altitude_m, drag_n, cas_mps, entry)
 

@@ -1,6 +1,6 @@
 import importlib.util
 import shutil
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import pytest
@@ -23,7 +23,7 @@ from descentflow.aircraft_types.bada3.fixed_columns import e10
 from descentflow.aircraft_types.bada3.global_parameters import STANDARD
 from descentflow.aircraft_types.bada3.gpf_file import read_gpf_rows
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
-from descentflow.aircraft_types.registry import aircraft
+from descentflow.aircraft_types.registry import aircraft, aircraft_from_state
 from descentflow.core.errors import AircraftError, DataError
 from descentflow.physics.nominal_descent import nominal_descent
 
@@ -227,18 +227,27 @@ def test_a_gpf_without_a_parameter_is_refused(release):
         read_gpf(path)
 
 
-def test_global_parameters_that_are_not_the_manual_s_are_warned_of(release):
+def test_global_parameters_of_the_directory_hold(release):
     path = release / "BADA.GPF"
-    same = load_aircraft("A320", release)
+    manual = load_aircraft("A320", release)
+    assert manual.limits == STANDARD
     whole = path.read_text()
     path.write_text(whole.replace(".13000E+01", ".14000E+01"))
-    with pytest.warns(UserWarning, match=r"BADA.GPF has min_speed_factor = 1.4: not taken over"):
-        assert load_aircraft("A320", release) == same
+    faster = load_aircraft("A320", release)
+    assert (faster.minimum_cas_mps(1e3) / manual.minimum_cas_mps(1e3)).item() == pytest.approx(1.4 / 1.3)
+    assert aircraft_from_state(faster.to_state()) == faster
     path.write_text(whole.replace(".20000E+01", "two"))
-    with pytest.warns(UserWarning, match=r"not compared with the manual's, which hold: .*BADA.GPF line 25"):
-        assert load_aircraft("A320", release) == same
+    with pytest.raises(AircraftError, match=r"BADA.GPF line 25"):
+        load_aircraft("A320", release)
     path.unlink()
-    assert load_aircraft("A320", release) == same
+    assert load_aircraft("A320", release) == manual
+
+
+def test_global_parameters_of_a_checkpoint_that_are_none_are_refused(release):
+    state = load_aircraft("A320", release).to_state()
+    for wrong in ({"min_speed_factor": 1.3}, "all", 7, {**asdict(STANDARD), "des_increment_kt": (1.0, "x", 2.0, 3.0)}):
+        with pytest.raises(AircraftError, match="global parameters"):
+            aircraft_from_state({**state, "limits": wrong})
 
 
 def test_empty_foreign_and_absent_files_are_refused(release, tmp_path):

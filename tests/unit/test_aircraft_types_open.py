@@ -7,13 +7,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+from descentflow.aircraft_types.bada3.global_parameters import STANDARD
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_type, open_typecodes
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.physics.forces import descent_thrust_n, max_climb_thrust_n
 from descentflow.physics.nominal_descent import nominal_descent
-from descentflow.physics.transition import transition_altitude_m
 
 PAPER_TYPES = ["B738", "A320", "A319", "DH8D", "E190", "B772", "A388", "C56X", "E170", "AT76", "PC12", "F2TH", "BE20"]
 RELATED = {"A20N": "A320", "A21N": "A320", "A321": "A320", "B737": "B738", "B739": "B738"}
@@ -82,7 +81,8 @@ def test_every_field_is_a_number_with_a_source(typecode: str) -> None:
     entries = {e.name: e for e in open_type(typecode).coefficients}
     assert aircraft.typecode == typecode
     assert "not BADA" in aircraft.source
-    for field in dataclasses.fields(Aircraft):
+    assert aircraft.limits == STANDARD
+    for field in dataclasses.fields(Bada3Aircraft)[:-1]:
         value = getattr(aircraft, field.name)
         if field.name in TEXT_FIELDS:
             assert isinstance(value, str)
@@ -143,7 +143,7 @@ def test_speeds_and_polars_are_in_order(typecode: str) -> None:
 def test_climb_thrust_is_positive_and_falls_with_altitude(typecode: str) -> None:
     a = open_aircraft(typecode)
     altitude_m = torch.arange(0, a.altitude_maximum_ft + 1, 500) * FT_M
-    thrust = max_climb_thrust_n(a, altitude_m, 150.0)
+    thrust = a.climb_thrust_n(altitude_m, 150.0)
     assert (thrust > 0).all()
     assert (thrust.diff() < 0).all()
 
@@ -151,8 +151,8 @@ def test_climb_thrust_is_positive_and_falls_with_altitude(typecode: str) -> None
 @pytest.mark.parametrize("typecode", JETS)
 def test_idle_thrust_of_jets_is_near_zero_high_up(typecode: str) -> None:
     a = open_aircraft(typecode)
-    idle = descent_thrust_n(a, torch.tensor([2000.0, 10_500.0]), 200.0)
-    climb = max_climb_thrust_n(a, torch.tensor([2000.0, 10_500.0]), 200.0)
+    idle = a.idle_thrust_n(torch.tensor([2000.0, 10_500.0]), 200.0)
+    climb = a.climb_thrust_n(torch.tensor([2000.0, 10_500.0]), 200.0)
     assert (idle > 0).all()
     assert (idle / climb <= 0.101).all()
     # Against weight: a glider's descent angle changes by less than 0.4 degrees (airliners) or 1 degree.
@@ -175,7 +175,7 @@ def test_every_mass_descends_everywhere(typecode: str, deviation_k: float) -> No
 def test_rate_at_constant_cas_lies_in_the_published_range(typecode: str) -> None:
     published = {e.name: e.value for e in open_type(typecode).published}
     _, steepest, gentlest = published["rate_constant_cas_fpm"]
-    transition_fl = float(transition_altitude_m(open_aircraft(typecode))) / FL_M
+    transition_fl = float(open_aircraft(typecode).transition_altitude_m()) / FL_M
     top_fl = 180 if typecode == "AT76" else min(transition_fl - 1, 370)
     assert steepest <= mean_rate_fpm(typecode, 101, top_fl) <= gentlest
 
@@ -184,7 +184,7 @@ def test_rate_at_constant_cas_lies_in_the_published_range(typecode: str) -> None
 def test_rate_at_constant_mach_lies_in_the_published_range_or_is_said_to_be_off(typecode: str) -> None:
     published = {e.name: e.value for e in open_type(typecode).published}
     _, steepest, gentlest = published["rate_constant_mach_fpm"]
-    transition_fl = float(transition_altitude_m(open_aircraft(typecode))) / FL_M
+    transition_fl = float(open_aircraft(typecode).transition_altitude_m()) / FL_M
     mean = mean_rate_fpm(typecode, transition_fl + 0.1, 370)
     said = "Constant Mach" in open_type(typecode).known_to_be_off
     assert said == (mean < steepest)
@@ -242,5 +242,5 @@ def test_reference_masses_are_near_the_paper_s(shared: Path) -> None:
 def test_knots_of_the_turboprop_form() -> None:
     # CT1 / V is power over speed: at sea level thrust times true airspeed is 0.85 of the shaft power.
     a = open_aircraft("DH8D")
-    power_w = max_climb_thrust_n(a, 0.0, 250 * KT_MPS).item() * 250 * KT_MPS
+    power_w = a.climb_thrust_n(0.0, 250 * KT_MPS).item() * 250 * KT_MPS
     assert power_w == pytest.approx(0.85 * 2 * number("DH8D", "facts", "power_climb_w"), rel=1e-3)

@@ -18,7 +18,6 @@ from descentflow.measurements.level_channels import LevelGrid
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.atmosphere import geometric_altitude_m, isa_temperature_k
 from descentflow.physics.energy import descent_rate_mps, slope_per_m
-from descentflow.physics.forces import descent_thrust_n
 from descentflow.representation.own_air import with_own_air
 from descentflow.representation.profiles import infer_drag_n, profiles_from_frame
 from descentflow.simulation.world import World
@@ -65,14 +64,14 @@ def test_a_rate_in_an_air_is_that_of_the_energy_balance_itself() -> None:
                                            (temperature / isa_temperature_k(altitude_m))[:, :-1])  # fmt: skip
     height = torch.nn.functional.pad(step.cumsum(1), (1, 0))[0]
     gain = slope_per_m(tas + air.tailwind_mps, height)
-    thrust = descent_thrust_n(toys.AIRCRAFT, altitude_m, tas, air.deviation_k)
+    thrust = toys.AIRCRAFT.idle_thrust_n(altitude_m, tas, air.deviation_k)
     mass = toys.AIRCRAFT.mass_reference_kg
     climb = (thrust - drag) * tas / (mass * G0_MPS2) / (1 + tas / G0_MPS2 * gain)
     expected = climb * isa_temperature_k(altitude_m) / temperature
     # The same slope of CAS, zero, in standard air: the package's factor of constant CAS.
     standard_tas = mach_to_tas_mps(mach, altitude_m)
     share = 1 / (1 + standard_tas / G0_MPS2 * slope_per_m(standard_tas, altitude_m))
-    standard_thrust = descent_thrust_n(toys.AIRCRAFT, altitude_m, standard_tas)
+    standard_thrust = toys.AIRCRAFT.idle_thrust_n(altitude_m, standard_tas)
     standard = descent_rate_mps(toys.AIRCRAFT, drag, standard_thrust, standard_tas, share, altitude_m)
     found = rate_in_air(toys.AIRCRAFT, standard, drag, in_air(toys.AIRCRAFT, cas, altitude_m, air))
     # Both sides difference over 200 ft: of second order, and below 1e-4 away from the one-sided ends.

@@ -6,12 +6,6 @@ import torch
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.physics.atmosphere import pressure_pa
-from descentflow.physics.envelope import buffet_mach, maximum_altitude_m, minimum_cas_mps
-from descentflow.physics.fuel import (
-    descent_fuel_flow_kg_s,
-    minimum_fuel_flow_kg_s,
-    nominal_fuel_flow_kg_s,
-)
 
 DOUBLE = torch.float64
 JET = replace(
@@ -36,7 +30,7 @@ JET = replace(
 def test_buffet_root_solves_its_cubic_and_is_the_smallest_positive_one():
     altitude = torch.linspace(5000.0, 12500.0, 30, dtype=DOUBLE)
     mass = torch.tensor([[45e3], [60e3], [75e3]], dtype=DOUBLE)
-    mach = buffet_mach(JET, altitude, mass)
+    mach = JET.buffet_mach(altitude, mass)
     load = mass * 9.80665 / JET.wing_area_m2 / (0.7 / 1.2) / pressure_pa(altitude)
     residual = 0.9 * mach**3 - 1.6 * mach**2 + load
     assert (mach > 0).all()
@@ -48,50 +42,49 @@ def test_buffet_root_solves_its_cubic_and_is_the_smallest_positive_one():
 def test_buffet_without_k_is_a_square_root_and_without_coefficients_nothing():
     flat = replace(JET, buffet_k=0.0)
     load = JET.mass_reference_kg * 9.80665 / JET.wing_area_m2 / (0.7 / 1.2) / pressure_pa(9000.0)
-    assert buffet_mach(flat, 9000.0).item() == pytest.approx((load / 1.6).sqrt().item(), rel=1e-12)
+    assert flat.buffet_mach(9000.0).item() == pytest.approx((load / 1.6).sqrt().item(), rel=1e-12)
     none = replace(JET, buffet_clbo=0.0, buffet_k=0.0)
-    assert buffet_mach(none, 9000.0).item() == 0.0
-    assert buffet_mach(replace(JET, buffet_clbo=0.0), 9000.0).item() == 0.0
+    assert none.buffet_mach(9000.0).item() == 0.0
+    assert replace(JET, buffet_clbo=0.0).buffet_mach(9000.0).item() == 0.0
 
 
 def test_a_wing_too_heavy_for_any_root_gives_zero_and_no_nan_gradient():
     mass = torch.tensor(3e6, dtype=DOUBLE, requires_grad=True)
-    mach = buffet_mach(JET, 12000.0, mass)
+    mach = JET.buffet_mach(12000.0, mass)
     assert mach.item() == 0.0
     assert torch.isfinite(torch.autograd.grad(mach, mass)[0])
-    assert torch.isfinite(minimum_cas_mps(JET, 12000.0, mass))
+    assert torch.isfinite(JET.minimum_cas_mps(12000.0, mass))
 
 
 def test_minimum_speed_feels_the_buffet_from_15000_ft_and_pistons_never():
     heavy = 77000.0
     stall = 1.3 * JET.vstall_cr_kt * KT_MPS * (heavy / JET.mass_reference_kg) ** 0.5
-    assert minimum_cas_mps(JET, 14999 * FT_M, heavy).item() == pytest.approx(stall, rel=1e-12)
-    assert minimum_cas_mps(JET, 38000 * FT_M, heavy).item() > stall
+    assert JET.minimum_cas_mps(14999 * FT_M, heavy).item() == pytest.approx(stall, rel=1e-12)
+    assert JET.minimum_cas_mps(38000 * FT_M, heavy).item() > stall
     piston = replace(JET, engine="piston")
-    assert minimum_cas_mps(piston, 38000 * FT_M, heavy).item() == pytest.approx(stall, rel=1e-12)
+    assert piston.minimum_cas_mps(38000 * FT_M, heavy).item() == pytest.approx(stall, rel=1e-12)
 
 
 def test_maximum_altitude_by_hand():
-    assert maximum_altitude_m(JET, 70000.0).item() == pytest.approx((33500 + 0.3 * 7000) * FT_M)
-    assert maximum_altitude_m(JET, 70000.0, 20.0).item() == pytest.approx((33500 + 2100 - 400) * FT_M)
-    assert maximum_altitude_m(JET, 50000.0).item() == pytest.approx(39000 * FT_M)
-    assert maximum_altitude_m(replace(JET, altitude_mtow_ft=0.0), 77000.0).item() == pytest.approx(39000 * FT_M)
+    assert JET.maximum_altitude_m(70000.0).item() == pytest.approx((33500 + 0.3 * 7000) * FT_M)
+    assert JET.maximum_altitude_m(70000.0, 20.0).item() == pytest.approx((33500 + 2100 - 400) * FT_M)
+    assert JET.maximum_altitude_m(50000.0).item() == pytest.approx(39000 * FT_M)
+    assert replace(JET, altitude_mtow_ft=0.0).maximum_altitude_m(77000.0).item() == pytest.approx(39000 * FT_M)
     odd = replace(JET, altitude_mass_gradient_ft_kg=-1.0, altitude_temperature_gradient_ft_k=5.0)
-    assert maximum_altitude_m(odd, 50000.0, 30.0).item() == pytest.approx(33500 * FT_M)
+    assert odd.maximum_altitude_m(50000.0, 30.0).item() == pytest.approx(33500 * FT_M)
 
 
 def test_fuel_by_hand():
-    assert minimum_fuel_flow_kg_s(JET, 13000 * FT_M).item() == pytest.approx(14 * 0.75 / 60)
-    assert nominal_fuel_flow_kg_s(JET, 200 * KT_MPS, 30e3).item() == pytest.approx(0.75 * 1.2 * 30 / 60)
+    assert JET.idle_fuel_flow_kg_s(13000 * FT_M).item() == pytest.approx(14 * 0.75 / 60)
+    assert JET.nominal_fuel_flow_kg_s(200 * KT_MPS, 30e3).item() == pytest.approx(0.75 * 1.2 * 30 / 60)
     prop = replace(JET, engine="turboprop")
-    assert nominal_fuel_flow_kg_s(prop, 200 * KT_MPS, 30e3).item() == pytest.approx(0.75 * 0.8 * 0.2 * 30 / 60)
+    assert prop.nominal_fuel_flow_kg_s(200 * KT_MPS, 30e3).item() == pytest.approx(0.75 * 0.8 * 0.2 * 30 / 60)
     piston = replace(JET, engine="piston", cf1=0.4, cf3=0.3, cf4=0.0)
-    assert nominal_fuel_flow_kg_s(piston, 50.0, 1e3).item() == pytest.approx(0.4 / 60)
-    assert descent_fuel_flow_kg_s(piston, 1000.0, 50.0, 1e3, "LD").item() == pytest.approx(0.3 / 60)
+    assert piston.nominal_fuel_flow_kg_s(50.0, 1e3).item() == pytest.approx(0.4 / 60)
+    assert piston.fuel_flow_kg_s(1000.0, 50.0, 1e3).item() == pytest.approx(0.3 / 60)
 
 
-def test_approach_burns_the_larger_of_thrust_and_idle():
-    idle = minimum_fuel_flow_kg_s(JET, 1000.0).item()
-    assert descent_fuel_flow_kg_s(JET, 1000.0, 80.0, 40e3).item() == pytest.approx(idle)
-    assert descent_fuel_flow_kg_s(JET, 1000.0, 80.0, 40e3, "AP").item() > idle
-    assert descent_fuel_flow_kg_s(JET, 1000.0, 80.0, 1.0, "LD").item() == pytest.approx(idle)
+def test_fuel_is_the_larger_of_that_for_thrust_and_that_at_idle():
+    idle = JET.idle_fuel_flow_kg_s(1000.0).item()
+    assert JET.fuel_flow_kg_s(1000.0, 80.0, 40e3).item() > idle
+    assert JET.fuel_flow_kg_s(1000.0, 80.0, 1.0).item() == pytest.approx(idle)

@@ -13,8 +13,6 @@ from descentflow.physics.energy import (
     energy_share_factor_exact,
     inferred_drag_n,
 )
-from descentflow.physics.forces import descent_thrust_n, drag_n
-from descentflow.physics.fuel import descent_fuel_flow_kg_s
 from descentflow.physics.nominal_descent import nominal_descent
 
 ALTITUDE = torch.tensor([3000.0, 6500.0, 9800.0, 11000.0, 12300.0], dtype=torch.float64)
@@ -31,8 +29,8 @@ def leaf(value):
 def rate(aircraft, cas, mass, deviation, scale=1.0):
     tas = cas_to_tas_mps(cas, ALTITUDE, deviation)
     esf = energy_share_factor(cas_to_mach(cas, ALTITUDE), ALTITUDE, ABOVE, deviation)
-    drag = scale * drag_n(aircraft, tas, ALTITUDE, deviation, mass)
-    thrust = descent_thrust_n(aircraft, ALTITUDE, tas, deviation)
+    drag = scale * aircraft.drag_n(tas, ALTITUDE, deviation, mass)
+    thrust = aircraft.idle_thrust_n(ALTITUDE, tas, deviation)
     return descent_rate_mps(aircraft, drag, thrust, tas, esf, ALTITUDE, deviation, mass)
 
 
@@ -77,7 +75,7 @@ def test_exact_energy_share_by_cas_wind_and_deviation():
 def test_speed_conversions_and_fuel():
     speeds = leaf([90.0, 150.0, 200.0])
     assert torch.autograd.gradcheck(lambda v, d: tas_to_cas_mps(v, 7000.0, d), (speeds, leaf(-8.0)))
-    flow = lambda v, t: descent_fuel_flow_kg_s(JET, 1500.0, v, t * 1e4, "AP")  # noqa: E731
+    flow = lambda v, t: JET.fuel_flow_kg_s(1500.0, v, t * 1e4)  # noqa: E731
     assert torch.autograd.gradcheck(flow, (speeds, leaf([3.0, 4.0, 5.0])))
 
 

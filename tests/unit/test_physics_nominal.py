@@ -9,7 +9,6 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M
 from descentflow.physics.nominal_descent import NominalDescent, nominal_descent, nominal_state
-from descentflow.physics.transition import transition_altitude_m
 
 DOUBLE = torch.float64
 # A thrust step inside the grid, so that every kind of jump is crossed.
@@ -23,7 +22,7 @@ def flown_time_s(aircraft, top_m, bottom_m, mass_kg, deviation_k):
     def rate(_, altitude):
         return nominal_state(aircraft, torch.tensor(altitude), mass_kg, deviation_k).rate_mps.numpy()
 
-    jumps = [11000.0, float(transition_altitude_m(aircraft)), 25030 * 0.3048, 4572.0]
+    jumps = [11000.0, float(aircraft.transition_altitude_m()), 25030 * 0.3048, 4572.0]
     stops = sorted({bottom_m, *(j for j in jumps if bottom_m < j < top_m)}, reverse=True)
     total, altitude = 0.0, top_m
     for stop in stops:

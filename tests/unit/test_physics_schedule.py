@@ -4,11 +4,10 @@ import pytest
 import torch
 
 from descentflow.aircraft_types.bada3.global_parameters import GlobalParameters
+from descentflow.aircraft_types.bada3.speeds import PISTON_CEILINGS_FT, TURBINE_CEILINGS_FT
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach
-from descentflow.physics.descent_speeds import ceilings_ft, descent_cas_mps, holds_mach
-from descentflow.physics.transition import transition_altitude_m
 
 DOUBLE = torch.float64
 JET = replace(
@@ -23,7 +22,7 @@ PISTON = replace(JET, engine="piston", vstall_ld_kt=43.0, des_cas_low_kt=126.0, 
 
 def kt(aircraft, altitude_ft, mass_kg=None):
     feet = torch.as_tensor(altitude_ft, dtype=DOUBLE)
-    return descent_cas_mps(aircraft, feet * FT_M, mass_kg) / KT_MPS
+    return aircraft.descent_cas_mps(feet * FT_M, mass_kg) / KT_MPS
 
 
 def test_jet_schedule_step_by_step():
@@ -41,9 +40,9 @@ def test_piston_schedule_step_by_step():
 
 def test_flight_levels_on_a_boundary_belong_to_the_range_above():
     levels = torch.tensor([5.0, 10.0, 15.0, 20.0, 30.0, 60.0, 100.0], dtype=DOUBLE)
-    assert (descent_cas_mps(JET, levels * FL_M) == descent_cas_mps(JET, levels * FL_M + 1.0)).all()
+    assert (JET.descent_cas_mps(levels * FL_M) == JET.descent_cas_mps(levels * FL_M + 1.0)).all()
     low = levels.float() * FL_M
-    assert (descent_cas_mps(JET, low) == descent_cas_mps(JET, low + 1.0)).all()
+    assert (JET.descent_cas_mps(low) == JET.descent_cas_mps(low + 1.0)).all()
 
 
 def test_no_speed_exceeds_the_range_above_when_the_aircraft_is_heavy():
@@ -58,10 +57,10 @@ def test_slow_types_keep_their_own_low_speed():
 
 
 def test_mach_holds_from_the_transition_up():
-    transition = transition_altitude_m(JET)
+    transition = JET.transition_altitude_m()
     altitude = torch.stack([transition - 1, transition, transition + 500, torch.tensor(12000.0, dtype=DOUBLE)])
-    assert holds_mach(JET, altitude).tolist() == [False, True, True, True]
-    mach = cas_to_mach(descent_cas_mps(JET, altitude), altitude)
+    assert JET.holds_mach(altitude).tolist() == [False, True, True, True]
+    mach = cas_to_mach(JET.descent_cas_mps(altitude), altitude)
     assert mach[1:].tolist() == pytest.approx([0.78] * 3, rel=1e-12)
     # The two branches meet within the 2.8e-8 of the printed speed of sound and the slope over one metre.
     assert mach[0].item() == pytest.approx(0.78, rel=1e-4)
@@ -69,8 +68,8 @@ def test_mach_holds_from_the_transition_up():
 
 def test_no_mach_schedule_means_no_crossover():
     turboprop = replace(JET, engine="turboprop", des_mach=0.0)
-    assert transition_altitude_m(turboprop).item() == float("inf")
-    assert not holds_mach(turboprop, torch.tensor([0.0, 15000.0])).any()
+    assert turboprop.transition_altitude_m().item() == float("inf")
+    assert not turboprop.holds_mach(torch.tensor([0.0, 15000.0])).any()
     assert kt(turboprop, [30000, 41000]).tolist() == pytest.approx([300.0, 300.0])
 
 
@@ -78,23 +77,23 @@ def test_no_mach_schedule_has_no_nan_gradient():
     cas = torch.tensor(250.0, dtype=DOUBLE, requires_grad=True)
     mach = torch.tensor(0.0, dtype=DOUBLE, requires_grad=True)
     ac = replace(JET, des_cas_high_kt=cas, des_mach=mach)
-    speed = descent_cas_mps(ac, torch.tensor([5000.0, 12000.0], dtype=DOUBLE)).sum()
+    speed = ac.descent_cas_mps(torch.tensor([5000.0, 12000.0], dtype=DOUBLE)).sum()
     for slope in torch.autograd.grad(speed, (cas, mach), allow_unused=True):
         assert slope is None or torch.isfinite(slope)
 
 
 def test_a_mach_crossover_below_10000_ft_waits_for_10000_ft():
     odd = replace(JET, des_mach=0.3)
-    assert transition_altitude_m(odd).item() < 3000
-    assert not holds_mach(odd, 9000 * FT_M)
-    assert holds_mach(odd, 10000 * FT_M)
+    assert odd.transition_altitude_m().item() < 3000
+    assert not odd.holds_mach(9000 * FT_M)
+    assert odd.holds_mach(10000 * FT_M)
 
 
 def test_global_parameters_move_the_schedule():
     calm = GlobalParameters(des_increment_kt=(0.0, 0.0, 0.0, 0.0), min_speed_factor=1.5)
-    assert (descent_cas_mps(JET, 100.0, limits=calm) / KT_MPS).item() == pytest.approx(150.0)
+    assert (replace(JET, limits=calm).descent_cas_mps(100.0) / KT_MPS).item() == pytest.approx(150.0)
 
 
 def test_ceilings_descend():
-    assert list(ceilings_ft(JET)) == sorted(ceilings_ft(JET), reverse=True)
-    assert list(ceilings_ft(PISTON)) == [1500.0, 1000.0, 500.0]
+    assert list(TURBINE_CEILINGS_FT) == sorted(TURBINE_CEILINGS_FT, reverse=True)
+    assert PISTON_CEILINGS_FT == (1500.0, 1000.0, 500.0)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.fixed_columns import Line, data_lines, header, read_lines
 from descentflow.core.errors import AircraftError
 from descentflow.core.files import whole_file
@@ -151,7 +151,7 @@ def _per_unit(name: str) -> int:
     return 100 if name.endswith("mach") else 1
 
 
-def apf_of(aircraft: Aircraft) -> Apf:
+def apf_of(aircraft: Bada3Aircraft) -> Apf:
     """Put an aircraft's descent speeds in APF form; climb and cruise, which an Aircraft does not hold, are zero.
 
     Example:

@@ -1,13 +1,11 @@
 """BADA 3 directories: a licence holder's files in, aircraft out; each kind of file has a module of its own."""
 
-import warnings
-from dataclasses import fields
 from difflib import get_close_matches
 from pathlib import Path
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.aircraft_types.bada3.apf_file import Apf, apf_of, read_apf, write_apf
-from descentflow.aircraft_types.bada3.global_parameters import STANDARD
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+from descentflow.aircraft_types.bada3.global_parameters import STANDARD, GlobalParameters
 from descentflow.aircraft_types.bada3.gpf_file import read_gpf
 from descentflow.aircraft_types.bada3.opf_file import Opf, opf_of, read_opf, write_opf
 from descentflow.aircraft_types.bada3.synonym_file import Synonym, read_synonym
@@ -30,13 +28,14 @@ __all__ = [
 _DESCENT_SPEEDS = ("des_cas_low_kt", "des_cas_high_kt", "des_mach")
 
 
-def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None) -> Aircraft:
+def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None, limits: GlobalParameters = STANDARD) -> Bada3Aircraft:
     """Join coefficients and procedures into one aircraft; speeds are the default company's at average mass.
 
     Args:
         opf: Coefficients.
         apf: Procedures.
         typecode: Name of the result; the OPF's own when None.
+        limits: Global parameters.
 
     Returns:
         The aircraft.
@@ -56,10 +55,10 @@ def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None) -> Aircraft:
             expected="two files of one type",
             mend="pair the files that carry the same name",
         )
-    known = Aircraft.__dataclass_fields__
+    known = Bada3Aircraft.__dataclass_fields__
     numbers = {name: value for name, value in opf.numbers.items() if name in known}
     speeds = {name: getattr(apf.default.average, name) for name in _DESCENT_SPEEDS}
-    return Aircraft(
+    return Bada3Aircraft(
         typecode=typecode or opf.typecode,
         engine=opf.engine,
         n_engines=opf.n_engines,
@@ -67,14 +66,14 @@ def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None) -> Aircraft:
         source=f"BADA 3 files {opf.typecode} of {opf.modified or 'unknown date'}",
         **numbers,
         **speeds,
+        limits=limits,
     )
 
 
-def load_aircraft(typecode: str, bada_dir: str | Path) -> Aircraft:
+def load_aircraft(typecode: str, bada_dir: str | Path) -> Bada3Aircraft:
     """Load one type from a BADA 3 directory, resolved through SYNONYM.NEW.
 
-    Warns where the directory's BADA.GPF says otherwise than the manual, whose global parameters every command takes;
-    from Python they can be passed: ``nominal_descent(..., limits=read_gpf("bada/BADA.GPF"))``.
+    Global parameters are those of the directory's BADA.GPF, or the manual's where it has none.
 
     Args:
         typecode: ICAO type designator, in any case; without SYNONYM.NEW the name of the files themselves.
@@ -104,11 +103,10 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Aircraft:
             expected=f"one of the {len(synonyms)} types there (near it: {near})",
             mend="choose a type the directory holds, or add a line to its SYNONYM.NEW",
         )
-    _compare_global_parameters(folder / "BADA.GPF")
-    return _load(folder, synonyms[wanted].file, wanted)
+    return _load(folder, synonyms[wanted].file, wanted, _limits(folder))
 
 
-def load_directory(bada_dir: str | Path) -> dict[str, Aircraft]:
+def load_directory(bada_dir: str | Path) -> dict[str, Bada3Aircraft]:
     """Load every type of a BADA 3 directory.
 
     Args:
@@ -128,8 +126,8 @@ def load_directory(bada_dir: str | Path) -> dict[str, Aircraft]:
         ['A320']
     """
     folder = _folder(bada_dir)
-    _compare_global_parameters(folder / "BADA.GPF")
-    return {code: _load(folder, synonym.file, code) for code, synonym in _synonyms(folder).items()}
+    limits = _limits(folder)
+    return {code: _load(folder, synonym.file, code, limits) for code, synonym in _synonyms(folder).items()}
 
 
 def _folder(bada_dir: str | Path) -> Path:
@@ -158,20 +156,10 @@ def _synonyms(folder: Path) -> dict[str, Synonym]:
     return {name.rstrip("_"): Synonym(name.rstrip("_"), "", "", name, True, True) for name in names}
 
 
-def _compare_global_parameters(file: Path) -> None:
-    """Warn where they are not the manual's: unlike a type's files they are not taken over."""
-    if not file.is_file():
-        return
-    try:
-        found = read_gpf(file)
-    except AircraftError as error:
-        warnings.warn(f"global parameters not compared with the manual's, which hold: {error}", stacklevel=3)
-        return
-    names = [field.name for field in fields(found)]
-    other = [f"{n} = {getattr(found, n)}" for n in names if getattr(found, n) != getattr(STANDARD, n)]
-    if other:
-        warnings.warn(f"{file} has {', '.join(other)}: not taken over, the manual's values hold", stacklevel=3)
+def _limits(folder: Path) -> GlobalParameters:
+    file = folder / "BADA.GPF"
+    return read_gpf(file) if file.is_file() else STANDARD
 
 
-def _load(folder: Path, file: str, typecode: str) -> Aircraft:
-    return to_aircraft(read_opf(folder / f"{file}.OPF"), read_apf(folder / f"{file}.APF"), typecode)
+def _load(folder: Path, file: str, typecode: str, limits: GlobalParameters) -> Bada3Aircraft:
+    return to_aircraft(read_opf(folder / f"{file}.OPF"), read_apf(folder / f"{file}.APF"), typecode, limits)

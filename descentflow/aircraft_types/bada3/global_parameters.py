@@ -1,7 +1,10 @@
 """BADA's parameters that hold for all types (user manual, section 5; file BADA.GPF)."""
 
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import asdict, dataclass
+from math import isfinite
+from typing import Any, Final
+
+from descentflow.core.errors import AircraftError
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,31 @@ class GlobalParameters:
     des_increment_piston_kt: tuple[float, float, float] = (5.0, 10.0, 20.0)
     """V_d,des 5 to 7: the same below 500, 1,000 and 1,500 ft for pistons (5.8)."""
 
+    @classmethod
+    def from_state(cls, state: Any) -> "GlobalParameters":
+        """Rebuild from the dictionary of a checkpoint.
+
+        Raises:
+            AircraftError: If it is none of global parameters.
+        """
+        plain = asdict(STANDARD)
+        kinds = [_kinds(one) for one in (plain, state)]
+        if kinds[0] != kinds[1]:
+            raise AircraftError(
+                f"global parameters {str(state)[:60]}",
+                expected=f"numbers for {', '.join(plain)}",
+                mend="take the file as it was written",
+            )
+        return cls(**state)
+
 
 STANDARD: Final = GlobalParameters()
 """The manual's values."""
+
+
+def _kinds(state: Any) -> Any:
+    """Of each parameter its name and, of each of its numbers, whether it is finite."""
+    if not isinstance(state, dict):
+        return None
+    parts = {name: value if isinstance(value, tuple) else (value,) for name, value in state.items()}
+    return {name: [isinstance(one, float) and isfinite(one) for one in part] for name, part in parts.items()}

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from descentflow.aircraft_types.aircraft import Aircraft, Engine
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+from descentflow.aircraft_types.bada3.coefficients import Engine
 from descentflow.aircraft_types.bada3.fixed_columns import Line, data_lines, e10, header, read_lines
 from descentflow.core.errors import AircraftError
 from descentflow.core.files import whole_file
@@ -50,10 +51,10 @@ NAMES = tuple(name for place in PLACES for name in place if name)
 
 @dataclass(frozen=True)
 class Opf:
-    """The content of an OPF file, in the units of :class:`~descentflow.aircraft_types.aircraft.Aircraft`.
+    """The content of an OPF file, in the units of :class:`~descentflow.aircraft_types.bada3.coefficients.Coefficients`.
 
-    ``numbers`` is keyed by the names of the Aircraft's fields, and by names of their own for what a descent does not
-    use (ground dimensions, the unused fields), so that writing a file back gives the same file.
+    ``numbers`` is keyed by the names of the coefficients, and by names of their own for what a descent does not use
+    (ground dimensions, the unused fields), so that writing a file back gives the same file.
 
     Example:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
@@ -137,7 +138,7 @@ def _numbers(rows: list[Line]) -> Iterator[tuple[str, float]]:
                 yield name, value * 1000 if name in TONNES else value
 
 
-def opf_of(aircraft: Aircraft) -> Opf:
+def opf_of(aircraft: Bada3Aircraft) -> Opf:
     """Put an aircraft's coefficients in OPF form; what an Aircraft does not hold (ground, unused fields) is zero.
 
     Example:

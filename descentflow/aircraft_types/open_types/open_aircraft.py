@@ -12,7 +12,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any, Literal, get_args
 
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.core.errors import AircraftError, UnknownTypeError
 
 Confidence = Literal["direct", "derived", "textbook estimate", "unchecked"]
@@ -22,7 +22,7 @@ published but not checked against a type-certificate data sheet."""
 _FOLDER = "coefficients"
 _SOURCES = "sources"
 _TEXT_FIELDS = ("engine", "wake_category")
-_ABOUT_FIELDS = ("typecode", "source")
+_ABOUT_FIELDS = ("typecode", "source", "limits")
 _ENTRY = {"value", "unit", "source", "confidence"}
 
 
@@ -69,7 +69,7 @@ class OpenType:
     """Published kinematic ranges (Mach, CAS, rates), for comparison only; empty where there are none."""
 
 
-def open_aircraft(typecode: str) -> Aircraft:
+def open_aircraft(typecode: str) -> Bada3Aircraft:
     """Coefficients of an open aircraft.
 
     Args:
@@ -86,8 +86,9 @@ def open_aircraft(typecode: str) -> Aircraft:
         122.4
     """
     read = open_type(typecode)
-    values = {c.name: c.value for c in read.coefficients}
-    return Aircraft(typecode=read.typecode, source=f"descentflow open aircraft, not BADA: {read.summary}", **values)  # type: ignore[arg-type]
+    values: dict[str, Any] = {c.name: c.value for c in read.coefficients}
+    source = f"descentflow open aircraft, not BADA: {read.summary}"
+    return Bada3Aircraft(typecode=read.typecode, source=source, **values)
 
 
 def open_typecodes() -> tuple[str, ...]:
@@ -183,13 +184,13 @@ def _source_text(key_and_detail: str) -> str:
 
 
 def _check_complete(read: OpenType) -> None:
-    wanted = {f.name for f in fields(Aircraft)} - set(_ABOUT_FIELDS)
+    wanted = {f.name for f in fields(Bada3Aircraft)} - set(_ABOUT_FIELDS)
     found = {c.name for c in read.coefficients}
     texts = {c.name for c in read.coefficients if isinstance(c.value, str)}
     if found != wanted or texts != set(_TEXT_FIELDS):
         raise AircraftError(
             f"open aircraft {read.typecode} with coefficients that differ by {sorted(found ^ wanted)}",
-            expected="exactly the fields of Aircraft, text for engine and wake_category only",
+            expected="exactly the coefficients of BADA 3, text for engine and wake_category only",
             mend=f"complete descentflow/aircraft_types/open_types/coefficients/{read.typecode}.toml",
         )
 

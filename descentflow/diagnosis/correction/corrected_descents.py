@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.correction.effects_in_flights import Correction, with_effects
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.descents.description import SCHEMA_VERSION
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels
 
@@ -21,7 +21,7 @@ KEPT = ("schema_version", "descentflow", "settings", "typecodes", "inputs")
 
 
 def corrected_descents(
-    frame: pl.DataFrame, aircraft: Aircraft, correction: Correction, metadata: Mapping[str, Any] | None = None
+    frame: pl.DataFrame, aircraft: PerformanceModel, correction: Correction, metadata: Mapping[str, Any] | None = None
 ) -> Descents:
     """Prepared descents of a simulator with effects in them, times integrated again.
 

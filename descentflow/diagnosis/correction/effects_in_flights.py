@@ -7,7 +7,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.diagnosis.correction.flight_gaps import GapChange, with_gaps
@@ -18,6 +17,7 @@ from descentflow.effects.flight_law import DiffersByFlight
 from descentflow.effects.flight_state import SLOWEST_MPS, FlightState, log_rate
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 SLOPE_LEVELS = 15
@@ -58,7 +58,7 @@ class Correction:
 
 
 def with_effects(
-    grid: LevelGrid, aircraft: Aircraft, correction: Correction, state: FlightState | None = None
+    grid: LevelGrid, aircraft: PerformanceModel, correction: Correction, state: FlightState | None = None
 ) -> LevelGrid:
     """The flights as the simulator would fly and report them if it had the effects.
 
@@ -94,7 +94,7 @@ def with_effects(
     return _without(moved, slow & grid.mask)
 
 
-def state_of_levels(grid: LevelGrid, aircraft: Aircraft, correction: Correction) -> FlightState:
+def state_of_levels(grid: LevelGrid, aircraft: PerformanceModel, correction: Correction) -> FlightState:
     """The flights as effects look at them, each level a band of its own.
 
     Example:

@@ -3,17 +3,17 @@
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M, FPM_MPS
 from descentflow.effects.flight_state import FlightState
 from descentflow.measurements.quantities import Quantities
+from descentflow.physics.performance_model import PerformanceModel
 
 EDGE_NOISE = 0.7
 """Variance of the change of a rate over a band by its noise, in squares of the short-scale noise: means of a few
 reports at either edge, each of which serves several levels."""
 
 
-def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightState:
+def state_of(flights: Quantities, aircraft: PerformanceModel, mass_kg: float) -> FlightState:
     """What effects may look at; bands without a report have the column's mean speed, and no mask.
 
     Example:

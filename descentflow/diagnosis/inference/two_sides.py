@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.inference.compared_state import report_delay_s, state_of
 from descentflow.diagnosis.inference.reference_coefficients import ReferenceCoefficients, reference_coefficients
@@ -14,6 +13,7 @@ from descentflow.diagnosis.inference.turns_of_flights import by_own_turns, turne
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
 from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT, QUANTITIES
+from descentflow.physics.performance_model import PerformanceModel
 
 CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
 """What physics claims to be zero, whether or not the simulator's own flights measured it."""
@@ -159,7 +159,7 @@ class Compared:
         return float(levels[e.band] - self.band_fl / 2), float(levels[e.band] + self.band_fl / 2)
 
 
-def compare(reference: Quantities | None, real: Quantities, aircraft: Aircraft, slack: float = 1.0) -> Compared:
+def compare(reference: Quantities | None, real: Quantities, aircraft: PerformanceModel, slack: float = 1.0) -> Compared:
     """Join both sides.
 
     Args:

@@ -1,17 +1,16 @@
 """The decoder: latent weights to drag and CAS profiles to trajectories, with all that it needs as buffers."""
 
-from dataclasses import replace
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.aircraft_types.registry import aircraft_from_state
 from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
 from descentflow.core.errors import CheckpointError
 from descentflow.core.tensors import Number
 from descentflow.core.units import FL_M
-from descentflow.physics.transition import transition_altitude_m
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 from descentflow.representation.decoder.flown_correction import FlownCorrection
 from descentflow.representation.decoder.fused import is_plain
@@ -54,7 +53,7 @@ class DescentDecoder(nn.Module):
 
     def __init__(
         self,
-        aircraft: Aircraft,
+        aircraft: PerformanceModel,
         levels_fl: Tensor,
         drag_basis: FunctionalBasis,
         cas_basis: FunctionalBasis,
@@ -88,14 +87,14 @@ class DescentDecoder(nn.Module):
         """
         super().__init__()
         self.correction = correction
-        self.aircraft = aircraft if mass_kg is None else replace(aircraft, mass_reference_kg=mass_kg)
+        self.aircraft = aircraft if mass_kg is None else aircraft.at_mass(mass_kg)
         self.drag_basis, self.cas_basis, self.mach_basis = drag_basis, cas_basis, mach_basis
         self.register_buffer("levels_fl", levels_fl.to(torch.float64), persistent=False)
         self.keep_residual(levels_fl.new_zeros(0, len(levels_fl)) if residual is None else residual, speed_residual)
         self.register_buffer("weight_mean", weight_mean.to(torch.float64), persistent=False)
         self.register_buffer("weight_scale", weight_scale.to(torch.float64), persistent=False)
         self.drag_scale = drag_scale
-        self._grids: dict[tuple[torch.dtype, torch.device], tuple[Aircraft, FlightGrid | None]] = {}
+        self._grids: dict[tuple[torch.dtype, torch.device], tuple[PerformanceModel, FlightGrid | None]] = {}
         self.grid(self.levels_fl)
 
     def grid(self, like: Tensor) -> FlightGrid | None:
@@ -145,7 +144,7 @@ class DescentDecoder(nn.Module):
     @property
     def transition_fl(self) -> float:
         """Flight level where nominal BADA hands over from Mach to CAS; infinite where the type has no Mach leg."""
-        return float(transition_altitude_m(self.aircraft)) / FL_M
+        return float(self.aircraft.transition_altitude_m()) / FL_M
 
     def keep_residual(self, residual: Tensor, speed_residual: Tensor | None = None) -> None:
         """Fly samples with drag (r, L) and deviations of speed (s, L or 2 L) beyond the components, see the class."""
@@ -217,7 +216,7 @@ class DescentDecoder(nn.Module):
         entry: Tensor | None = None,
         mass_kg: Number | None = None,
         deviation_k: Number = 0.0,
-        aircraft: Aircraft | None = None,
+        aircraft: PerformanceModel | None = None,
         *,
         wind_mps: Tensor | None = None,
         exact_energy_share: bool = False,
@@ -304,7 +303,7 @@ class DescentDecoder(nn.Module):
             )
         of_speed = ConstantBasis if "mach_basis" in state else FunctionalBasis
         return cls(
-            Aircraft.from_state(state["aircraft"]),
+            aircraft_from_state(state["aircraft"]),
             state["levels_fl"],
             FunctionalBasis.from_state(state["drag_basis"]),
             of_speed.from_state(state["cas_basis"]),

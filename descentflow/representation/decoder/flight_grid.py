@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.tensors import Number
 from descentflow.physics.fused_table import LevelTable, level_table
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.rate_jumps import Breaks, rate_breaks
 
 
@@ -32,7 +32,7 @@ class FlightGrid(NamedTuple):
 
 
 def flight_grid(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     altitude_m: Tensor,
     mass_kg: Number | None = None,
     deviation_k: Number = 0.0,

@@ -6,12 +6,12 @@ import torch
 
 from descentflow.air.energy_in_air import in_air, rate_in_air
 from descentflow.air.level_air import LevelAir
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.trajectories import Trajectories
 
 
-def flown_in(aircraft: Aircraft, flown: Trajectories, air: LevelAir) -> Trajectories:
+def flown_in(aircraft: PerformanceModel, flown: Trajectories, air: LevelAir) -> Trajectories:
     """Descents that were flown in standard air, at the same CAS and drag in the air of each.
 
     Rates are exact at levels. The time between two levels is that of standard air, jumps of the rate included, times

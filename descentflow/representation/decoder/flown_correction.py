@@ -2,8 +2,8 @@
 
 from typing import Any, Protocol
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.counter_random import DrawNumbers
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.trajectories import Trajectories
 
 
@@ -27,7 +27,7 @@ class FlownCorrection(Protocol):
         True
     """
 
-    def apply(self, aircraft: Aircraft, flown: Trajectories, draws: DrawNumbers) -> Trajectories:
+    def apply(self, aircraft: PerformanceModel, flown: Trajectories, draws: DrawNumbers) -> Trajectories:
         """The corrected descents; ``draws`` numbers them, for effects that only a share of the flights has."""
 
     def to_state(self) -> dict[str, Any]:

@@ -5,12 +5,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.constants import TROPOPAUSE_M
 from descentflow.core.tensors import Number
-from descentflow.core.units import FT_M
-from descentflow.physics.forces import descent_thrust_floor_ft
-from descentflow.physics.transition import transition_altitude_m
+from descentflow.physics.performance_model import PerformanceModel
 
 SIDE_M = 0.01
 """Distance from a jump at which its two sides are evaluated: beyond the slack of the thresholds themselves."""
@@ -65,7 +62,7 @@ class Breaks(NamedTuple):
         return legs
 
 
-def rate_breaks(aircraft: Aircraft, altitude_m: Tensor, *, at_transition: bool = True) -> Breaks:
+def rate_breaks(aircraft: PerformanceModel, altitude_m: Tensor, *, at_transition: bool = True) -> Breaks:
     """Find the jumps of idle thrust and energy share factor inside a grid.
 
     They are BADA's own: transition altitude, tropopause and H_p,des. A trapezoid across the transition, where the
@@ -83,9 +80,9 @@ def rate_breaks(aircraft: Aircraft, altitude_m: Tensor, *, at_transition: bool =
         >>> [round(float(h)) for h in breaks.altitude_m[::2] / 30.48]  # H_p,des is below, the tropopause above
         [318]
     """
-    places: tuple[Number, ...] = (TROPOPAUSE_M, descent_thrust_floor_ft(aircraft) * FT_M)
+    places: tuple[Number, ...] = (TROPOPAUSE_M, *aircraft.thrust_breaks_m())
     if at_transition:
-        places = (transition_altitude_m(aircraft), *places)
+        places = (aircraft.transition_altitude_m(), *places)
     # Placed in float64: in float32 the two sides of a jump at 10 km would be one number.
     jumps = [torch.as_tensor(place).reshape(-1)[0].to("cpu", torch.float64) for place in places]
     levels = altitude_m.detach().to("cpu", torch.float64).contiguous()

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.tensors import Number
 from descentflow.physics.energy import descent_rate_mps, slope_per_m
 from descentflow.physics.idle_state import idle_state
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 from descentflow.representation.decoder.fused import integrate_fast, is_plain
 from descentflow.representation.decoder.lower_speed import with_crossovers
@@ -70,7 +70,7 @@ def concatenate(parts: list[Trajectories]) -> Trajectories:
 
 
 def integrate(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     levels_fl: Tensor,
     altitude_m: Tensor,
     drag_n: Tensor,
@@ -161,7 +161,7 @@ class Slopes(NamedTuple):
 
 
 def integrate_plain(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     levels_fl: Tensor,
     altitude_m: Tensor,
     drag_n: Tensor,
@@ -206,7 +206,7 @@ def integrate_plain(
 
 
 def _fly(
-    aircraft: Aircraft,
+    aircraft: PerformanceModel,
     altitude_m: Tensor,
     drag_n: Tensor,
     cas_mps: Tensor,

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.cause_values import Values
 from descentflow.simulation.injected import Injected, neutral
 from descentflow.simulation.parameters import FlightParameters
@@ -32,7 +32,7 @@ class Fleet:
         tensor([12., 12., 12.], dtype=torch.float64)
     """
 
-    aircraft: Aircraft
+    aircraft: PerformanceModel
     parameters: FlightParameters
     uniform: Tensor
     """Random numbers of each flight for this cause, (n, 6) in [0, 1)."""

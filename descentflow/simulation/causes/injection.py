@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.aerodynamics import DRAG_POLAR, IDLE_THRUST, INDUCED_DRAG, MASS, SPEED_BRAKE
 from descentflow.simulation.causes.air import TEMPERATURE, WIND_GRADIENT
@@ -79,7 +79,7 @@ class Injection:
         ['mass_factor']
     """
 
-    aircraft: Aircraft
+    aircraft: PerformanceModel
     causes: Mapping[str, Values]
     """Values of each cause by its name."""
     seed: int

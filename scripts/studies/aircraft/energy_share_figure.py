@@ -7,11 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.airspeed import mach_to_cas_mps
-from descentflow.physics.forces import drag_n
 from descentflow.physics.idle_state import idle_state
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.reporting.figure_style import BLACK, BLUE, RED, legend_below, tidy
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 
@@ -21,7 +20,7 @@ WIND_KT_PER_1000_FT = 2.0
 
 
 def energy_share_figure(
-    aircraft: Aircraft, mach: float = 0.78, cas_kt: float = 300.0, slower_kt: float = 260.0
+    aircraft: PerformanceModel, mach: float = 0.78, cas_kt: float = 300.0, slower_kt: float = 260.0
 ) -> Figure:
     """CAS, rate and time of one descent at BADA's, the exact, and the exact energy share factor in a tailwind.
 
@@ -44,7 +43,7 @@ def energy_share_figure(
     """
     altitude_m = _LEVELS_FL * FL_M
     cas_mps = speed_profile(altitude_m, mach, cas_kt, slower_kt)[None]
-    drag = drag_n(aircraft, idle_state(aircraft, cas_mps, altitude_m).tas_mps, altitude_m)
+    drag = aircraft.drag_n(idle_state(aircraft, cas_mps, altitude_m).tas_mps, altitude_m)
     wind_mps = WIND_KT_PER_1000_FT * KT_MPS / (10 * FL_M) * altitude_m
     entry = torch.tensor([len(_LEVELS_FL) - 1])
 

@@ -9,7 +9,6 @@ from descentflow.aircraft_types.open_types.open_aircraft import OpenType, open_a
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.airspeed import mach_to_cas_mps
 from descentflow.physics.nominal_descent import NominalDescent, nominal_descent
-from descentflow.physics.transition import transition_altitude_m
 
 BOTTOM_FL = 15
 """1,500 ft: the foot of the usual descent table."""
@@ -92,7 +91,7 @@ def _draw_descents(axes: list[Axes], descent: NominalDescent, masses_kg: tuple[f
 def _draw_ranges(axes: list[Axes], read: OpenType, top_fl: float) -> None:
     """Shade what is published, where it holds."""
     ranges = {e.name: e.value for e in read.published if isinstance(e.value, tuple)}
-    transition_fl = float(transition_altitude_m(open_aircraft(read.typecode))) / FL_M
+    transition_fl = float(open_aircraft(read.typecode).transition_altitude_m()) / FL_M
     legs = {"mach": (transition_fl, top_fl), "cas": (_SCHEDULE_FL, min(transition_fl, top_fl))}
     for name, (axis, leg) in {
         "rate_constant_mach_fpm": (axes[0], "mach"),

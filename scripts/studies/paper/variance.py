@@ -10,7 +10,6 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DescentflowError
 from descentflow.core.units import FL_M
 from descentflow.densities.component_search import select_mixture
@@ -19,6 +18,7 @@ from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_registry import paper_statistics
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import sample_descents
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.linear_curves import evidence_of
@@ -54,7 +54,12 @@ class _FoldScore:
 
 
 def fold_scores(
-    profiles: Profiles, aircraft: Aircraft, transition_fl: float, fold: int, folds: int, shares: tuple[float, ...]
+    profiles: Profiles,
+    aircraft: PerformanceModel,
+    transition_fl: float,
+    fold: int,
+    folds: int,
+    shares: tuple[float, ...],
 ) -> pl.DataFrame:
     """Fit a mixture to all folds but one at every share of variance, and score its samples against that one.
 
@@ -137,7 +142,7 @@ def _truncated_bases(values: Tensor, mask: Tensor, shares: tuple[float, ...]) ->
     return found
 
 
-def _representation(train: Profiles, aircraft: Aircraft, bases: list[FunctionalBasis]) -> Representation:
+def _representation(train: Profiles, aircraft: PerformanceModel, bases: list[FunctionalBasis]) -> Representation:
     decoder = standardised_decoder(train, aircraft, bases)
     return Representation(decoder, Plausibility.from_profiles(train), Split((), (), ()), {})
 

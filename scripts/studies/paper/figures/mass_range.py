@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from torch import Tensor
 
-from descentflow.aircraft_types.aircraft import Aircraft
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.physics.nominal_descent import nominal_descent
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.reporting.figure_style import BAND, BLACK, BLUE, GREY, legend_below, tidy
 
 N_MASSES = 9
@@ -55,7 +55,7 @@ class MassRange:
         return float(((times >= low) & (times <= high)).double().mean())
 
 
-def mass_range(flights: DescentSet, aircraft: Aircraft, reached_by: float = 0.5) -> MassRange:
+def mass_range(flights: DescentSet, aircraft: PerformanceModel, reached_by: float = 0.5) -> MassRange:
     """Compare flights with BADA's descents at all masses, from the level that a share of them reach.
 
     Args:
@@ -98,7 +98,7 @@ MOST_TICKS = 4
 
 
 def mass_range_figure(
-    flights: DescentSet, aircraft: Aircraft, *, n_lines: int = 50, seed: int = 0, title: str = ""
+    flights: DescentSet, aircraft: PerformanceModel, *, n_lines: int = 50, seed: int = 0, title: str = ""
 ) -> Figure:
     """Flights' altitude over time, their rate and CAS by level, beside BADA's at the masses from least to largest.
 

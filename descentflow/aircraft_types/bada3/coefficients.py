@@ -1,20 +1,29 @@
-"""The coefficients of one aircraft type in BADA 3 form."""
+"""The coefficients of one aircraft type in BADA 3 form (user manual, section 3)."""
 
-from dataclasses import dataclass, fields, replace
-from math import isfinite
-from typing import Any, Literal, get_args
+from dataclasses import asdict, dataclass, fields, replace
+from math import inf, isfinite
+from typing import Any, Literal, Self, get_args
 
 from torch import Tensor
 
+from descentflow.aircraft_types.bada3.global_parameters import STANDARD, GlobalParameters
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import AircraftError
 from descentflow.core.tensors import Number
 
 Engine = Literal["jet", "turboprop", "piston"]
+OF_ANY_AIRCRAFT = {
+    "altitude_des_ft": (0.0, 1e5),
+    "des_cas_low_kt": (0.0, 1e3),
+    "des_cas_high_kt": (0.0, 1e3),
+    "des_mach": (0.0, 1.0),
+    "ct2": (-1e8, 1e8),
+}
+"""Ranges far wider than any aircraft's of coefficients that shift bounds and still let a descent fly."""
 
 
 @dataclass(frozen=True)
-class Aircraft:
+class Coefficients:
     """Coefficients of one type, named and scaled as in the BADA 3 user manual (section 3, OPF and APF files).
 
     Numeric fields may be replaced by tensors (``dataclasses.replace(aircraft, cd0_cr=tensor)``) that
@@ -25,12 +34,8 @@ class Aircraft:
 
     Example:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> open_aircraft("A320").engine
-        'jet'
-        >>> print(open_aircraft("A320"))
-        A320: 2 jet engines, wake category M, 61,300 kg (41,295 to 73,500), up to 41,000 ft
-        standard descent: Mach 0.77, 280 kt, 250 kt below 10,000 ft
-        coefficients: descentflow open aircraft, not BADA: ...
+        >>> open_aircraft("A320").wing_area_m2
+        122.4
     """
 
     typecode: str
@@ -98,6 +103,8 @@ class Aircraft:
     """V_des,2: standard descent CAS between 10,000 ft and the Mach transition altitude."""
     des_mach: Number
     """M_des: standard descent Mach above the transition altitude; 0 where the type has none."""
+    limits: GlobalParameters = STANDARD
+    """Global parameters; they are the manual's unless a licence holder's BADA.GPF has others."""
 
     def __post_init__(self) -> None:
         """Refuse an engine that BADA 3 does not know."""
@@ -109,7 +116,7 @@ class Aircraft:
             )
 
     @checked_arguments
-    def with_factors(self, *, parasitic: Number = 1.0, induced: Number = 1.0, idle: Number = 1.0) -> "Aircraft":
+    def with_factors(self, *, parasitic: Number = 1.0, induced: Number = 1.0, idle: Number = 1.0) -> Self:
         """The clean aircraft with other CD0, CD2 and idle thrust, as factors of its own.
 
         Example:
@@ -145,32 +152,50 @@ class Aircraft:
         """All coefficients, in the order of the fields."""
         return tuple(v for f in fields(self) if isinstance(v := getattr(self, f.name), float | Tensor))
 
+    def at_mass(self, mass_kg: Number) -> Self:
+        """The aircraft with another reference mass, to which its stall speeds then belong.
+
+        Example:
+            >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+            >>> open_aircraft("A320").at_mass(60_000.0).mass_reference_kg
+            60000.0
+        """
+        return replace(self, mass_reference_kg=mass_kg)
+
     def to_state(self) -> dict[str, Any]:
-        """Return the coefficients as primitives, for a checkpoint that loads without executing code."""
+        """Return the coefficients as primitives, for a checkpoint that loads without executing code.
+
+        Global parameters are in it where they are not the manual's.
+        """
         values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {k: v.item() if isinstance(v, Tensor) else v for k, v in values.items()}
+        limits = values.pop("limits")
+        own = {} if limits == STANDARD else {"limits": asdict(limits)}
+        return {k: v.item() if isinstance(v, Tensor) else v for k, v in values.items()} | own
 
     @classmethod
-    def from_state(cls, state: dict[str, Any]) -> "Aircraft":
+    def from_state(cls, state: dict[str, Any]) -> Self:
         """Rebuild from :meth:`to_state`.
 
         Raises:
-            AircraftError: If a coefficient is missing, one is not known, or one is no finite number.
+            AircraftError: If a coefficient is missing, one is not known, is no finite number or is no aircraft's.
         """
-        names = {f.name for f in fields(cls)}
+        state, limits = dict(state), state.get("limits")
+        state.pop("limits", None)
+        names = {f.name for f in fields(cls)} - {"limits"}
         if set(state) != names:
             raise AircraftError(
                 f"coefficients that differ by {sorted(names ^ set(state))}",
-                expected="exactly the fields of Aircraft",
+                expected="exactly the coefficients of BADA 3",
                 mend="write the checkpoint again with this version of descentflow",
             )
         for name, value in state.items():
             is_text = name in ("typecode", "engine", "wake_category", "source")
-            is_number = isinstance(value, int | float) and isfinite(value)
+            low, high = OF_ANY_AIRCRAFT.get(name, (-inf, inf))
+            is_number = isinstance(value, int | float) and isfinite(value) and low <= value <= high
             if not (isinstance(value, str) if is_text else is_number):
                 raise AircraftError(
                     f"coefficient {name} = {str(value)[:60]!r}",
-                    expected="text" if is_text else "a finite number",
+                    expected="text" if is_text else f"a finite number from {low:g} to {high:g}",
                     mend="take the file as it was written",
                 )
-        return cls(**state)
+        return cls(**state) if limits is None else cls(**state, limits=GlobalParameters.from_state(limits))

@@ -10,7 +10,7 @@ path of a file that holds it, and nothing heavy is imported before it is used:
 - :func:`sample` draws descents, :class:`Generator` those that a running simulator asks for, :func:`predict` continues
   observed ones, :func:`evaluate` scores a model,
   :func:`export` writes for other programs;
-- :func:`diagnose` says where a simulator and real flights disagree, and why.
+- :func:`diagnose` finds where a simulator and real flights disagree, and why.
 
 Import it before torch: how torch's threads wait is settled when torch is loaded, and by default they take the processor
 from others meanwhile. Where torch came first (and OMP_WAIT_POLICY and OMP_NUM_THREADS are not set), sampling, scoring

@@ -31,7 +31,7 @@ MIN_IN_BAND = 2
 MOST_K, MOST_MPS = 40.0, 130.0
 """Temperature deviation and wind beyond which a report is wrong: air on earth has neither."""
 WINDOW = 3
-"""Bands on either side whose median a band is held against..."""
+"""Bands on either side, with whose median a band is compared."""
 OUTLIER = 4.0
 """...and how many robust standard deviations it may be away: one of 16,000 normal ones (Hampel's identifier)."""
 Part = tuple[Tensor, float, Tensor]

@@ -41,7 +41,7 @@ def air_of(args: argparse.Namespace) -> dict[str, str] | Path | str | None:
 
 
 def add_source(parser: argparse.ArgumentParser) -> None:
-    """Declare the argument that says where the air of given flights is known from."""
+    """Declare the argument for the source of the air of given flights."""
     parser.add_argument(
         "--air",
         nargs="+",

@@ -20,7 +20,7 @@ def config_error(text: str) -> ConfigError:
     r"""The parser's error in plain words.
 
     Args:
-        text: What the parser says, in several lines.
+        text: The parser's message, in several lines.
 
     Example:
         >>> print(config_error("Parser key \"data.seed\":\n  Expected a <class 'int'>. Got value: x"))

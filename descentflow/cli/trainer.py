@@ -45,7 +45,7 @@ NOTHING_KEPT = (
 
 
 class DescentCLI(LightningCLI):
-    """LightningCLI whose checkpoints, scores and logger are set up unless a config says otherwise.
+    """LightningCLI whose checkpoints, scores and logger are set up unless a config sets others.
 
     Args:
         command: The one that is run; the parsers of the others, a fifth of a second, are not built.

@@ -1,4 +1,4 @@
-"""Arguments of public functions, held against their annotations before anything is done with them."""
+"""Check of arguments of public functions by their annotations before anything is done with them."""
 
 import os
 import sys

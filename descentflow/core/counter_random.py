@@ -55,4 +55,4 @@ def seed_of(seed: int, *place: int) -> int:
 
 
 FIRST_DRAWS = DrawNumbers()
-"""The first draws of seed zero: where nobody says which draws a batch holds."""
+"""The first draws of seed zero: the default for the draws of a batch."""

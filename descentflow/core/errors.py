@@ -1,4 +1,4 @@
-"""Typed errors: each message says what was got, what was expected and how to mend it."""
+"""Typed errors: each message has what was got, what was expected and how to mend it."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches

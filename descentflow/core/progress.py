@@ -1,7 +1,7 @@
 """Progress of a long call, on stderr: a line that updates on a terminal, elsewhere plain lines now and then.
 
 Nothing is shown in the first two seconds. A command opens one :func:`display`; whatever takes long, there or in the
-library, says what it does with :func:`stage`. Standard output is never written to.
+library, reports it by :func:`stage`. Standard output is never written to.
 """
 
 import shutil

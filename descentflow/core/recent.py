@@ -32,8 +32,8 @@ class Recent(Generic[V]):
         """The result of a key, made if it is not known.
 
         Args:
-            key: What it is worked out from.
-            make: Works it out.
+            key: What it is computed from.
+            make: Computes it.
         """
         made = self.known.pop(key) if key in self.known else make()
         if len(self.known) >= self.most:

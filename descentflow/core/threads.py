@@ -10,7 +10,7 @@ from descentflow.core import waiting_threads
 
 
 def one_thread_unless_told() -> None:
-    """Let torch use one thread, unless OMP_NUM_THREADS says otherwise.
+    """Let torch use one thread, unless OMP_NUM_THREADS is set.
 
     Arrays of a few hundred flights are too small to share: on two busy cores a training step took nine times longer.
 

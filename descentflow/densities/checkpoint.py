@@ -21,7 +21,7 @@ from descentflow.representation.representation import Representation
 PREFIX = "_density."
 """Prefix of the names of the density's parameters in a checkpoint."""
 UNFINISHED = "unfinished"
-"""Key of a checkpoint that says whether its fit was still to learn what is learnt with the density held."""
+"""Key of a checkpoint, true if its fit was still to learn what is learnt with the density held."""
 _BUILDING = Lock()
 
 
@@ -38,7 +38,7 @@ def load_model(path: str | Path) -> Density:
         The density in evaluation mode on the CPU.
 
     Raises:
-        CheckpointError: If the file cannot be used; the message says why.
+        CheckpointError: If the file cannot be used; the message has the reason.
 
     Warns:
         DescentflowWarning: If it was fitted to filled gaps by a version that knew nothing else, or is of a fit that

@@ -96,7 +96,7 @@ def select_mixture(
         progress: Progress callback: called after each number of components with how many will be tried.
 
     Returns:
-        The best mixture; ``cap_binds`` says that the largest number allowed won, so that more might win yet.
+        The best mixture; ``cap_binds`` is true if the largest number allowed won, so that more might win yet.
 
     Example:
         >>> weights = torch.randn(200, 4)

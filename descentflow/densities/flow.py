@@ -50,7 +50,7 @@ class FlowDensity(TransformedDensity):
     order: Tensor
 
     def __init__(self, dimension: int, n_context: int, whitened: bool, entry_law: dict[str, Any] | None) -> None:
-        """Whiten with the standard normal until :meth:`whiten` says otherwise.
+        """Whiten with the standard normal until :meth:`whiten` is called.
 
         Args:
             dimension: Number of weights d.

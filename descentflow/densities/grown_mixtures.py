@@ -2,7 +2,7 @@
 
 EM of many components from groups of k-means takes long where flights are many, for it begins far from where it ends: of
 29,528 B738 flights the search through numbers of components took 225 s of processor time so. Grown from a mixture of
-half the components, which all flights have told already, it begins near, takes half the time and ends higher.
+half the components, fitted to all flights, it begins near, takes half the time and ends higher.
 """
 
 from collections.abc import Callable

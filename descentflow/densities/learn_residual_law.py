@@ -1,9 +1,9 @@
 """The law of what the components leave out, learnt from training flights with the mixture's components held.
 
-EM: what a flight shows says how its weights and its residual numbers are distributed under each component, in closed
-form; the law that is most probable given these follows by weighted least squares. How much of a flight is each
-component's stays as the weights alone say. Were it asked again with the law, components that stray far would have more
-flights than their means and covariances were fitted to, and samples would not be of the flights' mean.
+EM: the observed levels give the distribution of weights and residual numbers under each component, in closed form;
+the law that is most probable given these follows by weighted least squares. How much of a flight is each component's
+stays as the weights alone say. Were it asked again with the law, components that stray far would have more flights
+than their means and covariances were fitted to, and samples would not be of the flights' mean.
 """
 
 from dataclasses import dataclass, replace

@@ -24,7 +24,7 @@ ShownAs = Literal["number", "change", "logarithm", "percent", "flights"]
 (``logarithm``), of what its symbol names; percent; or the share of the flights that have the effect.
 """
 TOLD_IN = {"m/s per m": ("kt per 1,000 ft", 1000 * FT_M / KT_MPS)}
-"""Unit of a parameter -> the unit of the trade in which readers are told it, and the factor to it."""
+"""Unit of a parameter -> the unit of the trade in which it is reported, and the factor to it."""
 NOISE = "noise_"
 """Prefix of names of short-scale noise; only an effect whose matter it is adds it."""
 FLOWN = ("rate", "cas", "tas", "wind", "height", "level", "level_gaps", "slow", "missing")
@@ -33,7 +33,7 @@ FLOWN = ("rate", "cas", "tas", "wind", "height", "level", "level_gaps", "slow", 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect, zero where the effect is absent unless ``start`` says otherwise.
+    """One number of an effect, zero where the effect is absent unless ``start`` is set.
 
     Attributes:
         name: Key of `gap.json`.
@@ -45,9 +45,9 @@ class Parameter:
         inexact: Standard error that comes on top of the data's: how well the equations of the effect place it.
         from_heterogeneity: Known by how flights differ, not by their mean.
         is_spread: A spread between flights that have the effect, zero where it is alike in all of them.
-        by_product: What the effect does to reports of itself: told with its size, and nothing to enter in a simulator.
+        by_product: Effect on the reports themselves: reported with its size, and nothing to enter in a simulator.
         label: What readers call it; the name with spaces if empty.
-        shown_as: How readers are told it.
+        shown_as: Form in which it is reported.
         symbol: What stands before the number, such as ``CD0`` before a factor; the label if empty.
 
     Example:
@@ -81,13 +81,13 @@ class Parameter:
 
     @property
     def told_unit(self) -> str:
-        """Unit in which readers are told it: ``factor``, ``%``, or a unit of the trade."""
+        """Unit in which it is reported: ``factor``, ``%``, or a unit of the trade."""
         if self.shown_as in ("change", "logarithm"):
             return "factor"
         return "%" if self.shown_as in ("percent", "flights") else TOLD_IN.get(self.unit, (self.unit, 1.0))[0]
 
     def told(self, value: float) -> float:
-        """A value as readers are told it, in :attr:`told_unit`."""
+        """A value as reported, in :attr:`told_unit`."""
         if self.shown_as == "change":
             return 1 + value
         if self.shown_as == "logarithm":
@@ -202,7 +202,7 @@ class Effect(ABC):
         """Settings that give a simulator the effect; levels and the share of the flights come after them.
 
         Args:
-            told: By parameter, what readers are told of its size in the flights that have the effect.
+            told: By parameter, the report of its size in the flights that have the effect.
 
         Example:
             >>> from descentflow.effects import EFFECTS
@@ -238,14 +238,14 @@ class Effect(ABC):
         return FlightChange(reported=part) if self.sensor else FlightChange(flown=part)
 
     def measured(self, state: FlightState, shown: Shift) -> Tensor | None:
-        """Parameters (k,) that flights of one side show by themselves, held against physics and no other flights.
+        """Parameters (k,) that flights of one side show by themselves, compared with physics and no other flights.
 
         Args:
             state: Flights of that side.
             shown: Quantities of them, (n, K), NaN where not seen.
 
         Returns:
-            None where nothing that is shown says them, as of all effects that do not say otherwise.
+            None where nothing reported measures them, the default.
         """
         return None
 
@@ -256,7 +256,7 @@ class Effect(ABC):
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """True where parameters can be real: an estimate driven to a bound other than zero cannot.
 
-        What says how flights differ may be at its upper bound: all flights have the effect.
+        A spread between flights may be at its upper bound: all flights have the effect.
         """
         return all(
             value == 0.0 or (value > p.low + AT_BOUND and (p.from_heterogeneity or value < p.high - AT_BOUND))
@@ -266,7 +266,7 @@ class Effect(ABC):
     def may_be(self, state: FlightState, theta: Tensor) -> tuple[str, ...]:
         """Other effects of the catalogue that look like these parameters, for lack of the channels that they need.
 
-        None of them is then named, this one neither: nothing that was measured says which it is.
+        None of them is then named, this one neither: no measurement decides which it is.
         """
         return ()
 

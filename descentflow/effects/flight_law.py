@@ -20,7 +20,7 @@ from descentflow.effects.flight_state import FlightState
 
 
 def spread_of(name: str, high: float, unit: str, scale: float, label: str, shown_as: ShownAs = "number") -> Parameter:
-    """A parameter that says how flights differ: zero where all that have the effect have it alike.
+    """A spread between flights: zero where all that have the effect have it alike.
 
     Example:
         >>> spread_of("spread_extra", 2.0, "1", 0.1, "spread of the drag added").is_spread
@@ -52,7 +52,7 @@ def positive_size(uniform: Tensor, mean: Tensor, spread: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Ways:
-    """W ways in which n flights may have an effect, over S slots.
+    """W windows in which n flights may have an effect, over S slots.
 
     Attributes:
         slots: Quantity and band of each slot; the band of a quantity of the whole flight is -1.
@@ -111,7 +111,7 @@ class Learnt:
 class DiffersByFlight(Effect):
     """An effect that some flights have, each in its own way and size, and others have not.
 
-    Its parameters say the law: the share of the flights, the mean size and its spread, and how ways are spread.
+    Its parameters say the law: the share of the flights, the mean size and its spread, and how windows are spread.
 
     Example:
         >>> from descentflow.effects import EFFECTS
@@ -130,7 +130,7 @@ class DiffersByFlight(Effect):
 
     @abstractmethod
     def ways(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Ways:
-        """The ways in which flights may have it.
+        """The windows in which flights may have it.
 
         Args:
             state: The flights.
@@ -139,7 +139,7 @@ class DiffersByFlight(Effect):
         """
 
     def coarser(self, theta: Tensor) -> "DiffersByFlight":
-        """The same effect with fewer ways, by which its law is found in less time; itself where these are few."""
+        """The same effect with fewer windows, by which its law is found in less time; itself where these are few."""
         return self
 
     @abstractmethod

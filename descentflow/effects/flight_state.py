@@ -14,7 +14,7 @@ from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 CLEANING = Cleaning()
-"""Default settings, where nobody says by which flights were cleaned."""
+"""Default settings, for flights of unknown cleaning."""
 
 SLOWEST_MPS = 0.5
 """Rates are kept this fast before their logarithm is taken: drag that falls to the thrust is no descent."""
@@ -70,7 +70,7 @@ class FlightState:
     """(K,) or (n, K): ln of the rate that the simulator's flights have beyond the polar's."""
     turned_more: Tensor | None = None
     """(K,) share by which turns raise the induced drag of the real flights more than that of the simulator's, in the
-    mean and as headings say; None where nothing says it."""
+    mean and as headings imply; None where unknown."""
 
     def rows(self, index: Tensor) -> "FlightState":
         """The flights at these positions; the same ones for the same positions, so that what they know is kept."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ScaleGroup:
-    """Names of effects that scale one equation together, and what a reader is told of them.
+    """Names of effects that scale one equation together, and their description for readers.
 
     Attributes:
         members: Names of the effects.

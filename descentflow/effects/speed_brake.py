@@ -26,7 +26,7 @@ FROM_TOP_FL = 5.0
 """A window that is open to the top is a matter of how descents begin."""
 
 GRID_FL = 5.0
-"""Ends of each flight's own window are told apart in steps of so much: a third of a band..."""
+"""Ends of each flight's own window differ by at least so much: a third of a band."""
 COARSE_FL = 10.0
 """...and in steps of so much while a law is sought: of a quarter as many windows."""
 LEAST_SPREAD_FL = 1.0
@@ -117,7 +117,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         return felt and shared and whole
 
     def may_be(self, state: FlightState, theta: Tensor) -> tuple[str, ...]:
-        """Turns, where no heading says them, each flight has its own drag, and a bank of an airliner adds as much.
+        """Turns, where no heading is known, each flight has its own drag, and a bank of an airliner adds as much.
 
         What it adds is known as well as that of a turn by headings.
         """

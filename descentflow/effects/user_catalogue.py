@@ -73,7 +73,7 @@ def effects_of_file(path: str | Path, taken: frozenset[str] = frozenset()) -> di
 
 
 def _run(source: Path) -> ModuleType:
-    """Run the file; what it raises is told with the file's own line."""
+    """Run the file; an error names the file's own line."""
     spec = spec_from_file_location(MODULE, source)
     assert spec is not None
     assert spec.loader is not None

@@ -65,7 +65,7 @@ class VerticalRateLag(Effect):
         A first-order lag tau makes the report y of a rate r follow dy/dt = (r - y) / tau. Its mean over a band exceeds
         that of r by tau times the change of y over the seconds in the band, whatever r does within it. What that shifts
         in the rate itself is taken at the real flights' mean change: a flight's own is a difference of the very rates
-        that it would be held against, and a regression on it is biased (endogeneity: Wooldridge, Introductory
+        that it would be compared with, and a regression on it is biased (endogeneity: Wooldridge, Introductory
         Econometrics, chapter 15).
         """
         change = state.rate_change_per_s

@@ -1,4 +1,4 @@
-"""Samples held against held-out flights: scores beside their noise floor, and figures.
+"""Comparison of samples with held-out flights: scores beside their noise floor, and figures.
 
 Reading order: :mod:`~descentflow.evaluation.evaluate` (what a user calls),
 :mod:`~descentflow.evaluation.evaluation_report` (what it returns),

@@ -22,7 +22,7 @@ MACH_UNIT, CAS_UNIT_KT = 0.005, 4.0
 """Departures from constant Mach and from constant CAS that weigh alike: 0.005 is some 2 kt of CAS at FL300, and CAS is
 held twice as loosely."""
 FEWEST_LEVELS = 10
-"""Levels that a part needs to be told."""
+"""Smallest number of levels of a part."""
 
 
 def tables(samples: pl.DataFrame) -> tuple[dict[str, Any], dict[str, Any]]:

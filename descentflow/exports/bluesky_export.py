@@ -135,7 +135,7 @@ def commanded_rates(time_s: Array, altitude_ft: Array) -> tuple[Array, Array]:
     """Rates to command every :data:`STEP_S` seconds, and the altitudes that BlueSky has when they are given.
 
     Each is the sample's mean rate until the next command, and what makes good the altitude that the limit kept back.
-    The flight comes with the sample's first rate: :func:`run_up` says how.
+    The flight comes with the sample's first rate: see :func:`run_up`.
 
     Args:
         time_s: (k,) from zero, ascending.

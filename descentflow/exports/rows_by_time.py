@@ -19,7 +19,7 @@ def rows_by_time(table: pl.DataFrame, step_s: float) -> pl.DataFrame:
     Programs that resample take the first row of each step for the step's beginning: at odd times it is not.
 
     Args:
-        table: Flights with a row for each level, in the order of time, told apart by ``sample_id``.
+        table: Flights with a row for each level, in the order of time, identified by ``sample_id``.
         step_s: Seconds from row to row.
 
     Returns:

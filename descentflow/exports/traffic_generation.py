@@ -44,7 +44,7 @@ class TrafficGeneration:
         Args:
             model: A checkpoint's path, a density, or a fitted model.
             plan: Where the descents are flown; it must have a path.
-            features: Some of :data:`KNOWN`, in the order that traffic is told too.
+            features: Some of :data:`KNOWN`, in the order that traffic gets too.
             n_obs: Times of each flight.
             seed: Of the first call of :meth:`sample`; every further call draws other flights.
 

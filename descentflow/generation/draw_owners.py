@@ -54,7 +54,7 @@ class _Draws:
     def residual(
         self, model: Sampler | ConditionalSampler, wanted: Tensor, weights: Tensor, white: Tensor, seed: int
     ) -> Tensor:
-        """Residual beyond the components of a batch of weights (m, d): standard normals, or as the model says."""
+        """Residual beyond the components of a batch of weights (m, d): standard normals, or by the model's law."""
         if not isinstance(model, ResidualSampler):
             return white
         held = self.components(wanted), self.of_scale(wanted)

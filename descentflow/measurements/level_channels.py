@@ -12,7 +12,7 @@ from descentflow.core.mode_s_steps import STEPS
 from descentflow.core.units import FL_M, FT_M
 
 STENCIL = 5
-"""Levels on either side whose mean is held against the level between: noise is shorter, flight is longer."""
+"""Levels on either side whose mean is compared with the level between: noise is shorter, flight is longer."""
 MIN_STENCILS = 15
 """Whole stencils that a flight must show for its noise to be measured."""
 QUIET = 0.8
@@ -21,7 +21,7 @@ number to CAS, at the tropopause) a step of the flight is left, and no noise."""
 OF_QUIET = 0.4377
 """Mean square of the least 80 % of normal values, in the mean square of all: 1 - 2 z phi(z) / 0.8 with z = 1.2816."""
 LEAST_NOISE = 0.5
-"""Of a report's step: less noise is not told apart from rounding."""
+"""Of a report's step: less noise cannot be separated from rounding."""
 NAMED = {"rate": "vertical_rate", "cas": "IAS", "mach": "Mach", "tas": "TAS", "groundspeed": "groundspeed"}
 """Name of a noise -> the channel that has it; that of the altitude is in the times at which levels are crossed."""
 KNOT = 1e-4
@@ -218,7 +218,7 @@ def short_scale_noise(grid: LevelGrid, *, least: bool = True) -> dict[str, Tenso
 
 
 def least_noise(name: str) -> float:
-    """Noise that is told apart from rounding: half a report's step; metres for the altitude.
+    """Noise that exceeds rounding: half a report's step; metres for the altitude.
 
     Rounding of a number that changes steadily is not independent from report to report, and may show as so much.
 

@@ -1,4 +1,4 @@
-"""The line over the ground that descents follow, told by how far is left to its end; geodesics of WGS84 by pyproj."""
+"""The ground path of descents, by the distance left to its end; geodesics of WGS84 by pyproj."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ Point = tuple[float, float]
 class GroundPath:
     """Geodesics that follow each other, ordered from the end point backwards.
 
-    A flight is told by the distance that it has left to the end point. Turns at fixes take no distance. Before the
+    A place is given by the distance that it has left to the end point. Turns at fixes take no distance. Before the
     first fix the path goes on along the geodesic of its first leg.
 
     Attributes:

@@ -17,7 +17,7 @@ MODELS = (
     ("#cc79a7", ":"),
     ("#e69f00", (0, (5, 1, 1, 1, 1, 1))),
 )
-"""Colour and dashes of each model in turn, so that no model is told by its colour alone."""
+"""Colour and dashes of each model in turn, so that no model is known by its colour alone."""
 
 
 def model_style(position: int) -> dict[str, Any]:

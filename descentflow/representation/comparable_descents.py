@@ -16,10 +16,10 @@ from descentflow.surveillance.open_descents import open_descents
 def comparable_descents(
     source: Any, representation: Representation, *, progress: Callable[[str], None] | None = None
 ) -> Descents:
-    """Open descents that a model is held against; rows are cleaned with the settings of its training descents.
+    """Open descents that a model is compared with; rows are cleaned with the settings of its training descents.
 
     A checkpoint that does not keep those settings (written before descentflow kept them, or trained on descents that do
-    not say) is used all the same: rows are cleaned with the defaults, down to its lowest level, and a warning says so.
+    not say) is used all the same: rows are cleaned with the defaults, down to its lowest level, with a warning.
 
     Args:
         source: As :func:`~descentflow.surveillance.open_descents.open_descents` takes it.

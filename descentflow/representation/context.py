@@ -27,8 +27,8 @@ class Column:
     """Encoding of one column as numbers.
 
     A number is standardised. An hour becomes the sine and cosine of the day's angle: 23:59 is close to 00:01. A
-    category is one 0/1 number for each value but the most frequent. With ``indicator`` one more 0/1 number says that
-    the value is missing, and the others are then zero.
+    category is one 0/1 number for each value but the most frequent. With ``indicator`` one more 0/1 number marks a
+    missing value, and the others are then zero.
 
     Example:
         >>> Column("operator", "category", values=("AFR", "DLH", "(other)")).encode(pl.Series(["DLH", "AFR", "KLM"]))
@@ -135,7 +135,7 @@ class ContextEncoder:
         return {c.name: ~c.usable(frame[c.name]) for c in self.columns if not c.indicator}
 
     def check_range(self, frame: pl.DataFrame) -> None:
-        """Refuse contexts that no training flight was near: a density says nothing of them.
+        """Refuse contexts that no training flight was near: a density does not hold there.
 
         Args:
             frame: A row for each context.

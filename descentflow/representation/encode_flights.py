@@ -20,7 +20,7 @@ from descentflow.representation.representation import Representation, Split
 
 Say = Callable[[str], None]
 FEW = 100
-"""Training flights below which a summary says that they are few."""
+"""Training flights below which a summary calls them few."""
 
 
 @dataclass(frozen=True)

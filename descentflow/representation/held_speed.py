@@ -42,7 +42,7 @@ def as_held(
         speed: What is asked for.
         make: The flights, with their speed held in one way or the other.
         train_of: The training flights among them.
-        say: Told what ``auto`` chose.
+        say: Reports what ``auto`` chose.
 
     Example:
         >>> as_held("cas", lambda speed: speed, lambda speed: None, print)

@@ -89,7 +89,7 @@ class Representation(nn.Module):
                 absent.
             context: What the density is conditioned on; None for nothing.
             cleaning: Thresholds with which the training descents were cleaned, and with which rows are cleaned that the
-                model is held against; None if they are unknown.
+                model is compared with; None if they are unknown.
             gaps: What the density is fitted to, see :func:`~descentflow.representation.linear_curves.evidence_of`.
             air: In which air drag was inferred, and the training flights' own; None for standard air.
             seen: By which training and validation flights are recognised under other identifiers; None if the

@@ -9,6 +9,6 @@ each flight, with :mod:`~descentflow.simulation.constant_segments`, :mod:`~desce
 diagnosis is to find are injected by :mod:`~descentflow.simulation.causes` through
 :mod:`~descentflow.simulation.injected`. Nothing of this shares an equation with the decoder that it tests.
 
-Descents alone are flown. To fly climbs, begin with what :mod:`descentflow.physics` says of them; here an autopilot that
+Descents alone are flown. To fly climbs, begin with the list in :mod:`descentflow.physics`; here an autopilot that
 climbs goes beside the one that descends.
 """

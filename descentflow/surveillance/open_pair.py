@@ -1,4 +1,4 @@
-"""Two sets of descents that are held against each other: both cleaned with one set of settings."""
+"""Two sets of descents that are compared: both cleaned with one set of settings."""
 
 import warnings
 from collections.abc import Callable

@@ -8,7 +8,7 @@ from descentflow.core.progress import clear_line
 
 
 def quiet() -> None:
-    """Silence advice that does not apply here; everything else that Lightning says still comes through.
+    """Silence advice that does not apply here; other messages of Lightning still appear.
 
     Example:
         >>> quiet()

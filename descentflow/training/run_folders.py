@@ -16,7 +16,7 @@ USUAL_FOLDER = "runs"
 
 
 def name_run(config: Any) -> None:
-    """Put a fit's folder where ``--trainer.default_root_dir`` says, and name it after the model unless it has a name.
+    """Put a fit's folder into ``--trainer.default_root_dir``, and name it after the model unless it has a name.
 
     Args:
         config: Settings of the command, changed in place.

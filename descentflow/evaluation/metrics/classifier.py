@@ -26,7 +26,7 @@ MAX_PAIRS = 1_000
 SHOWN_LEVELS = 40
 """Levels of each quantity that the classifier sees, at the least and if the grid has as many: neighbours are alike."""
 BANDS = 8
-"""Bands of levels whose importance is told, of each quantity."""
+"""Bands of levels whose importance is reported, of each quantity."""
 REPEATS = 4
 """Random exchanges behind each importance."""
 SETTINGS: dict[str, Any] = {"max_iter": 50, "max_leaf_nodes": 8, "min_samples_leaf": 10, "early_stopping": False}
@@ -77,7 +77,7 @@ class Detection:
 
     @property
     def auc(self) -> float:
-        """Probability that a flight looks more like a flight than a sample does: 0.5 if they cannot be told apart."""
+        """Probability that a flight looks more like a flight than a sample does: 0.5 if they cannot be separated."""
         return float(self.by_flight.nanmean())
 
     @property

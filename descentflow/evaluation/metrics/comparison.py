@@ -214,7 +214,7 @@ class OrderedOnce:
     mask: Tensor
 
     def counted(self, counts: Tensor) -> Pooled:
-        """Both samples, where each descent of the second counts as often as ``counts`` (m,) says."""
+        """Both samples, where each descent of the second counts ``counts`` (m,) times."""
         padded = torch.cat([counts, counts.new_zeros(1)])
         # Counts are small integers: their sums are exact in double precision, whose products are the fast ones.
         weights = counts.double()

@@ -22,8 +22,8 @@ T = TypeVar("T")
 SIZE = 200
 """Flights on each side. A type needs twice as many held-out flights; of one with fewer, half are on each side."""
 MIN_VALUES = 4
-"""Fewest values of each set at a level, or of times, from which a distance is taken: below that, a distance says
-more about the count than about the flights. By the 25 % rule for the top of the grid, 32 flights leave about 4 on
+"""Fewest values of each set at a level, or of times, from which a distance is taken: below that, a distance depends on
+the count more than on the flights. By the 25 % rule for the top of the grid, 32 flights leave about 4 on
 each side at the highest level."""
 BATCH_VALUES = 1 << 22
 """Values of one set that are held at once: 32 MB in float64."""

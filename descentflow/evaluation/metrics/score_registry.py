@@ -1,4 +1,4 @@
-"""Everything that is scored: one entry says what a quantity or a statistic is called, its unit and how it is computed.
+"""Everything that is scored: one entry has the name of a quantity or a statistic, its unit and how it is computed.
 
 To add a score, add an entry to :data:`STATISTICS`: the table, its CSV file, the bootstrap intervals, the figures, the
 callbacks and the study take it from there.

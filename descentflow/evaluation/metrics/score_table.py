@@ -26,7 +26,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True)
 class Score:
-    """One statistic of one quantity; NaN where ``note`` says why there is no number.
+    """One statistic of one quantity; NaN where ``note`` has the reason for no number.
 
     ``score``: all samples against all flights, as in the paper. ``equal_size`` (matched size): ``n_each`` samples
     against as many flights; ``floor`` and ``floor_high`` (noise floor): as many other flights against the same

@@ -58,7 +58,7 @@ def score(
         n_splits: Number of random splits.
         costly: Whether costly statistics are among them: the AUC of a classifier takes seconds.
         floor: Whether the noise floor of distances at levels is wanted; NaN if not. That of whole profiles and descents
-            says which flights can be scored, and is always there.
+            decides which flights can be scored, and is always there.
         progress: Progress callback: called with numbers that sum to :func:`n_comparisons`.
 
     Returns:

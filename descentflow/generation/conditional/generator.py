@@ -122,7 +122,7 @@ class Generator:
         return f"Generator of {typecode} descents, FL{top:.0f} to FL{bottom:.0f}: seed {self.seed}, next {self._next}"
 
     def next(self, **asked: Unpack[Asked]) -> GeneratedSamples:
-        """One descent: :meth:`next_batch` of one, which says what can be asked."""
+        """One descent: :meth:`next_batch` of one, which lists the constraints."""
         return self.next_batch(1, **asked)
 
     @checked_arguments

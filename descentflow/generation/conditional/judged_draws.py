@@ -1,4 +1,4 @@
-"""Draws as descents: corrected where the checkpoint says so, and held against the bounds."""
+"""Draws as descents: corrected where the checkpoint has a correction, and checked by the bounds."""
 
 from collections.abc import Callable
 

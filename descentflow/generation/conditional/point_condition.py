@@ -7,7 +7,7 @@ With the slope g of T at a Gaussian's mean and the covariance $\Sigma$ that is l
 and the coordinate s along it is independent of the rest, with variance $1 / g^T v$. A draw keeps its rest; its s is
 solved for the value t that is asked. The density of such draws given that the quantity T is t is that of the rest times
 $\phi(s) / \lvert\partial T / \partial s\rvert$, which becomes their weight. Of a band, t is first drawn from the
-normal that the slope says, cut to the band; of a band of levels, the level is drawn evenly, and the weight has the
+normal that the slope implies, cut to the band; of a band of levels, the level is drawn evenly, and the weight has the
 change of T by level.
 """
 
@@ -81,7 +81,7 @@ class Flown:
 class PointCondition:
     """A time or a distance at a level, for C Gaussians whose descents start at one level.
 
-    ``log_probs`` (C,) are the shares of the Gaussians given the rows and, as far as the slope says, the point;
+    ``log_probs`` (C,) are the shares of the Gaussians given the rows and, as far as the slope implies, the point;
     ``tail`` is how probable what is asked is then.
 
     Args:

@@ -1,13 +1,13 @@
 r"""Speeds asked at levels as rows of linear conditions, in whichever way each is held.
 
 Where speed is one CAS profile, a speed at a level is one row. Where the lower of a Mach number and a CAS is flown, a
-band of it is met in one of two ways, of which no draw can be both,
+band of it is met in one of two cases, of which no draw can be both,
 
 .. math:: c \in [a, b],\ m \ge a \qquad\text{or}\qquad c > b,\ m \in [a, b],
 
 with c the CAS and m that of the Mach number, which at a level is a Mach number too. Together they are
 :math:`\min(c, m) \in [a, b]`; a value is a band of no width. Each way has two rows, linear in the latent numbers, so
-that every Gaussian becomes as many as there are ways to hold all the speeds that are asked.
+that every Gaussian becomes as many as there are cases that hold all the speeds that are asked.
 """
 
 from itertools import chain, product
@@ -111,7 +111,7 @@ def speed_cells(
 
     Raises:
         NothingPlausible: If a speed is beyond the bounds.
-        ConfigError: If there are more ways than can be conditioned at once.
+        ConfigError: If there are more cases than can be conditioned at once.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model

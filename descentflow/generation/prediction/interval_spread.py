@@ -87,7 +87,7 @@ AS_DRAWN = TimeSpread(torch.ones(1, dtype=torch.float64), torch.ones(1, dtype=to
 
 
 def depths(n_levels: int) -> Tensor:
-    """Numbers of levels below the last observed one at which intervals are held against flights: 1, 2, 4, ..., all.
+    """Numbers of levels below the last observed one at which intervals are compared with flights: 1, 2, 4, ..., all.
 
     Example:
         >>> depths(70)

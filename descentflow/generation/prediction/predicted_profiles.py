@@ -26,7 +26,7 @@ def prediction_figure(
     """CAS, vertical rate and time against flight level: the predicted rest as bands, and what was flown.
 
     The part that was observed is drawn solid; what was flown after it, which the prediction did not see, dash-dotted.
-    The first four flights are drawn, and the title says how many there are.
+    The first four flights are drawn, and the title has their number.
 
     Args:
         predictions: Continuations of flights, at least one.

@@ -74,7 +74,7 @@ def mean_and_covariance(values: Tensor) -> tuple[Tensor, Tensor]:
 def own_product(values: Tensor) -> Tensor:
     """``values' values`` (L, L) of values (n, L).
 
-    NumPy sees that both factors are the same and works out one triangle, at half of torch's time.
+    NumPy sees that both factors are the same and computes one triangle, at half of torch's time.
 
     Example:
         >>> own_product(torch.tensor([[1.0, 2.0], [3.0, 4.0]]))

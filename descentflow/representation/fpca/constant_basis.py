@@ -1,7 +1,7 @@
 """A speed that crews hold: one constant of the flight, and small smooth deviations about it.
 
 Mach numbers are seen above a flight's crossover and CAS below it, so no level is seen of all flights. A probabilistic
-PCA whose first loading is alike on every level says what is known of the constant from whatever part is seen; the
+PCA whose first loading is alike on every level gives the constant from whatever part is seen; the
 others hold what flights stray from it. The density is over the constant alone; the deviations come back in samples with
 their own variance, and what is observed is weighed with them in mind.
 """

@@ -141,7 +141,7 @@ def missed(
 
     Args:
         centred: (n, L) values minus the mean.
-        seen: (n, L) levels that are told.
+        seen: (n, L) levels that are given.
         hidden: (n, L) levels that are asked for.
         loadings: (L, q).
         noise: Noise variance.

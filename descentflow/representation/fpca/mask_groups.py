@@ -1,4 +1,4 @@
-"""Flights grouped by the levels that they show, so that what depends on these alone is worked out once."""
+"""Flights grouped by the levels that they show, so that what depends on these alone is computed once."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -94,7 +94,7 @@ class Cause:
     draw: Callable[[np.random.Generator, float], dict[str, float]]
     """Draws what a study injects, alike in all flights that have it: 1 is the full size, 0.5 the half size."""
     inject: Callable[[Fleet, Values], tuple[FlightParameters, Own]]
-    """Changes flights, and says what each of them has got."""
+    """Changes flights, and returns the value of each."""
     stream: int
     """Of random numbers, one for each cause."""
     vary: Callable[[np.random.Generator, float], dict[str, float]] | None = None

@@ -13,7 +13,7 @@ from descentflow.simulation.motion import Dynamics, Motion
 from descentflow.simulation.parameters import FlightParameters
 
 _POINTS = 8
-"""Heights at which an idle descent is worked out before a path or a rate below it is chosen."""
+"""Heights at which an idle descent is computed before a path or a rate below it is chosen."""
 
 
 def _idle_path(fleet: Fleet, high_m: Tensor, low_m: Tensor) -> tuple[Tensor, Tensor]:

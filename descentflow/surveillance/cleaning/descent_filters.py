@@ -50,7 +50,7 @@ class Descending(Filter):
 class SteadyDescent(Filter):
     """Drop the transients at the top and the bottom of a descent, and beside level-offs (paper, section 3).
 
-    A transport aircraft takes some 20 s to enter or to leave its descent (0.05 to 0.1 g); in this time its rate says
+    A transport aircraft takes some 20 s to enter or to leave its descent (0.05 to 0.1 g); in this time its rate carries
     little about thrust and drag.
 
     Args:

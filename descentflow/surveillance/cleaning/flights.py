@@ -136,11 +136,11 @@ def name_flights(
         rows: Sorted by aircraft and time.
         gap_s: Time without a report that separates two flights of one address.
         shared: Names of the source to which the address is added; those of :func:`names_shared` in `rows` if None.
-        report: Takes the number of flights that were told apart under one name.
+        report: Takes the number of flights that shared one name.
 
     Returns:
         Rows sorted by flight and time, with the column
-        :data:`~descentflow.surveillance.cleaning.flights_by_silence.PART_OF` if flights of one name were told apart.
+        :data:`~descentflow.surveillance.cleaning.flights_by_silence.PART_OF` if flights shared a name.
 
     Example:
         >>> rows = pl.DataFrame({"icao24": "4ca001", "timestamp": pl.from_epoch(pl.Series([0, 60, 4000]))})

@@ -1,4 +1,4 @@
-"""Flights of one name told apart by silence, and legs of traces that a day's end cut joined again."""
+"""Separation of flights of one name by silence, and legs of traces that a day's end cut joined again."""
 
 import polars as pl
 
@@ -24,10 +24,10 @@ def told_apart(rows: pl.DataFrame, gap_s: float, report: DropReport | None = Non
     Args:
         rows: Sorted by aircraft and time.
         gap_s: Time without a row of the flight after which the same name is another flight.
-        report: Takes the number of flights that were told apart, and of legs that were joined.
+        report: Takes the number of flights that were separated, and of legs that were joined.
 
     Returns:
-        The same rows in the same order, with :data:`PART_OF` if any flight was told apart.
+        The same rows in the same order, with :data:`PART_OF` if any flight was separated.
 
     Example:
         >>> times = pl.from_epoch(pl.Series([0, 60, 86_400]))

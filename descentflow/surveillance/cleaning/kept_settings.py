@@ -16,7 +16,7 @@ def kept_cleaning(settings: object) -> Cleaning | None:
 
     Returns:
         The thresholds; None if they are unknown: nothing is kept, a value is no threshold, or the names are not exactly
-        those of this version (of a threshold that it did not have, another version says nothing).
+        those of this version (of a threshold that it did not have, another version has nothing).
 
     Example:
         >>> kept_cleaning(asdict(Cleaning(transient_s=60.0))).transient_s

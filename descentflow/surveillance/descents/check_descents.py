@@ -12,7 +12,7 @@ from descentflow.surveillance.rows.units_check import check_consistency
 LEVELS_FL = (0, 600)
 TEXTS = ("flight_id", "icao24", "typecode", "callsign")
 LOOKED_AT, LONGEST_S = 400_000, 1e7
-"""Levels of whole flights whose columns are held against each other, and time that no flight takes."""
+"""Levels of whole flights whose columns are compared, and time that no flight takes."""
 NEVER_MISSING = ("flight_id", "level_fl", "time_s")
 
 

@@ -49,7 +49,7 @@ def check_named(columns: Mapping[str, str]) -> None:
 
 
 def with_named(table: pl.DataFrame, columns: Mapping[str, str], path: Path | str, report: DropReport) -> pl.DataFrame:
-    """A table whose columns have the names that the user says; a column that had such a name before is left out.
+    """A table whose columns have the names that the user gives; a column that had such a name before is left out.
 
     Args:
         table: As its source names the columns.

@@ -236,7 +236,7 @@ def _parsed(column: pl.Series, form: str) -> pl.Series:
 
 
 def wanted(names: Sequence[str], named: Sequence[str] = ()) -> list[str]:
-    """Columns of a table that may say something; all of them if a required one is missing, so that they can be told.
+    """Columns of a table that may say something; all of them if a required one is missing, so that they can be named.
 
     Args:
         names: Of all columns.

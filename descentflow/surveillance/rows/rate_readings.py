@@ -33,7 +33,7 @@ class Reading:
     """Reading of a column's values: unit, sign and meaning.
 
     Attributes:
-        words: What a message says of it; empty for the expected unit.
+        words: Its words in a message; empty for the expected unit.
         factor: To the expected unit.
         meaning: The quantity that it is instead, `TAS` or `IAS`, or `unsigned`; empty for the one that it should be.
         off: Whether no unit is assumed: the column is left out of all comparisons.

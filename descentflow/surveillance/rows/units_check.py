@@ -42,8 +42,8 @@ def check_units(rows: pl.DataFrame, source: str) -> None:
     """Refuse rows with a column that is evidently in a wrong unit, or of another quantity.
 
     Altitude, IAS, Mach, TAS, groundspeed and vertical rate are read in every combination of units and meanings; where
-    they contradict each other as given, the combination that changes least and makes all of them agree says what is
-    wrong. Where none does, the column without which the others agree is named, or all that contradict.
+    they contradict each other as given, the combination that changes least and makes all of them agree is the
+    error. Where none does, the column without which the others agree is named, or all that contradict.
 
     Args:
         rows: As read, before the check of possible values: 300 kt in km/h would be impossible. Without a column Mach

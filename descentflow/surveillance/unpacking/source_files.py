@@ -24,7 +24,7 @@ def files_of(paths: Sequence[str | Path], accepted: str = "files or folders of r
 
     Args:
         paths: Files and folders.
-        accepted: What the error says is expected.
+        accepted: Expected input, for the error.
 
     Raises:
         DataError: If a path does not exist, or no file is left.

@@ -54,7 +54,7 @@ class KeptEpochs(ModelCheckpoint):
         return super().state_key.replace(type(self).__qualname__, ModelCheckpoint.__qualname__, 1)
 
     def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
-        """As Lightning's, and remember the trainer, which is told only later what it resumes."""
+        """As Lightning's, and remember the trainer, which learns only later what it resumes."""
         super().setup(trainer, pl_module, stage)
         self._of = trainer
 

@@ -33,7 +33,7 @@ MOST_K, MOST_MPS = 40.0, 130.0
 WINDOW = 3
 """Bands on either side, with whose median a band is compared."""
 OUTLIER = 4.0
-"""...and how many robust standard deviations it may be away: one of 16,000 normal ones (Hampel's identifier)."""
+"""Robust standard deviations that it may be away: one of 16,000 normal ones (Hampel's identifier)."""
 Part = tuple[Tensor, float, Tensor]
 """Values (n, L) of a channel, the step of its reports, and the weight (n, L) of its error in what is observed."""
 

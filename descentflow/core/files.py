@@ -23,7 +23,7 @@ OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPER
 """Error numbers of the system for a file that cannot be written."""
 TEMPORARY = re.compile(r"\..+\.descentflow-part\d+(\.|$)", re.DOTALL)
 LOCK = ".lock"
-"""What the name of a temporary file's lock ends in."""
+"""Ending of the name of a temporary file's lock."""
 OF_RUST = re.compile(r"\(os error (\d+)\)")
 
 

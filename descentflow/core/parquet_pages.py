@@ -150,7 +150,7 @@ class _Thrift:
         return value | byte << shift
 
     def _integer(self) -> int:
-        """A signed number, written as 0, -1, 1, -2, ..."""
+        """A signed number, written as 0, -1, 1, -2 and so on."""
         value = self._varint()
         return (value >> 1) ^ -(value & 1)
 

@@ -1,4 +1,4 @@
-"""Why a simulator and real flights differ: where, which unmodelled effect, and how far the gap shrinks.
+"""Differences between a simulator and real flights: where, by which unmodelled effect, and how far the gap shrinks.
 
 Reading order: :mod:`~descentflow.diagnosis.diagnose` (opens flights and simulators),
 :mod:`~descentflow.diagnosis.procedure` (the steps), :mod:`~descentflow.diagnosis.inference` (which effect),

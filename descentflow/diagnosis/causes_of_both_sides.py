@@ -73,7 +73,7 @@ def _kinematic(compared: Compared) -> Compared:
 
 
 def _is_large(name: str, found: GapReport, settings: Settings) -> bool:
-    """Whether a cause has the size from which it shows against physics alone."""
+    """Test for a cause of the size from which it shows against physics alone."""
     least = settings.catalogue[name].inherited_from
     cause = next(one for one in found.causes if one.effect == name)
     size = next(iter(cause.parameters.values())).estimate

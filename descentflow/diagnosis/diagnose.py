@@ -49,7 +49,7 @@ def diagnose(
             :func:`descentflow.surveillance.prepare.prepare` returns them, or a table (Polars or pandas) of them.
         simulator: Path of a checkpoint, a density, or a fitted model; flights of any simulator, in every form of
             ``real``; the designator of a type (``"A320"``) or its coefficients, for nominal BADA at each flight's own
-            speed. Files are told apart by their content.
+            speed. Files are recognised by their content.
         typecode: Designator of a type: in place of ``simulator``, its nominal descent; beside a simulator's flights,
             whose coefficients give the signatures of effects (the flights' own type if absent).
         nearest_type: Whether the nearest type may stand for flights whose type has no coefficients, see
@@ -60,7 +60,7 @@ def diagnose(
         catalogue: Effects that may be named; :data:`descentflow.effects.EFFECTS` if absent. A path is that of a Python
             file with effects beside those (:func:`descentflow.effects.user_catalogue.effects_of_file`): it is run.
         previous: `gap.json` of an earlier diagnosis of the same real flights, after which the simulator was changed:
-            what it predicted is held against what was achieved.
+            what it predicted is compared with what was achieved.
         seed: Of permutations, bootstrap and samples: the same seed gives the same answer.
         out: Folder for `gap.json`, `gap.html` and the corrected simulator; nothing is written if absent. One that holds
             the report of other flights or another simulator is refused; the same may be run again.
@@ -79,7 +79,7 @@ def diagnose(
         ConfigError: If no simulator is named, the catalogue cannot be used, or a channel does not exist.
         DataError: If the flights of either side cannot be used, are too few, or both have no type, no level or no
             needed channel in common; if the earlier diagnosis is of other flights, another type or version; or if the
-            folder cannot be written or holds another report, which is told before anything is computed.
+            folder cannot be written or holds another report, before anything is computed.
 
     Warns:
         DescentflowWarning: If prepared descents were cleaned with other settings than the simulator's, or the settings

@@ -1,4 +1,4 @@
-"""What a diagnosis is asked to do."""
+"""Settings of a diagnosis."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from descentflow.effects import Effect
 
 @dataclass(frozen=True)
 class Settings:
-    """What a diagnosis is asked to do.
+    """Settings of a diagnosis.
 
     Attributes:
         simulator: What is diagnosed.
@@ -19,7 +19,7 @@ class Settings:
         channels: Channels to use.
         seed: Of permutations, folds, bootstrap and samples.
         progress: Called with what is being done.
-        previous: The round before, where this one is held against one.
+        previous: The round before, where this one is compared with one.
         previous_name: Of its file.
 
     Example:

@@ -11,7 +11,7 @@ from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
 NAME = "gap.json"
 """Of the report in its folder."""
 SAME = ("name", "kind", "flights", "files")
-"""What tells inputs apart that have no fingerprint."""
+"""Keys that identify inputs without a fingerprint."""
 
 
 def check_no_other_report(out: str | Path, previous: str | Path | None, made: Provenance | None = None) -> None:
@@ -54,7 +54,7 @@ def check_no_other_report(out: str | Path, previous: str | Path | None, made: Pr
 
 
 def _provenance(path: Path) -> Mapping[str, Any]:
-    """What a report says of its inputs, of whatever version it is; nothing where it is none."""
+    """Inputs by a report of any version; nothing where it is none."""
     try:
         found = json.loads(path.read_text(encoding="utf-8")).get("provenance")
     except (OSError, ValueError, AttributeError):

@@ -1,4 +1,4 @@
-"""Where the flights of either side come from: names, days, versions, settings, and a fingerprint of the flights."""
+"""Origin of the flights of either side: names, days, versions, settings, and a fingerprint of the flights."""
 
 import hashlib
 from dataclasses import asdict

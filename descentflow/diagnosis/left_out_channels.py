@@ -1,4 +1,4 @@
-"""Channels that one side lacks, with the effects that they would have told apart."""
+"""Channels that one side lacks, with the effects that they would have separated."""
 
 from collections.abc import Mapping
 
@@ -7,11 +7,11 @@ from descentflow.effects import Effect
 
 
 def left_out_channels(lacked: Mapping[str, str], catalogue: Mapping[str, Effect]) -> list[LeftOutChannel]:
-    """What is left out on both sides because one lacks it.
+    """Channels left out on both sides because one lacks them.
 
     Args:
         lacked: Channel -> the side that lacks it.
-        catalogue: Effects that may be named: each says which channels it needs, and which tell it from others.
+        catalogue: Effects that may be named: each names the channels it needs, and which tell it from others.
 
     Example:
         >>> from descentflow.effects import EFFECTS

@@ -1,4 +1,4 @@
-"""What no comparison with a simulator of the same flights could show."""
+"""Effects that no comparison with a simulator of the same flights can show."""
 
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.gap_found import WouldSplit
@@ -9,7 +9,7 @@ what it flies, and what both sides have alike is no gap."""
 
 
 def not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:
-    """What a simulator's flights hide, by where they come from.
+    """Effects that a simulator's flights hide, by their origin.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft

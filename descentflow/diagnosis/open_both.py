@@ -32,7 +32,7 @@ from descentflow.surveillance.open_pair import open_pair
 
 @dataclass(frozen=True)
 class Opened:
-    """What is compared.
+    """Opened inputs of a comparison.
 
     Attributes:
         frame: Prepared real descents.
@@ -53,7 +53,7 @@ class Opened:
     dropped: dict[str, int]
 
     def provenance(self, settings: dict[str, str]) -> Provenance:
-        """How the answer can be made again, with the settings of the diagnosis."""
+        """Inputs by which the answer can be made again, with the settings of the diagnosis."""
         return Provenance(
             self.real_input,
             self.simulator_input,
@@ -72,7 +72,7 @@ def open_both(
     any_type: bool = False,
     air: AirSource | None = None,
 ) -> Opened:
-    """Open real flights and the simulator that they are held against.
+    """Open real flights and the simulator that they are compared with.
 
     Args:
         real: As :func:`~descentflow.diagnosis.diagnose.diagnose` takes it.

@@ -1,4 +1,4 @@
-r"""Whether a gap is so small that the reports could not show it in one flight: measurable, and nothing to explain.
+r"""Gaps below the rounding of reports in one flight: measurable, and nothing to explain.
 
 With enough flights any difference is more than chance. It does not matter where it is less than what the rounding of
 the reports leaves open in a single one. A field that is rounded to steps of q has the standard uncertainty
@@ -145,7 +145,7 @@ def _entries_of(compared: Compared, cell: GapCell) -> Tensor:
 
 
 def _is_felt(cost: Cost, profile: Sequence[LevelMeans]) -> bool:
-    """Whether a cost is more than chance and more than the rounding of one report would make of it."""
+    """Test for a cost that is more than chance and more than the rounding of one report would make of it."""
     inside = [m for m in profile if cost.low_fl <= m.level_fl <= cost.high_fl]
     rate, tas = (sum(values) / len(inside) for values in ([m.rate_fpm for m in inside], [m.tas_kt for m in inside]))
     of_rate, of_tas = UNCERTAINTY["vertical_rate"] / rate, UNCERTAINTY["TAS"] / tas

@@ -48,8 +48,9 @@ SURELY = 3.0
 """Standard errors from which a mean counts among those that a gap is measured over."""
 
 SAMPLES_SLACK = 5.0
-"""How much larger negligible shifts are against samples: they miss what components and energy share leave out, up to a
-percent of the rate about the transition."""
+"""Factor on negligible shifts against samples: they miss what components and energy share omit, up to a percent of the
+rate about the transition.
+"""
 
 
 def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> GapReport:
@@ -116,7 +117,7 @@ def against_physics(compared: Compared, settings: Settings) -> GapReport:
 
 
 def leaves_cost(costs: Sequence[Cost]) -> bool:
-    """Whether flights still take longer or shorter at equal speed, by more than chance, with the causes.
+    """Test for flights that, with the causes, still take longer or shorter at equal speed, by more than chance.
 
     Example:
         >>> from descentflow.diagnosis.findings.costs_found import Measured
@@ -210,7 +211,7 @@ class Diagnosis:
         )
 
     def _verdict(self, found: Explanation, cells: list[GapCell], p_value: float) -> tuple[Verdict, list[BelowRounding]]:
-        """What the weights say, unless chance or the rounding of one report explains it."""
+        """Verdict by the weights, unless chance or the rounding of one report explains it."""
         compared = self.compared
         if p_value > SIGNIFICANT:
             return "none", []
@@ -357,7 +358,7 @@ class Diagnosis:
         )
 
     def _discrepancy(self, found: Explanation) -> Discrepancy:
-        """What an unknown cause explains beyond the named effects, in nats of evidence."""
+        """Evidence (nats) of an unknown cause beyond the named effects."""
         fits, best = self.explainer.search.fits, found.best
         alone = fits.fit(best.names, None, best.sizes)
         explained = alone.log_weight - fits.fit(()).log_weight

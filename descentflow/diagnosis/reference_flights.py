@@ -1,4 +1,4 @@
-"""What both sides measured: a simulator's flights (its own, those of its checkpoint, or samples) and real ones."""
+"""Measurements of both sides: a simulator's flights (its own, those of its checkpoint, or samples) and real ones."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -29,7 +29,7 @@ NEEDED = ("IAS", "vertical_rate")
 SHOWS = {"Mach": "mismatch", "TAS": "tas", "groundspeed": "wind", "geoaltitude": "height"}
 """Channel -> a quantity that cannot be measured without it."""
 REAL, SIMULATED = "real", "simulator"
-"""What the sides are called where one lacks a channel."""
+"""Names of the sides where one lacks a channel."""
 AIR_NOISE = ("noise_tas", "noise_groundspeed")
 """Noise of channels that a flight brought to standard air does not have as it would have been reported there."""
 SAMPLED = ("cas",)
@@ -38,7 +38,7 @@ SAMPLED = ("cas",)
 
 @dataclass(frozen=True)
 class BothSides:
-    """What flights of both sides measured, by the same instrument.
+    """Measurements of both sides' flights, by the same instrument.
 
     Attributes:
         reference: The simulator's flights; None for a nominal descent.

@@ -1,4 +1,4 @@
-"""What is diagnosed: a sampler, flights of any simulator, or nominal BADA; and what flights it can be held against."""
+"""Simulators to diagnose: a sampler, flights of any simulator, or nominal BADA; and the flights that suit each."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -23,7 +23,7 @@ MIN_LEVELS_FL = 30.0
 
 @dataclass(frozen=True)
 class Simulator:
-    """What is diagnosed: a sampler with its representation, flights of any simulator, or nominal BADA.
+    """Simulator to diagnose: a sampler with its representation, flights of any simulator, or nominal BADA.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -40,7 +40,7 @@ class Simulator:
     flights: pl.DataFrame | None = None
     """Prepared descents of the simulator, where it is given by its flights."""
     coefficients: CoefficientsUsed | None = None
-    """Whose coefficients these are, where it is given by its flights or any type of flights is taken."""
+    """Source of the coefficients, where it is given by its flights or any type of flights is taken."""
     cleaning: Cleaning | None = None
     """Settings by which its flights were cleaned, where it is given by them and they are known."""
     metadata: Mapping[str, Any] = field(default_factory=dict)

@@ -15,7 +15,7 @@ from descentflow.physics.performance_model import PerformanceModel
 
 @dataclass(frozen=True)
 class SignatureSource:
-    """Whose coefficients give the signatures of effects.
+    """Type whose coefficients give the signatures of effects.
 
     Attributes:
         typecode: A type; the flights' own if None.
@@ -40,7 +40,7 @@ class SignatureSource:
         Raises:
             AircraftError: If the type has no coefficients, and the nearest is not asked for or not known, or its files
                 cannot be read.
-            DataError: If the flights are of several types or of none, and nobody says whose coefficients to take.
+            DataError: If the flights are of several types or of none, and no coefficients are chosen.
         """
         own = self.typecode or _one(of_flights)
         try:

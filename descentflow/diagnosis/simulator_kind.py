@@ -1,4 +1,4 @@
-"""Which of three kinds of simulator a caller means: a type's nominal descent, a model, or flights of any simulator."""
+"""Three kinds of simulator that a caller may mean: a type's nominal descent, a model, or flights of any simulator."""
 
 import re
 import zipfile
@@ -17,12 +17,12 @@ Kind = Literal["nominal", "model", "flights"]
 DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
 """Type designators of ICAO Doc 8643: two to four letters and digits, a letter first."""
 NAMES = (".ckpt", ".pt", ".pth")
-"""How names of checkpoints end: a damaged one still is no table of rows."""
+"""Endings of names of checkpoints: a damaged one still is no table of rows."""
 EXPECTED = "a checkpoint, or rows or prepared descents of a simulator's flights"
 
 
 def kind_of(simulator: Any) -> Kind:
-    """Whether it is a type (``nominal``), a model or its checkpoint (``model``), or flights (``flights``).
+    """Kind of a source: a type (``nominal``), a model or its checkpoint (``model``), or flights (``flights``).
 
     A file is known by its content: a checkpoint is an archive of PyTorch, whatever its name.
 
@@ -61,7 +61,7 @@ def paths_of(source: Any) -> list[Path]:
 
 
 def name_of(source: Any) -> str:
-    """What a source is called in reports: the names of its files or folders.
+    """Name of a source in reports: the names of its files or folders.
 
     Example:
         >>> name_of("here/rows.parquet"), name_of(["a.csv", "b.csv", "c.csv"]), name_of(pl.DataFrame())
@@ -77,7 +77,7 @@ def name_of(source: Any) -> str:
 
 
 def is_designator(simulator: object) -> bool:
-    """Whether a text is the designator of a type, and not the name of a file.
+    """Test for a text that is the designator of a type, and not the name of a file.
 
     Example:
         >>> is_designator("A320"), is_designator("best.ckpt"), is_designator(Path("A320"))
@@ -87,7 +87,7 @@ def is_designator(simulator: object) -> bool:
 
 
 def is_checkpoint(path: Path) -> bool:
-    """Whether a file is a checkpoint by its content, or says so by its name although it is damaged.
+    """Test for a checkpoint by its content, or by its name although it is damaged.
 
     Example:
         >>> is_checkpoint(Path("best.ckpt")), is_checkpoint(Path("rows.parquet"))
@@ -120,7 +120,7 @@ def _kind_of_files(paths: list[Path]) -> Kind:
 
 
 def _are_flights(source: Any) -> bool:
-    """Whether it is rows or descents in memory."""
+    """Test for rows or descents in memory."""
     if isinstance(source, list | tuple):
         return bool(source) and all(_are_flights(one) for one in source)
     tables = pl.DataFrame | pl.LazyFrame

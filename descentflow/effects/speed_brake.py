@@ -28,7 +28,7 @@ FROM_TOP_FL = 5.0
 GRID_FL = 5.0
 """Ends of each flight's own window differ by at least so much: a third of a band."""
 COARSE_FL = 10.0
-"""...and in steps of so much while a law is sought: of a quarter as many windows."""
+"""The same while a law is sought, with a quarter as many windows."""
 LEAST_SPREAD_FL = 1.0
 """Least spread of own windows: less is one window for all."""
 LEAST_SPREAD_EXTRA = 0.02

@@ -35,9 +35,9 @@ LOST_S = 15.0
 MIN_IN_BAND = 0.4
 """Share of a band's levels that a flight must show there."""
 EDGE_LEVELS = 3
-"""Levels on either side of the edge of a band whose mean counts as the value there..."""
+"""Levels on either side of the edge of a band whose mean counts as the value there."""
 MIN_AT_EDGE = 3
-"""...if at least so many are seen."""
+"""Least number of these levels."""
 
 
 @dataclass(frozen=True)

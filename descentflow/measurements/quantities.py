@@ -24,9 +24,9 @@ from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
 VERSION = 5
 """Of the state that checkpoints carry."""
 WITHOUT_TURNS = (2, 3, 4)
-"""Versions that did not measure turns, and all else alike..."""
+"""Versions that did not measure turns, and measured all else but noise alike."""
 OTHER_NOISE = (2, 3)
-"""...but noise, which these measured in another way."""
+"""Versions that measured noise otherwise."""
 N_BANDS = 15
 """About this many bands cover the grid; each is a multiple of 500 ft high."""
 MAX_REFERENCE = 2000

@@ -30,13 +30,13 @@ class Injected:
     wave_onset: Tensor
     wave_mach: Tensor
     kept_share: Tensor
-    """Share of drag minus idle thrust that thrust keeps at the top of descent..."""
+    """Share of drag minus idle thrust that thrust keeps at the top of descent."""
     kept_s: Tensor
-    """...and the time in which that decays."""
+    """Time in which that decays."""
     power_share: Tensor
-    """Share of drag minus idle thrust that thrust keeps in all of the idle descent..."""
+    """Share of drag minus idle thrust that thrust keeps in all of the idle descent."""
     ice_share: Tensor
-    """...and between two pressure altitudes."""
+    """The same between two pressure altitudes."""
     ice_high_m: Tensor
     ice_low_m: Tensor
     induced_gain: Tensor
@@ -53,9 +53,9 @@ class Injected:
     hold_rate_mps: Tensor
     """Rate of pressure altitude held; NaN where an angle is held."""
     cas_bias_mps: Tensor
-    """Reported minus true CAS at :data:`REFERENCE_MACH`..."""
+    """Reported minus true CAS at :data:`REFERENCE_MACH`."""
     cas_bias_slope_mps: Tensor
-    """...and its growth for one Mach."""
+    """Its growth for one Mach."""
     rate_lag_s: Tensor
     """Added to the time constant of the transponder's smoothing of vertical rate."""
     noise_factor: Tensor

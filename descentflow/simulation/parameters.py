@@ -77,9 +77,9 @@ class FlightParameters:
     number: Tensor
     """Number of the flight in its world, int64: what an effect draws from, so that a flight depends on nothing else."""
     airframe: Tensor
-    """Number of the airframe in the world, int64..."""
+    """Number of the airframe in the world, int64."""
     day: Tensor
-    """...and of the day, int64: an airframe flies once a day."""
+    """Number of the day, int64: an airframe flies once a day."""
     injected: Injected | None = None
     """Effects beyond these parameters; None for none."""
     constant_rates: ConstantRates | None = None

@@ -38,9 +38,9 @@ class SpeedChanges:
     share: Tensor
     """Change in units of the planned CAS, negative for a slow-down."""
     high_m: Tensor
-    """Pressure altitude where it begins..."""
+    """Pressure altitude where it begins."""
     low_m: Tensor
-    """...and where it is complete."""
+    """Pressure altitude where it is complete."""
 
     def rows(self, index: Tensor) -> "SpeedChanges":
         """Return the flights of an index tensor."""

@@ -29,9 +29,9 @@ N_WAVES = 8
 STREAM, DAY_STREAM = 8, 9
 """Of random numbers of flights and of days: worlds without weather keep every other draw."""
 WESTERLY = np.pi / 2
-"""Bearing to which the prevailing wind blows..."""
+"""Bearing to which the prevailing wind blows."""
 VEER = np.pi / 4
-"""...and the standard deviation of the day's jet about it."""
+"""Standard deviation of the day's jet about it."""
 
 
 @dataclass(frozen=True)

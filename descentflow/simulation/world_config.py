@@ -98,13 +98,13 @@ class WorldConfig:
     speed_change_kt_per_kft: tuple[float, float] = (6.0, 14.0)
     """CAS by which it changes in 1,000 ft, kt."""
     thrust_share: float = 0.0
-    """Chance of each of two stretches with thrust above idle..."""
+    """Chance of each of two stretches with thrust above idle."""
     thrust_of_needed: tuple[float, float] = (0.1, 0.4)
-    """...of this share of drag minus idle thrust."""
+    """Share of drag minus idle thrust that thrust keeps there."""
     brakes_share: float = 0.0
-    """Chance of each of two stretches with speed brakes..."""
+    """Chance of each of two stretches with speed brakes."""
     brake_gain: tuple[float, float] = (0.2, 0.6)
-    """...that raise CD0 by this share."""
+    """Share by which these raise CD0."""
     off_idle_fl: tuple[float, float] = (20.0, 70.0)
     """Height of such stretches, flight levels."""
     shear_spread_per_s: float = 0.0

@@ -1,1 +1,1 @@
-"""How far the gap shrinks once effects are in the simulator, and the simulator with them."""
+"""Gap that is left once effects are in the simulator, and the simulator with them."""

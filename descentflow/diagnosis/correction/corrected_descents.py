@@ -25,8 +25,8 @@ def corrected_descents(
 ) -> Descents:
     """Prepared descents of a simulator with effects in them, times integrated again.
 
-    Positions are left out: at another rate a level is reached somewhere else. The description says which effects were
-    put in.
+    Positions are left out: at another rate a level is reached somewhere else. The description names the effects that
+    were put in.
 
     Args:
         frame: Prepared descents of the simulator.

@@ -30,7 +30,7 @@ def corrected(
     *,
     inherited: bool = False,
 ) -> Callable[[Path], None] | None:
-    """What writes the corrected checkpoint; None where there is no checkpoint to correct, or none could hold it.
+    """Writer of the corrected checkpoint; None where there is no checkpoint to correct, or none could hold it.
 
     Effects of the user's own cannot be written: a checkpoint that names code outside the package would not load.
 
@@ -80,7 +80,7 @@ def corrected(
 def air_of_training(parts: Representation) -> dict[str, list[float]]:
     """Air that the training flights of a model flew in, as parameters of its effect; empty for standard air.
 
-    Also empty where nothing says it: the flights reported no TAS or no Mach number, or the model knows the air of each.
+    Also empty where it is unknown: the flights reported no TAS or no Mach number, or the model knows the air of each.
 
     Example:
         >>> from descentflow.diagnosis.open_simulator import open_simulator

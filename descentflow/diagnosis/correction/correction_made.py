@@ -34,12 +34,12 @@ ThetaOfPart = Callable[[Tensor], Mapping[str, Tensor]]
 
 @dataclass(frozen=True)
 class CorrectionMade:
-    """What a diagnosis makes of its causes.
+    """Correction of a simulator by the causes of a diagnosis.
 
     Attributes:
         file_name: Of the corrected simulator; empty where there is none to write.
         write: Writes it to a path; None where there is none.
-        scoring: Works out the scores before and after.
+        scoring: Computes the scores before and after.
         write_flights: Of a checkpoint, writes sampled flights with the causes in them; None where there is none.
 
     Example:
@@ -122,7 +122,7 @@ def _scoring_of_flights(
     correction: Correction,
     transition_fl: float,
 ) -> Scoring:
-    """What works out the scores; all that needs tables is done here, for no copy of this process can use these."""
+    """Computation of the scores; all that needs tables is done here, for no copy of this process can use these."""
     low, high = simulator.levels(frame)
     names = flights["flight_id"].unique().sort()
     some = names.sample(min(MOST, len(names)), seed=correction.seed) if len(names) > MOST else names

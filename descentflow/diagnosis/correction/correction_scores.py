@@ -1,4 +1,4 @@
-"""How far the gap shrinks in every score that `evaluate` has: learnt on half of the real flights, told by the others.
+"""Scores of `evaluate` before and after: causes fitted on half of the real flights, evaluated on the other half.
 
 Aircraft of the real flights are dealt into two halves. Parameters that one half gives are put into the simulator's own
 flights, which are scored against the other half, and the other way about; the mean of both is reported, beside the
@@ -81,10 +81,10 @@ def descents_of(grid: LevelGrid) -> DescentSet:
 
 @dataclass(frozen=True)
 class Scoring:
-    """Scores that are still to be worked out.
+    """Scores that are still to be computed.
 
     Attributes:
-        calls: Each works out the tables of one half of the real flights, scored by what the other gives.
+        calls: Each computes the tables of one half of the real flights, scored by what the other gives.
         alone: Causes that are scored by themselves too, where there are several.
 
     Example:

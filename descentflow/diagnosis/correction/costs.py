@@ -1,4 +1,4 @@
-r"""What the gap costs, in the units of the trade, before and after the named causes.
+r"""Costs of the gap in the units of the trade, before and after the named causes.
 
 A flight crosses a band of height :math:`\Delta h` at the rate :math:`R` in :math:`\Delta h / R` seconds and flies
 :math:`V \Delta h / R` meanwhile, so that from the top to the bottom of the levels
@@ -44,13 +44,13 @@ LABELS = {
 }
 """Cost -> its name for readers and its unit."""
 SUMMED = ("time", "time_at_speed", "air_distance", "ground_distance")
-"""Costs that add up over bands; of the others the mean over bands is told."""
+"""Costs that add up over bands; of the others the mean over bands is given."""
 OF_FLIGHT = ("level", "slow")
 """Costs with one number for each flight."""
 
 
 def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
-    """What the gap costs over all levels that are compared, and over the lower, middle and upper third of them.
+    """Costs of the gap over all levels that are compared, and over the lower, middle and upper third of them.
 
     Args:
         compared: Flights of both sides.
@@ -86,7 +86,7 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
 
 
 def profile_of(compared: Compared) -> list[LevelMeans]:
-    """What the simulator flies on average in each band where a rate is compared, from below.
+    """Mean profile of the simulator in each band where a rate is compared, from below.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
@@ -173,7 +173,7 @@ class _Sides:
 
 
 def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
-    """What flights with these entries fly and take, by cost.
+    """Time, distance, rates and speeds of flights with these entries, by cost.
 
     Args:
         compared: Flights of both sides.
@@ -223,7 +223,7 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
 
 
 def simulator_rows(compared: Compared) -> Tensor:
-    """Which flights (n,) show how fast the simulator flies: its own, or all where it flies each flight's own speed.
+    """Flights (n,) with the simulator's speeds: its own, or all where it flies each flight's own speed.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
@@ -242,7 +242,7 @@ def _entries(compared: Compared, y: Tensor, name: str) -> Tensor:
 
 
 def _measured_wind(compared: Compared) -> list[bool]:
-    """Whether each side's flights measured their wind: without it there is no distance over ground."""
+    """Test for wind measured on each side: without it there is no distance over ground."""
     sides = [compared.real, ~compared.real] if bool((~compared.real).any()) else [compared.real]
     return [bool((compared.state.tailwind_mps[side] != 0).any()) for side in sides]
 

@@ -27,12 +27,12 @@ BY_LEVEL = ("rate", "cas", "tas", "wind", "height")
 STREAMS = 100
 """Streams of random numbers that one effect may use."""
 LAWS = 100_000
-"""Stream of the number that says which of the effects that differ by flight a flight has."""
+"""Stream of the number that decides which of the effects that differ by flight a flight has."""
 
 
 @dataclass(frozen=True)
 class Correction:
-    """What is put into flights.
+    """Effects that are put into flights.
 
     Attributes:
         catalogue: Effects by name.
@@ -256,7 +256,7 @@ def _times(grid: LevelGrid, factor: Tensor) -> Tensor:
 
 
 def _reported(grid: LevelGrid, change: dict[str, Tensor], seed: int) -> LevelGrid:
-    """What sensors make of the flights."""
+    """Reports of the flights by their sensors."""
     values = dict(grid.values)
     values["vertical_rate"] = values["vertical_rate"] * change["rate"].exp()
     values["IAS"] = values["IAS"] + change["cas"]

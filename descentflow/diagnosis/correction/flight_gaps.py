@@ -23,7 +23,7 @@ MOST_GAPS = 4
 
 @dataclass(frozen=True)
 class GapChange:
-    """What effects change in the gaps of n flights, all (n,): means over flights, not of single ones.
+    """Changes of the gaps of n flights by effects, all (n,): means over flights, not of single ones.
 
     Attributes:
         level_s: Seconds in level-offs.

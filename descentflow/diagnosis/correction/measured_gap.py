@@ -1,4 +1,4 @@
-"""The gap entry by entry, with its error: what the next round, with the same real flights, is held against."""
+"""The gap entry by entry, with its error: what the next round, with the same real flights, is compared with."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ def measured_gap(compared: Compared, chosen: Tensor, seed: int, spreads: Tensor 
         compared: Flights of both sides.
         chosen: (p,) entries.
         seed: Of permutations and fleets.
-        spreads: (p,) in which distances are told; those of the flights if absent.
+        spreads: (p,) in which distances are given; those of the flights if absent.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides

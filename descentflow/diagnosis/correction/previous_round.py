@@ -1,4 +1,4 @@
-"""The loop closed: what an earlier diagnosis predicted, held against what the changed simulator does."""
+"""The loop closed: what an earlier diagnosis predicted, compared with what the changed simulator does."""
 
 from pathlib import Path
 

@@ -14,11 +14,11 @@ WINDOW = ("low_fl", "high_fl")
 def recipe_of(
     causes: Sequence[Cause], catalogue: Mapping[str, Effect], levels_fl: tuple[float, float]
 ) -> list[RecipeStep]:
-    """What to change in the simulator, cause by cause; sizes are those of the flights that have the effect.
+    """Changes to make in the simulator, cause by cause; sizes are those of the flights that have the effect.
 
     Args:
         causes: As they were found.
-        catalogue: Effects, each of which says its own recipe (:meth:`~descentflow.effects.effect.Effect.recipe`).
+        catalogue: Effects, each with its own recipe (:meth:`~descentflow.effects.effect.Effect.recipe`).
         levels_fl: Lowest and highest level that were compared: the numbers hold between them.
 
     Example:

@@ -11,7 +11,7 @@ from descentflow.surveillance.descents.description import SCHEMA_VERSION
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels
 
 BEGINNING = datetime(2000, 1, 1, tzinfo=UTC)
-"""When all samples begin: they know no date."""
+"""Start of all samples: they know no date."""
 
 
 def sampled_descents(flown: Trajectories, typecode: str, settings: dict[str, float | None] | None = None) -> Descents:

@@ -28,10 +28,10 @@ class Assumptions:
         rounding: See :data:`ROUNDING`.
         flight_size_error: Relative standard error of the mean shift of an effect that single flights show.
         odd: Standard deviations of ln rate of flights with a smooth departure of their own.
-        white: Standard deviation of ln rate in each band that no law of a flight says anything of.
+        white: Standard deviation of ln rate in each band that no law of a flight covers.
         wider: Grid of standard deviations of ln rate by which flights of a side may differ beyond the simulator's.
         short: Height over which the faster part of that changes, as a share of ``length_m``.
-        noise_matters: Ratio of short-scale noise, as a logarithm, that is told of a simulator.
+        noise_matters: Ratio of short-scale noise, as a logarithm, that is reported of a simulator.
 
     Example:
         >>> Assumptions().inclusion < 0.1

@@ -68,7 +68,7 @@ class Search:
         return sorted(filter(self.plausible, ordered), key=lambda one: -one.log_weight)
 
     def plausible(self, fit: SetFit) -> bool:
-        """Whether every effect may have its size, and moves some mean by more than what is negligible."""
+        """True if every effect may have its size, and moves some mean by more than what is negligible."""
         for name in fit.names:
             moved = np.abs(fit.shifts[name] / self.known.negligible).max()
             if moved < self.assumed.least_shift or not self.fits.candidates[name].plausible(fit.sizes[name]):

@@ -1,4 +1,4 @@
-"""What may be a cause: an effect with a mean shift, its prior, and what single flights say of it beside."""
+"""Candidate causes: an effect with a mean shift, its prior, and the evidence of single flights beside."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -47,13 +47,13 @@ class Candidate(Protocol):
         """Sizes within what is physically possible."""
 
     def plausible(self, sizes: Array) -> bool:
-        """Whether these sizes can be what the effect says."""
+        """True if the effect can have these sizes."""
 
     def theta(self, sizes: Array) -> Tensor:
         """All parameters of the effect at sizes (k,)."""
 
     def theta_errors(self, errors: Array) -> Tensor:
-        """Standard errors of all parameters by those of sizes (k,); zero where nothing says them."""
+        """Standard errors of all parameters by those of sizes (k,); zero where unknown."""
 
 
 class MeanEffect:
@@ -99,7 +99,7 @@ class MeanEffect:
         return found
 
     def shows(self) -> bool:
-        """Whether anything that is compared answers to it."""
+        """True if anything that is compared responds to it."""
         return bool(np.abs(self.at(self.start).jacobian).max(initial=0.0) > 0.0)
 
     def at(self, sizes: Array) -> Signature:
@@ -113,7 +113,7 @@ class MeanEffect:
         return found
 
     def plausible(self, sizes: Array) -> bool:
-        """Whether the effect finds them so."""
+        """True if the effect finds them so."""
         return self.effect.plausible(self._signatures.state, self.theta(sizes))
 
 

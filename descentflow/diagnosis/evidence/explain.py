@@ -25,7 +25,7 @@ from descentflow.effects.effect import NOISE
 
 @dataclass(frozen=True)
 class Explanation:
-    """What the flights of two sides say.
+    """Explanation of the flights of two sides.
 
     Attributes:
         verdict: See :data:`descentflow.diagnosis.findings.findings.Verdict`.
@@ -106,13 +106,13 @@ class Explainer:
         )
 
     def _raises_noise(self, name: str) -> bool:
-        """Whether an effect raises short-scale noise as well: by edges and changes of single flights, or as it says."""
+        """Test for an effect that raises short-scale noise, by edges and changes of single flights or by definition."""
         effect = self.catalogue[name]
         noise = any(quantity.startswith(NOISE) for quantity in effect.shift(self.within.state, effect.start()))
         return noise or effect in differing(self.catalogue)
 
     def theta_of_part(self, fit: SetFit, chosen: Tensor) -> dict[str, Tensor]:
-        """Parameters of a set by some flights (n,) alone; the ways of single flights stay as they are."""
+        """Parameters of a set by some flights (n,) alone; the windows of single flights stay as they are."""
         part = replace(self.within, y=torch.where(chosen[:, None], self.within.y, torch.nan))
         known = moments(part, self.assumed)
         if not np.isfinite(known.difference).all():

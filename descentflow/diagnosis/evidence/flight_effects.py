@@ -49,7 +49,7 @@ class Side:
         index: (n,) positions among the compared flights.
         values: (n, m) rates about the mean.
         seen: (n, m).
-        ways: By effect.
+        ways: Windows by effect.
 
     Example:
         >>> Side(np.arange(2), np.zeros((2, 3)), np.ones((2, 3), dtype=bool), {}).values.shape
@@ -155,7 +155,7 @@ class FlightShapes:
         return self._mixture(side, about, best, ROUNDS)
 
     def _about(self, side: Side, name: str, law: torch.Tensor) -> WaysOfFlights:
-        """Ways about the sizes of a law: a shift is not linear in them."""
+        """Windows about the sizes of a law: a shift is not linear in them."""
         return ways_of_flights(self.effects[name], side.ways[name].state, self.rates.bands, side.seen, law)
 
     def _mixture(self, side: Side, ways: Sequence[WaysOfFlights], sizes: tuple[float, ...], rounds: int) -> MixtureFit:
@@ -175,12 +175,12 @@ class FlightShapes:
         return real - theirs - 0.5 * PARAMETERS * len(names) * math.log(count)
 
     def _is_shared(self, names: tuple[str, ...], name: str) -> bool:
-        """Whether so many more of the real flights have it."""
+        """Test for a sufficient excess of real flights that have it."""
         real, simulated = (self.fit(side, names).shares[name] for side in (self.real, self.simulated))
         return real - simulated > LEAST_SHARE
 
     def _is_plausible(self, names: tuple[str, ...], name: str) -> bool:
-        """Whether its law can be what the effect says, and is none of another effect."""
+        """Test for a law that the effect can have, and that is none of another effect."""
         theta, state = self.fit(self.real, names).laws[name].theta, self.real.ways[name].state
         effect = self.effects[name]
         return effect.plausible(state, theta) and not effect.may_be(state, theta)

@@ -1,9 +1,9 @@
-r"""Mixture of single flights: normal ones, odd ones, and those that have an effect in one of its ways.
+r"""Mixture of single flights: normal ones, odd ones, and those that have an effect in one of its windows.
 
 .. math:: p(r_f) = \pi_0 N(0, S) + \sum_k \pi_k N(0, S + b_k^2 K_k)
    + \sum_e \pi_e \sum_w \rho_{ew} \int_0^\infty N(r_f + o;\; a\,s_{fw} + o_f,\; S)\, N_+(a; \bar a_e, \sigma_e^2)\, da.
 
-Odd flights depart smoothly in a way of their own. An effect's law - its share, sizes and ways - is learnt by EM; the
+Odd flights depart smoothly in a way of their own. An effect's law - its share, sizes and windows - is learnt by EM; the
 integral over sizes is in closed form. Residuals are about a mean that contains what the effect's flights have, so the
 mean of their shifts is put back as an offset o.
 """
@@ -36,7 +36,7 @@ BEFORE = 2.0
 
 @dataclass(frozen=True)
 class WaysOfFlights:
-    """Ways of an effect in n flights of which m rates are seen.
+    """Windows of an effect in n flights of which m rates are seen.
 
     Attributes:
         effect: Whose they are.
@@ -79,7 +79,7 @@ def ways_of_flights(
     seen: np.ndarray,
     law: torch.Tensor | None = None,
 ) -> WaysOfFlights:
-    """Take the ways of an effect in the rate by altitude over time.
+    """Take the windows of an effect in the rate by altitude over time.
 
     Args:
         effect: Of the catalogue.
@@ -121,7 +121,7 @@ def _about_the_middle(effect: DiffersByFlight, state: FlightState) -> torch.Tens
 
 @dataclass(frozen=True)
 class LearntLaw:
-    """How flights have an effect, as the mixture learnt it.
+    """Law by which flights have an effect, as the mixture learnt it.
 
     Attributes:
         effect: Whose law it is.
@@ -252,7 +252,7 @@ def fit_mixture(
 
 
 class _Ways:
-    """One effect of the mixture: its E-step over ways and sizes, and its M-step."""
+    """One effect of the mixture: its E-step over windows and sizes, and its M-step."""
 
     def __init__(self, ways: WaysOfFlights, plain: Precisions) -> None:
         self.ways, self.plain, self.law, self.name = ways, plain, ways.start, ways.effect.name
@@ -271,7 +271,7 @@ class _Ways:
         self.learnt: Learnt | None = None
 
     def expect(self, x: Array) -> Array:
-        """Log ratio (n,) of the density with the effect to that without, summed over ways."""
+        """Log ratio (n,) of the density with the effect to that without, summed over windows."""
         _, mean, sd = self.coarse.size(self.law)
         carried = self.plain.times(x)
         precision = self._square + sd**-2.0

@@ -77,7 +77,7 @@ def _by_band(compared: Compared, known: Moments, quantity: str) -> Array:
 
 
 def _by_own_air(compared: Compared, known: Moments, values: Array, bands: np.ndarray) -> Array:
-    """What (n, m) each flight's own air makes of its rate."""
+    """Change (n, m) of each flight's rate by its own air."""
     state, altitude = compared.state, compared.state.altitude_m
     tas = _by_band(compared, known, "tas")
     # Half of ln of the temperature's ratio, which is ln of that of the true airspeed.

@@ -1,4 +1,4 @@
-r"""How widely normal flights of a side differ.
+r"""Spread of normal flights of a side.
 
 .. math:: S = S_0 + \varepsilon^2 I + l^2 m m^\top + w^2 I + t^2 K + s^2 K_\mathrm{short},
 

@@ -71,7 +71,7 @@ def _log_odds(probability: float) -> float:
 
 
 def _shows(explainer: Explainer, shift: np.ndarray) -> LargestDifference:
-    """Where a shift (p,) is largest in what is negligible."""
+    """Entry where a shift (p,) is largest in units of what is negligible."""
     standing = np.abs(shift) / explainer.known.negligible
     most = int(standing.argmax())
     entry = explainer.within.entries[most]

@@ -106,7 +106,7 @@ def smooth_kernel(compared: Compared, quantity: np.ndarray, length_m: float) -> 
 
 
 def sums_over_aircraft(departures: Array, airframe: np.ndarray) -> Array:
-    """What each aircraft (a, p) adds to the error of its side's mean, scaled so that squares are unbiased.
+    """Contribution of each aircraft (a, p) to the error of its side's mean, scaled so that squares are unbiased.
 
     Example:
         >>> sums_over_aircraft(np.array([[1.0], [1.0], [-2.0]]), np.array([7, 7, 9])).round(2)

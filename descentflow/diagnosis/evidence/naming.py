@@ -1,4 +1,4 @@
-"""Which effects are named, with what else may stand in their place, and the verdict."""
+"""Named effects, with what else may stand in their place, and the verdict."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ LEAST_SHOWN = 0.02
 
 @dataclass(frozen=True)
 class Named:
-    """What the weights of sets say.
+    """Result of the weights of sets.
 
     Attributes:
         weights: (sets,) that sum to one.
@@ -84,7 +84,7 @@ def name_effects(sets: Sequence[SetFit], assumed: Assumptions, alike: Sequence[S
 
 
 def verdict_of(named: Named, best: SetFit, known: Moments, fits: SetFits) -> Verdict:
-    """Whether there is a gap, and whether the named causes are all, a part, or none of it.
+    """Verdict: no gap, or a gap of which the named causes are all, a part, or none.
 
     Args:
         named: By the weights.

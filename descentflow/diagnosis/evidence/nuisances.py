@@ -1,4 +1,4 @@
-"""What a simulator lacks and no diagnosis is about: noise of reports, and level-offs where its flights have none."""
+"""Nuisances that a simulator lacks: noise of reports, and level-offs where its flights have none."""
 
 import math
 

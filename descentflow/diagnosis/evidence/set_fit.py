@@ -59,7 +59,7 @@ class SetFit:
 
     @property
     def is_null(self) -> bool:
-        """Whether it has neither effects nor an unknown cause."""
+        """True if it has neither effects nor an unknown cause."""
         return not self.names and not self.unknown
 
     @property

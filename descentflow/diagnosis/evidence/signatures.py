@@ -46,7 +46,7 @@ class Signature:
 
 @dataclass(frozen=True)
 class RateByCas:
-    """How much the rate follows a shift of CAS between flights beyond the polar, by band.
+    """Response of the rate to a shift of CAS between flights beyond the polar, by band.
 
     Attributes:
         gain: (p, p) of the rate's entries by those of CAS.

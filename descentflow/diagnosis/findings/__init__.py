@@ -1,4 +1,4 @@
-"""What a diagnosis finds, as typed objects that know nothing of how they were found.
+"""Findings of a diagnosis, as typed objects that know nothing of how they were found.
 
 Read :mod:`~descentflow.diagnosis.findings.findings` (the whole), then its parts:
 :mod:`~descentflow.diagnosis.findings.gap_found` (where), :mod:`~descentflow.diagnosis.findings.costs_found` (what it

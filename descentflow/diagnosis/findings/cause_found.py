@@ -28,7 +28,7 @@ class ClosedShare:
 
 @dataclass(frozen=True)
 class Closure:
-    """How much of the gap all causes together close, measured on the simulator's flights with the causes in them.
+    """Share of the gap that all causes together close, measured on the simulator's flights with the causes in them.
 
     Example:
         >>> print(Closure(ClosedShare(0.8, 0.7, 0.9)).marginal)
@@ -70,7 +70,7 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class TradeSize:
-    """A size of the effect as readers are told it: in a unit of the trade, of the flights that have the effect.
+    """A size of the effect as reported: in a unit of the trade, of the flights that have the effect.
 
     Attributes:
         parameter: Name of the parameter.
@@ -94,7 +94,7 @@ class TradeSize:
 
 @dataclass(frozen=True)
 class OnBothSides:
-    """What either side shows of an effect by itself: sizes are differences of the two, or for a noise their ratio.
+    """Size of an effect on either side: sizes are differences of the two, or for a noise their ratio.
 
     Attributes:
         parameter: Name of the parameter.
@@ -153,7 +153,7 @@ class Cause:
         own_closure: How much of the gap it closes alone, without the other causes.
         sizes: What ``parameters`` are in units of the trade, of the flights that have the effect: real flights against
             the simulator's, so what to add to what it has.
-        on_both_sides: What either side has by itself, where what is broadcast says it (temperature by TAS and Mach
+        on_both_sides: What either side has by itself, where broadcast values measure it (temperature by TAS and Mach
             number, wind by groundspeed and TAS, noise).
         takes_away: By cost (``time``, ``rate``, ...) over all levels: the part of the difference, flights minus
             simulator, that goes once the simulator has this cause beside the others; in the cost's unit.
@@ -187,7 +187,7 @@ class Cause:
     alternatives: list[Alternative] = field(default_factory=list)
 
     def in_flights(self, *, whole: bool = False) -> str:
-        """Which flights have it, with the 90 % interval of their share if ``whole``; empty where all have."""
+        """Flights that have it, with the 90 % interval of their share if ``whole``; empty where all have."""
         share = self.share_of_flights
         if share is None:
             return ""

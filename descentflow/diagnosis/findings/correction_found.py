@@ -1,4 +1,4 @@
-"""What the owner of a simulator does with the answer: the recipe, the scores it reaches, and the round before."""
+"""Actions for the owner of a simulator: the recipe, the scores it reaches, and the round before."""
 
 from dataclasses import dataclass, field
 
@@ -24,7 +24,7 @@ class RecipeNumber:
 
 @dataclass(frozen=True)
 class RecipeStep:
-    """What to change in the simulator for one cause.
+    """Change to make in the simulator for one cause.
 
     Attributes:
         effect: The cause.
@@ -71,7 +71,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Previous:
-    """The diagnosis before the owner changed the simulator, held against this one.
+    """The diagnosis before the owner changed the simulator, compared with this one.
 
     Attributes:
         report: Its `gap.json`.

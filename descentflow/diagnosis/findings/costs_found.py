@@ -1,4 +1,4 @@
-"""What a gap costs, in the units of the trade: seconds, nautical miles, feet per minute, knots."""
+"""Costs of a gap, in the units of the trade: seconds, nautical miles, feet per minute, knots."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ class Measured:
 
     @property
     def excludes_zero(self) -> bool:
-        """Whether the interval leaves no room for zero; false where there is none.
+        """True if the interval leaves no room for zero; false where there is none.
 
         Example:
             >>> Measured(12.0, 10.5, 13.4).excludes_zero, Measured(1.0, -0.5, 2.0).excludes_zero
@@ -29,7 +29,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Cost:
-    """What the gap costs in one quantity between two flight levels: the flights' mean minus the simulator's.
+    """Cost of the gap in one quantity between two flight levels: the flights' mean minus the simulator's.
 
     Attributes:
         name: ``time``, ``distance``, ``rate``, ``cas`` or ``tas``.
@@ -63,7 +63,7 @@ class Cost:
 
 @dataclass(frozen=True)
 class LevelMeans:
-    """What the simulator flies on average in a band of altitude: relative differences become ft/min and kt by it.
+    """Means of the simulator in a band of altitude: relative differences become ft/min and kt by it.
 
     Example:
         >>> LevelMeans(157.5, rate_fpm=2100.0, cas_kt=280.0, tas_kt=352.0).rate_fpm

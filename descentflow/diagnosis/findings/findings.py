@@ -24,7 +24,7 @@ SIGNIFICANT = 0.02
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """What an unknown cause explains beyond the named effects.
+    """Evidence of an unknown cause beyond the named effects.
 
     Attributes:
         explained: Nats of evidence that the named effects gain.
@@ -43,7 +43,7 @@ class Discrepancy:
 
     @property
     def named(self) -> bool:
-        """Whether there is probably one."""
+        """True if there is probably one."""
         return self.probability > 0.5
 
 
@@ -51,7 +51,7 @@ class Discrepancy:
 class SingleEffect:
     """An effect of the catalogue alone: its gain in evidence (nats) over no effect, and the parameters.
 
-    ``refused`` says why it cannot be named with these parameters; empty where it can.
+    ``refused`` is the reason not to name it with these parameters; empty where it can.
 
     Example:
         >>> SingleEffect("drag_polar", gain_nats=210.0, parameters={"relative_change": 0.12}).gain_nats
@@ -83,7 +83,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Details:
-    """What figures and careful readers need besides the answer.
+    """Details for figures and careful readers besides the answer.
 
     Attributes:
         simulator: Its name.
@@ -135,7 +135,7 @@ class Details:
     lacks: list[Lack] = field(default_factory=list)
 
     def label(self, effect: str) -> str:
-        """What readers call an effect of the catalogue; ``unknown`` is the one outside it."""
+        """Name of an effect of the catalogue for readers; ``unknown`` is the one outside it."""
         return self.labels.get(effect, effect.replace("_", " "))
 
 
@@ -200,7 +200,7 @@ class Findings:
 
     @property
     def is_small(self) -> bool:
-        """Whether there is a gap that is more than chance and does not matter.
+        """True if there is a gap that is more than chance and does not matter.
 
         Example:
             >>> from descentflow.diagnosis.diagnose import diagnose

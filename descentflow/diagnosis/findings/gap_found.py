@@ -1,4 +1,4 @@
-"""Where the gap lies, at which stage it arises, what remains of it, and what would tell more."""
+"""Place of the gap, the stage at which it arises, its remainder, and the data that would decide more."""
 
 from dataclasses import dataclass
 
@@ -40,7 +40,7 @@ class GapCell:
 
 @dataclass(frozen=True)
 class BelowRounding:
-    """Where a quantity differs most, of a gap that is more than chance and less than the rounding of one report.
+    """Largest difference of a quantity, of a gap that is more than chance and less than the rounding of one report.
 
     Attributes:
         quantity: Name, see :data:`descentflow.measurements.quantity_registry.QUANTITIES`.
@@ -68,7 +68,7 @@ class BelowRounding:
 
 @dataclass(frozen=True)
 class Stage:
-    """What a simulator loses at one stage on the way from flights to samples.
+    """Loss of a simulator at one stage from flights to samples.
 
     Attributes:
         name: ``measurement``, ``representation``, ``coupling``, ``density``, ``rejection`` or ``decoder``.
@@ -118,7 +118,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Remaining:
-    """What is left once the causes are in the simulator.
+    """Gap that is left once the causes are in the simulator.
 
     Attributes:
         gap: Above the noise floor, in spreads between flights.
@@ -140,7 +140,7 @@ class Remaining:
 
 @dataclass(frozen=True)
 class WouldSplit:
-    """What these data cannot tell apart, and channels that would; empty where no channel would.
+    """Effects that these data cannot separate, and channels that would; empty where no channel would.
 
     Example:
         >>> WouldSplit(["mass", "drag_polar"], [], "they look alike in the channels given").channels

@@ -1,4 +1,4 @@
-"""What went into a diagnosis: both sides by name, versions, settings; and channels that could not be used."""
+"""Inputs of a diagnosis: both sides by name, versions, settings; and channels that could not be used."""
 
 from dataclasses import dataclass, field
 
@@ -40,7 +40,7 @@ class InputUsed:
 
 @dataclass(frozen=True)
 class CoefficientsUsed:
-    """Whose coefficients gave the signatures of effects.
+    """Type whose coefficients gave the signatures of effects.
 
     Attributes:
         typecode: Type of the coefficients.
@@ -65,7 +65,7 @@ A320.
 
     @property
     def stand_in(self) -> bool:
-        """Whether they are another type's than the flights'."""
+        """True if they are another type's than the flights'."""
         return bool(self.of_flights) and self.of_flights != [self.typecode]
 
     def __str__(self) -> str:
@@ -81,11 +81,11 @@ A320.
 
 @dataclass(frozen=True)
 class Provenance:
-    """How the answer can be made again.
+    """Inputs by which the answer can be made again.
 
     Attributes:
         real: The flights.
-        simulator: What they were held against.
+        simulator: What they were compared with.
         versions: Version of descentflow and of what else decides numbers, by name.
         settings: Settings, by name, as text.
         user_files: Files of the user's own code that were run (``--catalogue``).
@@ -113,7 +113,7 @@ class LeftOutChannel:
     Attributes:
         channel: Its name.
         lacking: Side that lacks it: ``simulator`` or ``real``.
-        would_have_told_apart: Effects that it would have told apart.
+        would_have_told_apart: Effects that it would have separated.
 
     Example:
         >>> print(LeftOutChannel("TAS", "simulator", ["temperature", "wind_gradient"]))

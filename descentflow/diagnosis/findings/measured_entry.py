@@ -1,4 +1,4 @@
-"""What a gap was measured over, so that the next round can measure over the same."""
+"""Entries over which a gap was measured, so that the next round can measure over the same."""
 
 from dataclasses import dataclass
 

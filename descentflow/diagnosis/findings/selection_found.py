@@ -1,4 +1,4 @@
-"""How the causes were chosen: the best sets of effects, and the smallest sizes that would have been named."""
+"""Choice of the causes: the best sets of effects, and the smallest sizes that would have been named."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What both sides of a diagnosis show, and where they differ by more than chance.
+"""Measurements of both sides of a diagnosis, and cells that differ by more than chance.
 
 :mod:`~descentflow.diagnosis.inference.two_sides` (flights as vectors),
 :mod:`~descentflow.diagnosis.inference.compared_state`, :mod:`~descentflow.diagnosis.inference.turns_of_flights`,

@@ -69,7 +69,7 @@ def _regime(compared: Compared, i: int, transition_fl: float) -> str:
 
 
 def cell_scores(y: Tensor, labels: Labellings, chosen: Sequence[Cell]) -> Tensor:
-    """How far both sides are apart in every cell under every labelling: (1 + b, cells), near normal without a gap.
+    """Difference of both sides in every cell under every labelling: (1 + b, cells), near normal without a gap.
 
     The squares of Welch's t, of means and of squares, are added over a cell's entries; their cube root is close to a
     normal law (Wilson and Hilferty 1931), whatever the number of entries, and is measured in the labellings' own mean
@@ -102,7 +102,7 @@ def squared_t(y: Tensor, labels: Labellings) -> Tensor:
 
     Variances are of sums over whole aircraft, side by side. So they are right however many flights each aircraft has,
     and permutations hold for sides whose aircraft differ in that (Janssen 1997; Chung and Romano 2013): only the
-    aircraft must be many. Where there is one side, means alone are held against zero.
+    aircraft must be many. Where there is one side, means alone are compared with zero.
 
     Example:
         >>> from descentflow.diagnosis.inference.labellings import labellings

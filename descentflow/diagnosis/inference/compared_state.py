@@ -1,4 +1,4 @@
-"""What effects may look at of measured flights: their speeds and slopes on bands of altitude."""
+"""State of measured flights for effects: their speeds and slopes on bands of altitude."""
 
 import torch
 from torch import Tensor
@@ -13,8 +13,13 @@ EDGE_NOISE = 0.7
 reports at either edge, each of which serves several levels."""
 
 
+<<<<<<< HEAD
 def state_of(flights: Quantities, aircraft: PerformanceModel, mass_kg: float) -> FlightState:
     """What effects may look at; bands without a report have the column's mean speed, and no mask.
+=======
+def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightState:
+    """State for effects; bands without a report have the column's mean speed, and no mask.
+>>>>>>> 364393f (Hold first lines and words of docstrings and pages by a test)
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -42,7 +47,7 @@ def state_of(flights: Quantities, aircraft: PerformanceModel, mass_kg: float) ->
 
 
 def report_delay_s(state: FlightState, lag: Tensor) -> float:
-    """How late rates are reported, by how far the reported rate exceeds altitude over time where the rate changes.
+    """Delay of reported rates, by their excess over altitude over time where the rate changes.
 
     A report that is tau seconds late is that of a height tau times the rate above, so the lag quantity is tau times the
     change of the rate over time: a regression through the origin, over all flights and bands, of one on the other.

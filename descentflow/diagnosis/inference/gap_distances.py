@@ -1,4 +1,4 @@
-"""How far both sides are apart: Wasserstein distances of every entry, and their mean over quantities."""
+"""Distance of both sides: Wasserstein distances of every entry, and their mean over quantities."""
 
 from collections.abc import Iterable
 

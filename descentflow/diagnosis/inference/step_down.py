@@ -1,4 +1,4 @@
-"""Which of many tests stand out: p-values corrected for how many were made, by permutation."""
+"""Significant tests of many: p-values corrected for how many were made, by permutation."""
 
 from torch import Tensor
 
@@ -9,7 +9,7 @@ ROUNDING = 1e-9
 def step_down(scores: Tensor) -> Tensor:
     """Corrected p-values (k,) of k tests: the chance that any test of a true null would be called at this level.
 
-    The step-down procedure of Westfall and Young (1993, algorithm 4.1): the largest score is held against the largest
+    The step-down procedure of Westfall and Young (1993, algorithm 4.1): the largest score is compared with the largest
     of all tests under each labelling, the second largest against the largest of the rest, and so on. Tests that go
     together cost less than their number, and few labellings can call a single one of many. On simulated flights
     (45 cells, ten effects) it finds as many cells as false-discovery rates (Benjamini and Hochberg 1995) at the same

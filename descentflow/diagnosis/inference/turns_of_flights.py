@@ -1,4 +1,4 @@
-r"""What turns add to the rates of flights, by the induced drag that their headings say.
+r"""Change of flights' rates by turns, from the induced drag that their headings imply.
 
 Each flight turns elsewhere, which is what brakes look like that each flight uses at its own levels. So rates are taken
 against the polar with the induced drag of the flight's own turns, beyond the mean of its side:
@@ -7,7 +7,7 @@ against the polar with the induced drag of the flight's own turns, beyond the me
    e_i = \ln \hat R_i(C_{D2}\, n_i^2) - \ln \hat R_i(C_{D2}).
 
 Means stay as they are. By how much the real flights turn more than the simulator's is left to the effect of the
-catalogue that says so.
+catalogue for it.
 """
 
 import torch

@@ -16,7 +16,7 @@ from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT, QUANT
 from descentflow.physics.performance_model import PerformanceModel
 
 CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
-"""What physics claims to be zero, whether or not the simulator's own flights measured it."""
+"""Quantities that are zero by physics, whether or not the simulator's own flights measured them."""
 MIN_FLIGHTS = 10
 MIN_SHARE = 0.1
 """An entry is compared if so many, and this share, of the flights of either side show it."""
@@ -85,7 +85,7 @@ class Compared:
     state: FlightState
     band_fl: float
     slack: float = 1.0
-    """How much larger negligible shifts of rate and CAS are: samples are coarser than flights."""
+    """Factor on negligible shifts of rate and CAS: samples are coarser than flights."""
     coefficients: ReferenceCoefficients = field(default_factory=ReferenceCoefficients.unknown)
     """Of the aircraft that the simulator flies, as far as known; ``state`` is taken with them."""
     names: tuple[str, ...] = ()
@@ -93,7 +93,7 @@ class Compared:
 
     @property
     def has_reference(self) -> bool:
-        """Whether the simulator has flights of its own; else physics claims what is normal."""
+        """True if the simulator has flights of its own; else physics claims what is normal."""
         return not bool(self.real.all())
 
     def counts(self) -> Tensor:
@@ -111,7 +111,7 @@ class Compared:
         return torch.tensor([e.band < 0 for e in self.entries])
 
     def of(self, quantity: str) -> Tensor:
-        """Which entries (p,) are of a quantity."""
+        """Entries (p,) of a quantity."""
         return torch.tensor([e.quantity == quantity for e in self.entries])
 
     def columns(self, quantity: str) -> Tensor:
@@ -247,7 +247,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Performanc
 
 
 def _tells_nothing(column: Tensor, airframe: Tensor) -> bool:
-    """Whether most flights show one and the same, and what differs from it is of a few aircraft."""
+    """Test for a quantity that is the same in most flights, and differs in a few aircraft."""
     apart = (column - column.nanmedian()).abs() > 1e-9  # nothing that is missing
     alike = int(column.isfinite().sum()) > 2 * int(apart.sum())
     return alike and len(torch.unique(airframe[apart])) < FEWEST_APART

@@ -1,4 +1,4 @@
-"""Where the gap lies: cells of quantity, altitude and slice, each against permuted flights."""
+"""Place of the gap: cells of quantity, altitude and slice, each against permuted flights."""
 
 from dataclasses import dataclass, replace
 

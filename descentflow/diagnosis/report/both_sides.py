@@ -1,4 +1,4 @@
-"""What either side measured of an effect by itself, so that a difference is not read as what real flights have."""
+"""Size of an effect on either side, so that a difference is not read as what real flights have."""
 
 import math
 from collections.abc import Sequence
@@ -17,20 +17,20 @@ from descentflow.measurements.level_channels import least_noise
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 NO_NOISE = 1.1
-"""Noise, in the least that is told apart from rounding, up to which reports count as having none."""
+"""Noise, in the least that exceeds rounding, up to which reports count as having none."""
 LEAST_RATIO = 0.05
-"""Logarithm of the ratio of noise up to which a channel is as noisy on both sides, and nothing is told of it."""
+"""Logarithm of the ratio of noise up to which a channel is as noisy on both sides, and nothing is reported of it."""
 LN_RATIO = "ln_ratio_"
-"""How names of parameters begin that are noise of real flights over that of the simulator's."""
+"""Prefix of parameters that are noise of real flights over that of the simulator's."""
 
 
 @dataclass(frozen=True)
 class BothSides:
-    """What is told of an effect of which the simulator's flights have some.
+    """Report on an effect of which the simulator's flights have some.
 
     Attributes:
-        has_some: Whether they have, or may have, for nothing says that they have none.
-        measured: By parameter, what either side shows by itself; empty where nothing says it.
+        has_some: Whether they have, or may have, for nothing proves that they have none.
+        measured: By parameter, what either side shows by itself; empty where unknown.
 
     Example:
         >>> BothSides().has_some
@@ -42,7 +42,7 @@ class BothSides:
 
 
 def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
-    """What either side measured of an effect.
+    """Measurements of an effect on either side.
 
     Args:
         compared: Flights of both sides; a nominal descent has none of any effect.
@@ -99,7 +99,7 @@ def _unit_of_noise(quantity: str) -> str:
 
 
 def told_of_both(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) -> list[TradeSize]:
-    """Sizes as readers are told them where the simulator's flights have some of the effect; the largest noise first.
+    """Sizes as reported where the simulator's flights have some of the effect; the largest noise first.
 
     Args:
         effect: Whose sizes they are.
@@ -141,7 +141,7 @@ def _told(size: TradeSize, row: OnBothSides | None, p: Parameter, several: bool)
 
 
 def _bare(p: Parameter, size: TradeSize, whole: bool) -> str:
-    """A size without the name that says it is of no flights but the real ones."""
+    """A size without the name that restricts it to the real flights."""
     value = size.value if whole else Measured(size.value.estimate)
     return told_text(p, value).removeprefix(f"{p.symbol or p.text} ")
 

@@ -16,7 +16,7 @@ from descentflow.reporting.svg_figures import drawn_for_both
 
 
 def cost_section(found: Findings) -> list[Html]:
-    """What the gap costs over all levels, drawn and as a table, and by level.
+    """Section on the costs of the gap over all levels, drawn and as a table, and by level.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -55,7 +55,7 @@ def cost_section(found: Findings) -> list[Html]:
 
 
 def costs_in_words(found: Findings) -> str:
-    """What the figure of costs shows, for readers who do not see it.
+    """Description of the figure of costs, for readers who do not see it.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose

@@ -1,4 +1,4 @@
-"""What figures and careful readers need besides the answer."""
+"""Details for figures and careful readers besides the answer."""
 
 from torch import Tensor
 
@@ -12,7 +12,7 @@ SHOWN = 10
 
 
 def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained: float) -> Remaining:
-    """What is left once the causes are in the simulator, and where the most of it lies.
+    """Gap that is left once the causes are in the simulator, and its largest part.
 
     Args:
         compared: Flights of both sides.

@@ -1,6 +1,6 @@
 """Figures of a diagnosis: what it costs, the map of where, before and after, what each effect explains alone.
 
-Each is drawn wide or narrow (for screens of 400 pixels), says in a tip what its marks mean, and tells nothing by colour
+Each is drawn wide or narrow (for screens of 400 pixels), explains its marks in a tip, and tells nothing by colour
 alone: markers, lines and numbers differ too.
 """
 

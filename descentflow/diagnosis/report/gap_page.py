@@ -38,7 +38,7 @@ OF_SCORES = (
     "was fitted to. A score compares whole flights as they are: those of a fleet that happens to fly faster, or to "
     "begin elsewhere, may score worse with a right cause in them, where two differences had made up for each other."
 )
-"""What is said below the table of scores, for it need not agree with the costs."""
+"""Note below the table of scores, for it need not agree with the costs."""
 BOXES = {"none": "good", "effect": "", "partial": "warn", "unknown": "warn"}
 """Verdict -> colour of the box with the answer."""
 
@@ -109,7 +109,7 @@ def _left(found: Findings) -> list[Html]:
 
 
 def _beside_chance(found: Findings) -> str:
-    """How the largest difference that is left compares with its standard error; nothing where that is not known."""
+    """Ratio of the largest difference that is left to its standard error; nothing where that is not known."""
     left = found.remaining.largest
     curve = found.details.curves.get(left.quantity)
     if curve is None:
@@ -173,7 +173,7 @@ def _rounds(found: Findings) -> list[Html]:
 
 
 def _numbers(found: Findings) -> list[Html]:
-    """What specialists ask for."""
+    """Numbers for specialists."""
     d, rest = found.details, found.details.discrepancy
     text = (
         f"p-value {found.p_value:.2g} from {d.n_permutations:,} permutations of whole aircraft. Logarithm of the "

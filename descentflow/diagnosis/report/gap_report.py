@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 FLIGHTS = "corrected.parquet"
 """Name of the flights with the causes in them."""
 FILES = ("gap.json", "gap.html", FLIGHTS, "corrected.ckpt")
-"""What may be written."""
+"""Files that may be written."""
 KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name != "details"))
 """Keys of `gap.json` that readers may rely on; `details` holds the rest."""
 
 
 @dataclass(frozen=True, repr=False)
 class GapReport(Findings):
-    """What a diagnosis found, see :class:`~descentflow.diagnosis.findings.findings.Findings` for its parts.
+    """Report of a diagnosis, see :class:`~descentflow.diagnosis.findings.findings.Findings` for its parts.
 
     Attributes:
         write_flights: Writes samples of a checkpoint with the causes in them, as prepared descents; else None.
@@ -60,7 +60,7 @@ class GapReport(Findings):
         return {"schema_version": SCHEMA_VERSION, **primitives(self)}
 
     def to_polars(self) -> "pl.DataFrame":
-        """Where the gap lies as a table: a row for each cell, largest share first."""
+        """Table of the gap: a row for each cell, largest share first."""
         import polars as pl
 
         return pl.DataFrame([primitives(cell) for cell in self.where])

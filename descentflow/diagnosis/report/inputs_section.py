@@ -10,7 +10,7 @@ NORMAL = {
     "physics": "what the performance equations say",
     "simulator flights": "what the simulator's flights show",
 }
-"""Where the simulator's side comes from -> its words."""
+"""Origin of the simulator's side -> its words."""
 
 
 def inputs_section(found: Findings) -> list[Html]:

@@ -1,4 +1,4 @@
-"""What to do next, in the order in which it helps: the recipe, what would decide, and where to look."""
+"""Next steps, in the order in which they help: the recipe, what would decide, and where to look."""
 
 from pathlib import Path
 
@@ -17,12 +17,12 @@ from descentflow.measurements.quantity_registry import label_of
 SHOWN_FLIGHTS = 8
 """Flights that are named."""
 SAMPLED = ("training flights", "samples")
-"""Where the simulator's side comes from, if the simulator is a checkpoint or a model."""
+"""Origins of the simulator's side, if the simulator is a checkpoint or a model."""
 MEAN_WIND = (
     "Let the wind change about the mean wind that each flight has: its change with altitude says nothing of the wind "
     "at any one level, which groundspeed and TAS say."
 )
-"""What the owner of a simulator needs to know who enters a wind by its slope."""
+"""Note for the owner of a simulator who enters a wind by its slope."""
 SHOWN_LIMITS = 3
 """Effects of which it is said what size would have been found."""
 
@@ -88,7 +88,7 @@ def _corrected(found: Findings, folder: Path | None) -> list[str]:
 
 
 def _air_of_samples(found: Findings) -> list[str]:
-    """What a corrected checkpoint makes of air that its training flights had and its decoder does not know."""
+    """Note on air that the training flights of a corrected checkpoint had and its decoder does not know."""
     warm = next((one for one in found.causes if one.effect in EFFECTS and EFFECTS[one.effect].is_air), None)
     if warm is None or warm.inherited:
         return []
@@ -143,7 +143,7 @@ def _own(found: Findings) -> list[str]:
 
 
 def _limits(found: Findings) -> list[str]:
-    """Where nothing was found: the sizes that would have been."""
+    """Sizes that would have been found, where nothing was."""
     if found.verdict != "none":
         return []
     told = [limit_words(x) for x in found.details.detection_limits if x.size is not None][:SHOWN_LIMITS]

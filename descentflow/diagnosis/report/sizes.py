@@ -1,4 +1,4 @@
-"""Sizes of an effect as readers are told them: in units of the trade, and of the flights that have it."""
+"""Sizes of an effect as reported: in units of the trade, and of the flights that have it."""
 
 import math
 from collections.abc import Callable
@@ -18,7 +18,7 @@ STEP = 1e-5
 
 
 def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list[TradeSize]:
-    """Every parameter as readers are told it, of the flights that have the effect.
+    """Every parameter as reported, of the flights that have the effect.
 
     Args:
         effect: Whose parameters they are.
@@ -100,7 +100,7 @@ def known_errors(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> 
 
 
 def told_text(parameter: Parameter, value: Measured) -> str:
-    """A parameter in words, from values as readers are told them.
+    """A parameter in words, from reported values.
 
     Example:
         >>> from descentflow.effects import EFFECTS

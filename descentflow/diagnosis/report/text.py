@@ -26,11 +26,11 @@ from descentflow.measurements.quantity_registry import label_of
 SPEEDS = ("cas_kt", "bias_kt")
 """Parameters of causes that are a matter of speed."""
 SHOWN_SMALL = 3
-"""Quantities that are told of a gap that does not matter."""
+"""Quantities reported for a gap that does not matter."""
 
 
 def sentences(found: Findings) -> list[str]:
-    """What differs and what it costs, why, and how far it shrinks; and how many flights the simulator learnt from.
+    """Difference and its cost, cause, and closure; and the number of flights that the simulator learnt from.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -47,7 +47,7 @@ def sentences(found: Findings) -> list[str]:
 
 
 def _lacks(found: Findings) -> list[str]:
-    """What the simulator has too little or too much of beside any cause: noise of reports, level-offs."""
+    """Lacks of the simulator beside any cause: noise of reports, level-offs."""
     parts = []
     for lack in found.details.lacks:
         value, unit = in_trade(lack.quantity, lack.size, 0.0, 0.0, [])
@@ -58,7 +58,7 @@ def _lacks(found: Findings) -> list[str]:
 
 
 def _seen(found: Findings) -> list[str]:
-    """How many of the real flights the simulator learnt from: of these it says nothing that it was not told."""
+    """Number of the real flights that the simulator learnt from: on these it is not tested."""
     count, total = found.dropped.get(SEEN, 0), found.dropped.get("flights_given", 0)
     if not count:
         return []
@@ -74,7 +74,7 @@ def _p_value(found: Findings) -> str:
 
 
 def same_flights(found: Findings) -> bool:
-    """Whether the flights of both sides are the very same.
+    """Test for the very same flights on both sides.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -138,7 +138,7 @@ def _cost(found: Findings) -> str:
 
 
 def _alike(found: Findings) -> str:
-    """What both cost alike, with the noise floor within which they do."""
+    """Costs that are alike on both sides, with the noise floor within which they are."""
     costs = whole_costs(found)
     within = [trade_number(costs[name].floor, costs[name].unit) for name in ALIKE if name in costs]
     if not within:
@@ -147,7 +147,7 @@ def _alike(found: Findings) -> str:
 
 
 def _place(found: Findings) -> str:
-    """Where most of the gap lies."""
+    """Place of most of the gap."""
     cell = next((c for c in found.where if c.share > 0), None)
     if cell is None:
         return "no single level stands out"
@@ -174,7 +174,7 @@ def _them(found: Findings) -> str:
 
 
 def _shrunk(found: Findings) -> str:
-    """What the costs become, or the share that is closed where nothing costs anything."""
+    """Costs with the causes, or the closed share where nothing costs anything."""
     costs = whole_costs(found)
     # Where no cause is one of speed, how fast crews happen to fly would hide what the causes do.
     speed = any(p in SPEEDS for cause in found.causes for p in cause.parameters)
@@ -190,7 +190,7 @@ def _shrunk(found: Findings) -> str:
 
 
 def _cell_became(found: Findings) -> list[str]:
-    """What the difference that is the largest share of the gap becomes."""
+    """Change of the difference that is the largest share of the gap."""
     cells = [c for c in found.where if c.share > 0 and c.regime != "all" and c.quantity in found.details.curves]
     return next((told for told in (_one_cell(found, cell) for cell in cells) if told), [])
 

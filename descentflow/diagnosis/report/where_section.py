@@ -48,7 +48,7 @@ def where_section(found: Findings) -> list[Html]:
 
 
 def largest_in_words(found: Findings) -> str:
-    """Where the largest differences are, for readers who do not see the map.
+    """Largest differences in words, for readers who do not see the map.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -92,7 +92,7 @@ def _cell(found: Findings, cell: GapCell) -> list[str]:
 
 
 def _in_scatter(value: float, unit: str) -> str:
-    """What is said of a cell whose mean is alike: the gap is one of distributions."""
+    """Note on a cell whose mean is alike: the gap is one of distributions."""
     return ": it scatters otherwise" if trade_number(abs(value), unit) == trade_number(0.0, unit) else ""
 
 

@@ -28,7 +28,7 @@ WIND_SLOPE = "kt per 1,000 ft"
 MOST = 3
 """Phrases at the top: who wants more finds the table."""
 ALIKE = ("time", "air_distance", "rate")
-"""Costs by which a gap that costs nothing is told."""
+"""Costs by which a gap that costs nothing is described."""
 
 
 def simulator_name(found: Findings) -> str:
@@ -75,7 +75,7 @@ def whole_costs(found: Findings) -> dict[str, Cost]:
 
 
 def cost_phrases(costs: dict[str, Cost]) -> list[str]:
-    """What real flights do otherwise than the simulator, where it is more than chance: the surest three.
+    """Differences of real flights from the simulator that are more than chance: the surest three.
 
     Example:
         >>> time = Cost("time", "time", "s", 150.0, 370.0, 520.0, 545.0, Measured(25.0, 22.0, 28.0), None, 3.0)
@@ -132,7 +132,7 @@ def cause_words(cause: Cause) -> str:
 
 
 def shown_sizes(cause: Cause) -> list[TradeSize]:
-    """Sizes that readers are told: but what an effect does to reports of itself where it does nothing to them.
+    """Reported sizes: but what an effect does to reports of itself where it does nothing to them.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -147,7 +147,7 @@ def shown_sizes(cause: Cause) -> list[TradeSize]:
 
 
 def _of_none(parameter: Parameter) -> str:
-    """What is told of a parameter where the effect does nothing to it."""
+    """Words for a parameter where the effect does nothing to it."""
     return told_text(parameter, Measured(parameter.told(0.0)))
 
 
@@ -169,7 +169,7 @@ def size_words(cause: Cause) -> str:
 
 
 def tells_a_slope_of_wind(cause: Cause) -> bool:
-    """Whether a size of the cause is a change of the wind with altitude, which leaves the mean wind open.
+    """Test for a size of the cause that is a change of the wind with altitude, which leaves the mean wind open.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -181,7 +181,7 @@ def tells_a_slope_of_wind(cause: Cause) -> bool:
 
 
 def limit_words(limit: DetectionLimit) -> str:
-    """The smallest size of an effect that would be named, as its size is told where it is named.
+    """The smallest size of an effect that would be named, as its size is reported where it is named.
 
     Example:
         >>> limit_words(DetectionLimit("temperature", "deviation_k", 1.2, "K"))
@@ -200,7 +200,7 @@ def limit_words(limit: DetectionLimit) -> str:
 
 
 def limit_flights(limit: DetectionLimit) -> str:
-    """Which flights have an effect of the smallest size that would be named.
+    """Flights that have an effect of the smallest size that would be named.
 
     Example:
         >>> limit_flights(DetectionLimit("speed_brake", "extra_cd0", 1.1, "factor", share=0.61))
@@ -223,7 +223,7 @@ def _parameter_of(limit: DetectionLimit) -> Parameter | None:
 
 
 def how_sure(cause: Cause) -> str:
-    """How sure it is that the cause is this one.
+    """Certainty of the cause in words.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -253,7 +253,7 @@ def became(cost: Cost) -> str:
 
 
 def levels_of(found: Findings) -> str:
-    """From where to where costs are told, downwards; empty where none are.
+    """From where to where costs are reported, downwards; empty where none are.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose

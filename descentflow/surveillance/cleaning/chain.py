@@ -25,10 +25,10 @@ from descentflow.surveillance.rows.schema import COLUMNS
 BATCH_ROWS = 250_000
 """Rows that are cleaned at a time: their arrays stay in the processor's cache."""
 USED = ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
-"""Columns that the filters use..."""
+"""Columns that the filters use."""
 TURNS, CLEARED = ("roll", "track", "groundspeed"), ("cleared_speed_kt", "cleared_mach")
 CLEARED_LEVEL = ("cleared_flight_level",)
-"""...and those that optional filters use."""
+"""Columns that optional filters use."""
 DIFFERENCED = "rows whose vertical rate is differenced from altitude, for none is reported"
 """Note in the report."""
 

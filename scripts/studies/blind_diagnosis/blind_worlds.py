@@ -35,9 +35,9 @@ class StudyWorld:
     catalogued: tuple[str, ...]
     outside: tuple[str, ...]
     strong: tuple[str, ...]
-    """Catalogued causes that may hide another..."""
+    """Catalogued causes that may hide another."""
     beside: tuple[str, ...]
-    """...of these, which the catalogue does not have."""
+    """The causes that they may hide, which the catalogue does not have."""
     flights: tuple[tuple[int, float], ...]
     """Flights of a set, and how often."""
     reference_flights: int

@@ -33,9 +33,9 @@ class Airframe:
     tops_fl: tuple[float, float]
     """Lowest and highest entry level, flown in steps of 1,000 ft."""
     zero_lift_drag: float
-    """The model's own drag coefficient at no lift and small angles of attack..."""
+    """The model's own drag coefficient at no lift and small angles of attack."""
     brake_drag: float
-    """...and what its speed brakes add when they are fully out."""
+    """Drag coefficient that its speed brakes add when they are fully out."""
     elevator_rad: tuple[float, float]
     """Range of the elevator, nose up (negative) and nose down."""
     rated_n: float

@@ -118,9 +118,9 @@ class FlightPlan:
     idle_setting: float = 0.0
     """Thrust lever (0 to 1) in the idle descent."""
     kept_share: float = 0.0
-    """Share of drag minus idle thrust that is kept at the top of descent..."""
+    """Share of drag minus idle thrust that is kept at the top of descent."""
     kept_s: float = 1.0
-    """...and the time in which that decays."""
+    """Time in which that decays."""
     ice_share: float = 0.0
     """Share of drag minus idle thrust that is kept between two pressure altitudes."""
     ice_high_m: float = math.nan
@@ -129,9 +129,9 @@ class FlightPlan:
     """Pressure altitudes between which a path or a vertical rate is held."""
     hold_low_m: float = math.nan
     hold_of_idle: float = math.nan
-    """Share of the shallowest idle descent between them..."""
+    """Share of the shallowest idle descent between them."""
     hold_path: bool = True
-    """...whose path angle is held, or whose vertical rate; what comes of it is..."""
+    """True if its path angle is held, and not its vertical rate."""
     hold_angle: float = math.nan
     """Path angle over the ground, radians, negative; NaN where a rate is held."""
     hold_rate_mps: float = math.nan

@@ -49,9 +49,9 @@ class Case:
     uniform: Sequence[float]
     """Random numbers of this flight for this effect."""
     daily: float
-    """A standard normal number that flights of the day share..."""
+    """A standard normal number that flights of the day share."""
     by_airframe: float
-    """...and one that flights of the airframe share."""
+    """One that flights of the airframe share."""
 
     def chosen(self, share: float) -> bool:
         """True if the effect takes the flight; the last random number decides."""

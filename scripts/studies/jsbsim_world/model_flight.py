@@ -22,9 +22,9 @@ POSSIBLE_MACH = (0.2, 1.0)
 LEAST_PA = 5000.0
 """A flight outside these has diverged."""
 WORST_SPEED_MPS = 3.0
-"""A settled idle descent that is further off its speed has failed..."""
+"""Largest speed error of a settled idle descent."""
 WORST_BANK = math.radians(5.0)
-"""...as has one that banks more."""
+"""Largest bank of one."""
 COLUMNS = (
     *("time_s", "altitude_m", "height_m", "cas_mps", "mach", "tas_mps", "groundspeed_mps", "rate_mps", "gamma"),
     *("drag_n", "thrust_n", "mass_kg", "temperature_k", "wind_mps", "brake", "lever", "speed_error_mps", "label"),

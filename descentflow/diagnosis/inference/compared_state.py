@@ -13,13 +13,8 @@ EDGE_NOISE = 0.7
 reports at either edge, each of which serves several levels."""
 
 
-<<<<<<< HEAD
 def state_of(flights: Quantities, aircraft: PerformanceModel, mass_kg: float) -> FlightState:
-    """What effects may look at; bands without a report have the column's mean speed, and no mask.
-=======
-def state_of(flights: Quantities, aircraft: Aircraft, mass_kg: float) -> FlightState:
     """State for effects; bands without a report have the column's mean speed, and no mask.
->>>>>>> 364393f (Hold first lines and words of docstrings and pages by a test)
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft

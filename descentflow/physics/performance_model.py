@@ -37,7 +37,7 @@ class PerformanceModel(Protocol):
 
     @property
     def source(self) -> str:
-        """Where the numbers come from."""
+        """Source of the numbers."""
 
     @property
     def mass_reference_kg(self) -> Number:

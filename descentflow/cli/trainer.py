@@ -36,7 +36,7 @@ from descentflow.training.run_folders import (
     run_folder,
     write_into_run,
 )
-from descentflow.training.training_settings import CHECKPOINT_DEFAULTS, TRAINER_DEFAULTS, accelerator
+from descentflow.training.training_settings import CHECKPOINT_DEFAULTS, TRAINER_DEFAULTS
 
 NOTHING_KEPT = (
     "no checkpoint was written: no epoch was trained and validated to its end (--trainer.max_epochs, fast_dev_run and "
@@ -164,7 +164,6 @@ def run(command: str, rest: Sequence[str]) -> None:
     words = _with_packaged_configs(["--help" if word == "--help_all" else word for word in rest])
     if "--help" not in words:
         words = _with_safe_loading(words)
-        words = _with_accelerator(words)
         if command != "fit":
             words = _with_checkpoint(command, words)
         elif (resumed := _option(words, "--ckpt_path")) is not None and Path(resumed).suffix:
@@ -226,13 +225,6 @@ def _with_safe_loading(words: list[str]) -> list[str]:
             mend="leave it out",
         )
     return ["--weights_only", "true", *words]
-
-
-def _with_accelerator(words: list[str]) -> list[str]:
-    """Choose the accelerator unless it is named."""
-    if _option(words, "--trainer.accelerator") is not None:
-        return words
-    return ["--trainer.accelerator", accelerator(), *words]
 
 
 def _with_checkpoint(command: str, words: list[str]) -> list[str]:

@@ -1,6 +1,7 @@
 """The base of every latent density: what it offers to sampling, scoring and checkpoints."""
 
 from abc import ABC, abstractmethod
+from copy import deepcopy
 from typing import Any, ClassVar
 
 import torch
@@ -276,5 +277,8 @@ class Density(nn.Module, ABC):
         return self._representation
 
     def attach(self, representation: Representation) -> None:
-        """Attach the representation that gives the weights their meaning."""
-        self._representation = representation.to(self.device)
+        """Attach a copy of the representation that gives the weights their meaning.
+
+        A copy, for it moves to another device with the density, and the DataModule's stays.
+        """
+        self._representation = deepcopy(representation).to(self.device)

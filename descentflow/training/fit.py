@@ -22,7 +22,7 @@ from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.quiet import quiet
-from descentflow.training.training_settings import TrainingSettings, accelerator, settings_of, training_settings
+from descentflow.training.training_settings import TrainingSettings, settings_of, training_settings
 
 OWN_OPTIONS = {"out", "seed", "max_epochs", "aircraft", "context", "progress_bar", "device"}
 """Options of :func:`fit` that are not the DataModule's."""
@@ -42,7 +42,7 @@ def fit(
     aircraft: str | None = None,
     context: Sequence[str] | None = None,
     progress_bar: bool = False,
-    device: Literal["cpu", "cuda"] | None = None,
+    device: Literal["cpu", "cuda"] = "cpu",
     **data_options: Any,
 ) -> LatentModel[Any]:
     """Train a model on prepared descents and return it as it was in its best epoch (paper, sections 2.2 and 2.3).
@@ -63,7 +63,7 @@ def fit(
         aircraft: Type whose coefficients infer and fly the drag; the descents' own type if they have only one.
         context: Columns on which the density is conditioned.
         progress_bar: Whether to show a bar while it trains.
-        device: ``cpu`` or ``cuda``; CUDA where there is one if absent.
+        device: ``cpu`` or ``cuda``, which is no faster with a few weights a flight.
         **data_options: Other options of :class:`~descentflow.training.datamodule.DescentDataModule`, for instance
             ``split_by="aircraft"``; those of the model's settings if absent.
 
@@ -80,7 +80,7 @@ def fit(
         Gaussian of ... weights (... of drag, ... of CAS) on FL150-..., A320
         86 flights trained it, 10 validated it: val/nll ... in epoch 1
     """
-    if device == "cuda" and accelerator() != "cuda":
+    if device == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device 'cuda'", expected="a GPU that torch can use", mend="leave the device out")
     if out is not None:
         check_output(out)
@@ -90,7 +90,7 @@ def fit(
     data = _data_module(descents, settings.data, {name: value for name, value in options.items() if value is not None})
     with _ONE_AT_A_TIME, _own_random_numbers(seed), _own_threads():
         trained = model if isinstance(model, LatentModel) else settings.new_model()
-        _train(trained, data, settings, max_epochs, progress_bar, device or accelerator())
+        _train(trained, data, settings, max_epochs, progress_bar, device)
     if out is not None:
         trained.save(out)
     return trained
@@ -131,11 +131,10 @@ def _train(
     device: str,
 ) -> None:
     """Train a model and put it back to its best epoch."""
-    options = settings.trainer | ({} if max_epochs is None else {"max_epochs": max_epochs})
+    options = settings.trainer | {"accelerator": device} | ({} if max_epochs is None else {"max_epochs": max_epochs})
     with TemporaryDirectory() as folder:
         best = ModelCheckpoint(folder, **settings.checkpoint)
         trainer = Trainer(
-            accelerator=device,
             logger=False,
             callbacks=[*settings.new_callbacks(), best],
             enable_progress_bar=progress_bar,

@@ -298,3 +298,13 @@ def test_an_unfitted_model_or_density_is_no_model_to_use() -> None:
         as_density(Gaussian())
     with pytest.raises(ConfigError, match="without a representation"):
         as_density(GaussianDensity(3))
+
+
+def test_a_model_on_another_device_leaves_the_representation_of_its_data_where_it_is() -> None:
+    data = toys.WeightsModule(weights(), weights(100))
+    model = Gaussian()
+    model.attach(data.representation)
+    assert {parameter.device.type for parameter in data.representation.buffers()} == {"cpu"}
+    model.to("meta")  # stands for a GPU here
+    assert model.density.representation.decoder.levels_fl.device.type == "meta"
+    assert data.representation.decoder.levels_fl.device.type == "cpu"

@@ -101,7 +101,6 @@ class Generator:
         check_standard_air(density.representation, "a generator of single descents")
         if density.device.type != "cpu":
             density = deepcopy(density).cpu()
-            density.attach(deepcopy(density.representation).cpu())
         self.density: Density = density
         self.representation = density.representation
         self.seed, self.noise_multiple = seed, noise_multiple

@@ -217,9 +217,9 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     def _residual_law(self, some: Tensor, mixture: Mixture, shares: Tensor, context: Tensor | None) -> ResidualLaw:
         """Of some flights (m,)."""
-        decoder = self.representation.decoder
-        flights = data_of(self.trainer).profiles("train").subset(some)
-        seen = linear_curves(decoder).information(decoder.observed(flights)).to("cpu")
+        data = data_of(self.trainer)
+        decoder, flights = data.representation.decoder, data.profiles("train").subset(some)
+        seen = linear_curves(decoder).information(decoder.observed(flights))
         of_some = None if context is None else context.cpu()[some]
         return learn_residual_law(seen, residual_profiles(decoder), mixture, shares, of_some)
 

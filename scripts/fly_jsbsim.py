@@ -5,7 +5,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from descentflow.cli import plant_arguments
+from descentflow.cli.simulate_command import listing, planted
 from descentflow.core.errors import DescentflowError
 from studies.jsbsim_world.airframes import AIRFRAMES
 from studies.jsbsim_world.fly_models import fly
@@ -13,11 +13,13 @@ from studies.jsbsim_world.model_effects import EFFECTS
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, epilog=listing(EFFECTS), formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--model", choices=list(AIRFRAMES), required=True)
     parser.add_argument("--flights", type=int, default=150)
     parser.add_argument("--seed", type=int, default=0)
-    plant_arguments.add_arguments(parser, EFFECTS)
+    parser.add_argument("--plant", nargs="+", action="extend", default=[], help="EFFECT:VALUE=NUMBER,... (see below)")
     parser.add_argument("--typecode", help="type that the rows name (default: the one to diagnose the model with)")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True, help="rows, a .parquet file")
@@ -30,7 +32,7 @@ def main() -> None:
                 args.model,
                 args.flights,
                 args.seed,
-                plant_arguments.planted(args.plant),
+                planted(args.plant),
                 typecode=typecode,
                 workers=args.workers,
                 progress=bar.update,

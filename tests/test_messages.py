@@ -1,6 +1,5 @@
 """Messages name only options that there are."""
 
-import argparse
 import ast
 import re
 from importlib import import_module
@@ -8,6 +7,7 @@ from pathlib import Path
 
 import descentflow
 from descentflow.cli.entry import COMMANDS, TRAINER
+from descentflow.cli.options import CommandParser
 from descentflow.cli.trainer_words import OWN, TOP, _arguments
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w.-]*[a-z]")
@@ -20,8 +20,9 @@ def options() -> set[str]:
     found = {f"--{name}" for name in TOP}
     found |= {f"--{section}.{name}" for section, place in OWN.items() for name in _arguments(*place)}
     for command in set(COMMANDS) - set(TRAINER):
-        parser = argparse.ArgumentParser()
-        import_module(f"descentflow.cli.{command.replace('-', '_')}_command").add_arguments(parser)
+        module = import_module(f"descentflow.cli.{command.replace('-', '_')}_command")
+        parser = CommandParser(command, module.run)
+        getattr(module, "extend", lambda _: None)(parser)
         found |= {option for action in parser._actions for option in action.option_strings}
     return found
 

@@ -11,7 +11,6 @@ from importlib import import_module
 from typing import Any
 
 from descentflow.cli.ending import ended_in_order, print_whatever_comes
-from descentflow.cli.one_line_parser import OneLineParser
 from descentflow.core.errors import ConfigError, DescentflowError, DescentflowWarning, nearest
 from descentflow.core.progress import clear_line, display
 from descentflow.core.version import __version__
@@ -32,17 +31,6 @@ COMMANDS = {
 }
 TRAINER = ("fit", "validate", "test", "predict")
 """Commands of the LightningCLI, which know every option of trainer, model and data."""
-LIBRARIES = {
-    "simulate": "descentflow.simulation.world",
-    "prepare": "descentflow.surveillance.prepare",
-    "info": "descentflow.densities.checkpoint_summary",
-    "sample": "descentflow.generation.sample",
-    "predict-descent": "descentflow.generation.prediction.predict",
-    "export": "descentflow.exports.export",
-    "evaluate": "descentflow.evaluation.evaluate",
-    "diagnose": "descentflow.diagnosis.diagnose",
-}
-"""Modules that a command imports before it does anything, with all that it takes of large libraries."""
 QUIET = "--quiet"
 """Option of every command: no progress on stderr."""
 
@@ -134,22 +122,6 @@ def _warnings_in_a_line(name: str) -> Iterator[None]:
         warnings.formatwarning = usual
 
 
-@contextmanager
-def _without_cycle_search() -> Iterator[None]:
-    """Import large libraries inside of this: a sixth of their time goes into a search for garbage.
-
-    What has been imported stays to the end, so that later searches leave it out: each would take a quarter of a second.
-    """
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.freeze()
-            gc.enable()
-
-
 def _run(name: str, rest: list[str]) -> int:
     if name in TRAINER:
         trainer_help = import_module("descentflow.cli.trainer_help")
@@ -158,27 +130,24 @@ def _run(name: str, rest: list[str]) -> int:
             return 0
         words = [word for word in rest if word != QUIET]
         options = import_module("descentflow.cli.trainer_words").check_words(name, words)
-        with _without_cycle_search():
-            if name == "fit":
-                # It imports torch for the type's coefficients.
-                import_module("descentflow.cli.trainer_inputs").check_descents_to_fit(options)
-            elif options.get("ckpt_path"):
-                _check_checkpoint(options["ckpt_path"])
-            trainer = import_module("descentflow.cli.trainer")
-        trainer.run(name, words)
+        if name == "fit":
+            # It imports torch for the type's coefficients.
+            import_module("descentflow.cli.trainer_inputs").check_descents_to_fit(options)
+        elif options.get("ckpt_path"):
+            _check_checkpoint(options["ckpt_path"])
+        import_module("descentflow.cli.trainer").run(name, words)
         return 0
     module = import_module(f"descentflow.cli.{name.replace('-', '_')}_command")
-    parser = OneLineParser(prog=f"descentflow {name}")
-    module.add_arguments(parser)
+    parser = import_module("descentflow.cli.options").CommandParser(name, module.run)
+    if hasattr(module, "extend"):
+        module.extend(parser)
     parser.add_argument(QUIET, action="store_true", help="show no progress; it goes to stderr, after two seconds")
-    args = parser.parse_args(rest)
-    if "checkpoint" in args:
-        for path in args.checkpoint if isinstance(args.checkpoint, list) else [args.checkpoint]:
-            _check_checkpoint(path)
-    if name in LIBRARIES:
-        with _without_cycle_search():
-            import_module(LIBRARIES[name])
-    module.run(args)
+    options = vars(parser.parse_args(rest))
+    del options["quiet"]
+    checkpoints = options.get("checkpoint", [])
+    for path in checkpoints if isinstance(checkpoints, list) else [checkpoints]:
+        _check_checkpoint(path)
+    module.run(**options)
     return 0
 
 

@@ -1,66 +1,68 @@
 """`descentflow evaluate`: scores of a checkpoint against the descents of any prepared file."""
 
-import argparse
 from pathlib import Path
+from typing import Annotated
 
-from descentflow.cli import air_arguments
-from descentflow.core.seeds import seed_word
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.description = (
-        "Sample a checkpoint and score the samples against real descents: time to bottom, CAS and rate above and below "
-        "transition, as Kolmogorov-Smirnov and Wasserstein distance and error of the mean, each beside the distance "
-        "between as many real flights and beside nominal BADA. Flights that the checkpoint was trained or "
-        "validated on are left out, by aircraft and time where they come under another flight_id."
-    )
-    parser.add_argument("checkpoint", type=Path, help="checkpoint that `descentflow fit` wrote (.ckpt)")
-    parser.add_argument(
-        "--real",
-        type=Path,
-        required=True,
-        help="prepared descents (descentflow prepare), or rows",
-    )
-    parser.add_argument(
-        "--context-table", type=Path, help="CSV or Parquet with flight_id and the context, for a conditional model"
-    )
-    air_arguments.add_source(parser)
-    parser.add_argument("--out", type=Path, required=True, help="folder for scores.csv, rejections.json and figures")
-    parser.add_argument("-n", "--number", type=int, default=10_000, help="samples (default: %(default)s)")
-    parser.add_argument("--seed", type=seed_word, default=0, help="of sampling and splits (default: 0)")
-    parser.add_argument("--draw-budget", type=int, help="most draws before giving up (default: 100 for each sample)")
-    parser.add_argument(
-        "--resamples", type=int, help="also write intervals.csv: 90 %% bootstrap intervals of the scores over flights"
-    )
-    parser.add_argument("--no-figures", dest="figures", action="store_false", help="draw no figures")
+from descentflow.cli.options import one_or_several
 
 
-def run(args: argparse.Namespace) -> None:
-    """Evaluate, write and print."""
+def run(
+    checkpoint: Path,
+    *,
+    real: Path,
+    out: Path,
+    context_table: Path | None = None,
+    air: list[str] | None = None,
+    number: Annotated[int, "-n"] = 10_000,
+    seed: int = 0,
+    draw_budget: int | None = None,
+    resamples: int | None = None,
+    no_figures: bool = False,
+) -> None:
+    """Sample a checkpoint and score the samples against real descents.
+
+    Time to bottom, CAS and rate above and below transition are scored as Kolmogorov-Smirnov and Wasserstein distance
+    and error of the mean, each beside the distance between as many real flights and beside nominal BADA. Flights that
+    the checkpoint was trained or validated on are left out, by aircraft and time where they come under another
+    flight_id.
+
+    Args:
+        checkpoint: checkpoint that `descentflow fit` wrote (.ckpt)
+        real: prepared descents (descentflow prepare), or rows
+        out: folder for scores.csv, rejections.json and figures
+        context_table: CSV or Parquet with flight_id and the context, for a conditional model
+        air: for a model that was fitted with data.air: where the air of these flights is known from: measured (their
+            own reports; default for a model fitted with measured), or a weather field: a NetCDF or GRIB file by
+            pressure level, several, or a folder of them
+        number: samples
+        seed: of sampling and splits
+        draw_budget: most draws before giving up (default: 100 for each sample)
+        resamples: also write intervals.csv: 90 % bootstrap intervals of the scores over flights
+        no_figures: draw no figures
+    """
     from descentflow.core.files import check_folder, whole_file
     from descentflow.core.progress import stage
     from descentflow.evaluation.evaluate import N_SPLITS, evaluate
     from descentflow.evaluation.evaluation_report import FILES
     from descentflow.evaluation.metrics.scores import n_comparisons
 
-    check_folder(args.out, *FILES, "intervals.csv")
+    check_folder(out, *FILES, "intervals.csv")
     with stage("reading descents") as shown:
         found = evaluate(
-            args.checkpoint,
-            args.real,
-            n=args.number,
-            seed=args.seed,
-            context_table=args.context_table,
-            air=air_arguments.source_of(args),
-            draw_budget=args.draw_budget,
-            progress=shown.part("drawing descents", args.number, "descents"),
+            checkpoint,
+            real,
+            n=number,
+            seed=seed,
+            context_table=context_table,
+            air=one_or_several(air),
+            draw_budget=draw_budget,
+            progress=shown.part("drawing descents", number, "descents"),
             score_progress=shown.part("scoring", n_comparisons(N_SPLITS), "comparisons"),
         )
-    with stage("classifying, drawing figures and writing" if args.figures else "classifying and writing"):
-        found.write(args.out, figures=args.figures)
-    if args.resamples is not None:
-        with stage("resampling flights"), whole_file(args.out / "intervals.csv") as temporary:
-            found.intervals(args.resamples, args.seed).write_csv(temporary)
+    with stage("classifying and writing"):
+        found.write(out, figures=not no_figures)
+    if resamples is not None:
+        with stage("resampling flights"), whole_file(out / "intervals.csv") as temporary:
+            found.intervals(resamples, seed).write_csv(temporary)
     print(found)
-    print(f"wrote {args.out / 'scores.csv'}{' and figures' if args.figures else ''}")
+    print(f"wrote {out / 'scores.csv'}{'' if no_figures else ' and figures'}")

@@ -1,109 +1,80 @@
 """`descentflow export`: samples, or the model itself, in the format of another program."""
 
-import argparse
+from argparse import ArgumentParser
 from pathlib import Path
+from typing import Annotated, Literal, Unpack
 
-from descentflow.cli import context_arguments, position_arguments
-from descentflow.core.seeds import seed_word
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    from descentflow.exports.targets import TARGETS
-
-    listed = "\n".join(f"  {name:<13}{target.purpose}" for name, target in TARGETS.items())
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.description = (
-        f"Write samples of a checkpoint, or the model itself, for another program.\n\ntargets:\n{listed}"
-    )
-    parser.add_argument(
-        "checkpoint",
-        type=Path,
-        nargs="+",
-        help="checkpoint that `descentflow fit` wrote (.ckpt); for bluesky and bluebird several, of different types",
-    )
-    parser.add_argument("--to", required=True, choices=TARGETS, metavar="TARGET", help="one of the targets above")
-    parser.add_argument("--out", type=Path, required=True, help="output; some targets write further files beside it")
-    parser.add_argument(
-        "-n", "--number", type=int, default=1000, help="samples of each checkpoint (default: %(default)s)"
-    )
-    parser.add_argument("--seed", type=seed_word, default=0, help="the same seed gives the same files (default: 0)")
-    parser.add_argument(
-        "--every",
-        type=float,
-        default=120.0,
-        metavar="S",
-        help="seconds from one flight's arrival to the next one's (default: 120)",
-    )
-    parser.add_argument(
-        "--prefix",
-        default="DF",
-        metavar="LETTERS",
-        help="of the callsigns: two exports that fly in one simulation need two (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--as",
-        dest="fly_as",
-        nargs="+",
-        default=(),
-        metavar="TYPES",
-        help="types that fly the samples, A319,A320,A321; such a list for each checkpoint: bluesky, bluebird",
-    )
-    parser.add_argument(
-        "--into",
-        nargs=3,
-        default=(),
-        type=Path,
-        metavar=("PROFILE", "UNCERTAINTY", "MAPPING"),
-        help="tables of bluebird-dt, whose climbs, cruises and other types the written ones keep: bluebird",
-    )
-    parser.add_argument(
-        "--precision",
-        choices=("float64", "float32"),
-        default="float64",
-        help="of the inputs and outputs of a sampler (--to onnx; default: float64)",
-    )
-    parser.add_argument(
-        "--step-s",
-        type=float,
-        metavar="S",
-        help="a row every S seconds, on whole steps of the clock: parquet, cf, traffic (default: 1 for traffic, a row "
-        "for each level for the others)",
-    )
-    parser.add_argument("--draw-budget", type=int, help="most draws before giving up (default: 100 for each sample)")
-    context_arguments.add_arguments(parser)
-    position_arguments.add_arguments(parser)
+from descentflow.cli.options import Where, context_of
+from descentflow.exports.targets import TARGETS
 
 
-def run(args: argparse.Namespace) -> None:
-    """Draw, write, and say what was written."""
+def extend(parser: ArgumentParser) -> None:
+    """List the targets."""
+    parser.epilog = "targets:\n" + "\n".join(f"  {name:<13}{target.purpose}" for name, target in TARGETS.items())
+
+
+def run(
+    checkpoint: list[Path],
+    *,
+    to: str,
+    out: Path,
+    number: Annotated[int, "-n"] = 1000,
+    seed: int = 0,
+    every: float = 120.0,
+    prefix: str = "DF",
+    as_: list[str] | None = None,
+    into: tuple[Path, Path, Path] | None = None,
+    precision: Literal["float64", "float32"] = "float64",
+    step_s: float | None = None,
+    draw_budget: int | None = None,
+    given: list[str] | None = None,
+    given_table: Path | None = None,
+    **where: Unpack[Where],
+) -> None:
+    """Write samples of a checkpoint, or the model itself, for another program.
+
+    Args:
+        checkpoint: checkpoint that `descentflow fit` wrote (.ckpt); for bluesky and bluebird several, of different
+            types
+        to (TARGET): one of the targets below
+        out: output; some targets write further files beside it
+        number: samples of each checkpoint
+        seed: the same seed gives the same files
+        every (S): seconds from one flight's arrival to the next one's
+        prefix (LETTERS): of the callsigns: two exports that fly in one simulation need two
+        as_ (TYPES): types that fly the samples, A319,A320,A321; such a list for each checkpoint: bluesky, bluebird
+        into (PROFILE UNCERTAINTY MAPPING): tables of bluebird-dt, whose climbs, cruises and other types the written
+            ones keep: bluebird
+        precision: of the inputs and outputs of a sampler: onnx
+        step_s (S): a row every S seconds, on whole steps of the clock: parquet, cf, traffic (default: 1 for traffic,
+            a row for each level for the others)
+        draw_budget: most draws before giving up (default: 100 for each sample)
+        given (NAME=VALUE): context of all descents, for a model that was fitted with data.context: deviation_k=10
+            operator=FST
+        given_table: CSV or Parquet with the columns of the context; sample i is of row i, beginning again after the
+            last
+    """
     from descentflow.core.progress import stage
     from descentflow.exports.export import export
 
-    drawing = ("drawing descents", args.number * len(args.checkpoint), "descents")
-    what = ("exporting the model",) if args.to == "onnx" else drawing
-    with stage(*what) as drawn:
+    drawing = ("drawing descents", number * len(checkpoint), "descents")
+    with stage(*(("exporting the model",) if to == "onnx" else drawing)) as drawn:
         written = export(
-            args.checkpoint,
-            args.to,
-            args.out,
-            n=args.number,
-            seed=args.seed,
-            context=context_arguments.context_of(args),
-            end=args.end,
-            track=args.track,
-            route=args.route,
-            wind=args.wind,
-            to_go_nm=args.to_go,
-            end_time=args.time,
-            every_s=args.every,
-            draw_budget=args.draw_budget,
+            checkpoint,
+            to,
+            out,
+            n=number,
+            seed=seed,
+            context=context_of(given, given_table),
+            every_s=every,
+            draw_budget=draw_budget,
             progress=drawn.advance,
-            precision=args.precision,
-            step_s=args.step_s,
-            prefix=args.prefix,
-            fly_as=args.fly_as,
-            into=args.into,
+            precision=precision,
+            step_s=step_s,
+            prefix=prefix,
+            fly_as=as_ or (),
+            into=into or (),
+            **where,
         )
     for path in written:
         print(f"wrote {path}")

@@ -1,60 +1,111 @@
 """`descentflow simulate`: fly aircraft of known truth and write what a radar would report of them."""
 
-import argparse
-import textwrap
+from argparse import ArgumentParser
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from descentflow.cli import plant_arguments
-from descentflow.core.seeds import seed_word
+from descentflow.cli.options import pairs
+from descentflow.core.errors import ConfigError
+from descentflow.simulation.cause_values import Plantable
 from descentflow.simulation.plantable import PLANTABLE
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.description = textwrap.fill(
-        "Fly descents of one aircraft type by the full equation of motion, with operators of different schedules, "
-        "spread of mass, thrust and drag, level-offs and constant-rate stretches, and write the rows that a Mode S "
-        "radar would report of them. The truth behind the rows is written beside them: OUT_truth.parquet, a row per "
-        "flight and time step, and OUT_flights.parquet, a row per flight with every parameter and what was planted.",
-        100,
-    )
-    parser.add_argument("--typecode", default="A320", help="aircraft type (default: %(default)s)")
-    parser.add_argument("--flights", type=int, default=2000, help="flights wanted (default: %(default)s)")
-    parser.add_argument("--seed", type=seed_word, default=0, help="the same seed gives the same flights (default: 0)")
-    parser.add_argument(
-        "--scenario",
-        default="plain",
-        help="settings of the world by type: plain, london-fir-2019 (the traffic that the paper describes: operators "
-        "of different speeds, slow first stretches, turboprops of two rates), gulf-summer and nordic-winter (other "
-        "air, operators and habits, to judge models on), or a TOML file (default: %(default)s)",
-    )
-    parser.add_argument("--out", type=Path, required=True, help="output: surveillance rows, .parquet")
-    parser.add_argument("--truth", type=Path, help="where to put the truth (default: OUT_truth.parquet)")
-    parser.add_argument(
-        "--bada-dir", type=Path, help="BADA 3 directory with the type's coefficients (default: the open aircraft)"
-    )
-    plant_arguments.add_arguments(parser, PLANTABLE)
+def extend(parser: ArgumentParser) -> None:
+    """List the effects that can be planted."""
+    parser.epilog = listing(PLANTABLE)
 
 
-def run(args: argparse.Namespace) -> None:
-    """Fly, write, and say what there is."""
+def listing(known: Mapping[str, Plantable]) -> str:
+    """Effects with their values, units and defaults.
+
+    Example:
+        >>> print(listing({"measurement_noise": PLANTABLE["measurement_noise"]}))
+        effects that --plant knows, and their values with defaults:
+          measurement_noise: noisier reports of all fields
+            factor=3 factor of every standard deviation
+    """
+    lines = ["effects that --plant knows, and their values with defaults:"]
+    for name, effect in known.items():
+        lines += [f"  {name}: {effect.says}", *(f"    {value.text}" for value in effect.values)]
+    return "\n".join(lines)
+
+
+def run(
+    *,
+    out: Path,
+    typecode: str = "A320",
+    flights: int = 2000,
+    seed: int = 0,
+    scenario: str = "plain",
+    truth: Path | None = None,
+    bada_dir: Path | None = None,
+    plant: list[str] | None = None,
+) -> None:
+    """Fly descents of one aircraft type by the full equation of motion.
+
+    There are operators of different schedules, spread of mass, thrust and drag, level-offs and constant-rate stretches.
+    The rows that a Mode S radar would report of them are written, and the truth behind the rows beside them:
+    OUT_truth.parquet, a row per flight and time step, and OUT_flights.parquet, a row per flight with every parameter
+    and what was planted.
+
+    Args:
+        out: output: surveillance rows, .parquet
+        typecode: aircraft type
+        flights: flights wanted
+        seed: the same seed gives the same flights
+        scenario: settings of the world by type: plain, london-fir-2019 (the traffic that the paper describes: operators
+            of different speeds, slow first stretches, turboprops of two rates), gulf-summer and nordic-winter (other
+            air, operators and habits, to judge models on), or a TOML file
+        truth: where to put the truth (default: OUT_truth.parquet)
+        bada_dir: BADA 3 directory with the type's coefficients (default: the open aircraft)
+        plant (EFFECT): effect to plant in the flights, with its values as EFFECT:VALUE=NUMBER,..., again for each one:
+            temperature:deviation_k=10,spread_k=4 (see below)
+    """
     from descentflow.core.progress import stage
     from descentflow.simulation.world import simulate
     from descentflow.simulation.world_files import WorldFiles
 
-    plant = plant_arguments.planted(args.plant)
-    with stage("flying", args.flights, "flights") as flown:
+    with stage("flying", flights, "flights") as flown:
         world = simulate(
-            args.typecode,
-            args.flights,
-            args.seed,
-            args.scenario,
-            bada_dir=args.bada_dir,
-            plant=plant,
-            out=args.out,
-            truth_out=args.truth,
+            typecode,
+            flights,
+            seed,
+            scenario,
+            bada_dir=bada_dir,
+            plant=planted(plant or []),
+            out=out,
+            truth_out=truth,
             progress=flown.advance,
         )
     print(world)
-    files = WorldFiles.named(args.out, args.truth)
+    files = WorldFiles.named(out, truth)
     print(f"wrote {files.rows}, {files.truth}, {files.flights}")
+
+
+def planted(words: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Values by the name of the effect.
+
+    Args:
+        words: Each `EFFECT` or `EFFECT:VALUE=NUMBER,...`.
+
+    Raises:
+        ConfigError: If a word is no such thing, or an effect or a value comes twice. Whether there is such an effect is
+            asked where it is planted.
+
+    Example:
+        >>> planted(["temperature:deviation_k=10,spread_k=4", "mass"])
+        {'temperature': {'deviation_k': 10.0, 'spread_k': 4.0}, 'mass': {}}
+    """
+    found: dict[str, dict[str, float]] = {}
+    for word in words:
+        name, _, rest = word.partition(":")
+        try:
+            values = {one: float(number) for one, number in pairs("--plant", rest.split(",") if rest else []).items()}
+        except ValueError as error:
+            raise ConfigError(f"--plant {word}: {error}", expected="VALUE=NUMBER", mend="correct the number") from error
+        if name in found or "=" in name:
+            raise ConfigError(
+                f"--plant {word}", expected="EFFECT:VALUE=NUMBER,..., each effect once", mend="correct it"
+            )
+        found[name] = values
+    return found

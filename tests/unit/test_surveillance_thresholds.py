@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from descentflow.cli.prepare_command import _cleaning, add_arguments, memory_bytes
+from descentflow.cli.options import CommandParser
+from descentflow.cli.prepare_command import cleaning_of_options, extend, memory_bytes, run
 from descentflow.core.errors import ConfigError
 from descentflow.core.settings_file import read_settings
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of, describe
@@ -38,12 +39,19 @@ def test_the_yaml_file_holds_every_threshold_with_its_source() -> None:
 def test_options_go_before_the_file_and_the_file_before_defaults(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text("slowest_fpm: 400\ntransient_s: 10\n")
-    parser = argparse.ArgumentParser()
-    add_arguments(parser)
-    args = parser.parse_args(["x", "--out", "y", "--config", str(file), "--transient-s", "15", "--bottom-fl", "100"])
-    assert _cleaning(args) == Cleaning(slowest_fpm=400.0, transient_s=15.0, bottom_fl=100)
+    parser = CommandParser("prepare", run)
+    extend(parser)
+
+    def cleaning(*words: str) -> Cleaning:
+        given = vars(parser.parse_args(["x", "--out", "y", *words]))
+        return cleaning_of_options(
+            given["config"], {f.name: given[f.name] for f in fields(Cleaning) if f.name in given}
+        )
+
+    mixed = cleaning("--config", str(file), "--transient-s", "15", "--bottom-fl", "100")
+    assert mixed == Cleaning(slowest_fpm=400.0, transient_s=15.0, bottom_fl=100)
     every = [word for f in fields(Cleaning) for word in (f"--{f.name.replace('_', '-')}", "7")]
-    assert _cleaning(parser.parse_args(["x", "--out", "y", *every])) == Cleaning(*[7] * len(fields(Cleaning)))
+    assert cleaning(*every) == Cleaning(*[7] * len(fields(Cleaning)))
 
 
 @pytest.mark.parametrize(

@@ -10,5 +10,5 @@ The sign of the rate is laid down in :mod:`~descentflow.physics.energy`, the thr
 the model. To fly climbs: both hold, with ``climb_thrust_n`` in place of idle. They need climb speeds in the protocol
 (the APF file has them), times that grow upwards in :mod:`descentflow.representation.decoder.trajectories`, a bound
 beside ``descends_too_slowly`` in :mod:`descentflow.representation.plausibility`, and a filter that keeps climbs in
-:mod:`descentflow.surveillance.cleaning.filters`.
+:mod:`descentflow.surveillance.cleaning.descent_filters`.
 """

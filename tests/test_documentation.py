@@ -1,9 +1,14 @@
 """Documents agree with the tree: links, the map, the new names of modules, and their length."""
 
 import re
+import shlex
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+
+from descentflow.cli.entry import TRAINER, main
+from descentflow.cli.trainer_words import check_words
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs").glob("*/*.md"))]
@@ -63,3 +68,24 @@ def test_the_changelog_maps_old_modules_to_modules_that_there_are() -> None:
     rows = [row for row in MOVED.findall((ROOT / "CHANGELOG.md").read_text(encoding="utf-8")) if "`" in row[0]]
     assert len(rows) > 20
     assert [name for _, now in rows for name in modules_named(now) if not is_module(name)] == []
+
+
+def commands_of(path: Path) -> list[list[str]]:
+    """The words of every `descentflow` command that a page shows."""
+    blocks = re.findall(r"```sh\n(.*?)```", path.read_text(encoding="utf-8"), re.DOTALL)
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
+    return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("descentflow ")]
+
+
+@pytest.mark.parametrize("path", [*filter(commands_of, DOCUMENTS)], ids=lambda path: path.stem)
+def test_commands_of_the_pages_have_the_options_that_there_are(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    unknown = []
+    for name, *words in commands_of(path):
+        if name in TRAINER:
+            check_words(name, words)
+            continue
+        with suppress(SystemExit):
+            main([name, "--help"])
+        known = re.findall(r"--[\w-]+", capsys.readouterr().out)
+        unknown += [f"{name} {word}" for word in words if word.startswith("--") and word not in known]
+    assert unknown == []

@@ -19,6 +19,8 @@ CODE = [path for folder in ("descentflow", "scripts", "tests", "docs/_ext") for 
 NO_NOUN = re.compile(r"(What|How|Whether|Which|Who|Whose|When|Where|Why)\b|\.\.\.")
 WORDS = r"told|says|works? out|worked out|ways|gives? way|held against|shows? of flights|what is left out of"
 NOT_OF_THE_FIELD = re.compile(rf"\b({WORDS})\b", re.IGNORECASE)
+MOST_WORDS = 18_000
+"""Of README, CONTRIBUTING and the pages, with their code; the changelog and the records do not count."""
 MEAN_SENTENCE = 20
 
 
@@ -83,3 +85,9 @@ def test_sentences_of_the_pages_are_short() -> None:
     lengths = [len(one.split()) for path in DOCUMENTS for one in sentences(path.read_text(encoding="utf-8"))]
     assert len(lengths) > 500
     assert sum(lengths) / len(lengths) < MEAN_SENTENCE
+
+
+def test_the_pages_are_few_words() -> None:
+    pages = [path for path in DOCUMENTS if path.parent.name != "records"]
+    words = [word for path in pages for word in path.read_text(encoding="utf-8").split() if re.search(r"\w", word)]
+    assert len(words) <= MOST_WORDS

@@ -154,7 +154,7 @@ def linear_curves(decoder: DescentDecoder) -> LinearCurves:
     if not has_noise_model(decoder):
         raise ConfigError(
             "components fitted by the paper's iteration (data.fpca: iterative)",
-            expected="probabilistic PCA, which says how far flights stray from the components",
+            expected="probabilistic PCA, which gives the spread about the components",
             mend="fit again with data.fpca: ppca",
         )
     bases = list(decoder.bases.values())

@@ -33,7 +33,7 @@ REASONS: dict[str, tuple[str, str]] = {
     "IAS_contradicts_Mach": (
         "hold an IAS that contradicts Mach and altitude",
         "check that IAS is the indicated airspeed (not TAS or groundspeed) and that both are of one time; "
-        "--airspeeds-differ-kt says how far they may differ",
+        "--airspeeds-differ-kt is the largest difference",
     ),
     "not_descending": (
         "do not descend at {slowest_fpm:g} ft/min or more",
@@ -45,7 +45,7 @@ REASONS: dict[str, tuple[str, str]] = {
     ),
     "constant_rate": (
         "are flown at a constant rate or path, not in free descent",
-        "pass flights whose crews descend freely; --constant-rate-s says how long a rate may be held",
+        "pass flights whose crews descend freely; --constant-rate-s is the longest that a rate may be held",
     ),
     "second_descent": ("belong to a descent after a climb", "pass each descent of a flight under its own flight_id"),
     "not_below_earlier_row": ("are not below an earlier row of their descent", "check that times and altitudes belong"),

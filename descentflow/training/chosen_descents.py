@@ -144,7 +144,7 @@ def cleaning_told(source: Descents) -> Cleaning | None:
     if source.cleaning is None:
         warnings.warn(
             "these descents do not say how they were cleaned, so the model's cleaning settings are unknown and "
-            "flights that it is held against may be cleaned otherwise; to mend it, prepare the rows again",
+            "flights that it is compared with may be cleaned otherwise; to mend it, prepare the rows again",
             DescentflowWarning,
             stacklevel=3,
         )

@@ -139,7 +139,7 @@ def test_a_channel_that_one_side_lacks_is_left_out_and_named(real: Descents, sim
     assert {c.channel: c.lacking for c in report.left_out_channels} == {"TAS": "simulator", "geoaltitude": "simulator"}
     assert "temperature" in report.left_out_channels[0].would_have_told_apart
     assert not {"tas", "wind", "height"} & set(report.details.quantities)
-    assert "TAS is left out, for the simulator's flights lack it; it would have told: temperature" in str(report)
+    assert "TAS is left out, for the simulator's flights lack it; it would have separated: temperature" in str(report)
     opened = open_both(with_frame(real, real.frame.drop("groundspeed")), simulator, SignatureSource())
     sides = both_sides(opened.simulator, opened.frame, CHANNELS, seed=0)
     assert sides.lacked == {"groundspeed": "real"}

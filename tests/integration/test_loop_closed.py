@@ -108,7 +108,7 @@ def test_reports_that_do_not_fit_are_refused(folder: Path, first: GapReport, tmp
     for change, message in (
         ({"schema_version": 1}, "schema version 1"),
         ({"provenance": {**content["provenance"], "versions": {"descentflow": "9"}}}, "of version 9, and"),
-        ({"provenance": None}, "says nothing of its flights"),
+        ({"provenance": None}, "describes no flights"),
         ({"details": {**content["details"], "measured_over": []}}, "does not say what its gap was measured over"),
     ):
         other = tmp_path / "gap.json"

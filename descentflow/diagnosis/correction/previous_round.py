@@ -44,7 +44,7 @@ def previous_round(path: str | Path, made: Provenance, typecode: str) -> Finding
     then = found.provenance
     if then is None:
         raise DataError(
-            f"{path} says nothing of its flights",
+            f"{path} describes no flights",
             expected="the gap.json of a diagnosis of the same real flights",
             mend="diagnose the earlier simulator again with this version of descentflow",
         )

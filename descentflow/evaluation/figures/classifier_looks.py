@@ -39,5 +39,5 @@ def classifier_figure(found: Detection) -> Figure:
         ax.set_xlabel("AUC lost when exchanged")
     low, high = found.interval
     axes[0].set_ylabel("Flight level")
-    figure.suptitle(f"Samples told from flights: AUC {found.auc:.2f} [{low:.2f}, {high:.2f}]", fontsize=11)
+    figure.suptitle(f"Samples separated from flights: AUC {found.auc:.2f} [{low:.2f}, {high:.2f}]", fontsize=11)
     return figure

@@ -95,7 +95,7 @@ def _refuse_non_finite(values: Tensor) -> None:
     if bad:
         raise DataError(
             f"{bad} observed values that are not finite",
-            expected="a finite number wherever the mask says observed",
+            expected="a finite number wherever the mask is true",
             mend="mask these levels out, or reject the descents that hold them",
         )
 

@@ -203,8 +203,8 @@ def _in_every_way(held: list[list[tuple[_Row, ...]]], plain: Cells, parts: Laten
     total = sum(len(cells.entry) for cells in found)
     if total > MOST_CELLS:
         raise ConfigError(
-            f"{len(held)} speeds at once of a model that holds each as a Mach number or as a CAS, in {total} ways",
-            expected=f"at most {MOST_CELLS} ways, of all components and levels of entry",
+            f"{len(held)} speeds at once of a model that holds each as a Mach number or as a CAS, in {total} cases",
+            expected=f"at most {MOST_CELLS} cases, of all components and levels of entry",
             mend="ask for fewer speeds, or give entry_fl as well",
         )
     if len(found) == 1:

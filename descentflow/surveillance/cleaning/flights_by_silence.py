@@ -10,7 +10,7 @@ MADE_ALONE = r"^([0-9a-f]{6})_\d{8}T\d{6}$"
 """So do names of whole flights and of legs of traces, which no source has given."""
 PART_OF = "_part_of"
 """Column with the source's name of the flight that a row's flight is a part of, null where it is the whole."""
-PARTS = "flights told apart by silence under a flight_id that comes again"
+PARTS = "flights separated by silence under a flight_id that comes again"
 OVER_MIDNIGHT = "legs of traces that go on in the next day's trace, joined over 00:00 UTC"
 """Notes in the report."""
 

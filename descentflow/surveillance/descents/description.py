@@ -61,7 +61,7 @@ def described(text: str, path: str | Path) -> dict[str, Any]:
     if wrong:
         raise DataError(
             f"{path}: a damaged description ({wrong[0]} is {str(found[wrong[0]])[:60]})",
-            expected="what `descentflow prepare` says of descents",
+            expected="the description that `descentflow prepare` writes",
             mend=MEND,
         )
     return found

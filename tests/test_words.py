@@ -15,6 +15,7 @@ DOCUMENTS = [
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs").glob("*/*.md")),
 ]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.py"))
 CODE = [path for folder in ("descentflow", "scripts", "tests", "docs/_ext") for path in (ROOT / folder).rglob("*.py")]
 NO_NOUN = re.compile(r"(What|How|Whether|Which|Who|Whose|When|Where|Why)\b|\.\.\.")
 WORDS = r"told|says|works? out|worked out|ways|gives? way|held against|shows? of flights|what is left out of"
@@ -79,6 +80,14 @@ def test_docstrings_of_the_package_have_words_of_the_field() -> None:
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_pages_have_words_of_the_field(path: Path) -> None:
     assert NOT_OF_THE_FIELD.findall(prose(path.read_text(encoding="utf-8"))) == []
+
+
+@pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
+def test_tutorials_have_words_of_the_field(path: Path) -> None:
+    comments = re.findall(r"^# .*", path.read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(comments) > 10
+    texts = [" ".join(comments), *(text for _, text in docstrings(path))]
+    assert [word[0] for text in texts for word in NOT_OF_THE_FIELD.finditer(prose(text))] == []
 
 
 def test_sentences_of_the_pages_are_short() -> None:

@@ -11,7 +11,7 @@ is in the simulator.
 # The case
 # --------
 # The simulator is a model that was trained on flights in standard air. The real flights fly in air that is 12 K
-# warmer, which nobody told the simulator.
+# warmer, which the simulator does not know.
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -72,8 +72,8 @@ print("with the effect\n", after)
 # Read it with care
 # -----------------
 # **A gap that closes does not prove the cause.** Without true airspeed, warm air and a handful of other effects
-# change the rate in nearly the same way, and the answer is a group. (Where the air differs between flights as well,
-# there may be no answer without true airspeed: it alone says which flight flew in which air.)
+# change the rate nearly alike, and the answer is a group. (Where the air differs between flights as well,
+# there may be no answer without true airspeed: it alone measures the air of each flight.)
 
 blind = df.diagnose(real, model, channels=["IAS", "Mach", "vertical_rate"])
 print(blind)

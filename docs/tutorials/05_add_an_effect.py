@@ -3,7 +3,7 @@ Add an effect of your own
 =========================
 
 The catalogue holds 14 effects. When something else makes real flights differ, the verdict is ``unknown``. An effect
-is a class in a file: its words, its parameters with bounds, and the shift that it makes in what is measured. This
+is a class in a file: its words, its parameters with bounds, and the shift that it makes in measured quantities. This
 tutorial adds one.
 """
 
@@ -26,8 +26,8 @@ print(report)
 # The effect
 # ----------
 # Parasitic drag that grows from an onset below the planned Mach number.
-# :func:`~descentflow.effects.flight_state.log_rate` is the rate that the performance equations give each flight at
-# its own speed; the shift is how it answers.
+# :func:`~descentflow.effects.flight_state.log_rate` is the rate of the performance equations for each flight at
+# its own speed; the shift is its response.
 
 from descentflow.effects import EFFECTS
 from descentflow.effects.effect import Effect, Parameter
